@@ -19,7 +19,7 @@ from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, plain
 from antiosc.extension import check_point
 from antiosc_app import new, report, results
-from antiosc_app.scene_file import outline, run
+from antiosc_app.scene_file import run
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, Table, read
@@ -87,7 +87,7 @@ def _open(options: Namespace) -> int:
 def _check(options: Namespace) -> int:
     """Run `antiosc check`; returns the exit code."""
     scene = compiled(read(options.file))
-    sentences = [*map(labelled, scene.warnings), *outline.check(scene)]
+    sentences = map(labelled, scene.warnings)
     print_text(
         f"{options.file}: no mistakes found; for {', '.join(scene.does()) or 'nothing to run'}."
     )

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 import numpy as np
 
 import antiosc
+from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import (
     AntioscWarning,
     InputError,
@@ -23,6 +24,7 @@ from antiosc.base.errors import (
     warnings_to,
     without_warnings,
 )
+from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import rounded_up
 from antiosc.io.neutral import UnitSystem
 from antiosc_app.scene_file.document import GEOMETRIES
@@ -38,12 +40,13 @@ Read: TypeAlias = dict[str, Any]
 MOST_CELLS = 30_000
 #: A mesh that states no unit is in mm if it is longer than this, else in m.
 LONGEST_IN_METRES = 3.0
-#: Units of decks, in the order in which they are taken where the materials are real ones.
-UNITS = ("mm", "m", "mm-kg", "in", "ft")
-#: Moduli [Pa] and densities [kg/m³] of solid materials: foams to osmium, rubber to diamond.
-MODULI, DENSITIES = (1e6, 1.3e12), (20.0, 25e3)
-#: Moduli of those without a density, in which a unit differs from the next by far.
-STIFF = (1e9, 1.3e12)
+#: Units of decks, in the order in which they are taken where the materials are real ones; those in
+#: which densities are often weights.
+UNITS, OF_POUNDS = ("mm", "m", "mm-kg", "in", "ft"), ("in", "ft")
+#: Moduli [Pa] and densities [kg/m³] of solids, rubber to diamond and foam to osmium; in rarer units
+#: those of structures alone, which no other unit makes of a steel.
+MODULI, DENSITIES, STIFF = (1e6, 1.3e12), (20.0, 25e3), (3e9, 1.3e12)
+USUAL_UNITS = ("mm", "m")
 #: What stands for constants that a deck does not state.
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Arguments of reading that say which pieces are read, and how they are joined.
@@ -328,16 +331,24 @@ def unit_of_materials(families: Sequence[Any], length: float) -> str:
     values = np.array([_modulus_and_density(family) for family in families])
     read = UnitSystem.of("mm")
     values /= [read.stress, read.density]
-    for moduli, with_density in ((MODULI, True), (STIFF, False)):
+
+    for needs_density in (True, False):
         for unit in UNITS:
             system = UnitSystem.of(unit)
             E, rho = (values * [system.stress, system.density]).T
-            real = (moduli[0] <= E) & (moduli[1] >= E)
-            if with_density:
-                real &= (DENSITIES[0] <= rho) & (DENSITIES[1] >= rho)
+            moduli = MODULI if unit in USUAL_UNITS and needs_density else STIFF
+            real = _within(E, moduli)
+            if needs_density:
+                weights = rho * system.length / GRAVITY if unit in OF_POUNDS else rho
+                real &= _within(rho, DENSITIES) | _within(weights, DENSITIES)
             if 2 * real.sum() > len(real):
                 return unit
     return unit_of_length(length / read.length)
+
+
+def _within(values: Array, ends: tuple[float, float]) -> BoolArray:
+    """Mask of the values between two ends."""
+    return (ends[0] <= values) & (values <= ends[1])
 
 
 def _modulus_and_density(material: Any) -> tuple[float, float]:

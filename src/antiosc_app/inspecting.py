@@ -14,6 +14,7 @@ import numpy as np
 from antiosc.base import progress
 from antiosc.base._types import BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, without_warnings
+from antiosc.base.texts import rounded_up
 from antiosc_app.foreign import STEEL, Read, foreign_part, is_deck, way_of_piece
 from antiosc_app.guessed_sites import (
     SITE_WORDS,
@@ -141,6 +142,7 @@ def _inspected(
         cell = usual_cell(float(np.ptp(x, axis=0).max()), behind)
         cell = None if cell >= read.get("size", inf) else cell
 
+    longest = longest_cell(x[nodes[:, : len(mesh.geometry.corners)]])
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
     return Inspection(
@@ -166,7 +168,8 @@ def _inspected(
         flat=_flat(mesh, outer, structure, (point, direction)),
         bars=structure is None or not without_bars(structure),
         meshed=meshed,
-        largest=longest_cell(x[nodes[:, : len(mesh.geometry.corners)]]),
+        largest=longest,
+        radius=rounded_up(longest) if mesh.gdim == 2 and mesh.tdim == 2 else None,
     )
 
 

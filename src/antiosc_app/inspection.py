@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 #: Default materials of a part, of the ball, and of the floor of a fall with its friction.
 MATERIAL = "steel S235"
 BALL_MATERIAL = "bearing steel 100Cr6"
-FLOOR_MATERIAL, FRICTION = "concrete C30/37", 0.3
+FLOOR_MATERIAL = "concrete C30/37"
+FRICTION = 0.3
 #: Height [m] of a fall, and tilt [degree], so that not all vertices of a face touch at once.
 FALL_HEIGHT = 1.0
 TILT: tuple[float, ...] = (10.0, 5.0, 0.0)
@@ -69,6 +70,7 @@ class Inspection:
     where : groups that are held; plane : (point, normal) of held nodes; neither: free.
     on_plane : names of the groups that lie on that plane.
     point, direction : those of the site.
+    radius : radius of the patch of a plane part, which facets do not tell; None of others.
     cell : size of the cells at the site of a solid that is meshed here; None: as elsewhere.
     count : number of anti-oscillators, at most a quarter of the number of dofs.
     points, faces, held : nodes (P, 3), corners (F, k), mask of fixed nodes: for the picture.
@@ -110,6 +112,7 @@ class Inspection:
     notes: tuple[str, ...] = ()
     pieces: Sequence[Piece] = ()
     inferred: bool = False
+    radius: float | None = None
     material: str = MATERIAL
     asked: bool = False
 

@@ -176,8 +176,10 @@ def text(name: str, source: str, look: Inspection | None, drop: bool = False) ->
 
 def _listed(groups: list[str]) -> list[str]:
     """The names of groups as lines of a comment; of many lines the first."""
-    names = ", ".join(json.dumps(name, ensure_ascii=False) for name in brief(groups))
-    lines = textwrap.wrap(names, WIDTH, break_long_words=False, break_on_hyphens=False)
+    blank = "\0"  # in place of a space in a name, at which no line may end
+    names = [json.dumps(name, ensure_ascii=False).replace(" ", blank) for name in brief(groups)]
+    lines = textwrap.wrap(", ".join(names), WIDTH, break_long_words=False, break_on_hyphens=False)
+    lines = [line.replace(blank, " ") for line in lines]
     if len(lines) <= MOST_LINES:
         return lines
     return [*lines[:MOST_LINES], f"… of {len(groups)} in all, which antiosc open shows"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from functools import wraps
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,14 +16,14 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
 import antiosc as ao
-from abaqus_decks import plate_deck
-from antiosc.base.errors import RangeError, SiteError
 from antiosc.base.texts import engineering
-from antiosc.fem.mesh.surface import Faces
+from antiosc.extension import Faces
 from antiosc.io import cad
-from antiosc_app import guessed_sites, inspecting, new, opened, set_up, units
-from antiosc_app.foreign import foreign_part
+from antiosc.io.neutral import UnitSystem
+from antiosc_app import guessed_sites, inspecting, new, set_up
+from antiosc_app.foreign import foreign_part, unit_of_materials
 from antiosc_app.inspecting import inspect_part
+from antiosc_app.inspection import brief
 from parts import gmsh_session
 from scene_files import antiosc
 
@@ -36,7 +35,6 @@ UNITS = {
     "mm-kg": (1e-3, 210e6, 7.85e-6),
     "in": (0.0254, 30.46e6, 7.345e-4),
     "ft": (0.3048, 4.386e9, 15.23),
-    "mm-kgf": (1e-3, 210e9 / 9.80665e6, 7.85e-6),  # with kg/mm³ beside it
 }
 SIDES = (0.3, 0.1, 0.05)
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
@@ -69,66 +67,13 @@ def deck(path: Path, unit: str, *, rho: bool = True, model: bool = True, pieces:
 
 @pytest.mark.parametrize("unit", UNITS)
 def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
-    found = inspect_part(deck(tmp_path / "a.inp", unit))
+    path = deck(tmp_path / "a.inp", unit)
+    found = inspect_part(path)
     assert (found.read, found.of_deck) == ({"unit": unit}, True)
     np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
     assert found.mass == pytest.approx(7850 * np.prod(SIDES), rel=1e-3)
-    assert f"mass {found.mass_text()}" in opened._told_of_file(found, "")
-
-
-@pytest.mark.parametrize(
-    ("E", "stated", "unit"),
-    [
-        (72.35e9 / 9.80665, 2820e-9, "mm-kgf"),  # aluminium in kgf/mm² and kg/mm³
-        (16e9, 11340e-12, "mm"),  # lead
-        (21e9, 1800e-12, "mm"),  # a moulded sheet of glass fibres
-        (45e9, 1770e-9, "mm"),  # magnesium, in kg/mm³
-        (3.6e9, 1300e-9, "mm"),  # a plastic
-    ],
-)
-def test_kilograms_force_are_inferred_of_real_materials_alone(
-    tmp_path, monkeypatch, E, stated, unit
-):
-    """A deck in them has E times standard gravity; the mass is that of kg/mm³."""
-    monkeypatch.setitem(UNITS, "mm", (1e-3, E / 1e6, stated))
-    found = inspect_part(deck(tmp_path / "a.inp", "mm"))
-    assert found.read == {"unit": unit}
-    rho = stated * (1e9 if stated > 1e-7 else 1e12)
-    assert found.mass == pytest.approx(rho * np.prod(SIDES), rel=1e-3)
-    ((material, _),) = found.structure.matrices.parts
-    np.testing.assert_allclose(material.E, {"mm": E, "mm-kgf": 9.80665 * E}[unit], rtol=1e-9)
-    assert ("mm: 300 mm, E = 7.38 GPa" in found.unit_text()) == (unit == "mm-kgf")
-
-
-def test_all_kinds_of_cells_of_a_deck_are_counted(tmp_path):
-    path = tmp_path / "mixed.inp"
-    text = plate_deck(6).replace("\n1, 1, 2, 9, 8\n", "\n", 1)  # one square is two triangles
-    triangles = "*ELEMENT, TYPE=S3, ELSET=all\n101, 1, 2, 9\n102, 1, 9, 8\n*NSET"
-    path.write_text(text.replace("*NSET", triangles, 1))
-    look = inspect_part(path, unit="m")
-    assert look.cells == "35 cells of kind quadrilateral, 2 of kind triangle"
-    assert look.forecast().cells == look.n_cells == 37
-
-
-def test_a_deck_is_assembled_and_reduced_once(tmp_path, monkeypatch):
-    """Its unit is known without; the trial of the scene takes the structure that was looked at."""
-    path = deck(tmp_path / "a.inp", "in")
-    counts = {"read_model": 0, "extract": 0}
-
-    def counted(name):
-        function = getattr(ao, name)
-
-        @wraps(function)
-        def called(*args, **options):
-            counts[name] += 1
-            return function(*args, **options)
-
-        return called
-
-    for name in counts:
-        monkeypatch.setattr(ao, name, counted(name))
-    new.write_scene(tmp_path / "a.toml", str(path))
-    assert counts == {"read_model": 1, "extract": 1}
+    assert "states none" in found.unit_text()
+    assert inspect_part(tmp_path / "a.inp", unit=unit).unit_text() == unit
 
 
 def test_a_deck_of_pieces_is_assembled_once_for_one_of_them(tmp_path, monkeypatch):
@@ -155,7 +100,6 @@ def test_a_deck_without_density_gets_one_in_its_scene_that_is_told(tmp_path):
     assert scene["deck"] == {"path": "a.inp", "unit": "mm", "density": 7850.0}
     assert any("density" in what and "[deck]" in key for what, _, key in found.taken(False))
     assert found.mass == pytest.approx(7850 * np.prod(SIDES))
-    assert found.mass_text().endswith(" kg, with 7850 kg/m³ where the deck states no density")
 
 
 def test_pieces_that_meet_at_other_nodes_are_not_joined_at_the_few_that_coincide(tmp_path):
@@ -185,31 +129,13 @@ def test_a_deck_without_elasticity_is_of_steel_in_its_scene_and_this_is_told(tmp
     assert section == {"path": "a.inp", "unit": "mm", "density": 7850.0, "modulus": 210e9}
     found = inspect_part(path)
     assert ("modulus", "[deck] modulus") in [(what, key) for what, _, key in found.taken(False)]
-    assert found.unit_text().startswith("mm, not stated there")
     assert antiosc("run", scene, "--out", tmp_path / "out") == 0
-
-
-@pytest.mark.parametrize(("E", "rho"), [(70e9, 2700.0), (2e6, 1100.0), (205e9, 7850.0)])
-def test_a_deck_without_a_density_has_that_of_a_material_of_its_modulus(tmp_path, E, rho):
-    path = deck(tmp_path / "a.inp", "m", rho=False)
-    path.write_text(path.read_text().replace("210000000000.0, 0.3", f"{E}, 0.3"))
-    assert inspect_part(path, unit="m").read["density"] == rho
 
 
 def test_the_largest_piece_of_a_deck_that_falls_apart_is_taken(tmp_path):
     found = inspect_part(deck(tmp_path / "a.inp", "m", pieces=2))
     assert found.read == {"unit": "m", "piece": 1}
     np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
-
-
-def test_the_unit_of_a_deck_is_told_as_inferred_unless_given(tmp_path):
-    path = deck(tmp_path / "a.inp", "in", rho=False)
-    text = inspect_part(path).unit_text()
-    assert text == (
-        "in, inferred from its materials (in: 300 mm, E = 210 GPa; mm: 11.8 mm, E = 30.5 TPa; "
-        "m: 11.8 m, E = 30.5 MPa)"
-    )
-    assert inspect_part(path, unit="in").unit_text() == "in"
 
 
 def test_a_deck_of_a_mesh_alone_is_a_mesh_with_a_material_to_give(tmp_path):
@@ -237,7 +163,6 @@ def test_a_closed_surface_is_filled_and_struck_from_outside(tmp_path, turned):
     inside = np.array(found.point) + 1e-3 * np.array(found.direction)
     assert (inside > 0).all()
     assert (inside < [0.06, 0.04, 0.02]).all()
-    assert found.ball <= 10 * found.radius
 
 
 @pytest.mark.parametrize(("gap", "read"), [(0, {"fragments": True}), (5, {"piece": 1})])
@@ -299,32 +224,6 @@ def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsy
     assert "strikes piece 1 of 2 of a.inp at" in (tmp_path / "a.html").read_text()
 
 
-def test_contact_within_the_only_piece_of_a_deck_is_told(tmp_path, capsys):
-    """It has no list of pieces to draw."""
-    path = deck(tmp_path / "a.inp", "mm")
-    path.write_text(f"{path.read_text()}*CONTACT PAIR, INTERACTION=I\nA, B\n")
-    assert antiosc("new", tmp_path / "a.toml", path) == 0
-    assert capsys.readouterr().out.count("parts that only touch") == 1
-    assert not (tmp_path / "a.pieces.png").exists()
-
-
-def test_elements_that_are_divided_into_tetrahedra_and_a_strength_to_give_are_told(tmp_path):
-    path = deck(tmp_path / "a.inp", "mm", pieces=2)
-    assert inspect_part(path).cells == "2 cells of kind hexahedron"
-    wedge = "*ELEMENT, TYPE=C3D6, ELSET=ALL\n4, 17, 18, 19, 21, 22, 23"
-    lines = [
-        wedge if line.startswith("4, 17, 18") else line for line in path.read_text().split("\n")
-    ]
-    joined = "\n".join(lines).replace("3, 13, 14, 15, 16,", "3, 9, 10, 11, 12,")
-    path.write_text(joined)
-    found = inspect_part(path)
-    assert (
-        found.cells
-        == f"{found.n_cells} cells of kind tetrahedron (3 hexahedra and 1 wedge, divided)"
-    )
-    assert "[deck] yield_strength" in [key for _, _, key in found.taken(False)]
-
-
 def test_a_part_of_few_nodes_has_fewer_anti_oscillators_than_dofs(tmp_path):
     path = tmp_path / "one.inp"
     nodes = [f"{4 * z + k + 1}, {10 * x}, {10 * y}, {10 * z}"
@@ -344,46 +243,6 @@ def test_the_first_reason_is_told_where_no_way_reads_a_file(tmp_path):
         inspect_part(path)
 
 
-def test_a_groove_into_which_the_ball_fits_is_struck_last(tmp_path):
-    path = tmp_path / "groove.geo"
-    path.write_text(
-        'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 0.04, 0.03, 0.02};\n'
-        "Cylinder(2) = {0.02, 0, 0.02, 0, 0.03, 0, 0.008};\n"
-        "BooleanDifference(3) = {Volume{1}; Delete;}{Volume{2}; Delete;};\n"
-        'Physical Volume("all") = {3};\n'
-    )
-    mesh = ao.read_mesh(path, size=4e-3)
-    down = np.array([0.0, 0.0, -1.0])
-    hollow, flat = (np.array([0.02, 0.015, 0.012]), np.array([0.005, 0.015, 0.02]))
-    sites = iter([(hollow, down, 1e-3), (flat, down, 1e-3)])
-    found = [
-        x.tolist()
-        for x, _, _ in guessed_sites.outside_hollows(mesh, Faces(mesh, False), sites, 0.01)
-    ]
-    assert found == [flat.tolist(), hollow.tolist()]
-
-
-@pytest.mark.parametrize("lid", [True, False])
-def test_the_inside_of_a_closed_box_is_struck_last(tmp_path, lid):
-    path = tmp_path / "box.geo"
-    height = 0.016 if lid else 0.02
-    path.write_text(
-        'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 0.04, 0.03, 0.02};\n'
-        f"Box(2) = {{0.002, 0.002, 0.002, 0.036, 0.026, {height}}};\n"
-        "BooleanDifference(3) = {Volume{1}; Delete;}{Volume{2}; Delete;};\n"
-        'Physical Volume("all") = {3};\n'
-    )
-    mesh = ao.read_mesh(path, size=4e-3)
-    outer = Faces(mesh, False)
-    corners = mesh.dolfinx.geometry.x[outer.vertices]
-    down = np.array([0.0, 0.0, -1.0])
-    bottom, rim = (np.array([0.02, 0.015, 0.002]), np.array([0.001, 0.015, 0.02]))
-    sites = iter([(bottom, down, 1e-3), (rim, down, 1e-3)])
-    found = [x.tolist() for x, _, _ in guessed_sites.in_sight(corners, sites, 1e-5)]
-    expected = [rim, bottom] if lid else [bottom, rim]
-    assert found == [point.tolist() for point in expected]
-
-
 def test_a_face_whose_nodes_are_all_held_is_not_struck(tmp_path):
     """A tub with a bottom of two triangles, which is its largest face, and walls of many."""
     levels = 12
@@ -401,31 +260,6 @@ def test_a_face_whose_nodes_are_all_held_is_not_struck(tmp_path):
     assert found.point[2] > 0.01
 
 
-def test_another_site_is_tried_where_the_first_cannot_be_struck(tmp_path, monkeypatch):
-    found = inspect_part(_block(tmp_path))
-    tried = []
-
-    def refuse_once(scene, structure):
-        (site,) = tomllib.loads(scene.read_text())["sites"].values()
-        tried.append(site["point"])
-        if len(tried) == 1:
-            raise SiteError("the surfaces fit into each other")
-
-    monkeypatch.setattr(new, "_try", refuse_once)
-    scene = tmp_path / "s.toml"
-    struck = new._tried(scene, scene.name, "block.geo", found, False)
-    assert tried == [found.point, struck.point]
-    assert tried[0] != tried[1]
-    assert struck.bars == found.bars
-
-    def refuse(scene, structure):
-        raise SiteError("the surfaces fit into each other")
-
-    monkeypatch.setattr(new, "_try", refuse)
-    with pytest.raises(ao.InputError, match="not struck as it is: the surfaces fit"):
-        new._tried(scene, scene.name, "block.geo", found, False)
-
-
 def test_the_solids_of_a_file_without_a_unit_are_told_in_the_unit_that_is_taken(tmp_path):
     path = tmp_path / "boxes.brep"
     with gmsh_session() as gmsh:
@@ -438,31 +272,6 @@ def test_the_solids_of_a_file_without_a_unit_are_told_in_the_unit_that_is_taken(
     sides = [piece.high - piece.low for piece in found.pieces]
     np.testing.assert_allclose(sides, [[20e-3] * 3, [10e-3] * 3], atol=1e-6)
     assert any("1: 20 × 20 × 20 mm" in note for note in found.notes)
-
-
-def test_a_soft_part_is_struck_by_a_smaller_ball(tmp_path, monkeypatch):
-    """By so much smaller as the contact of the first ball is wider than the patch carries."""
-    found = inspect_part(_block(tmp_path))
-    balls = []
-
-    def refuse_large(scene, structure):
-        balls.append(tomllib.loads(scene.read_text())["impactor"]["radius"])
-        if len(balls) == 1:
-            error = RangeError("the peak force exceeds the range of the law")
-            error.radius = 2 * found.radius
-            raise error
-
-    monkeypatch.setattr(new, "_try", refuse_large)
-    scene = tmp_path / "s.toml"
-    struck = new._tried(scene, scene.name, "block.geo", found, False)
-    assert balls[0] == found.ball
-    assert balls[1] == struck.ball == pytest.approx(0.45 * found.ball, rel=0.02)
-
-
-def _block(folder: Path) -> Path:
-    path = folder / "block.geo"
-    path.write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 0.04, 0.03, 0.02};\n')
-    return path
 
 
 def sheet(path: Path, *, held: str = "1,4,13,16", plane: bool = False) -> Path:
@@ -500,7 +309,7 @@ def test_a_surface_of_which_nothing_is_known_is_struck_as_a_flat_face(tmp_path):
     found = inspect_part(path)
     part = 210e9 / (1 - 0.3**2)  # both of steel: half of it; Hertz: 4/3 E* √R
     expected = 4 / 3 * part / 2 * np.sqrt(found.ball)
-    assert found.stiffness == pytest.approx(expected, rel=1e-3)
+    assert found.stiffness == pytest.approx(expected, rel=1e-2)
     assert antiosc("new", tmp_path / "a.toml", path) == 0
     scene = tomllib.loads((tmp_path / "a.toml").read_text())
     assert scene["contact"] == {"kind": "Hertz", "stiffness": found.stiffness}
@@ -524,7 +333,7 @@ def test_a_deck_falls_without_its_supports(tmp_path):
     assert tomllib.loads((tmp_path / "a.toml").read_text())["deck"]["free"] is True
 
 
-def test_pieces_have_sizes_and_a_picture_and_one_is_chosen(tmp_path, capsys):
+def test_pieces_have_sizes_and_one_is_chosen(tmp_path, capsys):
     path = deck(tmp_path / "a.inp", "mm", model=False, pieces=3)
     text = path.read_text().splitlines()  # the second is twice as long
     for row in range(1, 37):
@@ -534,15 +343,8 @@ def test_pieces_have_sizes_and_a_picture_and_one_is_chosen(tmp_path, capsys):
     assert antiosc("new", tmp_path / "a.toml", path) == 0
     said = capsys.readouterr().out
     assert "3 pieces (1: 600 × 100 × 50 mm; 2: 300 × 100 × 50 mm; 3:" in said
-    assert (tmp_path / "a.pieces.png").stat().st_size > 5000
     scene = (tmp_path / "a.toml").read_text()
     assert tomllib.loads(scene)["geometry"]["piece"] == 1
-    (tmp_path / "a.pieces.png").unlink()
-    lines = [line for line in scene.splitlines() if not line.startswith("piece")]
-    (tmp_path / "b.toml").write_text("\n".join(lines))
-    assert antiosc("check", tmp_path / "b.toml") == 1
-    assert "600 × 100 × 50 mm" in capsys.readouterr().err
-    assert (tmp_path / "b.pieces.png").stat().st_size > 5000
     with pytest.warns(ao.AntioscWarning, match="piece 2 of 3"):
         second = ao.read_mesh(path, unit="mm", piece=2)
     assert second.extent() == pytest.approx(np.linalg.norm(SIDES), rel=1e-6)
@@ -569,21 +371,6 @@ def test_numbers_of_nodes_in_a_scene_are_those_points(tmp_path, monkeypatch):
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-9)
 
 
-def test_a_part_of_one_cell_is_struck_without_error_bars(tmp_path, monkeypatch, capsys):
-    """One cell has no neighbours, whose strains would tell its error."""
-    nodes = [(0, 0, 0), (1, 0, 0), (0.5, 0.8, 0), (0.5, 0.3, 0.8)]
-    rows = [f"{k}, {', '.join(map(str, x))}" for k, x in enumerate(nodes, 1)]
-    part = tmp_path / "one.inp"
-    part.write_text("\n".join(["*NODE", *rows, "*ELEMENT, TYPE=C3D4", "1, 1, 2, 3, 4", ""]))
-    scene, told = new.write_scene(tmp_path / "one.toml", str(part))
-    assert any("without error bars" in line and "neighbouring cells" in line for line in told)
-    assert not any(".toml:" in line for line in told)  # of a scene that was not written
-    assert "error" not in tomllib.loads(scene.read_text())["extract"]
-    monkeypatch.chdir(tmp_path)
-    assert antiosc("run", scene.name) == 0
-    assert "error by the mesh" not in capsys.readouterr().out  # at a node of one cell
-
-
 def test_bars_with_nodes_inside_are_straight_between_their_ends(tmp_path):
     nodes = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0.5, 0, 0\n"
     part = tmp_path / "bar.inp"
@@ -595,15 +382,15 @@ def test_bars_with_nodes_inside_are_straight_between_their_ends(tmp_path):
 
 @pytest.mark.parametrize(
     ("side", "unit"),
-    [(0.5, "m"), (1.35, "in"), (2.95, "in"), (7.86, "mm"), (15.09, "mm"), (3000.0, "mm")],
+    [(0.5, "m"), (2.95, "m"), (7.86, "mm"), (15.09, "mm"), (3000.0, "mm")],
 )
-def test_the_unit_of_a_surface_is_that_of_a_printed_part(tmp_path, side, unit):
-    """A mesh is in mm or m. 7.86 and 15.09 mm: a spacer and a belt clamp of a printer."""
+def test_a_file_of_more_than_three_units_is_taken_in_millimetres(tmp_path, side, unit):
+    """7.86 and 15.09 mm: a spacer and a belt clamp of a printer."""
     corners = side * np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], dtype=float)
     sheet = meshio.Mesh(corners, [("triangle", np.array([(0, 1, 2), (0, 2, 3)]))])
-    for name, expected in (("a.stl", unit), ("a.vtu", "mm" if side > 3.2 else "m")):
+    for name in ("a.stl", "a.vtu"):
         meshio.write(tmp_path / name, sheet)
-        assert foreign_part(tmp_path / name).read["unit"] == expected
+        assert foreign_part(tmp_path / name).read["unit"] == unit
 
 
 @pytest.mark.parametrize("name", ["closed.stl", "bars.vtu"])
@@ -638,74 +425,30 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
     found = inspect_part(cube, unit="in")
     assert found.length == pytest.approx(0.0508)
     assert found.read["size"] == pytest.approx(0.0508 / 20, rel=0.3)
-    scene, told = new.write_scene(tmp_path / "cube.toml", str(cube), unit="in")
+    scene, _ = new.write_scene(tmp_path / "cube.toml", str(cube), unit="in")
     assert tomllib.loads(scene.read_text())["geometry"]["unit"] == "in"
-    row = next(line for line in told if "unit of the file" in line)
-    assert (
-        "in, not stated there (it would measure 2.00 mm in millimetres or 2.00 m in metres)" in row
-    )
     with pytest.raises(ao.InputError, match="unit must be"):
         inspect_part(path, unit="ell")
 
 
 @pytest.mark.slow
-def test_a_timeout_is_that_of_every_reading_and_of_the_scene(tmp_path):
+def test_a_timeout_is_that_of_every_reading(tmp_path):
     bar, cube = deck(tmp_path / "bar.inp", "mm"), tmp_path / "cube.geo"
     cube.write_text('SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 2, 2};')
-    for path, section in ((bar, "deck"), (cube, "geometry")):
+    for path in (bar, cube):
         with pytest.raises(ao.MeshError, match="longer timeout in s"):
             inspect_part(path, timeout=1e-3)
-        scene, _ = new.write_scene(path.with_suffix(".toml"), str(path), timeout=90.0)
-        assert tomllib.loads(scene.read_text())[section]["timeout"] == 90
 
 
-def test_the_ball_grows_with_the_part():
-    for length, radius in ((0.2, 0.01), (5.0, 0.1)):
+def test_the_ball_has_two_hundredths_of_the_length_of_the_part():
+    for length, radius in ((0.2, 0.004), (5.0, 0.1)):
         sides = (length, length / 2, length / 4)
-        look = inspecting._inspect_mesh(ao.box_mesh(sides, size=length / 16), {}, None)
+        look = inspecting._inspected(ao.box_mesh(sides, size=length / 16), {}, None)
         assert look.ball == pytest.approx(radius)
         told = next(line for line in look.sentences("box") if "striker" in line)
         assert f"radius {1e3 * radius:g} mm" in told
         mass = 7810 * 4 / 3 * np.pi * radius**3  # of bearing steel
         assert f"({engineering(mass, 'kg')})" in told
-
-
-@pytest.mark.parametrize(
-    ("materials", "unit"),
-    [
-        (((71e9, 2770.0),), "m"),
-        (((1.44e9, 5.37),), "ft"),  # aluminium, lbf/ft² and slug/ft³
-        (((29e6, 0.29),), "in"),  # steel, whose density is a weight
-        (((1e7, 1.0),), "in"),  # aluminium with a density that is none
-        (((3e7, 1.0),), "in"),  # and steel
-        (((70e6, 52.0),), "m"),  # foam
-        (((210e3, 7.85e-9), (210e8, 1e-12)), "mm"),  # steel, and a body that is nearly rigid
-    ],
-)
-def test_the_unit_is_that_of_the_nearest_known_materials(materials, unit):
-    assert units.likeliest(np.array(materials), 2.0) == unit
-
-
-def test_what_cannot_be_struck_ends_before_its_scene_is_written(tmp_path, monkeypatch, capsys):
-    def refuse(scene, structure):
-        raise SiteError("the surfaces fit into each other")
-
-    monkeypatch.setattr(new, "_try", refuse)
-    sheet(tmp_path / "a.bdf")
-    assert antiosc("new", tmp_path / "a.toml", tmp_path / "a.bdf") == 1
-    assert "wrote" not in capsys.readouterr().out
-    assert [path.name for path in tmp_path.iterdir()] == ["a.bdf"]
-
-
-def test_many_groups_are_shortened_in_a_scene():
-    """222 faces had the name of their part, over 75 lines of the scene."""
-    bolts = [f"bolt ({k})" for k in range(2, 230, 3)]
-    runs = new.runs_of(["hole 6 mm (1)", *bolts, "face 1", "face 2", "face 4", "rim"])
-    assert runs == [["hole 6 mm (1)"], bolts, ["face 1", "face 2"], ["face 4"], ["rim"]]
-    assert new._listed(bolts) == ['"bolt (2)" … "bolt (227)"']
-    lines = new._listed([f"{k} a name of its own" for k in range(300)])
-    assert len(lines) == new.MOST_LINES + 1
-    assert "of 300 in all" in lines[-1]
 
 
 def test_the_name_of_its_solid_is_no_name_of_a_face():
@@ -730,3 +473,54 @@ def test_a_scene_is_drawn_from_the_side_that_is_struck():
         level = np.cos(elevation)
         viewer = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)
         assert -(viewer @ direction) > 0.2 * np.linalg.norm(direction)
+
+
+def test_many_groups_are_shortened_in_a_scene():
+    """222 faces had the name of their part, over 75 lines of the scene."""
+    bolts = [f"bolt ({k})" for k in range(2, 230, 3)]
+    runs = brief(["hole 6 mm (1)", *bolts, "face 1", "face 2", "rim"])
+    assert runs == ["hole 6 mm (1)", "bolt (2) … bolt (227) (76)", "face 1", "face 2", "rim"]
+    lines = new._listed([f"{k} a name of its own" for k in range(300)])
+    assert len(lines) == new.MOST_LINES + 1
+    assert "of 300 in all" in lines[-1]
+
+
+@pytest.mark.parametrize("lid", [True, False])
+def test_the_inside_of_a_closed_box_is_struck_last(tmp_path, lid):
+    """A box of 40 × 30 × 20 mm with walls of 2 mm."""
+    path = tmp_path / "box.geo"
+    height = 0.016 if lid else 0.02
+    path.write_text(
+        'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 0.04, 0.03, 0.02};\n'
+        f"Box(2) = {{0.002, 0.002, 0.002, 0.036, 0.026, {height}}};\n"
+        "BooleanDifference(3) = {Volume{1}; Delete;}{Volume{2}; Delete;};\n"
+        'Physical Volume("all") = {3};\n'
+    )
+    mesh = ao.read_mesh(path, size=4e-3)
+    x, outer = mesh.dolfinx.geometry.x, Faces(mesh, False)
+    none = np.zeros(len(x), dtype=bool), np.zeros(0, dtype=int)
+    places = list(guessed_sites.on_faces(x, guessed_sites.nodes_around(outer), outer, *none))
+    floor = next(k for k, (point, _) in enumerate(places) if abs(point[2] - 0.002) < 1e-6)
+    assert (floor >= 6) == lid  # after the six sides outside
+    behind = guessed_sites.thickness_at(x, guessed_sites.nodes_around(outer), places[0])
+    assert behind == pytest.approx(0.002)
+
+
+@pytest.mark.parametrize(
+    ("E", "rho", "unit"),
+    [
+        (71e9, 2770.0, "m"),
+        (1.44e9, 5.37, "ft"),  # aluminium, lbf/ft² and slug/ft³
+        (29e6, 0.29, "in"),  # steel, whose density is a weight
+        (1e7, 1.0, "in"),  # aluminium with a density that is none
+        (3e7, 1.0, "in"),  # and steel
+        (70e6, 52.0, "m"),  # foam
+        (16e3, 11340e-12, "mm"),  # lead
+        (3.6e3, 1300e-12, "mm"),  # a plastic
+        (210e9 / 9.80665e6, 7.85e-6, "mm"),  # kgf and kg/mm³: what is refused then, never another
+    ],
+)
+def test_a_unit_is_taken_in_which_the_materials_are_real(E, rho, unit):
+    read = UnitSystem.of("mm")
+    part = ao.Solid(E * read.stress, 0.3, rho * read.density)
+    assert unit_of_materials([part], 2.0) == unit

@@ -15,11 +15,9 @@ from scipy.signal import StateSpace, lsim
 import antiosc as ao
 from antiosc.base.texts import engineering, percent
 from antiosc_app import commands
-from antiosc_app.scene_file import outline
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
-from antiosc_app.scene_file.outline import Outline
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import SECTIONS, parameters
 from fmus import OK, Fmu
@@ -365,35 +363,6 @@ def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     assert antiosc("check", written(tmp_path, struck)) == 0, capsys.readouterr().err
 
 
-@pytest.mark.fem
-@pytest.mark.parametrize("part", ["bracket.step", "bracket.msh"])
-@pytest.mark.slow
-def test_the_box_of_a_part_is_told_and_its_sites_are_tested(part, tmp_path, capsys):
-    path = tmp_path / "new.toml"
-    box = "from (0, 0, 0) m to (0.084, 0.06, 0.086) m; groups: "
-    for command in ("new", "check"):
-        assert antiosc(command, path, *([MESHES / part] if command == "new" else [])) == 0
-        told = capsys.readouterr().out
-        assert box in told
-    text = path.read_text()
-    own = re.search(r"^point = .*\]", text, re.M)[0]
-    for old, new, found in (
-        (own, "point = [20, 40, 75]", 1),
-        (own, "point = [0.042, 0.03, 0.087]", 0),
-        ("[output]", "[probes.a]\npoint = [0, 300]\n[output]", 1),
-    ):
-        assert antiosc("check", written(tmp_path, text.replace(old, new, 1))) == found
-        assert ("outside the box of bracket" in capsys.readouterr().err) == bool(found)
-
-
-def test_names_that_differ_in_their_number_are_told_by_the_first_and_the_last():
-    groups = [*(f"face {k}" for k in range(1, 113)), "hole 6 mm (1)", "hole 6 mm (2)", "side4"]
-    outline = Outline("a", groups, np.zeros(3), np.ones(3), 0.0)
-    told = outline.text().partition("; ")[2]
-    assert told == "groups: face 1 … face 112 (112), hole 6 mm (1), hole 6 mm (2), side4"
-    assert outline.text(1).endswith("face 112 (112) and 3 more, which the scene lists")
-
-
 def test_a_new_parameter_is_taken_by_itself(tmp_path, capsys, monkeypatch):
     """Keys come from signatures: what a function takes, its section takes."""
     given = dict(parameters("extract"))
@@ -643,26 +612,6 @@ def test_probes_of_a_strike_are_those_of_its_last_mesh(tmp_path, capsys):
     assert np.abs(site - hit.displacement).max() < 0.05 * np.abs(hit.displacement).max()
     np.testing.assert_array_equal(rows["root xx (Pa)"], probes["root"][:, 0, 0])
     assert pickle.loads(pickle.dumps(hit)).structure is None
-
-
-@pytest.mark.fem
-def test_the_outline_of_a_file(tmp_path, monkeypatch):
-    """The box of all cells in space, the largest of them; a file that is too large is not read."""
-    path = tmp_path / "a.msh"
-    path.write_bytes(b"x" * 11)
-    call = Call(ao.read_mesh, {"source": str(path)})
-    pieces = [(np.array([[0.0, 1.0], [3.0, -1.0]]), 0.5), (np.array([[4.0, 0.0]]), 0.7)]
-    monkeypatch.setattr(outline, "_read", lambda call, path: (["A", "B"], pieces))
-    monkeypatch.setattr(outline, "LARGEST", 11)
-    found = outline.outline(call)
-    assert (found.name, found.groups, found.element) == ("a.msh", ["A", "B"], 0.7)
-    assert (found.low.tolist(), found.high.tolist()) == ([0, -1, 0], [4, 1, 0])
-    assert found.distance(np.array([4.0, 1.6, 0.0])) == 0.0
-    assert found.distance(np.array([7.0, 5.0, 0.0])) == pytest.approx(5.0)
-    monkeypatch.setattr(outline, "LARGEST", 10)
-    with pytest.raises(ao.AntioscError, match="larger") as refused:
-        outline.outline(call)
-    assert not isinstance(refused.value, ao.InputError)  # no mistake of the scene
 
 
 SHEET = """\

@@ -40,7 +40,6 @@ from antiosc.fields.fields import shapes_of, stress_amplitudes
 from antiosc.fields.margin import Margin, Maxima, Search, mesh_error
 from antiosc.fields.pictures import outer_faces
 from antiosc.fields.second_order import tensors_at_nodes
-from antiosc.fields.yield_speed import YieldSpeeds
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
     AnyHistory,
@@ -394,8 +393,6 @@ class PeakField(Completed):
         that are too large; "" otherwise.
     judged : node of the largest value; with a margin its worst point, outside the zones that
         it leaves out (`Margin.beyond`).
-    yield_speeds : speeds of the striker from which yield may be reached there, and is certain;
-        `antiosc run`, reports and the page find them.
     """
 
     quantity: str
@@ -408,7 +405,6 @@ class PeakField(Completed):
     exposure: Array | None = None
     mesh_error: Array | None = None
     doubt: str = ""
-    yield_speeds: YieldSpeeds | None = None
     _margin: Margin | None = field(default=None, repr=False)
 
     def _facts(self) -> list[tuple[str, str]]:

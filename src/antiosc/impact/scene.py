@@ -16,10 +16,9 @@ structure, < 0 makes a structure fall on an obstacle. The displacement of a supp
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -440,11 +439,7 @@ def simulate(
     reruns = partial(_rerun, scene, settings), partial(_rerun_by, scene, settings)
     budget = partial(error_budget, rerun=reruns[0], by_law=reruns[1])
     history, check = simulate_impact(scene, settings, n, budget)
-    options: dict[str, Any] = {"n": n, "step": step, "tol": tol, "gap": gap, "gravity": gravity}
-    options |= {"max_contacts": max_contacts, "max_steps": max_steps, "method": method}
-    options |= {"initial_velocity": initial_velocity, "contact": contact, "duration": duration}
-    at_speed = partial(_at_speed, _in_same_motions(model, history), impactor, options)
-    history = replace(history, rerun=reruns[0], by_law=reruns[1], at_speed=at_speed)
+    history = replace(history, rerun=reruns[0], by_law=reruns[1])
     check.warn()
     if n != "auto" and history.run.touches:
         sentence = truncation_warning(model if n is None else history.model, history.assembly)
@@ -504,26 +499,6 @@ def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> 
     exact = replace(settings, tol=tol, method="exact", step=None)
     with without_warnings():
         return simulate_impact(scene._replace(model=model), exact)[0]
-
-
-def _in_same_motions(model: LinearBody, history: History) -> LinearBody:
-    """The model with the second-order forces of the motions that took part in a run, so that an
-    impact at another speed is one run, and has stresses in the same motions.
-    """
-    taken = history.assembly.stretched.get("structure")
-    if taken is None or not isinstance(model, AntiOscillators):
-        return model
-    return replace(model, stretch=replace(taken, count=taken.size, shapes=None))
-
-
-def _at_speed(
-    model: LinearBody, impactor: LinearBody, options: dict[str, Any], speed: float, until: float
-) -> History:
-    """Simulate the same impact by a striker of another speed [m/s], up to a time [s]."""
-    striker = copy(impactor)
-    checks.store(striker, velocity=speed)
-    with without_warnings():
-        return simulate(model, striker, **{**options, "duration": until})
 
 
 def _rerun_by(scene: Impact, settings: Settings, law: ContactLaw, tol: float) -> History:

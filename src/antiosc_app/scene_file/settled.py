@@ -131,7 +131,8 @@ def _radius(structure: Structure | None, scene: CompiledScene, document: Documen
 
     bodies = (scene.impactor, scene.contact)
     striker, law = (None if one is None else one.made for one in bodies)
-    return patch_radius(structure, call.arguments["site"].made, striker, law or AUTO)
+    site = call.arguments["site"].made
+    return None if striker is None else patch_radius(structure, site, striker, law or AUTO)
 
 
 def _hardest(document: Document) -> Document:

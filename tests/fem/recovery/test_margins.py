@@ -14,17 +14,14 @@ from mpi4py import MPI
 import antiosc as ao
 import parts
 import sheets
-from antiosc.base.errors import RangeError
 from antiosc.base.stresses import extreme_principal
-from antiosc.base.texts import engineering, plain
+from antiosc.base.texts import engineering
 from antiosc.engine.contact.half_space import hertz_stresses, spread_difference
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.fields import yield_speed
 from antiosc.fields.deformed import deformed
 from antiosc.fields.margin import Margin, Zones, margin_of, on_part
-from antiosc.fields.yield_speed import CLOSE, YieldSpeeds, yield_speeds
 from antiosc.impact.histories.verdict import CONTACT_RADII, YieldingZone, yielding_zones
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
@@ -1029,165 +1026,3 @@ def test_balls_that_are_given_do_not_replace_the_zone_of_the_contact():
     assert len(alone.beyond) == 1
     before = "outside the balls of leave_out, and "
     assert with_ball.scope == alone.scope.replace("outside ", before)
-
-
-def test_the_speeds_of_yield_of_a_linear_impact_follow_its_stress():
-    """Beam and contact are linear: the stress is proportional to the speed."""
-    low, high = 200e6, 400e6
-    steel = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.02), yield_strength=250e6)
-    part = ao.Structure(parts.line(0.5, 20, (1.0, 0.0, 0.0)), steel, [ao.Support("left")])
-    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=8)
-    hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Linear(1e6), duration=0.03)
-    peak = ao.peak_field(part, hit)
-    worst = dataclasses.replace(peak.margin(), strength_range=(low, high))
-    found = yield_speeds(part, hit, worst, lambda _: 0.1)
-    stress = (1 - worst.mesh_error / worst.value) * 0.9, (1 + worst.mesh_error / worst.value) * 1.1
-    expected = 3.0 * low / (worst.value * stress[1]), 3.0 * high / (worst.value * stress[0])
-    np.testing.assert_allclose(found[:2], expected, rtol=CLOSE)
-    assert expected[0] < 3.0 < expected[1]
-    assert f"may be reached from about {engineering(found.possible, 'm/s', 2)} on" in found.sentence
-
-
-def test_a_place_without_stress_has_no_speed_of_yield():
-    steel = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.02), yield_strength=250e6)
-    part = ao.Structure(parts.line(0.5, 20, (1.0, 0.0, 0.0)), steel, [ao.Support("left")])
-    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=8)
-    hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Linear(1e6), duration=0.03)
-    worst = ao.peak_field(part, hit).margin()
-    still = dataclasses.replace(worst, columns=np.zeros_like(worst.columns))
-    assert yield_speeds(part, hit, still, lambda _: 0.1) == YieldSpeeds(None, None)
-    assert YieldSpeeds(None, None).sentence == ""
-    assert YieldSpeeds(None, None, sought=True).sentence == (
-        "no speed was found from which yield outside the contact may be reached"
-    )
-
-
-def test_speeds_of_yield_are_not_sought_of_long_runs_and_long_runs_go_in_pieces(monkeypatch):
-    steel = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.02), yield_strength=250e6)
-    part = ao.Structure(parts.line(0.5, 20, (1.0, 0.0, 0.0)), steel, [ao.Support("left")])
-    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=8)
-    hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Linear(1e6), duration=0.03)
-    worst = ao.peak_field(part, hit).margin()
-    found = yield_speeds(part, hit, worst, lambda _: 0.1)
-    monkeypatch.setattr(yield_speed, "AT_ONCE", 100)
-    np.testing.assert_allclose(yield_speeds(part, hit, worst, lambda _: 0.1)[:2], found[:2])
-    monkeypatch.setattr(yield_speed, "MOST_TIMES", hit.time.size // 3)
-    assert yield_speeds(part, hit, worst, lambda _: 0.1)[:2] == pytest.approx(found[:2], rel=0.01)
-    monkeypatch.setattr(yield_speed, "MOST_STEPS", hit.time.size - 1)
-    found = yield_speeds(part, hit, worst, lambda _: 0.1)
-    assert f"are not sought, as the run has {plain(hit.time.size)} steps" in found.sentence
-
-
-def test_errors_of_the_force_at_other_speeds_lie_between_those_at_steps():
-    """Each takes several runs; beyond the largest contact that the patch carries it is the last."""
-    asked = []
-
-    def at_speed(speed: float, until: float) -> SimpleNamespace:
-        if speed > 5:
-            raise ao.AntioscError("the patch is too small")
-        asked.append((speed, until))
-        steps = yield_speed.MOST_STEPS + (speed < 0.3)
-        return SimpleNamespace(speed=speed, time=np.zeros(steps))
-
-    hit = SimpleNamespace(at_speed=at_speed, impactor=SimpleNamespace(velocity=2.0), speed=2.0)
-    error = yield_speed._force_errors(hit, lambda run: 0.1 * run.speed, 1e-3)
-    assert error(np.log(2.0)) == pytest.approx(0.2)
-    assert asked == []
-    assert error(np.log(3.0)) == pytest.approx(0.3)
-    assert error(np.log(2.0 * 1.5**0.5)) == pytest.approx(0.25)
-    assert error(np.log(2.0 * 1.5**-1.5)) == pytest.approx(0.1 * (2 / 1.5 + 2 / 1.5**2) / 2)
-    assert len(asked) == 3
-    assert {until for _, until in asked} == {1e-3}
-    assert error(np.log(4.9)) == pytest.approx(0.45)
-    with pytest.raises(ao.AntioscError, match="the run has 200001 steps"):
-        error(np.log(0.2))
-
-
-def test_at_the_speeds_of_yield_an_impact_is_at_the_end_of_its_bar():
-    """The contact yields: its force, and what the patch adds, are no multiples of the speed."""
-    alu = ao.material("aluminium 6082-T6")
-    part = ao.Structure(parts.box((10, 4, 2), (0.1, 0.04, 0.02)), alu, [ao.Support("left")])
-    model = ao.extract(part, ao.Site((0.07, 0.02, 0.02), (0, 0, -1), radius=0.01), n=12)
-
-    def struck(speed: float) -> ao.History:
-        return ao.simulate(model, ao.RigidMass(0.3, speed, tip_radius=0.01, material="steel S235"),
-                           duration=4e-3)  # fmt: skip
-
-    hit = struck(2.0)
-    found = yield_speeds(part, hit, ao.peak_field(part, hit, sharp_edges=False).margin(),
-                         lambda _: 0.2)  # fmt: skip
-    for speed, end in zip(found[:2], (1, 0), strict=True):
-        worst = ao.peak_field(part, struck(speed), sharp_edges=False).margin()
-        bounds = dataclasses.replace(worst, force_error=0.2).bounds
-        assert bounds[end] == pytest.approx(1.0, rel=0.05)
-    assert struck(found.contact).peak_force == pytest.approx(hit.law.yield_force, rel=2 * CLOSE)
-    assert found.contact > hit.law.yield_speed(0.3)  # on a rigid wall, which does not give way
-    assert f"from about {engineering(found.contact, 'm/s', 2)} on" in found.sentence
-
-
-@pytest.mark.parametrize("first", [0.5, 2.0])
-@pytest.mark.slow
-def test_the_speed_of_yield_is_of_a_place_that_the_larger_contact_does_not_cover(first):
-    """From any first speed it is the one at which a run has the strength at the end of its bar."""
-    box = parts.box((12, 8, 6), (0.03, 0.02, 0.012))
-    part = ao.Structure(box, ao.material("PETG printed"), [ao.Support("left")])
-    model = ao.extract(part, ao.Site((0.02, 0.01, 0.012), (0, 0, -1), radius=5e-3), n=12)
-
-    def struck(speed: float) -> ao.History:
-        ball = ao.Sphere(0.005, material="bearing steel 100Cr6", velocity=speed)
-        return ao.simulate(model, ball, duration=6e-4)
-
-    def margin(hit: ao.History, balls=None) -> ao.Margin:
-        return ao.peak_field(part, hit, sharp_edges=False, leave_out=balls).margin()
-
-    hit = struck(first)
-    at_first = yield_speeds(part, hit, margin(hit), lambda _: 0.2)
-    found = yield_speeds(part, hit, margin(hit), lambda _: 0.2, functools.partial(margin, hit))
-    of_run = dataclasses.replace(margin(struck(found.possible)), force_error=0.2)
-    assert of_run.bounds[1] == pytest.approx(1.0, rel=0.02)
-    assert at_first.possible < 0.92 * found.possible
-
-
-def test_no_speed_is_extrapolated_from_a_bound_of_nothing():
-    """At half the speed the lower bound was 0, and yield was certain from the speed itself on."""
-
-    def of_log(x: float) -> float:
-        if x > np.log(1.2):
-            raise RangeError("the patch is too small")
-        return -0.4 if x > np.log(0.9) else yield_speed.NOTHING
-
-    assert yield_speed._speed_of(of_log, 1.0).speed is None
-
-
-@pytest.mark.parametrize(("exposure", "found"), [(0.5, True), (0.2, False)])
-def test_a_speed_beyond_the_patch_is_extrapolated_and_told_so(exposure, found):
-    """The exposure is a power of the speed; above 1.2 times that of the impact there is no run."""
-    speed, power = 3.0, 0.9
-
-    def of_log(x: float) -> float:
-        if x > np.log(1.2 * speed):
-            raise RangeError("the patch is too small")
-        return float(np.log(exposure) + power * (x - np.log(speed)))
-
-    certain = yield_speed._speed_of(of_log, speed)
-    if not found:
-        assert certain.speed is None
-        return
-    assert certain.speed == pytest.approx(speed * exposure ** (-1 / power), rel=1e-9)
-    told = YieldSpeeds(speed, certain.speed, (certain.speed,)).sentence
-    assert told.count("extrapolated") == 1
-    assert told.index("is certain") < told.index("extrapolated")
-    half = YieldSpeeds(speed, None).sentence
-    assert "from about 3.0 m/s on; no speed was found from which it is certain" in half
-    assert "was found" not in told
-
-
-def test_beside_a_hollow_a_smaller_contact_has_no_more_than_its_share_of_the_force():
-    """At 1 % of the force the pressure of a contact that yields is the same, on a hundredth."""
-    margin = Margin("yield", 30e6, 50e6, np.zeros(3), 0.0, hollow_stress=100e6)
-    zone = YieldingZone(np.zeros(3), None, (0.1e-3, 4e-3), 10.0, 0.3, depth=9e-3, hollow=1e-3)
-    zones = Zones.about([zone])
-    assert zones.hollow_stress > 100e6
-    at_speed = yield_speed._scaled(margin, (0.01, 0.01), zones, 0.0)
-    assert at_speed.hollow_stress == pytest.approx(1e6)
-    assert at_speed.value == pytest.approx(0.3e6)

@@ -62,8 +62,6 @@ class History(RunHistory, Results):
     budget : computes the `error_budget` of a run of `simulate`.
     rerun : simulates the same impact on another model to a tolerance; of `simulate` and `strike`.
     by_law : simulates it with another contact law to a tolerance, without second-order forces.
-    at_speed : simulates the same impact by a striker of another speed [m/s] up to a time [s]; of
-        `simulate`.
     given : the step [s] that was given, or None.
     longer : simulates the same impact for another duration [s]; of `simulate`, `strike` and scenes.
     structure : structure with the last mesh of `strike`, for `probe` and fields; not pickled.
@@ -72,7 +70,6 @@ class History(RunHistory, Results):
     budget: Callable[[History], ErrorBudget] | None = None
     rerun: Callable[[AntiOscillators, float], History] | None = None
     by_law: Callable[[ContactLaw, float], History] | None = None
-    at_speed: Callable[[float, float], History] | None = None
 
     @cached_property
     def error_budget(self) -> ErrorBudget:
