@@ -11,8 +11,8 @@ import pytest
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.models.closed_form import UniformBeam, free_free
-from antiosc.models.closed_form.plates import SupportedPlate
 from antiosc.strikes.advice import advise
+from plates import SupportedPlate
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 

@@ -11,7 +11,8 @@ from frequencies import meshed, quadrilateral
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.models.closed_form import SupportedPlate, zener
+from antiosc.models.closed_form import zener
+from plates import SupportedPlate
 
 
 def hertz(picture: Path) -> list[Row]:

@@ -12,12 +12,12 @@ from frequencies import meshed, quadrilateral
 
 import antiosc as ao
 from antiosc.models.closed_form import (
-    SupportedPlate,
     UniformBeam,
     free_free,
     pinned_free,
     pinned_pinned,
 )
+from plates import SupportedPlate
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 

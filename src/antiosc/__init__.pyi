@@ -113,7 +113,6 @@ from antiosc.fem.structure import (
 )
 from antiosc.fem.structure.attachments import (
     Damper as Damper,
-    Footing as Footing,
     PointMass as PointMass,
     Spring as Spring,
 )

@@ -20,7 +20,6 @@ from antiosc.fem.assembly.tie import (
 )
 from antiosc.fem.structure.attachments import (
     Damper as Damper,
-    Footing as Footing,
     PointMass as PointMass,
     Spring as Spring,
 )

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
 from antiosc.models.closed_form.beams import even_odd, wave_roots
-from antiosc.models.closed_form.plates import SHEAR, SupportedPlate
+from plates import SHEAR, SupportedPlate
 from spectral_beam import SpectralBeam
 from struck_beams import SLENDER, SUPPORTS, THICK, UNIT, hinged_roots, struck
 

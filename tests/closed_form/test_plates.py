@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from antiosc.base.errors import InputError
 from antiosc.models.closed_form import plate_patch, zener
-from antiosc.models.closed_form.plates import SupportedLaminate, SupportedPlate
+from plates import SupportedLaminate, SupportedPlate
 
 PLATE = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=1e-3, a=1.0, b=0.8)
 SQUARE = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=1e-3, a=1.0, b=1.0)

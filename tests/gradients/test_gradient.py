@@ -12,6 +12,7 @@ import pytest
 import antiosc as ao
 from antiosc import closed_form
 from antiosc.models.closed_form import zener
+from plates import SupportedPlate
 
 MODEL: dict[str, Any] = {"m0": 0.05, "k0": 2e5, "m": [0.3, 0.1, 0.05], "omega": [2e3, 6e3, 1.4e4]}
 
@@ -58,10 +59,10 @@ def test_a_sphere_on_zeners_plate(goal: str, off: float) -> None:
             else zener.contact_time(lam) * zener.time_unit(*x)
         )
 
-    thin = closed_form.SupportedPlate(*aluminium, a=1.0, b=1.0)
+    thin = SupportedPlate(*aluminium, a=1.0, b=1.0)
     time = zener.contact_time(0.49) * zener.time_unit(*given)
     side = float(16 * (thin.D / thin.surface_density) ** 0.25 * np.sqrt(time))
-    plate, odd = closed_form.SupportedPlate(*aluminium, a=side, b=side), np.arange(1, 80, 2)
+    plate, odd = SupportedPlate(*aluminium, a=side, b=side), np.arange(1, 80, 2)
     omega = np.sort(plate.kirchhoff(odd[:, None], odd).ravel())
     b = np.full(omega.size, 2 / np.sqrt(plate.surface_density * side**2))
     compliance = plate.compliance(side / 2, side / 2)

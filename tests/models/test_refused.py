@@ -17,8 +17,6 @@ from antiosc.fields.pictures import FACES
 from antiosc.models.body import resolved_frequency
 from antiosc.models.closed_form import (
     StruckBeam,
-    SupportedLaminate,
-    SupportedPlate,
     UniformBeam,
     cantilever,
     pinned_pinned,
@@ -29,6 +27,7 @@ from antiosc.models.free_modes import error_bound, from_free_modes, site_models 
 from antiosc.models.modal import SiteModes
 from antiosc.models.model_file import ReducedMatrices
 from antiosc.plot import charts
+from plates import SupportedLaminate, SupportedPlate
 from refusals import refused
 from struck_beams import ARTICLE, UNIT
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from antiosc.fem.elements import stacked
-from antiosc.models.closed_form import SupportedLaminate
+from plates import SupportedLaminate
 
 
 def navier(layers, S=None):

@@ -568,7 +568,6 @@ OWN: dict[str, dict[str, Any]] = {
     "SceneHistory.at": {"times": [0.0, 1e-5]},
     "Damper": {"damping": {"z": 10.0}}, "SoilCone": {"stiffness": 1e8, "damping": 1e5, "mass": 1.0},
     "soil_cone": {"radius": 0.4, "G": 6e7, "nu": 0.3, "rho": 1800.0},
-    "Footing": {"radius": 0.4, "G": 6e7, "nu": 0.3, "rho": 1800.0},
     "DampingMatrix": {"matrix": np.eye(2), "branches": [(np.eye(2), 1e-3)]},
     "DampingMatrix.stiffness": {"omega": 1e3},
     "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
@@ -599,15 +598,6 @@ OWN: dict[str, dict[str, Any]] = {
     "save_fields": {"history": struck_part},
     "StructureModes.write": {"path": "modes.vtu"},
     "closed_form.BeamModes.field": {"coordinates": [0.1]}, "from_free_modes": {"compliance": 1e-6},
-    "closed_form.SupportedLaminate": {
-        "A": DIAGONAL, "B": 0 * DIAGONAL, "D": 1e-5 * DIAGONAL, "S": 1e7 * np.eye(2),
-        "inertia": (8.0, 0.0, 1e-5), "b": 0.2,
-    },
-    "closed_form.SupportedLaminate.frequencies": {"m": 1}, "closed_form.SupportedPlate": {"b": 0.2},
-    "closed_form.SupportedPlate.kirchhoff": {"m": 1},
-    "closed_form.SupportedPlate.mindlin": {"m": 1},
-    "closed_form.SupportedPlate.wave_number_squared": {"m": 1},
-    "closed_form.SupportedPlate.mindlin_compliance": {"terms": 50},
     "plotting.plot_dynamic_stiffness": {"models": model, "omega": [1e3, 2e3]},
     "plotting.running_mean": {"time": [0.0, 1.0, 2.0], "value": [0.0, 1.0, 0.0], "window": 0.5},
     "plotting.plot_errors": {"series": {"a": ([1.0, 2.0], [0.1, 0.01])}},
@@ -658,10 +648,6 @@ SELVES: dict[str, Callable[[], Any]] = {
     "Sensitivity": lambda: spread().sensitivity("value"),
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
-    "SupportedPlate": lambda: closed_form.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),
-    "SupportedLaminate": lambda: closed_form.SupportedLaminate(
-        **{k: v for k, v in OWN["closed_form.SupportedLaminate"].items()}, a=0.3
-    ),
 }  # fmt: skip
 
 

@@ -306,8 +306,9 @@ class Reactions(ReprMixin):
 
     Supports are named by their groups, or "support 1", "support 2", … in the order of the
     structure's list; in an assembly those of the parts come first, as "part:group" and
-    "part:support 1". A dof that two supports fix belongs to the first. Springs, dampers and
-    footings follow by name, or "spring 1", "spring 2", …; those of a deck's joints count as one.
+    "part:support 1". A dof that two supports fix belongs to the first. Springs and dampers
+    follow by name (one row for a name), or "spring 1", "spring 2", …; those of a deck's joints count
+    as one.
     """
 
     time: Array
@@ -350,7 +351,7 @@ def reactions(
     Notes
     -----
     The reactions are changes due to the impact, without the weight that the supports carry at rest.
-    The force of a footing's soil is one row. Dampers and branches use the velocities and states of
+    Dampers and branches use the velocities and states of
     the model. Modal damping ratios (`Damping`) contribute nothing; the forces of
     `Damping(alpha=…)` act on the ground without the supports. If supports fix both sides of a
     joint, the joint carries no force there and each support carries the load of its own part.

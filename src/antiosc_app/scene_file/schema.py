@@ -450,8 +450,8 @@ _STRUCTURE: dict[str, SceneSection] = {
         'the material, of all cells or of named groups of them; by name: material = "steel S235"',
         alone=True),
     "supports": SceneSection("list", "Support", "displacements that are fixed"),
-    "attached": SceneSection("list", "PointMass Spring Damper Footing",
-        "point masses, springs, dampers, footings on soil"),
+    "attached": SceneSection("list", "PointMass Spring Damper",
+        "point masses, springs, dampers"),
     "structure": SceneSection("table", "Structure", "options of the structure",
         "mesh material supports attached prestress"),
 }  # fmt: skip

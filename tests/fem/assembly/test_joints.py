@@ -14,11 +14,11 @@ import scipy.optimize
 import antiosc as ao
 import every_joint
 from antiosc.fem.assembly.bolts import element
-from antiosc.models.closed_form.plates import SupportedPlate
 from antiosc.reduce.site.surface import surface_at
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 from paths import ROOT
+from plates import SupportedPlate
 
 pytestmark = [
     FREE_ON_PURPOSE,

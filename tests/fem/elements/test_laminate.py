@@ -12,10 +12,10 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.models.closed_form.plates import SupportedPlate
 from laminates import navier, uniform
 from mpi import START, one_and_several
 from paths import demo
+from plates import SupportedPlate
 from sheets import (
     CELLS,
     NU,

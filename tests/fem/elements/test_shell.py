@@ -17,9 +17,9 @@ from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.models.closed_form.plates import SupportedPlate
 from antiosc.reduce.site import functional
 from assemblies import compliances
+from plates import SupportedPlate
 from sheets import (
     CELLS,
     NU,

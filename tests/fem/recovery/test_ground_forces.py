@@ -25,7 +25,12 @@ BEAM = ao.Beam(E=70e9, nu=0.3, rho=2700.0, section=SECTION, orientation=Z)
 TIP, MIDDLE, QUARTER = (0.5, 0.0, 0.0), (0.25, 0.0, 0.0), (0.15, 0.0, 0.0)
 BALL, LAW, DURATION = ao.RigidMass(0.1, velocity=1.0), ao.Linear(1e6), 8e-3
 K_SPRING, C_TIP, C_SLOW, TAU = 3e4, 30.0, 60.0, 1e-3
-FOOTING = ao.Footing(MIDDLE, radius=0.02, G=2e6, nu=0.3, rho=1800.0, along=("z",))
+SOIL = ao.soil_cone(0.02, 2e6, 0.3, 1800.0)
+FOOTING = [
+    ao.Spring(MIDDLE, {"z": SOIL.stiffness}, name="footing 1"),
+    ao.Damper(MIDDLE, {"z": SOIL.damping}, name="footing 1"),
+    ao.PointMass(MIDDLE, max(SOIL.mass, 1e-9)),
+]
 
 
 def bar(attached, supports=("left",), n=10):
@@ -117,21 +122,18 @@ def test_a_part_on_springs_alone_has_their_forces():
     np.testing.assert_allclose(found.total + found.applied, found.inertia, atol=1e-9)
 
 
-def test_a_footing_is_one_row_in_a_part_and_in_an_assembly():
+def test_a_spring_and_a_damper_of_one_name_are_one_row_in_a_part_and_in_an_assembly():
     site = ao.Site(TIP, Z)
-    part = bar([FOOTING])
+    part = bar(FOOTING)
     hit, alone = struck(part, site)
     assert list(alone.force) == ["left", "footing 1"]
-    soil = {
-        one: getattr(ao.soil_cone(0.02, 2e6, 0.3, 1800.0), one) for one in ("stiffness", "damping")
-    }
     moved = [ao.probe(part, hit, MIDDLE, q, alone.time)[:, 2] for q in ("displacement", "velocity")]
-    law = -soil["stiffness"] * moved[0] - soil["damping"] * moved[1]
+    law = -SOIL.stiffness * moved[0] - SOIL.damping * moved[1]
     np.testing.assert_allclose(alone.force["footing 1"][:, 2], law, atol=0.02 * np.abs(law).max())
     in_part = ao.assemble({"bar": part})
     own = ao.reactions(in_part, struck_in(in_part, site), replaced(site), alone.time)
     assert list(own.force) == ["bar:left", "bar:footing 1"]
-    on_whole = ao.assemble({"bar": bar([])}, attached=[FOOTING])
+    on_whole = ao.assemble({"bar": bar([])}, attached=FOOTING)
     other = ao.reactions(on_whole, struck_in(on_whole, site), replaced(site), alone.time)
     assert list(other.force) == ["bar:left", "footing 1"]
     size = np.abs(alone.force["footing 1"]).max()

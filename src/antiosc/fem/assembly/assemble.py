@@ -387,7 +387,7 @@ def assemble(
     supports : sequence of Support
         `where` is "part:group", the name of a reference point, or a function of coordinates of all
         parts; `fix` names components in the axes of the assembly.
-    attached : sequence of PointMass, Spring, Damper and Footing
+    attached : sequence of PointMass, Spring and Damper
         At "part:group", a reference point, or coordinates (on the nearest part). On a group of
         more than points they act on its mean motion.
     solver : "auto", "direct" or "iterative"

@@ -1,4 +1,4 @@
-"""Attachments of a structure: masses, springs, dampers, footings; beams along edges.
+"""Attachments of a structure: masses, springs, dampers; beams along edges.
 
 They have no dofs: they are sums of m b bᵀ, bᵀu being one displacement component of a point.
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -22,7 +22,6 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import (
     Checked,
     checked_by,
-    choice,
     coordinates,
     floats,
     list_of,
@@ -41,7 +40,6 @@ from antiosc.fem.mesh.closest import ClosestPoint, closest
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.structure import Dissipation, in_space
 from antiosc.io.dof_map import COMPONENTS
-from antiosc.models.closed_form.soil import soil_cone
 
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
 NEAR = 1e-3
@@ -175,83 +173,23 @@ class Damper(Checked):
         return {name: c / (self.tau or 1.0) for name, c in self.damping.items()}
 
 
-@dataclass(frozen=True)
-class Footing:
-    """A rigid round footing on soil under a point: springs, dashpots and mass of `soil_cone`.
-
-    Soil does not pull: the support is right where the weight keeps the footing on the ground.
-
-    Parameters
-    ----------
-    where : str or sequence of floats
-        As for `PointMass`.
-    radius, G, nu, rho : float
-        As for `soil_cone`.
-    mass : float
-        Mass of the footing, kg; that of the soil that moves with it (nu > 1/3) is added.
-    up : "x", "y" or "z"
-        Normal of the ground. Along it the soil has its vertical stiffness.
-    along : sequence of "x", "y" and "z"
-        Directions in which the soil supports the footing.
-    name : str, optional
-        Name of the force of its soil in `reactions`; default: "footing 1" and on.
-    """
-
-    where: str | Sequence[float]
-    radius: float
-    G: float
-    nu: float
-    rho: float
-    mass: float = 0.0
-    up: Literal["x", "y", "z"] = "z"
-    along: Sequence[str] = ("x", "y", "z")
-    name: str | None = field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        self._parts(self.name)
-
-    def _parts(self, name: str | None) -> list[PointMass | Spring | Damper]:
-        """The mass, springs and dampers of which a footing consists."""
-        choice("up", self.up, ("x", "y", "z"))
-        soil = {
-            choice("along", axis, ("x", "y", "z")): soil_cone(
-                self.radius,
-                self.G,
-                self.nu,
-                self.rho,
-                "vertical" if axis == self.up else "horizontal",
-            )
-            for axis in list_of("along", self.along, str, 'directions as "x"')
-        }
-        mass = nonnegative("mass", self.mass, "kg") + sum(cone.mass for cone in soil.values())
-        return [
-            Spring(self.where, {axis: cone.stiffness for axis, cone in soil.items()}, name=name),
-            Damper(self.where, {axis: cone.damping for axis, cone in soil.items()}, name=name),
-            *([PointMass(self.where, mass)] if mass else []),
-        ]
-
-
 #: What a structure carries at points.
-Attachment = PointMass | Spring | Damper | Footing
+Attachment = PointMass | Spring | Damper
 
 
-def attachments_of(attached: object) -> list[PointMass | Spring | Damper]:
-    """Checked attachments: footings divided into their elements; names for springs and dampers."""
-    kinds = (PointMass, Spring, Damper, Footing)
-    expected = "PointMass, Spring, Damper and Footing objects"
-    attachments: list[Any] = list(list_of("attached", attached, kinds, expected))
-    parts: list[PointMass | Spring | Damper] = []
-    for kind in (Spring, Damper, Footing):
+def attachments_of(attached: object) -> list[Attachment]:
+    """Checked attachments; names for springs and dampers."""
+    expected = "PointMass, Spring and Damper objects"
+    attachments: list[Any] = list(
+        list_of("attached", attached, (PointMass, Spring, Damper), expected)
+    )
+
+    for kind in (Spring, Damper):
         of_kind = np.flatnonzero([type(attachment) is kind for attachment in attachments])
         for number, k in enumerate(of_kind, start=1):
             if attachments[k].name is None:
                 attachments[k] = replace(attachments[k], name=f"{kind.__name__.lower()} {number}")
-    for attachment in attachments:
-        if isinstance(attachment, Footing):
-            parts += attachment._parts(attachment.name)
-        else:
-            parts.append(attachment)
-    return parts
+    return attachments
 
 
 def damper_to_itself(damper: Damper) -> str:

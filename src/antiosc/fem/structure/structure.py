@@ -65,8 +65,8 @@ class Structure(ReprMixin):
         None: a free body.
     order : 1 or 2
         Degree of the displacements.
-    attached : sequence of PointMass, Spring, Damper and Footing
-        Masses, springs, dampers and footings on soil at points of the structure.
+    attached : sequence of PointMass, Spring and Damper
+        Masses, springs and dampers at points of the structure.
     solver : "auto", "direct" or "iterative"
         Solver for K: a Cholesky factor, or conjugate gradients with multigrid. "auto" is the
         faster one of those that fit in memory, by a forecast (`antiosc.fem.linalg.forecast`).

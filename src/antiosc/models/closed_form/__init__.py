@@ -1,4 +1,4 @@
-"""Structures with exact solutions: beams, supported plates and laminates, Zener's impact, a layer.
+"""Structures with exact solutions: beams, Zener's impact, the patch of a plate.
 
 `docs/closed_forms.md` lists them with their theory, sources and an example. The anti-oscillators
 and modes of a beam are known to rounding. Timoshenko's beam, or Euler-Bernoulli's
@@ -12,14 +12,12 @@ and modes of a beam are known to rounding. Timoshenko's beam, or Euler-Bernoulli
 from antiosc.base import checks
 from antiosc.models.closed_form import zener
 from antiosc.models.closed_form.beams import UniformBeam
-from antiosc.models.closed_form.plates import SupportedLaminate, SupportedPlate, plate_patch
+from antiosc.models.closed_form.plates import plate_patch
 from antiosc.models.closed_form.struck import BeamModes, StruckBeam
 
 __all__ = [
     "BeamModes",
     "StruckBeam",
-    "SupportedLaminate",
-    "SupportedPlate",
     "UniformBeam",
     "cantilever",
     "clamped_clamped",
