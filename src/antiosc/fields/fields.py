@@ -307,8 +307,8 @@ class Reactions(ReprMixin):
     Supports are named by their groups, or "support 1", "support 2", … in the order of the
     structure's list; in an assembly those of the parts come first, as "part:group" and
     "part:support 1". A dof that two supports fix belongs to the first. Springs and dampers
-    follow by name (one row for a name), or "spring 1", "spring 2", …; those of a deck's joints count
-    as one.
+    follow by name (one row for a name), or "spring 1", "spring 2", …; those of a deck's joints
+    count as one.
     """
 
     time: Array
