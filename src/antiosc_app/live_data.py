@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from antiosc import History, ImpactMap, Structure
-from antiosc.extension import ErrorBudget
+from antiosc.extension import ErrorBudget, missing
 from antiosc_app.live import Data, blow_of_history, engine, striker_place
 
 
@@ -25,7 +25,7 @@ def data_of_history(
     if blow is None:
         return None
     part = None
-    if structure is not None:
+    if structure is not None and missing is None:
         from antiosc_app import live_meshes  # needs dolfinx
 
         part = live_meshes.of_structure(structure, hit)

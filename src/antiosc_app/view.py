@@ -13,14 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from antiosc.base import checks
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import print_text
 from antiosc_app import live
 from antiosc_app.inspecting import check_size
-from antiosc_app.opened import Opened
 from antiosc_app.report import rendered
 from antiosc_app.scene_file.run import communicator
 from antiosc_app.server import Server
+
+with finite_element_packages():
+    from antiosc_app.opened import Opened
 
 if TYPE_CHECKING:
     from antiosc import Site, Structure

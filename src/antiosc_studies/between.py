@@ -20,7 +20,6 @@ from antiosc.engine.contact.curvature import CURVED, SHARP, Curvature
 from antiosc.engine.contact.surfaces import RIGID, Surface, matter_of
 from antiosc.models.body import Body
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.surface import surface_at
 from antiosc_studies.drops.floor import Floor, law_of
 
 
@@ -93,6 +92,8 @@ def _other(other: Any, at: object) -> Surface:
 def _surface_of(body: Structure | Body, at: object) -> Surface:
     """The surface of a structure at a point, or of an impactor."""
     if isinstance(body, Structure):
+        from antiosc.reduce.site.surface import surface_at  # needs the finite elements
+
         return surface_at(body, *_place(body, at))
     kinds = "a Structure, a Sphere, a RigidMass with a tip, or a model"
     surface = checks.instance("part", body, Body, kinds).surface()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pickle
 import re
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -413,29 +411,6 @@ nu = 0.3
     assert antiosc("check", written(tmp_path, path.read_text().replace("IK07", "IK77"))) == 1
     (told,) = capsys.readouterr().err.splitlines()
     assert ":13: impactor: name must be 'IK01'" in told
-
-
-@pytest.mark.slow
-def test_scenes_of_matrices_need_numpy_and_scipy_alone(tmp_path):
-    """Sections that need more say so, with their line."""
-    matrices = written(tmp_path, BEAM + PROBE + "[output]\nplot = 'svg'\n")
-    mesh = written(tmp_path, STRIKE, "mesh.toml")
-    script = f"""
-import sys
-for name in ("dolfinx", "petsc4py", "slepc4py", "mpi4py", "gmsh", "ufl", "basix", "matplotlib"):
-    sys.modules[name] = None
-from antiosc_app.cli import main
-assert main(["run", {str(matrices)!r}, "--out", {str(tmp_path)!r}]) == 0
-assert main(["check", {str(mesh)!r}]) == 1
-"""
-    python = [sys.executable, "-c", script]
-    done = subprocess.run(python, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert "warning: force.svg is not drawn: charts need matplotlib" in done.stderr
-    assert numbers(tmp_path)["result"]["peak_force"] > 100
-    told = [line for line in done.stderr.splitlines() if line.startswith(str(mesh))]
-    assert any(":4: material cannot be used here" in line for line in told)
-    assert len(told) == len(done.stderr.splitlines()) - 2
 
 
 @pytest.mark.parametrize("E", ["70e9", "7e9"])

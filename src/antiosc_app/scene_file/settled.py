@@ -35,15 +35,20 @@ class Known:
     that [strike] makes.
     """
 
-    def __init__(self, structure: Structure | None) -> None:
+    def __init__(
+        self,
+        structure: Structure | None,
+        evaluation: Callable[[Document], Evaluation] = Evaluation,
+    ) -> None:
         self.structure = structure
+        self._evaluation = evaluation
         #: radius, number and expansion point of the model, it and the warnings of its extraction
         self._model: tuple[tuple[float | None, ...], object, list[str]] | None = None
 
     def scene(self, document: Document, choice: Choice) -> Settled:
         """A document with the values; its model is extracted once."""
         scene = compiled(with_values(document, choice))
-        evaluate = Evaluation(scene.document)
+        evaluate = self._evaluation(scene.document)
         if scene.structure is not None:
             evaluate.register(scene.structure, self.structure)
         if scene.model is None:  # [strike] makes it
@@ -61,14 +66,19 @@ class Known:
         return Settled(scene, evaluate)
 
 
-def settled(document: Document, begun: Settled | None = None) -> Settled:
+def settled(
+    document: Document,
+    begun: Settled | None = None,
+    evaluation: Callable[[Document], Evaluation] = Evaluation,
+) -> Settled:
     """The scene of a document with the values of the hardest striker that it has.
 
-    `begun`: the scene before that, where some of its objects are made already.
+    `begun`: the scene before that, where some of its objects are made already; `evaluation` makes
+    those of each try.
     """
     if begun is None:
         scene = compiled(document)
-        begun = Settled(scene, Evaluation(scene.document))
+        begun = Settled(scene, evaluation(scene.document))
     scene, evaluate = begun
     if scene.document is document or scene.history is None:
         return begun
@@ -77,7 +87,7 @@ def settled(document: Document, begun: Settled | None = None) -> Settled:
     with warnings_to(messages.append):  # what was left out of the file
         structure = evaluate(scene.structure)
     hardest = _hardest(document)
-    known = Known(structure)
+    known = Known(structure, evaluation)
     told: list[str] = []
     choice = Choice(radius=_radius(structure, compiled(hardest), document))
 

@@ -9,7 +9,6 @@ from math import sqrt
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
-import ufl
 
 from antiosc.base._types import Array, Box
 from antiosc.base.checks import checked_by, flag, floats, instance, number, positive
@@ -27,11 +26,13 @@ from antiosc.fem.elements.weak_form import (
     shown_direction,
     tangent,
 )
-from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import agreed, compat
+from antiosc.fem.platform import agreed
+from antiosc.fem.platform.later import compat, ufl
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
+
+    from antiosc.fem.mesh import Mesh
 
 #: Shear stiffness of an Euler–Bernoulli beam over EI/L², for the size L of the mesh: the shear
 #: deflection of a member of length l is 3e-10 (L/l)² of its bending deflection.

@@ -21,7 +21,6 @@ from math import factorial, prod, sqrt
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
-import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
@@ -39,11 +38,12 @@ from antiosc.fem.elements.weak_form import (
     coefficient,
     measure,
 )
-from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat
+from antiosc.fem.platform.later import compat, ufl
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
+
+    from antiosc.fem.mesh import Mesh
 
 
 class SectionFields(NamedTuple):

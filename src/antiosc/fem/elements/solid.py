@@ -8,7 +8,6 @@ from math import sqrt
 from typing import TYPE_CHECKING, ClassVar, Literal, cast
 
 import numpy as np
-import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
@@ -24,11 +23,12 @@ from antiosc.fem.elements.weak_form import (
     coefficient,
     measure,
 )
-from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat
+from antiosc.fem.platform.later import compat, ufl
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
+
+    from antiosc.fem.mesh import Mesh
 
 #: K is integrated from strains if the ratio of a cell's edges exceeds this
 THIN_CELL = 8.0

@@ -18,7 +18,6 @@ from math import sqrt
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
-import ufl
 
 from antiosc.base._types import Array, BoolArray, Box, IntArray
 from antiosc.base.checks import (
@@ -35,12 +34,14 @@ from antiosc.base.checks import (
     shown,
 )
 from antiosc.base.errors import InputError
-from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import agreed, compat, on_root
+from antiosc.fem.platform import agreed, on_root
+from antiosc.fem.platform.later import compat, ufl
 
 if TYPE_CHECKING:
     from dolfinx import fem
     from ufl.core.expr import Expr
+
+    from antiosc.fem.mesh import Mesh
 
 
 #: A vector, or a function of points x (3, n) that returns a vector at each point (3, n)
