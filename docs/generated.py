@@ -47,7 +47,7 @@ WORDS = {
     "api/structures": ("node id", "node number", "bolt", "screw"),
     "api/models": ("npz", "save a model", "load a model"),
     "api/simulation": ("golf ball", "tennis ball", "hail", "IK08 hammer", "headform", "pendulum"),
-    "howto/deck": ("node ids of a deck", "inp", "bdf", "cdb", "Ansys", "Abaqus", "Nastran"),
+    "howto/deck": ("node ids of a deck", "inp", "bdf", "Abaqus", "Nastran"),
     "howto/drop": ("drop test", "free fall", "tumble"),
     "howto/open": ("GUI", "STEP", "STL", "CAD", "without programming"),
     "howto/shaking": ("earthquake", "shaker", "random vibration"),

@@ -12,9 +12,6 @@ from antiosc.fem.assembly import (
 from antiosc.fem.assembly.assemble import (
     assemble_checked as assemble_checked,
 )
-from antiosc.fem.assembly.assembled import (
-    AssembledMatrices as AssembledMatrices,
-)
 from antiosc.fem.elements.shell import (
     GivenSheet as GivenSheet,
 )
@@ -41,13 +38,10 @@ from antiosc.fem.mesh.curvature import (
     curvature as curvature,
 )
 from antiosc.fem.mesh.halving import (
-    halved as halved,
     halvings as halvings,
     longest_cell as longest_cell,
-    with_cells_of as with_cells_of,
 )
 from antiosc.fem.mesh.reading import (
-    check_refinements as check_refinements,
     flattened as flattened,
     numbered_elements as numbered_elements,
 )
@@ -60,9 +54,6 @@ from antiosc.fem.mesh.soundness import (
 from antiosc.fem.mesh.surface import (
     SAME_FACE as SAME_FACE,
     Faces as Faces,
-)
-from antiosc.fem.mesh.thirds import (
-    with_cells_near as with_cells_near,
 )
 from antiosc.fem.reach import (
     SNAP_SHARE as SNAP_SHARE,

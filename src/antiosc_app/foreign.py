@@ -267,13 +267,13 @@ def _of_deck(path: Path, options: Read, unit: str | None) -> ForeignPart:
     from antiosc.extension import with_parts
     from antiosc_decks.from_deck import materials_of_deck
 
-    read = {key: value for key, value in options.items() if key != "size"}
+    read = dict(options)
+    if read.pop("size", None) is not None:
+        raise InputError(f"{path.name} keeps its elements: mesh it finer in the program it is of.")
     facts, read, pieces = _completed(partial(materials_of_deck, str(path), unit or "mm"), read, [])
     pieces = facts.pieces or pieces
     taken = unit or unit_of_materials(facts.families, facts.length)
     told: list[str] = []
-    if "size" in options:
-        read["size"] = options["size"]
     read = {"unit": taken, **read}
     structure, read, more = _completed(partial(antiosc.read_model, str(path)), read, told)
 
@@ -315,7 +315,6 @@ def _completed(
 def _further(read: Read) -> Iterator[Read]:
     """Yield arguments to be tried beside those given, from none to all."""
     joined: list[Read] = [{}]
-    joined += [] if "contact" in read else [{"contact": "tied"}]
     joined += [] if "piece" in read else [{"piece": 1}]
     stated: list[Read] = [{}, {"density": STEEL["rho"]}]
     stated.append({"density": STEEL["rho"], "modulus": STEEL["E"]})

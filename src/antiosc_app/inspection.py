@@ -133,8 +133,8 @@ class Inspection:
 
     @property
     def divides(self) -> bool:
-        """Whether the cells of a finished mesh become smaller around a point: no solids."""
-        return not self.meshed and self.family != "Solid"
+        """Whether the cells of a mesh become smaller around a point: no solids, no deck."""
+        return not self.meshed and self.family != "Solid" and not self.of_deck
 
     @property
     def thickness(self) -> float:
@@ -253,7 +253,9 @@ class Inspection:
 
         finer = f", {self.cell:g} m at the site" if self.cell and not drop else ""
         at_most = "" if "size" in self.read else "up to "
-        rows.append(("elements", f"{at_most}{self.size:.3g} m{finer}", f"{section} size, refine"))
+        cells = f"{at_most}{self.size:.3g} m{finer}"
+        if not self.of_deck:
+            rows.append(("elements", cells, f"{section} size, refine"))
         if self.of_deck:
             alike = self.strengths
             like = f" ({alike[0]!r} and others are like it)" if alike else ""
@@ -307,8 +309,12 @@ class Inspection:
     # -- until the page needs no forecasts
 
     dofs = 0
-    kept = ""
     plate = False
+
+    @property
+    def kept(self) -> str:
+        """What a deck does with its elements; "" of other files."""
+        return "keeps its elements" if self.of_deck else ""
 
     @property
     def finest(self) -> float | None:

@@ -1244,7 +1244,7 @@ def _told_of_file(look: Inspection, name: str) -> str:
     if look.of_deck:
         choices += f"; mass {look.mass_text()}"
     if look.kept:
-        choices += f"; the deck keeps its elements, for {look.kept}"
+        choices += f"; the deck {look.kept}"
     notes = [note.removeprefix(f"{name}: ") for note in look.lasting_notes]
     told = [note for note in notes if not any(words in note for words in OF_PIECES)]
     return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, told)])

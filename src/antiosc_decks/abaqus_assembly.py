@@ -68,7 +68,7 @@ class Instance(Scope):
         except ValueError:
             return self.whole.sets.get((keyword, (owner.prefix + word).upper()))
         rows = owner.numbered(keyword, lambda known: known.rows(label))
-        return self.whole.everywhere(keyword, rows) if len(rows) else None
+        return rows if len(rows) else None
 
     def numbered(self, keyword: str, rows_of: Callable[[Numbering], IntArray]) -> IntArray:
         """Rows in the deck that `rows_of` selects here, or else in the assembly's only instance."""
@@ -99,35 +99,6 @@ class Whole:
     sets: dict[tuple[str, str], IntArray] = field(default_factory=dict)
     #: names in upper case -> as first written
     spelling: dict[str, str] = field(default_factory=dict)
-    #: (NSET or ELSET, rows of the file) -> rows with their copies, where the mesh is revolved
-    everywhere: Callable[[str, IntArray], IntArray] = field(default=lambda _keyword, rows: rows)
-
-    def spread(
-        self,
-        nodes_at: IntArray,
-        elements: int,
-        sectors: int,
-        first: Callable[[str, IntArray], IntArray] | None = None,
-    ) -> None:
-        """Let all sets, and names from now on, mean also their copies in all sectors.
-
-        `nodes_at`: nodes of all sectors for each node of the first; `elements`: number of cells of
-        a sector; `first`: gives rows of the file their nodes (NSET) or cells (ELSET) in the first.
-        """
-
-        def everywhere(keyword: str, rows: IntArray) -> IntArray:
-            """The nodes (NSET) or elements (ELSET) of all sectors."""
-            cells = rows if keyword == "NSET" else rows[rows < OTHER]
-            if first is not None:
-                cells = first(keyword, cells)
-            if keyword == "NSET":
-                return np.unique(nodes_at[cells])
-            return np.unique(np.add.outer(elements * np.arange(sectors), cells))
-
-        self.everywhere = everywhere
-        self.sets = {key: everywhere(key[0], rows) for key, rows in self.sets.items()}
-        for keyword, sets in (("NSET", self.deck.node_sets), ("ELSET", self.deck.element_sets)):
-            sets.update({name: everywhere(keyword, rows) for name, rows in sets.items()})
 
     def element_labels(self) -> IntArray:
         """Numbers of all elements that are cells, in the deck's order of cells."""

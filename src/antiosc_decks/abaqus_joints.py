@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from antiosc.io.neutral import CORNERS, EDGES, Term
 from antiosc_decks.abaqus_assembly import NONE, Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_sections import Orientations
+from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.constraints import DeckConstraints, Motions
 
 #: Corners of the faces S1, S2, … of solids.
@@ -103,8 +103,6 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
     if block.shape not in ("triangle", "quad"):
         sides = SOLID_FACES.get(block.shape, ())
         number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
-        if "AX" in block.type:  # revolved: sides 1 and 2 are its planes at two angles
-            number += 2 * (number > 0)
         place.needs(
             1 <= number <= len(sides),
             f"{side or 'no side'!r} is no side of a {block.shape}; it must be S1 to S{len(sides)}.",
@@ -120,6 +118,10 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
 TIE_REACH = 0.05
 #: Largest distance of a point of a curved face from its centre, over that of its nodes.
 BULGE = 1.5
+#: Share of the size of a deck within which nodes lie on one line.
+ON_LINE = 1e-6
+#: Most contact pairs that are listed.
+MOST_PAIRS = 6
 #: Number of nearest faces onto which each node is projected.
 TRIED = 12
 #: The projection of points onto 1000 random faces of each kind, bent by 2 % of their size, ended
@@ -167,33 +169,6 @@ def mean_edge(joints: DeckConstraints, surface: DeckFaces) -> float:
     rings = [np.array([joints.place(int(n)) for n in corners]) for corners, _ in surface.faces]
     edges = [np.linalg.norm(x - np.roll(x, 1, axis=0), axis=1).mean() for x in rings]
     return float(np.mean(edges))
-
-
-def tie(
-    joints: DeckConstraints,
-    slave: DeckFaces,
-    master: DeckFaces,
-    tolerance: float | None,
-    place: DeckPlace,
-) -> list[str]:
-    """Tie slave nodes to master faces by shape functions.
-    Returns a sentence (in a list) if some nodes lie further than `tolerance` from the faces and are
-    therefore not tied.
-    """
-    place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
-    tied, reach = tied_nodes(joints, slave, master, tolerance)
-    lead(joints, tied, place)
-    nodes = slave.nodes
-    untied = int((~np.isin(nodes, master.nodes)).sum()) - len(tied)
-    place.needs(
-        untied != len(nodes),
-        "*TIE joins nothing: no node of the slave surface lies within "
-        f"{reach:.3g} of the master surface (POSITION TOLERANCE=).",
-    )
-    message = (
-        f"{place}: {untied} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
-    )
-    return [f"{message}the master surface and are not tied (POSITION TOLERANCE=)."] * bool(untied)
 
 
 def lead(joints: DeckConstraints, tied: Sequence[TiedNode], place: DeckPlace) -> None:
@@ -274,12 +249,18 @@ LONGEST_EQUATION = 1_000_000
 TEMPERATURE = "11"
 
 
-def read_joints(assembled: Whole, joints: DeckConstraints, cards: Sequence[Card]) -> None:
-    """Add the constraints of the cards to `joints`."""
-    reader = _Joints(assembled, joints, surfaces_of(assembled, cards))
+def read_joints(assembled: Whole, builder: ModelBuilder, cards: Sequence[Card]) -> None:
+    """Add the constraints of the cards to those of the builder; contact pairs come last."""
+    reader = _Joints(assembled, builder, surfaces_of(assembled, cards))
     for card in cards:
         if card.keyword in READERS:
             READERS[card.keyword](reader, card)
+
+    for card in cards:
+        if card.keyword == "CONTACTPAIR" and not assembled.deck.apart:
+            reader.contact(card)
+    reader.tell_contact()
+
     assembled.deck.left = Counter({kind: n for kind, n in assembled.deck.left.items() if n})
 
 
@@ -287,14 +268,18 @@ class _Joints:
     """Reads cards that join nodes: one method for each card."""
 
     def __init__(
-        self, assembled: Whole, joints: DeckConstraints, surfaces: dict[str, DeckFaces]
+        self, assembled: Whole, builder: ModelBuilder, surfaces: dict[str, DeckFaces]
     ) -> None:
         self.whole = assembled
-        self.joints = joints
+        self.builder = builder
+        self.joints = builder.joints
         self.surfaces = surfaces
         self.orientations = Orientations(assembled.cards)
         #: of the last *COUPLING: reference node, nodes, card
         self.current: tuple[int, IntArray, Card] | None = None
+        #: names of the contact pairs that are tied, with their numbers of nodes, and of open ones
+        self.tied: list[str] = []
+        self.open: list[str] = []
 
     def _surface(self, name: str, place: DeckPlace) -> DeckFaces:
         """The surface with this name."""
@@ -303,14 +288,84 @@ class _Joints:
 
     def tie(self, card: Card) -> None:
         """*TIE: slave and master surfaces."""
-        if "CYCLICSYMMETRY" in card.options:  # its sector has become a whole ring
-            return
         tolerance = card.option("POSITIONTOLERANCE")
         reach = real_number(tolerance, card.place) if tolerance else None
         for row in card.rows():
             if len(row.fields) > 1:
                 slave, master = (self._surface(word, row.place) for word in row.fields[:2])
-                self.whole.deck.remarks += tie(self.joints, slave, master, reach, row.place)
+                self._tie(slave, master, reach, row.place)
+
+    def _tie(
+        self, slave: DeckFaces, master: DeckFaces, tolerance: float | None, place: DeckPlace
+    ) -> None:
+        """Tie slave nodes to master faces by shape functions; those out of reach are told."""
+        place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
+        tied, reach = tied_nodes(self.joints, slave, master, tolerance)
+        lead(self.joints, tied, place)
+
+        nodes = slave.nodes
+        untied = int((~np.isin(nodes, master.nodes)).sum()) - len(tied)
+        place.needs(
+            untied != len(nodes),
+            "*TIE joins nothing: no node of the slave surface lies within "
+            f"{reach:.3g} of the master surface (POSITION TOLERANCE=).",
+        )
+        if untied:
+            self.whole.deck.remarks.append(
+                f"{place}: {untied} of {len(nodes)} slave nodes of *TIE lie further than"
+                f" {reach:.3g} from the master surface and are not tied (POSITION TOLERANCE=)."
+            )
+
+    def contact(self, card: Card) -> None:
+        """*CONTACT PAIR: surfaces that touch are tied, as in a joint that stays pressed."""
+        for row in card.rows():
+            names = row.fields[:2]
+            sides = [self.surfaces.get(name.upper()) for name in names]
+            first, second = sides if len(sides) == 2 else (None, None)
+            if first is None or second is None or first is second:  # rigid, or touches itself
+                continue
+            if all(self.joints.used[side.nodes].any() for side in (first, second)):
+                count = self._pressed(first, second, row.place)
+                text = f"{' and '.join(names)}" + f" at {count} nodes" * bool(count)
+                (self.tied if count else self.open).append(text)
+
+    def _pressed(self, first: DeckFaces, second: DeckFaces, place: DeckPlace) -> int:
+        """Tie two surfaces where they touch; the number of nodes, 0 if these would be a hinge.
+
+        The surface of which more nodes lie on the other follows, mostly the finer one.
+        """
+        joints = self.joints
+        reach = TIE_REACH * min(mean_edge(joints, side) for side in (first, second) if side.faces)
+        ways = [(a, b) for a, b in ((first, second), (second, first)) if b.faces]
+        tied = max((tied_nodes(joints, a, b, reach)[0] for a, b in ways), key=len)
+
+        points = self.whole.deck.points
+        x = np.array([points[one.node] for one in tied]).reshape(-1, 3)
+        plane = not np.ptp(points[:, 2])
+        size = float(np.ptp(points, axis=0).max())
+        if not len(x) or np.linalg.matrix_rank(x - x[0], tol=ON_LINE * size) < 2 - plane:
+            return 0
+
+        led = {terms[0][0] for terms in joints.equations}
+        tied = [one for one in tied if one.node not in led]
+        for one in tied:  # onto the face: at a distance from it no rotation would be free
+            points[one.node] = one.weights @ points[one.leaders]
+        lead(joints, tied, place)
+        for side in (first, second):
+            self.builder.touching |= set(self.builder.of_element[side.elements].tolist())
+        return len(tied)
+
+    def tell_contact(self) -> None:
+        """Tell which contact pairs are tied, and which are open."""
+        remarks = self.whole.deck.remarks
+        if self.tied:
+            remarks.append(
+                f"contact pairs that touch are tied, as in a joint that stays pressed:"
+                f' {_listed(self.tied)}. They neither open nor slide; contact "apart" leaves'
+                " them out."
+            )
+        if self.open:
+            remarks.append(f"contact that is open at first is left out: {_listed(self.open)}.")
 
     def equations(self, card: Card) -> None:
         """*EQUATION; the terms of one equation may continue on the following lines."""
@@ -367,33 +422,13 @@ class _Joints:
                 lists[-1][1].extend(word for word in words if word != "0")
         for kind, words, place in lists:
             nodes = [int(n) for w in words for n in card.within.nodes(w, place)]
-            if kind == "1" and "USER" in card.options:  # as cgx writes it
-                kind = "MEANROT"
-            if kind in GEOMETRIC:
-                fewest, read = GEOMETRIC[kind]
-                nodes = list(dict.fromkeys(nodes))
-                complete = len(nodes) >= fewest
-                place.needs(complete, f"the *MPC of type {kind} needs {fewest} nodes or more.")
-                x = np.array([self.joints.place(node) for node in nodes])
-                equations = list(read(nodes, x, place))
-                for terms in equations:
-                    self.joints.equation(terms, place)
-                on_axis = set(nodes) - {node for terms in equations for node, _, _ in terms}
-                if on_axis:
-                    self.whole.deck.remarks.append(
-                        f"{place}: {len(on_axis)} nodes of the *MPC of type {kind} lie on its axis:"
-                        " left out."
-                    )
-            else:
-                pairs = [[node, nodes[-1]] for node in nodes[:-1]]  # a set, and the node it follows
-                is_single = len(nodes) == 2 or (len(words) == 2 and words[1].isdigit())
-                read_it = is_single and all([self._pair(kind, pair, place) for pair in pairs])
-                place.needs(
-                    read_it,
-                    f"the *MPC of type {kind} with {len(nodes)} nodes is not "
-                    "supported here and would change the result; write it as *EQUATION, or "
-                    "remove it.",
-                )
+            pairs = [[node, nodes[-1]] for node in nodes[:-1]]  # a set, and the node it follows
+            is_single = len(nodes) == 2 or (len(words) == 2 and words[1].isdigit())
+            place.needs(
+                is_single and all([self._pair(kind, pair, place) for pair in pairs]),
+                f"the *MPC of type {kind} with {len(nodes)} nodes is not supported here and would"
+                " change the result; write it as *EQUATION, or remove it.",
+            )
 
     def _pair(self, kind: str, nodes: list[int], place: DeckPlace) -> bool:
         """Apply a TIE, PIN, LINK or BEAM between two nodes; False if `kind` is none of these."""
@@ -530,68 +565,7 @@ def _range(row: Row, start: int) -> list[int]:
     return list(range(first - 1, last))
 
 
-def _displacement_terms(unit: Array, terms: Sequence[tuple[int, float]]) -> list[Term]:
-    """Terms of the displacement along a unit vector; its largest component comes first."""
-    order = [int(c) for c in np.argsort(-np.abs(unit), kind="stable")]
-    return [(node, c, factor * float(unit[c])) for node, factor in terms for c in order]
-
-
-def _plane(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:
-    """Yield the equations that keep nodes in one plane, for small motions."""
-
-    def normal(c: Sequence[int]) -> Array:
-        return np.asarray(np.cross(x[c[1]] - x[c[0]], x[c[2]] - x[c[0]]))
-
-    triples = combinations(range(min(len(nodes), 12)), 3)
-    spanning = max(triples, key=lambda c: float(np.linalg.norm(normal(c))))
-    area = float(np.linalg.norm(normal(spanning)))
-    flat = area > 1e-9 * float(np.ptp(x, axis=0).max()) ** 2
-    place.needs(flat, "the nodes of the *MPC of type PLANE lie on one line.")
-    a, b, c = x[list(spanning)]
-    basis = np.column_stack([b - a, c - a])
-    for k, node in enumerate(nodes):
-        if k not in spanning:
-            s, t = np.linalg.lstsq(basis, x[k] - a, rcond=None)[0]
-            terms = [(nodes[i], -w) for i, w in zip(spanning, (1 - s - t, s, t), strict=True)]
-            yield _displacement_terms(normal(spanning) / area, [(node, 1.0), *terms])
-
-
-def _straight(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:
-    """Yield the equations that keep nodes on one straight line, for small motions."""
-    end = int(np.argmax(np.linalg.norm(x - x[0], axis=1)))
-    axis = x[end] - x[0]
-    length = float(np.linalg.norm(axis))
-    place.needs(length != 0, "the nodes of the *MPC of type STRAIGHT coincide.")
-    normals = np.linalg.svd(axis[None] / length)[2][1:]
-    for k, node in enumerate(nodes):
-        if k not in (0, end):
-            s = float((x[k] - x[0]) @ axis) / length**2
-            for t in normals:
-                yield _displacement_terms(t, [(node, 1.0), (nodes[0], s - 1), (nodes[end], -s)])
-
-
-def _mean_rotation(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:
-    """The equation of CalculiX's MEANROT: a mean rotation of nodes about an axis.
-    Motion 1 of the last node, whose coordinates are the axis, is that rotation.
-    """
-    axis = x[-1]
-    length = float(np.linalg.norm(axis))
-    place.needs(length != 0, "the *MPC of type MEANROT needs an axis.")
-    axis = axis / length
-    r = x[:-1] - x[:-1].mean(axis=0)
-    r = r - np.outer(r @ axis, axis)
-    size = np.einsum("pi,pi->p", r, r)
-    nonzero = size > 1e-18 * size.max()
-    place.needs(nonzero.any(), "the nodes of the *MPC of type MEANROT lie on its axis.")
-    if not nonzero.all():  # as CalculiX leaves them out
-        members = np.append(np.flatnonzero(nonzero), len(nonzero))
-        yield from _mean_rotation([nodes[k] for k in members], x[members], place)
-        return
-    weights = np.cross(axis, r) / size[:, None] / len(r)  # a·(r × u)/r²
-    weights = weights - weights.mean(axis=0)  # of motions from their mean
-    terms = [(n, c, -float(weights[p, c])) for p, n in enumerate(nodes[:-1]) for c in range(3)]
-    yield [(nodes[-1], 0, 1.0), *terms]
-
-
-#: Types of *MPC -> least number of nodes, its equations.
-GEOMETRIC = {"PLANE": (4, _plane), "STRAIGHT": (3, _straight), "MEANROT": (3, _mean_rotation)}
+def _listed(texts: Sequence[str]) -> str:
+    """Some of the texts, and how many more there are."""
+    more = f", and {len(texts) - MOST_PAIRS} more" * (len(texts) > MOST_PAIRS)
+    return f"{', '.join(texts[:MOST_PAIRS])}{more}"

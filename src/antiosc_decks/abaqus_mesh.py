@@ -1,9 +1,9 @@
-"""Nodes and elements of a part of an Abaqus deck; also those of *NGEN, *NFILL and *ELGEN."""
+"""Nodes and elements of a part of an Abaqus deck."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -97,105 +97,6 @@ def element_type(name: str) -> ElementType | None:
     return None
 
 
-#: Most nodes or elements from one card; more indicate a damaged file.
-MOST_GENERATED = 5_000_000
-
-Points = Mapping[int, list[float]]
-Made = Iterator[tuple[int, list[float]]]
-
-
-def generated(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
-    """*NGEN: yields (number, coordinates) of nodes on straight lines between two nodes."""
-    card.needs(not card.option("LINE"), "*NGEN makes straight lines only here (LINE=).")
-    for row in card.rows():
-        row.needs(len(row.fields) >= 2, "*NGEN needs the numbers of two nodes on a line.")
-        first = row.whole(0)
-        last = row.whole(1)
-        step = row.whole(2, 1)
-        count = (last - first) // step if step > 0 else 0
-        ends_exist = first in known and last in known
-        row.needs(ends_exist, f"*NGEN from {first} to {last}: both nodes must exist.")
-        fits = 0 < count <= MOST_GENERATED and not (last - first) % step
-        row.needs(fits, f"*NGEN from {first} to {last} by {step} does not fit.")
-        yield first, known[first]
-        yield from _points_between(known, first, last, count, step)
-        yield last, known[last]
-
-
-def filled(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
-    """*NFILL: yields (number, coordinates) of nodes on lines between the nodes of two sets."""
-    equal = card.option("BIAS", "1") in ("1", "1.", "1.0") and "SINGULAR" not in card.options
-    card.needs(equal, "*NFILL is read with equal distances only.")
-    for row in card.rows():
-        row.needs(len(row.fields) >= 4, "*NFILL needs two sets, a number of lines and a step.")
-        names = row.fields[:2]
-        lines = row.whole(2)
-        step = row.whole(3)
-        starts, ends = (sets.get(name.upper(), []) for name in names)
-        equal = len(starts) == len(ends) > 0
-        row.needs(
-            equal,
-            f"*NFILL between {names[0]!r} ({len(starts)} nodes) and {names[1]!r} "
-            f"({len(ends)}): both sets must be made by *NODE or *NGEN and be equally "
-            "long.",
-        )
-        fits = 0 < lines * len(starts) <= MOST_GENERATED
-        row.needs(fits, f"*NFILL over {lines} lines does not fit.")
-        for first, last in zip(starts, ends, strict=True):
-            yield from _points_between(known, first, last, lines, step)
-
-
-def _points_between(known: Points, first: int, last: int, count: int, step: int) -> Made:
-    """Nodes number `first + k step`, k = 1 … count − 1, at equal distances between two nodes."""
-    a = np.array(known[first])
-    b = np.array(known[last])
-    for k in range(1, count):
-        yield first + k * step, list(a + (b - a) * (k / count))
-
-
-def element_copies(
-    card: Card, blocks: Sequence[Block], labels: Sequence[IntArray], nodes: Numbering
-) -> Iterator[tuple[Block, IntArray, int]]:
-    """*ELGEN: yields (copies, their numbers, number of the copied element)."""
-    for row in card.rows():
-        master, *increments = (whole_number(word, row.place) for word in row.fields if word)
-        row.needs(increments, "2 numbers are needed at least.")
-        counts, shifts, steps = (
-            np.array([*increments, *[1] * (9 - len(increments))][:9]).reshape(3, 3).T
-        )
-        counts = np.maximum(counts, 1)
-        total = int(np.prod(counts.astype(object)))
-        row.needs(0 < total <= MOST_GENERATED, f"*ELGEN would make {total} elements.")
-        i = np.indices(counts).reshape(3, -1).T[1:]
-        matches = [
-            (b, int(k))
-            for b, labels_of in zip(blocks, labels, strict=True)
-            for k in np.flatnonzero(labels_of == master)
-        ]
-        row.needs(matches, f"*ELGEN copies the element {master}, which is not defined before.")
-        block, k = matches[0]
-        copies = _shifted(block[np.full(len(i), k)], i @ shifts, nodes, row.place)
-        yield copies, master + i @ steps, master
-
-
-def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: DeckPlace) -> Block:
-    """A copy of a block whose node numbers are raised by `shift` (one for each element)."""
-    label = np.empty(len(nodes.labels), dtype=np.int64)
-    label[nodes.order] = nodes.labels
-
-    def moved(rows: IntArray) -> IntArray:
-        new_labels = label[rows] + shift[:, None]
-        shifted = nodes.rows(new_labels)
-        missing_labels = new_labels[shifted < 0]
-        if len(missing_labels):
-            raise place.error(
-                f"*ELGEN needs the node {missing_labels[0]}, which the deck does not define."
-            )
-        return shifted
-
-    return block.mapped(moved)
-
-
 NONE = np.zeros(0, dtype=np.int64)
 
 
@@ -231,22 +132,15 @@ def mesh_of(cards: list[Card], name: str) -> AbaqusMesh:
 
 
 def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
-    """Fill `mesh` with the nodes of *NODE, *NGEN and *NFILL, by the *SYSTEM before them."""
+    """Fill `mesh` with the nodes of *NODE, by the *SYSTEM before them."""
     labels: list[int] = []
     points: list[list[float]] = []
     origin = np.zeros(3)
     axes = np.eye(3)
-    created: dict[str, list[int]] = {}
-    makers = {"NGEN": generated, "NFILL": filled}
     for card in cards:
         start = len(labels)
         name = card.option("NSET")
-        if card.keyword in makers:
-            known_points = dict(zip(labels, points, strict=True))
-            for label, x in makers[card.keyword](card, known_points, created):
-                labels.append(label)
-                points.append(x)
-        elif card.keyword == "NODE" and "PRINT" not in card.options:
+        if card.keyword == "NODE" and "PRINT" not in card.options:
             rows = card.rows()
             labels += [whole_number(row.word(0), row.place) for row in rows]
             points += (origin + _rectangular(card, rows) @ axes).tolist()
@@ -255,7 +149,6 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
         else:
             continue
         if name:
-            created.setdefault(name.upper(), []).extend(labels[start:])
             mesh.sets.append(("NSET", name, np.array(labels[start:], dtype=np.int64)))
     numbers = np.array(labels, dtype=np.int64)
     # later definitions replace earlier ones
@@ -304,27 +197,24 @@ def _local_system(card: Card) -> tuple[Array, Array]:
 
 
 def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
-    """Fill `mesh` with the elements of *ELEMENT and *ELGEN."""
+    """Fill `mesh` with the elements of *ELEMENT."""
     cells: list[IntArray] = []
     other_numbers: list[int] = []
     sets: list[tuple[str, IntArray]] = []
     for card in cards:
-        numbers_read = [NONE]
-        if card.keyword == "ELGEN":
-            for block, labels, master in element_copies(card, mesh.blocks, cells, mesh.nodes):
-                mesh.blocks.append(block)
-                cells.append(labels)
-                numbers_read += [labels, np.array([master])]
-        elif card.keyword == "ELEMENT" and "OUTPUT" not in card.options:
-            kind = card.needed("TYPE").upper().replace(" ", "")
-            if element_type(kind) is None:
-                numbers_read.append(np.array(_read_others(mesh, card, kind), dtype=np.int64))
-                other_numbers += numbers_read[-1].tolist()
-            else:
-                numbers_read.append(_cells(mesh, card, kind))
-                cells.append(numbers_read[-1])
-        if card.option("ELSET") and len(all_numbers := np.concatenate(numbers_read)):
-            sets.append((card.option("ELSET"), all_numbers))
+        if card.keyword != "ELEMENT" or "OUTPUT" in card.options:
+            continue
+        kind = card.needed("TYPE").upper().replace(" ", "")
+        if element_type(kind) is None:
+            numbers_read = np.array(_read_others(mesh, card, kind), dtype=np.int64)
+            other_numbers += numbers_read.tolist()
+        else:
+            numbers_read = _cells(mesh, card, kind)
+            cells.append(numbers_read)
+
+        if card.option("ELSET") and len(numbers_read):
+            sets.append((card.option("ELSET"), numbers_read))
+
     mesh.cells = sum(map(len, cells))
     all_numbers = np.concatenate([NONE, *cells, np.array(other_numbers, dtype=np.int64)])
     numbers, count = np.unique(all_numbers, return_counts=True)

@@ -8,13 +8,11 @@ from typing import NoReturn
 
 import numpy as np
 
-from antiosc.base.plausible import MASSLESS_WAVE
 from antiosc.io.deck import Array, Block, DeckPlace, IntArray, real_number
 from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
-from antiosc_decks.abaqus_hyperelastic import initial_moduli
 from antiosc_decks.builder import GroupSection, ModelBuilder
 from antiosc_decks.properties import Material, Profile, constants_of_stiffness, symmetric
 
@@ -41,11 +39,6 @@ def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material
             kind = _elastic(current, card)
             if kind == "ISO" and len(card.lines) > 1:
                 builder.tell_once(f"*ELASTIC of other temperatures ({card.place})")
-        elif current is not None and card.keyword in ("HYPERELASTIC", "HYPERFOAM"):
-            if moduli := initial_moduli(card):
-                current.set_isotropic(*moduli)
-                message = f"the large strains of {card.label} ({card.place}), its"
-                builder.tell_once(f"{message} initial moduli are taken")
         elif current is not None and card.keyword == "DENSITY":
             current.density = card.first().real(0)
     for material in materials.values():
@@ -93,65 +86,57 @@ class Orientations:
     """The *ORIENTATION cards of a deck; those of a part turn with each of its instances."""
 
     def __init__(self, cards: Iterable[Card]) -> None:
-        orientation_cards = [card for card in cards if card.keyword == "ORIENTATION"]
         self._cards = {
-            (card.within.prefix + card.needed("NAME")).upper(): card for card in orientation_cards
+            (card.within.prefix + card.needed("NAME")).upper(): card
+            for card in cards
+            if card.keyword == "ORIENTATION"
         }
 
     def find(self, name: str, by: Card) -> Card | None:
-        """The card of the orientation `name` in the scope of the card `by`, or in the assembly;
-        else None.
-        """
+        """The card of this name in the scope of the card `by`, or in the assembly; else None."""
         card = self._cards.get((by.within.prefix + name).upper())
         return card or self._cards.get(name.upper())
 
-    def cylindrical(self, name: str, by: Card) -> bool:
-        """Whether the orientation of this name is cylindrical."""
-        orientation = self.find(name, by)
-        return orientation is not None and orientation.option("SYSTEM").upper().startswith("C")
-
-    def at(self, name: str, by: Card, x: Array, place: DeckPlace | None = None) -> Array:
-        """Directions 1, 2 and 3, as rows, at each of the points `x` (n, 3): (n, 3, 3)."""
+    def _card(self, name: str, by: Card, place: DeckPlace | None) -> tuple[Card, bool]:
+        """(the card of this name, whether it is cylindrical)."""
         card = self.find(name, by)
         if card is None:
             message = f"there is no orientation {name!r} (*ORIENTATION, NAME=)."
             raise (place or by.place).error(message)
-        first = card.first()
+        return card, card.option("SYSTEM").upper().startswith("C")
+
+    def at(self, name: str, by: Card, x: Array) -> Array:
+        """Directions 1, 2 and 3, as rows, at each of the points `x` (n, 3): (n, 3, 3)."""
+        card, cylindrical = self._card(name, by, None)
+        if not cylindrical:
+            return np.broadcast_to(self.rectangular(name, by), (len(x), 3, 3))
+
         scope = card.within
-        if self.cylindrical(name, by):
-            a, b = np.reshape(first.reals(6), (2, 3)) @ scope.turn.T + scope.shift
-            distinct = (a != b).any()
-            card.needs(distinct, "a cylindrical *ORIENTATION needs two points on its axis.")
-            return around_axis(a, b, x)
-        rectangular = card.option("SYSTEM", "R").upper().startswith("R") and card.rows()
-        by_points = rectangular and "DEFINITION" not in card.options
+        a, b = np.reshape(card.first().reals(6), (2, 3)) @ scope.turn.T + scope.shift
+        card.needs((a != b).any(), "a cylindrical *ORIENTATION needs two points on its axis.")
+        return around_axis(a, b, x)
+
+    def rectangular(self, name: str, by: Card, place: DeckPlace | None = None) -> Array:
+        """Directions 1, 2 and 3, as rows, of an orientation that must be rectangular."""
+        card, cylindrical = self._card(name, by, place)
+        by.needs(not cylindrical, f"the orientation {name!r} is CYLINDRICAL: give it RECTANGULAR.")
+        by_points = bool(card.rows()) and "DEFINITION" not in card.options
+        by_points &= card.option("SYSTEM", "R").upper().startswith("R")
         card.needs(by_points, "*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
-        a, b, origin = np.reshape(first.reals(9), (3, 3)) @ scope.turn.T
+
+        a, b, origin = np.reshape(card.first().reals(9), (3, 3)) @ card.within.turn.T
         axes = geometry.axes_of(a - origin, b - origin)
         card.needs(axes[2].any(), "the two points of *ORIENTATION give no plane.")
-        if degrees := self.degrees(name, by):
-            row = card.rows()[1]
-            row.needs(row.word(0) == "3", "*ORIENTATION is read with a rotation about 3 only.")
-            axes[:2] = geometry.rotated(axes[:2], axes[2], degrees)
-        return np.broadcast_to(axes, (len(x), 3, 3))
 
-    def degrees(self, name: str, by: Card) -> float:
-        """Angle in the second line in degrees: about direction 3, for shells the normal."""
-        orientation = self.find(name, by)
-        rows = orientation.rows() if orientation else []
-        if len(rows) > 1:
-            return rows[1].real(1)
-        return 0.0
+        for row in card.rows()[1:2]:  # degrees about direction 3, for shells the normal
+            if degrees := row.real(1):
+                row.needs(row.word(0) == "3", "*ORIENTATION is read with a rotation about 3 only.")
+                axes[:2] = geometry.rotated(axes[:2], axes[2], degrees)
+        return axes
 
     def frame(self, by: Card) -> Array:
-        """Directions 1, 2 and 3, as rows, of a card's ORIENTATION= that must be rectangular."""
-        name = by.option("ORIENTATION")
-        frame = self.at(name, by, np.zeros((1, 3)))[0]
-        by.needs(
-            not self.cylindrical(name, by),
-            f"the orientation {name!r} is CYLINDRICAL; here it must be RECTANGULAR.",
-        )
-        return np.asarray(frame)
+        """Directions of a card's ORIENTATION=, which must be rectangular."""
+        return self.rectangular(by.option("ORIENTATION"), by)
 
 
 def around_axis(a: Array, b: Array, x: Array) -> Array:
@@ -193,8 +178,6 @@ def profile_of(card: Card) -> Profile:
     return profile(d)
 
 
-#: Sine of the angle below which a direction is normal to a shell.
-NORMAL = 0.05
 #: Degrees from the normal below which x cannot be direction 1 of a shell (Abaqus: 0.1).
 STEEP = 0.1
 #: Tolerance in degrees within which a layer's angle must be the same in all elements.
@@ -241,14 +224,7 @@ class Sections:
         composite = "COMPOSITE" in card.options
         name = card.within.spelled(card.option("ELSET"))
         if card.keyword in OF_SHELLS and roles == {"shell"}:
-            has_materials = composite or "MATERIAL" in card.options or "GENERAL" not in card.keyword
-            if has_materials:
-                self._shells(card, name, elements)
-            else:
-                family = GroupSection("GivenSheet", self._stiffnesses(card), card.place)
-                self.builder.add_shells(
-                    name, elements, family, 0.0, self._zero_direction(card, elements)
-                )
+            self._shells(card, name, elements)
             return
         if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
             area = _positive(card, "area of rods") * self.builder.units.length**2
@@ -257,12 +233,6 @@ class Sections:
             arguments = arguments_of_rod
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
             kind, arguments = self._solid(card)
-            revolved = any("AX" in block.type for block in blocks)
-            card.needs(
-                kind == "Solid" or not revolved,
-                "the material of axisymmetric elements must be isotropic: revolve the mesh to "
-                "solids (C3D8, C3D20), with its *ORIENTATION.",
-            )
         elif "BEAM" not in card.keyword and roles <= PLANE and not composite:
             kind, arguments = self._plane(card, roles)  # a thickness means the same of shells
         elif "BEAM" in card.keyword and roles == {"beam"}:
@@ -352,53 +322,6 @@ class Sections:
         if len(self.thickness) and np.isfinite(self.thickness[nodes]).any():
             self.builder.tell_once(f"*NODAL THICKNESS of layers, which have theirs ({card.place})")
 
-    def _stiffnesses(self, card: Card) -> Json:
-        """Arguments of `GivenSheet` from 21 stiffnesses.
-        The card lists the upper triangle, by columns, of the matrix from (ε11, ε22, γ12, κ11, κ22,
-        κ12) to forces and moments. The transverse shear stiffness is Abaqus's default (User's
-        Guide, "Shell section behavior").
-        """
-        values = card.numbers()
-        units = self.builder.units
-        card.needs(
-            len(values) >= 21,
-            "*SHELL GENERAL SECTION needs MATERIAL=, COMPOSITE or 21 "
-            f"stiffnesses; it has {len(values)} numbers.",
-        )
-        card.needs(
-            not card.option("OFFSET"),
-            "OFFSET= is not supported where *SHELL GENERAL "
-            "SECTION has stiffnesses: they are those about the nodes.",
-        )
-        stiffness = symmetric(np.array(values[:21]))
-        scale = np.sqrt(np.maximum(np.diag(stiffness), np.finfo(float).tiny))
-        sound = np.linalg.eigvalsh(stiffness / np.outer(scale, scale)).min() > 0
-        card.needs(sound, "the stiffness of *SHELL GENERAL SECTION is not positive definite.")
-        A = stiffness[:3, :3]
-        B = stiffness[:3, 3:]
-        D = stiffness[3:, 3:]
-        shear = (A[0, 0] + A[1, 1]) / 6 + A[2, 2] / 3
-        t = math.sqrt(12 * np.trace(D) / np.trace(A)) * units.length
-        per_area = card.option("DENSITY")
-        density = self.builder.unstated.density
-        if density is None and self.builder.unstated.massless:
-            density = A[0, 0] * units.length / t * units.stress / MASSLESS_WAVE**2
-        card.needs(
-            per_area or density,
-            "*SHELL GENERAL SECTION has no density (DENSITY=, per area), without which nothing can"
-            " be struck; give it, or a density in kg/m³.",
-        )
-        mass = (density or 0.0) * t
-        if per_area:
-            mass = real_number(per_area, card.place) * units.density * units.length
-        line = units.force / units.length
-        return {
-            **{"A": (A * line).tolist(), "B": (B * units.force).tolist()},
-            **{"D": (D * units.force * units.length).tolist()},
-            **{"S": (shear * line * np.eye(2)).tolist(), "thickness": t},
-            **{"mass": mass, "inertia": mass * t**2 / 12},
-        }
-
     def _zero_direction(self, card: Card, elements: IntArray, steep: float = STEEP) -> Array:
         """Direction of 0° in each element (n, 3): ORIENTATION=, else x, or z if x is the normal."""
         name = card.option("ORIENTATION")
@@ -449,33 +372,12 @@ class Sections:
                 directions = self._directions(row.word(3), card, elements, row.place)
                 angle = _angle_between(axis, directions, normals, row.place)
             layers.append(self.builder.layer(material, row.real(0), angle))
-            solid = material.constants is not None and np.isfinite(material.constants).all()
-            cylindrical = any(self.orientations.cylindrical(n, card) for n in (name, row.word(3)))
-            if cylindrical and solid and material.isotropic is None:
-                message = (
-                    f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX"
-                )
-                message += (
-                    " has them: 1 along the radius; on shells 1 is around the axis, as Abaqus"
-                )
-                self.builder.tell_once(f"{message} has it")
         return layers, axis
 
     def _directions(self, name: str, card: Card, elements: IntArray, place: DeckPlace) -> Array:
-        """Direction 1 of an orientation in each element (n, 3).
-        For a cylindrical orientation of shells it is direction 2 where direction 1 is the normal.
-        """
-        deck = self.whole.deck
-        centres = np.array([x.mean(axis=0) for x in geometry.corners_of(deck, elements)])
-        frames = self.orientations.at(name, card, centres, place)
-        first = frames[:, 0]
-        if self.orientations.cylindrical(name, card):
-            normals = geometry.normals_of(deck, elements)
-            is_normal = np.linalg.norm(np.cross(first, normals), axis=1) < NORMAL
-            first = np.where(is_normal[:, None], frames[:, 1], first)
-            first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
-            first = geometry.rotated(first, normals, self.orientations.degrees(name, card))
-        return first
+        """Direction 1 of a rectangular orientation, for each element (n, 3)."""
+        axes = self.orientations.rectangular(name, card, place)
+        return np.broadcast_to(axes[0], (len(elements), 3))
 
     def _beam(self, card: Card, elements: IntArray) -> tuple[str, Json]:
         """Family and arguments of a beam section."""

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from math import log10
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.base.materials import density_like
-from antiosc.base.plausible import DENSITIES, GRAVITY, MASSLESS_WAVE, MODULI
+from antiosc.base.plausible import DENSITIES, MASSLESS_WAVE
 from antiosc.io.deck import Array, Deck, DeckPlace, IntArray
-from antiosc.io.neutral import DIMENSION as SHAPE_DIMENSION, Json, Term, UnitSystem
-from antiosc_decks.constraints import SPRINGS, DeckConstraints, one_piece, separate_copies
+from antiosc.io.neutral import Json, Term, UnitSystem
+from antiosc_decks.constraints import DeckConstraints, one_piece, separate_copies
 from antiosc_decks.properties import (
     Material,
     common_direction,
     curved,
     everywhere,
-    measures_of,
     top_of,
     unit,
 )
@@ -41,62 +38,14 @@ def chosen_elements(deck: Deck, length: float) -> BoolArray:
                 f"{deck.name} has no elements of a part {name!r}; it has: {known_text}."
             )
         selected[members] = True
-    selected &= ~left_out(deck, selected)
     if deck.piece is None:
         return selected
     return one_piece(deck, selected, length)
 
 
-#: Area over size squared, or volume over size cubed, of an element that has none.
-FLAT = 1e-9
-
-
-def left_out(deck: Deck, selected: BoolArray) -> BoolArray:
-    """Mask (n,) of the selected surfaces without area and solids without volume, which are told.
-
-    Of a deck of such elements alone there are none: it is refused where they become cells.
-    """
-    size = np.ones(deck.n_elements)
-    lines = np.zeros(deck.n_elements, dtype=bool)
-    for block, rows in deck.numbered():
-        if len(block):
-            extent = np.ptp(deck.points[block.corners], axis=1).max(axis=1)
-            size[rows] = extent ** SHAPE_DIMENSION[block.shape]
-            lines[rows] = block.shape == "line"
-    measures = measures_of(deck, np.arange(len(size)))
-    flat = selected & ~lines & (measures <= FLAT * size)
-    count = int(flat.sum())
-    if count == selected.sum():
-        return np.zeros_like(flat)
-    if count:
-        deck.remarks.append(
-            f"{count} of {len(flat)} elements of {deck.name} have no area or volume: they are left"
-            " out."
-        )
-    return flat
-
-
-def _in_kilograms_force(name: str, modulus: float, rho: float) -> str:
-    """Remark on a modulus [Pa] that suits its density [kg/m³] in kgf per area alone; else ""."""
-    likely = [density_like(modulus), density_like(GRAVITY * modulus)]
-    as_read, in_kgf = (abs(log10(rho / one)) for one in likely)
-    if in_kgf > EQUAL_DENSITY or as_read <= EQUAL_DENSITY:
-        return ""
-    return (
-        f"The modulus of elasticity of {name}, {modulus / 1e9:.3g} GPa, is that of no common"
-        f" material of {rho:.4g} kg/m³; in kgf per area it would be"
-        f" {GRAVITY * modulus / 1e9:.3g} GPa: if it is, the unit is 'mm-kgf' (unit)."
-    )
-
-
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Poisson's ratio of a material that has the modulus of the caller.
 POISSON = 0.3
-#: Decades between a density and that of a common material of the same modulus, up to which it is
-#: one: titanium and magnesium lie 0.25 from the nearest, foams and woods further off.
-SAME_DENSITY = 0.4
-#: The same of a material that has this density, and another modulus.
-EQUAL_DENSITY = 0.05
 #: Direction cosines below this are rounding errors.
 LEAST_TERM = 1e-12
 
@@ -104,10 +53,7 @@ LEAST_TERM = 1e-12
 class GroupSection(NamedTuple):
     """The section of a group of elements: the name of a class of antiosc and its arguments.
 
-    "Truss" has a further argument "torsion" in m⁴, which springs use and a truss ignores. "Panel"
-    (a shear panel) is no class of antiosc; its "sides" are Nastran's F1 and F2, which give the area
-    of rods along its sides 12 and 34, and 23 and 41: up to 1.01 a share of thickness × width, above
-    it a share of the thickness squared.
+    "Truss" has a further argument "torsion" in m⁴, which springs use and a truss ignores.
     """
 
     kind: str
@@ -169,11 +115,11 @@ class ModelBuilder:
         """Mark the nodes of chosen elements, and those that have rotations (shells, beams)."""
         blocks = [(block, block[self.chosen[rows]]) for block, rows in self.deck.numbered()]
         roles = {members.role for _, members in blocks if len(members)}
-        self.truss = "rod" in roles and roles <= SPRINGS
+        self.truss = "rod" in roles and roles == {"rod"}
         is_used = np.zeros(len(self.used), dtype=bool)
         for block, members in blocks:
             is_used[block.nodes] = True
-            if block.role not in SPRINGS or (self.truss and block.role == "rod"):
+            if block.role != "rod" or self.truss:
                 self.used[members.nodes] = True
             else:
                 is_used[members.nodes] = False
@@ -190,7 +136,15 @@ class ModelBuilder:
     def rho(self, material: Material) -> float:
         """Density of a material in kg/m³."""
         if material.density:
-            return self._meant_density(material, material.density)
+            density = material.density * self.units.density
+            material.needs(
+                density <= DENSITIES[1] or self.unstated.massless,
+                f"the density {material.density:g} of the material {material.name!r} is"
+                f" {density:.3g} kg/m³, more than any solid has: give the unit of the deck (unit),"
+                " or mend it (a mass per volume, no weight).",
+            )
+            return density
+
         if self.unstated.density is not None:
             return self.unstated.density
         material.needs(
@@ -201,35 +155,6 @@ class ModelBuilder:
         )
         self.tell_once(f"the mass of {material.name}, whose density is 0")
         return material.modulus * self.units.stress / MASSLESS_WAVE**2
-
-    def _meant_density(self, material: Material, stated: float) -> float:
-        """The density in the unit of the deck; if no solid has it, the one that is meant."""
-        density = stated * self.units.density
-        modulus = material.modulus * self.units.stress
-        if density <= DENSITIES[1] or not MODULI[0] <= modulus <= MODULI[1]:
-            return density
-        likely = density_like(modulus)
-        gravity = GRAVITY / self.units.length
-        units = {
-            "a weight per volume": self.units.density / gravity,
-            "kg/m³": 1.0,
-            "g/cm³": 1e3,
-            "kg/mm³": 1e9,
-        }
-        off = {words: abs(log10(stated * unit / likely)) for words, unit in units.items()}
-        words = min(off, key=lambda name: off[name])
-        if off[words] > SAME_DENSITY:
-            return density
-        meant = stated * units[words]
-        sentence = (
-            f"the density {stated:g} of the material {material.name} is {density:.3g} kg/m³ in the"
-            f" units of {self.deck.name}, more than any solid has: it is taken as {words},"
-            f" {meant:.4g} kg/m³; masses at nodes are taken as they are."
-        )
-        for told in (sentence, _in_kilograms_force(material.name, modulus, meant)):
-            if told and told not in self.deck.remarks:
-                self.deck.remarks.append(told)
-        return meant
 
     def isotropic(self, material: Material, what: str) -> Json:
         """E (Pa), nu and rho (kg/m³) of a material that must be isotropic."""
@@ -325,17 +250,6 @@ class ModelBuilder:
                 )
         self.add(name, elements, family._replace(arguments=arguments))
 
-    def grouped(
-        self, elements: IntArray, values: Array
-    ) -> Iterator[tuple[str, GroupSection, float, IntArray]]:
-        """Yield (name, section, value, elements) of elements grouped by section and value."""
-        numbers = self.of_element[elements]
-        for number in np.unique(numbers[numbers >= 0]):
-            in_section = numbers == number
-            for value in np.unique(values[in_section]):
-                members = elements[in_section & (values == value)]
-                yield self.names[number], self.families[number], float(value), members
-
     def tell_once(self, ignored: str) -> None:
         """Report an ignored property once for all elements that it concerns."""
         if ignored not in self.ignored:
@@ -417,89 +331,3 @@ class ModelBuilder:
         alias = self.joints.alias
         free = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
         return [(*alias.get((n, m), (n, m)), c) for n, m, c in free if abs(c) > LEAST_TERM]
-
-
-#: Section -> dimension of its elements: 1 (line), 2 (surface), 3 (volume).
-DIMENSION = {"Beam": 1, "Truss": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2, "Panel": 2}
-DIMENSION |= {"Solid": 3, "AnisotropicSolid": 3}
-UNITS = {"MASSPERLENGTH": 1, "MASSPERAREA": 2, "MASSPERVOLUME": 3}
-
-
-def add_mass(
-    builder: ModelBuilder, elements: IntArray, value: float, dimension: int, place: DeckPlace
-) -> None:
-    """Add mass per length, area or volume (`dimension` 1, 2, 3; 0: the elements' own dimension)."""
-    sizes, size, _ = _sections(builder, elements, place)
-    measurable = dimension not in (1, 2) or (sizes == dimension).all()
-    kind = "length" if dimension == 1 else "area"
-    place.needs(measurable, f"a mass per {kind} on elements that have none.")
-    _spread(builder, elements, np.where((sizes < 3) & (dimension < 3), value / size, value))
-
-
-def add_total(
-    builder: ModelBuilder, elements: IntArray, value: float, place: DeckPlace, by: str
-) -> None:
-    """Spread a total mass over elements by "measure" (length or area), "volume" or "mass"."""
-    dimension, size, density = _sections(builder, elements, place)
-    comparable = by != "measure" or len(set(dimension.tolist())) == 1
-    place.needs(comparable, "one mass is spread over lines, areas or volumes alone.")
-    measure = measures_of(builder.deck, elements)
-    share = {"measure": 1 / size, "volume": np.ones(len(size)), "mass": density}[by]
-    total = float((share * size * measure).sum())
-    place.needs(total > 0, f"the elements of the nonstructural mass have no {by}.")
-    _spread(builder, elements, value / total * share)
-
-
-def _sections(builder: ModelBuilder, elements: IntArray, place: DeckPlace) -> Array:
-    """Rows (3, n): dimension, thickness or area, and density of elements, in the deck's units."""
-    place.needs(len(elements), "the nonstructural mass is on no element with a section.")
-    return np.array([_section(builder, int(element), place) for element in elements], dtype=float).T
-
-
-def _section(builder: ModelBuilder, element: int, place: DeckPlace) -> tuple[int, float, float]:
-    """(dimension, thickness or area, density) of one element in the deck's units."""
-    number = builder.of_element[element]
-    place.needs(number >= 0, "the nonstructural mass is on an element without a section.")
-    family = builder.families[number]
-    units = builder.units
-    a = family.arguments
-    size = 1.0
-    per_area = a.get("mass", 0.0)
-    if family.kind in ("Beam", "Truss"):
-        size = (a["section"]["A"] if "section" in a else a["area"]) / units.length**2
-    elif "layers" in a:
-        size = sum(layer["thickness"] for layer in a["layers"]) / units.length
-        per_area = sum(layer["thickness"] * layer["rho"] for layer in a["layers"])
-    elif "thickness" in a:
-        size = a["thickness"] / units.length
-    place.needs(
-        size > 0,
-        "the nonstructural mass is on an element without thickness or area; give its section one.",
-    )
-    density = a["rho"] if "rho" in a else per_area / (size * units.length)
-    return DIMENSION[family.kind], size, density / units.density
-
-
-def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
-    """Raise the density of elements by `density`, in the deck's units."""
-    for name, family, value, members in builder.grouped(elements, density):
-        added_density = value * builder.units.density
-        builder.add(
-            name, members, family._replace(arguments=_heavier(family.arguments, added_density))
-        )
-
-
-def _heavier(arguments: Json, density: float) -> Json:
-    """Arguments of a section whose density is higher by `density` in kg/m³."""
-    heavier = dict(arguments)
-    if "layers" in heavier:
-        heavier["layers"] = [
-            {**layer, "rho": layer["rho"] + density} for layer in heavier["layers"]
-        ]
-    elif "rho" in heavier:
-        heavier["rho"] += density
-    else:  # stiffnesses and masses of a sheet
-        share = heavier["inertia"] / heavier["mass"]
-        heavier["mass"] += density * heavier["thickness"]
-        heavier["inertia"] = share * heavier["mass"]
-    return heavier

@@ -335,8 +335,6 @@ def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple
     return list(zip(pivots, rows, strict=True))
 
 
-#: Roles of elements that become springs between other elements; a deck of rods alone is a truss.
-SPRINGS = {"rod", "panel"}
 #: Share of the largest eigenvalue below which a rigid motion counts as free; rounding is 1e-16.
 UNHELD = 1e-10
 
@@ -447,7 +445,7 @@ def _motion(r: Array, motions: IntArray) -> Array:
 
 def separate_copies(deck: Deck) -> list[tuple[int, int]]:
     """Give repeated elements new nodes: [(new node, original node)]."""
-    blocks = [block for block in deck.blocks if block.role not in SPRINGS] or deck.blocks
+    blocks = [block for block in deck.blocks if block.role != "rod"] or deck.blocks
     copies_of: dict[tuple[int, int], int] = {}
     copies: Counter[str] = Counter()
     for block, ranks in zip(blocks, _ranks(blocks), strict=True):

@@ -1,13 +1,9 @@
-"""The model of a deck, completed, checked and joined; rods and shear panels.
+"""The model of a deck, completed, checked and joined; rods.
 
 Supports, joints and masses on nodes of elements that are not chosen are left out. A support on an
 edge fixes the whole edge; a fixed middle node between free ends is fixed by a constraint.
 
-Rods between other elements are springs with masses at their nodes; rods alone form a truss. A shear
-panel (CSHEAR) is one spring: equilibrium determines the forces along its four sides but for a
-factor, and the spring acts on the motion on which these forces do work. Its compliance is the
-energy of that shear (S. J. Garvey, *The quadrilateral shear panel*, Aircraft Engineering 23, 1951),
-exact for parallelograms.
+Rods between other elements are springs with masses at their nodes; rods alone form a truss.
 """
 
 from __future__ import annotations
@@ -19,10 +15,10 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
-from antiosc.io.deck import Array, DeckPlace
+from antiosc.io.deck import DeckPlace
 from antiosc.io.neutral import EDGES, Json, Model, Term, connected
 from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
-from antiosc_decks.constraints import SPRINGS, held_apart
+from antiosc_decks.constraints import held_apart
 from antiosc_decks.sources import lines
 
 #: Components of a rod's direction below this share of the largest are rounding errors.
@@ -30,26 +26,23 @@ FLAT = 1e-8
 
 
 def join_rods(builder: ModelBuilder) -> BoolArray:
-    """Turn rods outside trusses, and shear panels, into springs and masses; mask of these
-    elements.
-    """
+    """Turn rods outside trusses into springs and masses; mask of these elements."""
     rods = np.zeros(builder.deck.n_elements, dtype=bool)
     deck = builder.deck
     masses: dict[int, tuple[float, DeckPlace]] = {}
     for block, members in deck.numbered():
-        if block.role not in SPRINGS or (block.role == "rod" and builder.truss):
+        if block.role != "rod" or builder.truss:
             continue
         rods[members] = True
         for nodes, number in zip(block.corners.tolist(), builder.of_element[members], strict=True):
             family = builder.families[number]
-            volume = (_rod if block.role == "rod" else _panel)(builder, nodes, family)
+            volume = _rod(builder, nodes, family)
             mass = family.arguments["rho"] / builder.units.density * volume
             for node in nodes:
                 masses[node] = masses.get(node, (0.0,))[0] + mass / len(nodes), family.place
-        node_text = "ends" if block.role == "rod" else "corners"
         deck.remarks.append(
-            f"the {len(block)} {block.type} of {deck.name} are springs, with their "
-            f"mass at their {node_text}."
+            f"the {len(block)} {block.type} of {deck.name} are springs, with their mass at their"
+            " ends."
         )
     for node, (mass, place) in masses.items():
         if mass:
@@ -80,87 +73,31 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
 
 
 def _rod(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float:
-    """Add the springs of a rod; returns its volume."""
+    """Add the springs of a rod along its line and about it; its volume."""
     units = builder.units
-    a = family.arguments
-    E = a["E"] / units.stress
-    area = a["area"] / units.length**2
-    twist = E / (2 * (1 + a["nu"])) * a["torsion"] / units.length**4
-    return _spring(builder, nodes, E * area, family.place, twist) * area
+    given = family.arguments
+    E = given["E"] / units.stress
+    area = given["area"] / units.length**2
+    twist = E / (2 * (1 + given["nu"])) * given["torsion"] / units.length**4
 
-
-def _spring(
-    builder: ModelBuilder, nodes: list[int], stretch: float, place: DeckPlace, twist: float = 0.0
-) -> float:
-    """Add the springs of a rod with rigidities `stretch` (E A) and `twist` (G J); returns its
-    length.
-    """
     a, b = nodes
-    terms, length = builder.joints.elongation(a, b, place)
-    builder.sprung(terms, stretch / length)
-    if twist and builder.has_rotations[[a, b]].all():
-        terms, _ = builder.joints.elongation(a, b, place, 3)
+    terms, length = builder.joints.elongation(a, b, family.place)
+    builder.sprung(terms, E * area / length)
+    if twist and builder.has_rotations[nodes].all():
+        terms, _ = builder.joints.elongation(a, b, family.place, 3)
         builder.sprung(terms, twist / length)
-    return length
-
-
-def _panel(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float:
-    """Add the springs of a shear panel between its corners and along its sides; returns its
-    volume.
-    """
-    units = builder.units
-    place = family.place
-    E, nu, t = (family.arguments[name] for name in ("E", "nu", "thickness"))
-    E = E / units.stress
-    t = t / units.length
-    x = builder.deck.points[nodes]
-    normal = np.cross(x[2] - x[0], x[3] - x[1])
-    size = float(np.linalg.norm(normal))
-    flat = size > 1e-12 * float(np.ptp(x, axis=0).max()) ** 2
-    place.needs(flat, "the corners of a shear panel lie on one line.")
-    sides = np.roll(x, -1, axis=0) - x
-    area = size / 2
-    terms, compliance = _shear(nodes, x, sides, normal / size, nu, place)
-    builder.sprung(terms, E / (2 * (1 + nu)) * t / (area * compliance))
-    length = np.linalg.norm(sides, axis=1)
-    for k, factor in enumerate(family.arguments["sides"] * 2):
-        width = area / (length[k] + length[(k + 2) % 4])
-        if edge_area := factor * t * (width if factor <= 1.01 else t / 2):
-            _spring(builder, [nodes[k], nodes[(k + 1) % 4]], E * edge_area, place)
-    return area * t
-
-
-def _shear(
-    nodes: list[int], x: Array, sides: Array, normal: Array, nu: float, place: DeckPlace
-) -> tuple[list[Term], float]:
-    """Terms of the motion on which a panel's side forces work, and its compliance × G t / area.
-
-    `x` (4, 3): the corners, nearly in one plane; `sides` (4, 3): vectors along the sides.
-    """
-    plane = np.linalg.svd(normal[None])[2][1:]
-    flat = (x - x.mean(axis=0)) @ plane.T
-    plane_sides = sides @ plane.T
-    length = np.linalg.norm(plane_sides, axis=1)
-    unit = plane_sides / length[:, None]
-    arms = flat[:, 0] * unit[:, 1] - flat[:, 1] * unit[:, 0]
-    forces = np.linalg.svd(np.vstack([unit.T, arms / length.max()]))[2][-1]
-    flow = forces / length
-    convex = np.abs(flow).min() > 1e-6 * np.abs(flow).max()
-    place.needs(convex, "a shear panel needs four corners of less than 180°.")
-    pair = int(np.argmax([abs(unit[k] @ unit[k + 2]) for k in (0, 1)]))
-    upright = np.array([-unit[pair, 1], unit[pair, 0]])
-    s, c = ((unit[k] @ unit[pair]) / (unit[k] @ upright) for k in (1 - pair, 3 - pair))
-    skew = 1 + 2 / (3 * (1 + nu)) * (s * s + s * c + c * c)
-    shear = float(np.sqrt(np.abs(np.prod(flow))))
-    loads = (forces[:, None] * unit + np.roll(forces[:, None] * unit, 1, axis=0)) / 2 @ plane
-    terms = [(n, k, float(load[k])) for n, load in zip(nodes, loads, strict=True) for k in range(3)]
-    return terms, shear * skew
+    return area * length
 
 
 #: (number of a point of no element, motions that are fixed).
 Held = list[tuple[int, list[str]]]
 #: What may be joined in one structure.
 JOINED = {"solid", "shell", "beam"}
+#: Roles of elements that no model has -> why, and what to do.
+NOT_CARRIED = {
+    "other": "which no family here carries (solids, plane stress and strain, shells, beams)",
+    "axisymmetric": "which are axisymmetric: revolve the part in your CAD",
+}
 
 
 def finished(builder: ModelBuilder) -> Model:
@@ -386,11 +323,9 @@ def _refuse_uncovered(builder: ModelBuilder) -> None:
     """Raise MeshError for elements without a section or without a family."""
     name = builder.deck.name
     for block, rows in builder.deck.numbered():
-        if block.role == "other":
+        if block.role in NOT_CARRIED:
             raise MeshError(
-                f"{name} has {len(block)} {block.type} elements, which no element "
-                "family here carries (solids, plane stress and strain, shells, "
-                "beams)."
+                f"{name} has {len(block)} {block.type} elements, {NOT_CARRIED[block.role]}."
             )
         if uncovered := int((builder.of_element[rows] < 0).sum()):
             raise MeshError(

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from mpi4py import MPI
@@ -29,8 +28,7 @@ from antiosc import (
     Support,
     Truss,
 )
-from antiosc.base import process
-from antiosc.base._types import Array, IntArray, SolverChoice
+from antiosc.base._types import IntArray, SolverChoice
 from antiosc.base.checks import (
     choice,
     flag,
@@ -43,31 +41,24 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import InputError, NotTakenWarning
-from antiosc.base.materials import MaterialRecord, growth_like, same_kind, yielding
-from antiosc.base.texts import count_text, engineering
+from antiosc.base.materials import growth_like, yielding
+from antiosc.base.texts import engineering
 from antiosc.extension import (
-    AssembledMatrices,
     Attachment,
     Family,
     GivenSheet,
     assemble_checked,
     attachments_of,
-    before_meshing,
-    check_refinements,
     distributed,
     flattened,
-    halved,
     numbered_elements,
     sound,
-    with_cells_near,
-    with_cells_of,
 )
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.platform import collective, on_root, warn
-from antiosc.io.neutral import Model, Piece, RawMesh, Term, UnitSystem
-from antiosc.io.reading import NumberedElements, pieces_error, positions, read_parts
-from antiosc.io.request import Refinement
-from antiosc_decks.shared_nodes import SAME_PLACE, TIED_NEAR, NodeConstraints, SharedNodes
+from antiosc.io.neutral import Model, Piece, RawMesh, UnitSystem
+from antiosc.io.reading import NumberedElements, pieces_error, read_parts
+from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,25 +144,11 @@ def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> li
     return of_parts
 
 
-#: Structures of decks that keep their elements -> why.
-_kept: WeakKeyDictionary[Structure, str] = WeakKeyDictionary()
-
-
-def kept_elements(structure: Structure) -> str:
-    """Why the elements of the deck of a structure cannot be halved; "" if they can, or without a
-    deck.
-    """
-    return _kept.get(structure, "")
-
-
 #: What may become of the contact of a deck.
 ContactChoice: TypeAlias = Literal["tied", "apart"]
-CONTACT_CHOICES: tuple[ContactChoice | None, ...] = ("tied", "apart", None)
+CONTACT_CHOICES: tuple[ContactChoice, ...] = ("tied", "apart")
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}
-#: The family of bars with hinges, and why their elements stay.
-TRUSS = Truss.__name__
-HINGES = "its bars have hinges at their ends, which parts of them must not have"
 #: Name of the part with the triangles, if there are quadrilaterals too.
 TRIANGLES = "triangles"
 FAMILIES: dict[str, Callable[..., Family]] = {
@@ -191,12 +168,10 @@ def read_model(
     modulus: float | None = None,
     yield_strength: float | str | None = None,
     yield_range: tuple[float, float] | None = None,
-    size: float | None = None,
-    refine: Sequence[Refinement] = (),
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
-    contact: ContactChoice | None = None,
+    contact: ContactChoice = "tied",
     free: bool = False,
     elements: NumberedElements | None = None,
     root: str | Path | None = None,
@@ -209,8 +184,7 @@ def read_model(
     Parameters
     ----------
     path
-        A deck of Abaqus or CalculiX (`.inp`), of Nastran (`.bdf`, `.nas`, `.fem`), or of
-        Ansys (`.cdb`).
+        A deck of Abaqus or CalculiX (`.inp`), or of Nastran (`.bdf`, `.nas`, `.fem`).
     unit
         Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "mm-kg" (mm, mN, kg, kPa), "mm-kgf"
         (mm, kgf, kgf/mm²), "cm" (cm, N), "in" (inch, pound-force, psi), "ft" (foot, pound-force,
@@ -227,14 +201,11 @@ def read_model(
         Yield strength in Pa of all isotropic materials, which decks do not state; margins and
         contacts that yield need it. It grows with the strain rate, in the error of the contact's
         law, as that of the material of the table with like E and density. Or the name of a material
-        of the table (`antiosc materials`), whose strength, range and growth those get whose E and
-        density differ from its own by 10 % or less.
+        of the table (`antiosc materials`), whose strength and range they get.
     yield_range
         Lowest and highest yield strength of batches of these materials, Pa; of a name its own.
-    size, refine, merge, timeout, comm
-        As for `read_mesh`: materials, sections and supports follow the divided elements; a new node
-        between nodes that a rigid body or an equation holds follows them. `size` halves no elements
-        of decks that tie nodes to others in their place; `refine` keeps the edges between these.
+    merge, timeout, comm
+        As for `read_mesh`. The elements are those of the deck.
     parts
         Names of parts, instances or sets of elements: only these are read. Constraints, springs
         and masses on nodes of other elements alone are left out; a warning counts them.
@@ -243,10 +214,10 @@ def read_model(
         the largest, 2 for the next; the others are left out. Without it, several pieces are read
         if each of them is supported.
     contact
-        Of the contact pairs of an Abaqus or CalculiX deck: "tied" joins those that are closed at
-        first, as the card TIE does, "apart" leaves all contact out. A joint that stays pressed
-        together is nearer to the first, one that opens or slides is between both. Without it a deck
-        with contact is refused, unless one piece is read, whose contact is left out.
+        Of the contact pairs of an Abaqus or CalculiX deck: "tied" joins those that touch at first,
+        as the card TIE does, "apart" leaves all contact out. A joint that stays pressed together is
+        nearer to the first, one that opens or slides is between both. Contact of one piece that is
+        read is left out.
     free
         Whether to leave out the supports of the deck, as for a fall or an impact in flight.
     elements
@@ -273,8 +244,8 @@ def read_model(
     MeshError
         As `read_mesh`; elements without a section, materials without elasticity or density, names
         of nodes, elements and sets that the deck does not define, and unsupported content that
-        would change the result: contact without a choice (`contact`), element types
-        that no family carries. The message names the line.
+        would change the result: general contact, element types that no family carries. The message
+        names the line.
 
     Warns
     -----
@@ -290,8 +261,6 @@ def read_model(
         unit,
         density=density,
         modulus=modulus,
-        size=size,
-        refine=refine,
         merge=merge,
         parts=parts,
         piece=piece,
@@ -301,7 +270,7 @@ def read_model(
         root=root,
         timeout=timeout,
     )
-    strengths = Strengths.given(yield_strength, yield_range)
+    strength = Strength.given(yield_strength, yield_range)
     added_supports = list_of("supports", supports, Support, "Support objects")
     added_attachments = attachments_of(attached)
     raws = on_root(comm, read)
@@ -312,26 +281,17 @@ def read_model(
     if model["ignored"]:
         ignored = ", ".join(model["ignored"])
         warn(comm, f"of {file.name} are not taken: {ignored}.", NotTakenWarning)
-    if told := _told_of_strength(raws.values(), strengths, file.name):
+    if told := _told_of_strength(raws.values(), strength, file.name):
         warn(comm, told)
 
-    def of_meshes(raws: Mapping[str, RawMesh]) -> Structure:
-        structures = {
-            name: _part(raw, file.name, comm, solver, added_supports, added_attachments, strengths)
-            for name, raw in raws.items()
-        }
-        if not model["joined"]:
-            return next(iter(structures.values()))
-        numbers = {name: raw.numbers for name, raw in raws.items()}
-        of_raws = _model(next(iter(raws.values())))
-        return joined(structures, numbers, of_raws, added_supports, added_attachments, solver)
-
-    structure = of_meshes(raws)
-    if reason := not_halved(raws.values()):
-        _kept[structure] = reason
-    elif isinstance(structure.matrices, AssembledMatrices):
-        structure.matrices.halved = lambda: of_meshes(_halved(raws))
-    return structure
+    structures = {
+        name: _part(raw, file.name, comm, solver, added_supports, added_attachments, strength)
+        for name, raw in raws.items()
+    }
+    if not model["joined"]:
+        return next(iter(structures.values()))
+    numbers = {name: raw.numbers for name, raw in raws.items()}
+    return joined(structures, numbers, model, added_supports, added_attachments, solver)
 
 
 def outline_of_deck(
@@ -345,8 +305,6 @@ def outline_of_deck(
     option_names = (
         "density",
         "modulus",
-        "size",
-        "refine",
         "merge",
         "parts",
         "piece",
@@ -369,25 +327,12 @@ class DeckFacts(NamedTuple):
     """Facts of a deck.
 
     length : of the longest side of its largest part [m].
-    not_halved : why its elements cannot be halved; "" if they can.
-    divided : its elements that are divided into simplices, in words; "" if none are.
     pieces : those of which one is read, the largest first; none if all are.
     """
 
     families: list[Family]
     length: float
-    not_halved: str
-    divided: str
     pieces: Sequence[Piece]
-
-
-#: Shapes of elements in words.
-SHAPES = {
-    "quad": "quadrilaterals",
-    "hexahedron": "hexahedra",
-    "wedge": "wedges",
-    "pyramid": "pyramids",
-}
 
 
 def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any) -> DeckFacts:
@@ -397,21 +342,16 @@ def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any)
     `read_model` for its reader.
     """
     raws = _reader(checked_path("path", path), unit, **options, massless=True)()
-    families = [family for raw in raws.values() for family in _families(raw, Strengths()).values()]
+    families = [family for raw in raws.values() for family in _families(raw, Strength()).values()]
     longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
-    first = next(iter(raws.values()))
-    model = _model(first)
-    counts = model.get("divided", {}).items()
-    words = (f"{count} {SHAPES[shape] if count > 1 else shape}" for shape, count in counts)
-    divided = " and ".join(words)
-    return DeckFacts(families, longest, not_halved(raws.values()), divided, first.pieces)
+    return DeckFacts(families, longest, next(iter(raws.values())).pieces)
 
 
-def _families(raw: RawMesh, strengths: Strengths) -> dict[str, Family]:
+def _families(raw: RawMesh, strength: Strength) -> dict[str, Family]:
     """The family of each group of a part's cells."""
     model = _model(raw)
     return {
-        group: _family(kind, arguments, place, strengths)
+        group: _family(kind, arguments, place, strength)
         for group, kind, arguments, place in model["families"]
         if not model["joined"] or raw.groups.get(group)
     }
@@ -423,12 +363,10 @@ def _reader(
     *,
     density: float | None = None,
     modulus: float | None = None,
-    size: float | None = None,
-    refine: Sequence[Refinement] = (),
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
-    contact: ContactChoice | None = None,
+    contact: ContactChoice = "tied",
     free: bool = False,
     elements: NumberedElements | None = None,
     root: str | Path | None = None,
@@ -437,10 +375,9 @@ def _reader(
 ) -> Callable[[], dict[str, RawMesh]]:
     """A function that reads the deck into cells by part; checks the caller's arguments."""
     units = UnitSystem.of(unit)
-    size, merge, density, modulus, timeout = (
+    merge, density, modulus, timeout = (
         None if value is None else positive(name, value, unit_name)
         for name, value, unit_name in (
-            ("size", size, "m"),
             ("merge", merge, "m"),
             ("density", density, "kg/m³"),
             ("modulus", modulus, "Pa"),
@@ -456,7 +393,6 @@ def _reader(
         parts = list(parts)
     free = flag("free", free)
     contact = choice("contact", contact, CONTACT_CHOICES)
-    check_refinements(refine)
     numbered = numbered_elements(elements)
     if piece is not None:
         piece = whole("piece", piece, least=1)
@@ -488,120 +424,9 @@ def _reader(
             pieces = model["joined"] or model["held"]
             part = TRIANGLES if PARTS[raw.kind.dim] in meshes else PARTS[raw.kind.dim]
             meshes[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
-        raws = list(meshes.values())
-        if size is not None:
-            raws = _with_cells_of(size, raws, file.name)
-        if refine:
-            raws = _near(refine, raws, file.name)
-        if size is not None or refine:
-            _require_room(raws, file.name)
-        return dict(zip(meshes, raws, strict=True))
+        return meshes
 
     return work
-
-
-def _with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMesh]:
-    """The parts of a deck with cells of at most `size` [m], and with the directions in each."""
-    if reason := not_halved(raws):
-        raise InputError(
-            f"{name} keeps its elements, for {reason}: read it without a size, or mesh it in the"
-            " program that made it."
-        )
-    return with_cells_of(size, raws, name, _finer)
-
-
-def _require_room(raws: Sequence[RawMesh], name: str) -> None:
-    """OutOfMemoryError unless matrices and factor of the divided parts fit in the free memory."""
-    costs = [before_meshing(raw.kind.shape, raw.kind.dim, len(raw.cells), [0]) for raw in raws]
-    cells = sum(len(raw.cells) for raw in raws)
-    dofs = sum(count for count, _ in costs)
-    process.require(
-        sum(cost.bytes for _, cost in costs),
-        f"{name} with {cells} cells, some {count_text(float(f'{dofs:.2g}'))} dofs,",
-        "choose a larger size, or make cells smaller around the site alone (refine)",
-    )
-
-
-def _near(refine: Sequence[Refinement], raws: Sequence[RawMesh], name: str) -> list[RawMesh]:
-    """The parts of a deck with smaller cells around points, but for edges between tied nodes."""
-    model = _model(raws[0])
-    if TRUSS in {kind for _, kind, _, _ in model["families"]}:
-        raise InputError(f"{name} keeps its elements, for {HINGES}: read it without refine.")
-    tied = [node for terms in _ties(model, raws) for node, _, _ in terms]
-    return with_cells_near(refine, raws, name, tied, _finer)
-
-
-def _halved(raws: Mapping[str, RawMesh]) -> dict[str, RawMesh]:
-    """The parts of a deck with each element halved."""
-    meshes = list(raws.values())
-    return dict(zip(raws, _finer(meshes, halved(meshes)), strict=True))
-
-
-def _finer(raws: Sequence[RawMesh], finer: Sequence[RawMesh]) -> list[RawMesh]:
-    """Meshes `finer` with the model of the parts, and the directions in each of their cells."""
-    model = _model(raws[0])
-    families = [
-        (group, kind, _in_each_cell(arguments, group, raws, finer), place)
-        for group, kind, arguments, place in model["families"]
-    ]
-    return [replace(raw, model={**_model(raw), "families": families}) for raw in finer]
-
-
-def not_halved(raws: Collection[RawMesh]) -> str:
-    """Why the elements of a deck cannot be halved; "" if they can."""
-    model = _model(next(iter(raws)))
-    if tied := _ties(model, raws):
-        count = len(tied)
-        return f"{count} equations tie nodes to others in their place, and none those between them"
-    if any(kind == TRUSS for _, kind, _, _ in model["families"]):
-        return HINGES
-    return ""
-
-
-def _ties(model: Model, raws: Collection[RawMesh]) -> list[list[Term]]:
-    """The equations by which a node follows others in its place."""
-    equations = model["joints"]["equations"]
-    places: dict[int, Array] = {}
-    for raw in raws if equations else ():
-        places |= dict(zip(raw.numbers.tolist(), raw.points, strict=True))
-    size = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws)
-    tied = []
-    for terms in equations:
-        (node, motion, first), *others = terms
-        shares = {n: -c / first for n, m, c in others if m == motion and n in places}
-        if node not in places or not shares or len(shares) < len(others):
-            continue
-        leaders = np.array([places[n] for n in shares])
-        weights = np.array([*shares.values()])
-        off = np.linalg.norm(weights @ leaders - places[node])
-        near = max(TIED_NEAR * np.ptp(leaders, axis=0).max(), SAME_PLACE * size)
-        if abs(weights.sum() - 1) < TIED_NEAR and off < near:
-            tied.append(terms)
-    return tied
-
-
-def _in_each_cell(
-    arguments: dict[str, Any], group: str, raws: Sequence[RawMesh], finer: Sequence[RawMesh]
-) -> dict[str, Any]:
-    """Arguments of a section whose directions in elements are given in the cells of `finer`."""
-    new = dict(arguments)
-    for name in ("axis", "top"):
-        if not isinstance(arguments.get(name), dict):
-            continue
-        of_old = Nearest(**arguments[name])
-        places, directions = [], []
-        for old, halves in zip(raws, finer, strict=True):
-            rows = old.groups.get(group, {}).get(old.kind.dim)
-            if rows is None:
-                continue
-            cells = halves.groups[group][old.kind.dim]
-            vectors = of_old(old.points[rows].mean(axis=1).T).T
-            parts = np.bincount(halves.parents, minlength=len(old.cells))
-            counts = parts[positions(rows, old.cells[:, : old.kind.vertices])]
-            directions += np.repeat(vectors, counts, axis=0).tolist()
-            places += halves.points[cells].mean(axis=1).tolist()
-        new[name] = {"places": places, "directions": directions}
-    return new
 
 
 def _choices(raw: RawMesh) -> str:
@@ -625,12 +450,12 @@ def _part(
     solver: SolverChoice,
     added_supports: Sequence[Support],
     added_attachments: Sequence[Attachment],
-    strengths: Strengths,
+    strength: Strength,
 ) -> Structure:
     """The structure of one part's cells; parts to be joined get their supports later."""
     model = _model(raw)
     mesh = distributed(raw, name, comm)
-    families = _families(raw, strengths)
+    families = _families(raw, strength)
     if model["joined"]:
         return Structure(mesh, families, solver=solver)
     supported = [Support(group, fix) for group, fix in model["supports"] if raw.groups.get(group)]
@@ -640,79 +465,43 @@ def _part(
     )
 
 
-class Strengths(NamedTuple):
-    """The yield strength that is given for the isotropic materials of a deck.
+class Strength(NamedTuple):
+    """The yield strength of all isotropic materials of a deck, and its range [Pa]."""
 
-    strength, range : Pa; None: unknown, or exact.
-    of : material of the table whose strength it is, of materials of its kind alone.
-    """
-
-    strength: float | None = None
+    value: float | None = None
     range: tuple[float, float] | None = None
-    of: MaterialRecord | None = None
 
     @classmethod
-    def given(cls, strength: float | str | None, ends: tuple[float, float] | None) -> Strengths:
-        """Those of the arguments `yield_strength` and `yield_range` of `read_model`."""
-        named = None
-        if isinstance(strength, str):
-            named = yielding(strength)
-            strength, ends = named.yield_strength, ends or named.yield_range
-        if strength is not None:
-            strength = positive("yield_strength", strength, "Pa")
-        if ends is not None:
-            ends = strength_range(ends, strength)
-        return cls(strength, ends, named)
-
-    def suits(self, E: float, rho: float) -> bool:
-        """Whether the strength is that of a material with this modulus [Pa] and density [kg/m³]."""
-        return self.of is None or same_kind((E, self.of.E), (rho, self.of.rho))
+    def given(cls, value: float | str | None, ends: tuple[float, float] | None) -> Strength:
+        """That of the arguments `yield_strength` and `yield_range` of `read_model`."""
+        if isinstance(value, str):
+            named = yielding(value)
+            value, ends = named.yield_strength, ends or named.yield_range
+        if value is not None:
+            value = positive("yield_strength", value, "Pa")
+        return cls(value, None if ends is None else strength_range(ends, value))
 
     def options(self, family: Callable[..., Family], E: float, rho: float) -> dict[str, object]:
-        """The arguments of a family that state the strength of its material; {}: it has none."""
-        if self.strength is None or not self.suits(E, rho):
+        """The arguments of a family that state the strength of its material."""
+        if self.value is None or "yield_strength" not in signature(family).parameters:
             return {}
-        rate = self.of.rate if self.of else growth_like(E, rho, self.strength)
-        options = {"yield_strength": self.strength, "yield_range": self.range, "rate": rate}
-        known = signature(family).parameters
-        return {name: value for name, value in options.items() if name in known}
+        rate = growth_like(E, rho, self.value)
+        return {"yield_strength": self.value, "yield_range": self.range, "rate": rate}
 
 
-#: What is told of a strength of several materials.
-EACH_STRENGTH = (
-    "what is said of yield, and contacts that yield, hold where this is the own strength of the"
-    " material; the name of a material (yield_strength) is for those of its kind alone; to give"
-    " each its own, read the mesh alone (read_mesh; in a scene [geometry] source) with a material"
-    " for each group ([material.GROUP]), and the supports"
-)
-
-
-def _told_of_strength(raws: Iterable[RawMesh], given: Strengths, name: str) -> str:
-    """Sentence that several materials of a deck have the strength that is given, or that some have
-    none; "" of one material, or without a strength. InputError if none has it.
-    """
-    if given.strength is None:
+def _told_of_strength(raws: Iterable[RawMesh], strength: Strength, name: str) -> str:
+    """Sentence that several materials of a deck have the strength that is given; else ""."""
+    if strength.value is None:
         return ""
-    families: list[Any] = [one for raw in raws for one in _families(raw, given).values()]
-    able = sorted({(one.E, one.rho) for one in families if hasattr(one, "yield_strength")})
-    strong, weak = ([one for one in able if given.suits(*one) is suits] for suits in (True, False))
-    if given.of is None:
-        value = engineering(given.strength, "Pa")
-        told = (
-            f"the yield strength {value} is taken for all {len(strong)} materials ({_told(strong)})"
-        )
-        return f"{told} of {name}: {EACH_STRENGTH}." if len(strong) > 1 else ""
-    of_kind = f"a material like {given.of.name} ({given.of.line})"
-    if not strong:
-        raise InputError(f"{name} has not {of_kind}: {_told(weak)}; give yield_strength in Pa.")
-    if not weak:
+    families: list[Any] = [one for raw in raws for one in _families(raw, strength).values()]
+    strong = sorted({(one.E, one.rho) for one in families if hasattr(one, "yield_strength")})
+    if len(strong) < 2:
         return ""
-    return f"some materials of {name} have no yield strength, as none is {of_kind}: {_told(weak)}."
-
-
-def _told(materials: Sequence[tuple[float, float]]) -> str:
-    """Young's moduli [Pa] and densities [kg/m³] of materials in words."""
-    return ", ".join(f"E = {engineering(E, 'Pa')}, {rho:.4g} kg/m³" for E, rho in materials)
+    listed = ", ".join(f"E = {engineering(E, 'Pa')}, {rho:.4g} kg/m³" for E, rho in strong)
+    return (
+        f"the yield strength {engineering(strength.value, 'Pa')} is taken for all {len(strong)}"
+        f" materials of {name} ({listed}); to give each its own, read the mesh alone (read_mesh)."
+    )
 
 
 def _of_one_material(kind: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -732,7 +521,7 @@ def _of_one_material(kind: str, values: dict[str, Any]) -> tuple[str, dict[str, 
     return "Shell", {**shell, **kept}
 
 
-def _family(kind: str, arguments: dict[str, Any], place: str, strengths: Strengths) -> Family:
+def _family(kind: str, arguments: dict[str, Any], place: str, strength: Strength) -> Family:
     """The family of a section; InputError with the deck's line if its arguments are refused."""
     try:
         values = dict(arguments)
@@ -745,7 +534,7 @@ def _family(kind: str, arguments: dict[str, Any], place: str, strengths: Strengt
         if "section" in values:
             values["section"] = Section(**values["section"])
         family = FAMILIES[kind]
-        given = strengths.options(family, values["E"], values["rho"]) if "E" in values else {}
+        given = strength.options(family, values["E"], values["rho"]) if "E" in values else {}
         return family(**values, **given)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error

@@ -1,7 +1,7 @@
 """Nastran's beams: their cross-sections, orientation, offsets and pin flags.
 
-Tapered and curved beams are divided into pieces. A beam with offset or released ends gets end nodes
-of its own; these follow its grid points as rigid bodies, except in the released motions.
+A tapered beam has its mean section. A beam with offset or released ends gets end nodes of its own;
+these follow its grid points as rigid bodies, except in the released motions.
 """
 
 from __future__ import annotations
@@ -14,19 +14,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from antiosc.io.deck import Array, Block, IntArray
+from antiosc.io.deck import Array
 from antiosc_decks import properties as profiles
 from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.nastran_cards import BEAMS, Entry, motions_of
-from antiosc_decks.nastran_mesh import BeamPiece, NastranDeck
+from antiosc_decks.nastran_mesh import NastranDeck
 
 #: Sections whose centroid may differ from the shear centre, on which the nodes of a CBEAM lie.
 LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
 #: A second moment of 0 is replaced by this share of the other one.
 SLIGHT = 1e-6
 #: Property -> fields of A, I1, I2, I12, J, NSM; field of K1 (-1: none, or after the sections).
-FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEND": ((2, 3, 4, -1, 5, 18), 16)}
-FIELDS["PBEAM"] = ((2, 3, 4, 5, 6, 7), -1)
+FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEAM": ((2, 3, 4, 5, 6, 7), -1)}
 #: Shear coefficient of a plane that is rigid in shear, of a beam that deforms in the other one: its
 #: shear deflection is below 1e-4 of that of bending where the beam is as long as its height.
 RIGID = 1e4
@@ -36,7 +35,7 @@ BEHIND |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
 
 
 class BeamProfile(NamedTuple):
-    """The cross-section of a beam at one place."""
+    """The mean cross-section of a beam."""
 
     profile: profiles.Profile
     #: nonstructural mass per length
@@ -67,20 +66,23 @@ class BeamProfiles:
         #: place along the beam from 0 to 1, ascending -> the cross-section there
         self.stations: dict[float, Station] = dict(sorted(read().items()))
         first, *stations = self.stations.values()
-        self.tapered = any(
-            not np.allclose(station, first, rtol=1e-6, atol=0) for station in stations
-        )
+        if not all(np.allclose(station, first, rtol=1e-6, atol=0) for station in stations):
+            label = f"{entry.name} {entry.text(0)}"
+            self.remarks.append(f"the taper of {label}, its mean section is taken")
         first_station = min(self.stations)
         last = max(self.stations)
         entry.needs(0 <= first_station <= last <= 1, f"X/XB of {entry.name} lies between 0 and 1.")
         is_complete = not stations or last == 1
         entry.needs(is_complete, f"{entry.name} gives no section at X/XB = 1.")
 
-    def at(self, s: float) -> BeamProfile:
-        """The cross-section at place s (0 to 1), linear between stations."""
-        table = np.array(list(self.stations.values())).T
-        places = list(self.stations)
-        A, first, second, mixed, J, extra = (float(np.interp(s, places, c)) for c in table)
+    def mean(self) -> BeamProfile:
+        """The mean cross-section along the beam, linear between stations."""
+        table = np.array(list(self.stations.values()))
+        widths = np.diff(list(self.stations))
+        if len(widths):
+            table = widths[:, None] * (table[1:] + table[:-1]) / 2
+        A, first, second, mixed, J, extra = table.sum(axis=0).tolist()
+
         mean = (first + second) / 2
         half = math.hypot((first - second) / 2, mixed)
         angle = math.atan2(2 * mixed, first - second) / 2 if mixed else 0.0
@@ -102,24 +104,14 @@ class BeamProfiles:
         return 1 / along, 1 / (1 / first + 1 / second - along)
 
     def _by_constants(self) -> dict[float, Station]:
-        """Stations of PBAR, PBEND and PBEAM, which give areas and moments."""
+        """Stations of PBAR and PBEAM, which give areas and moments."""
         entry = self.entry
         label = f"{entry.name} {entry.text(0)}"
         fields, start = FIELDS[entry.name]
         values = [entry.real(k) if k > 0 else 0.0 for k in fields]
         values[0] = entry.real(2, None)
         rows = {0.0: values}
-        if entry.name == "PBEND":
-            last = 19
-            if "." not in entry.text(2):  # a pipe by its mean radius and its wall
-                self.remarks.append(f"the flexibility of {label} by the ovalization of pipes (FSI)")
-                pipe = profiles.tube(entry.real(3) + entry.real(4) / 2, entry.real(4))
-                values[:] = pipe.A, pipe.I, pipe.I_side, 0.0, pipe.J, entry.real(10)
-                start = len(entry.fields)
-                last = 11
-            extra = entry.real(last) or entry.real(last + 1)
-            entry.needs(not extra, "PBEND with RC or ZC is not supported; move its nodes.")
-        elif entry.name == "PBEAM":
+        if entry.name == "PBEAM":
             start = self._along(rows)
             # blank at the second end: as at the first
             ends = (start + 12, start + 13)
@@ -303,12 +295,6 @@ SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
 }
 
 
-#: Pieces of a tapered or curved beam; the error of its stiffness falls with their number squared.
-PIECES = 16
-#: Sine of the angle below which a direction counts as along the chord of a curved beam.
-ALONG = 1e-9
-
-
 class End(NamedTuple):
     """The end node of a beam that lies off its grid point, and how it follows this point."""
 
@@ -320,59 +306,34 @@ class End(NamedTuple):
     held: tuple[int, ...]
     #: tangent, height and width of the beam, as rows (3, 3)
     axes: Array
-    entry: Entry
     #: vector from the shear centre, about which the beam twists, to the end
     beside: Array
 
 
-def divide(deck: NastranDeck) -> list[End]:
-    """Divide tapered and curved beams and give offset or released beams end nodes.
-
-    Returns the ends that are to be joined to grid points.
-    """
-    profiles_of = {entry.number(0): BeamProfiles(entry) for entry in deck.named(*BEAMS)}
-    tapered = {number for number, profile in profiles_of.items() if profile.tapered}
+def own_ends(deck: NastranDeck) -> list[End]:
+    """Give offset and released beams end nodes of their own, which are to be joined."""
+    neutral_axes = {e.whole(0): BeamProfiles(e).neutral for e in deck.named(*BEAMS)}
     ends: list[End] = []
-    points: list[Array] = list(deck.deck.points)
-    elements: list[Entry] = []
-    for k, (block, numbers) in enumerate(deck.deck.numbered()):
-        entries = [deck.elements[number] for number in numbers]
+    places: list[Array] = []
+    count = len(deck.deck.points)
+
+    for block, numbers in deck.deck.numbered():
         if block.role != "beam":
-            elements += entries
             continue
-        lines: list[tuple[int, int]] = []
-        for entry, nodes in zip(entries, block.corners.tolist(), strict=True):
-            beam_profiles = profiles_of.get(entry.property_number())
-            neutral = beam_profiles.neutral if beam_profiles else np.zeros((2, 2))
-            ends_moved = _own_ends(deck, entry, nodes, neutral)
-            rows = list(nodes)
-            for end, (place, motions, axes) in ends_moved.items():
-                rows[end] = len(points)
-                points.append(place)
-                ends.append(
-                    End(rows[end], nodes[end], motions, axes, entry, neutral[end] @ axes[1:])
-                )
-            bend_entry = beam_profiles.entry if beam_profiles and entry.name == "CBEND" else None
-            pieces = PIECES if bend_entry or entry.property_number() in tapered else 1
-            heights: list[Array | None] = [None] * pieces
-            x = np.array([points[row] for row in rows])
-            shares = np.linspace(0, 1, pieces + 1)[1:-1, None]
-            inner = (1 - shares) * x[0] + shares * x[1]
-            if bend_entry:
-                inner, directions = arc(entry, bend_entry, x, _vector(deck, entry), pieces)
-                heights = list(directions)
-            chain = [rows[0], *range(len(points), len(points) + len(inner)), rows[1]]
-            points += list(inner)
-            for piece in range(pieces):
-                middle = (piece + 0.5) / pieces if pieces > 1 else 0.0
-                deck.beams[len(elements)] = BeamPiece(middle, bool(ends_moved), heights[piece])
-                lines.append((chain[piece], chain[piece + 1]))
-                elements.append(entry)
-        no_nodes = np.zeros((len(lines), 0), dtype=np.int64)
-        table: IntArray = np.array(lines, dtype=np.int64).reshape(-1, 2)
-        deck.deck.blocks[k] = Block(block.shape, block.type, table, no_nodes, no_nodes, block.role)
-    deck.elements = elements
-    deck.deck.points = np.array(points)
+        for nodes, element in zip(block.corners, numbers.tolist(), strict=True):
+            entry = deck.elements[element]
+            neutral = neutral_axes.get(entry.property_number(), np.zeros((2, 2)))
+            ends_moved = _ends_of(deck, entry, nodes.tolist(), neutral)
+            for k, (place, motions, axes) in ends_moved.items():
+                row = count + len(places)
+                beside = neutral[k] @ axes[1:]
+                ends.append(End(row, int(nodes[k]), motions, axes, beside))
+                places.append(place)
+                nodes[k] = row
+            if ends_moved:
+                deck.moved.add(element)
+
+    deck.deck.points = np.vstack([deck.deck.points, *places])
     return ends
 
 
@@ -387,7 +348,7 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
         builder.joints.rigid(np.array([end.row]), leader, end.held, axes_of, end.beside)
 
 
-def _own_ends(
+def _ends_of(
     deck: NastranDeck, entry: Entry, nodes: list[int], neutral: Array
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
     """End (0, 1) of a beam with its own node -> (place, motions that follow the grid point,
@@ -453,41 +414,3 @@ def _vector(deck: NastranDeck, entry: Entry) -> Array:
     if entry.text(7).upper()[:1] == "B":
         return v
     return np.asarray(v @ deck.frame(a, entry.place))
-
-
-def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Array, Array]:
-    """(inner points (pieces − 1, 3), directions of plane 1 (pieces, 3)) of a CBEND.
-
-    `bend`: its PBEND; `x` (2, 3): its ends; `v`: its orientation vector.
-    """
-    chord = x[1] - x[0]
-    chord_length = float(np.linalg.norm(chord))
-    label = f"CBEND {entry.text(0)}"
-    height = v - (v @ chord) * chord / chord_length**2
-    is_transverse = np.linalg.norm(height) > ALONG * np.linalg.norm(v)
-    entry.needs(
-        is_transverse, f"the plane of {label} is not known: its vector lies along its chord."
-    )
-    height /= np.linalg.norm(height)
-    kind = entry.whole(7)
-    entry.needs(kind in (1, 2, 3, 4), f"GEOM of CBEND is 1 to 4; got {kind}.")
-    if kind in (3, 4):  # radius or angle; the centre lies across the chord from the point
-        radius = bend.real(6)
-        if kind == 4:
-            radius = chord_length / 2 / max(math.sin(math.radians(bend.real(7)) / 2), ALONG)
-        message = f"the radius of {label} is {radius:.4g}, its chord {chord_length:.4g}: "
-        message += "give RB or THETAB "
-        entry.needs(radius >= chord_length / 2, message + "of its PBEND.")
-        centre = x.mean(axis=0) - math.sqrt(radius**2 - chord_length**2 / 4) * height
-    else:  # the vector points to the centre, or along the arc
-        w = v if kind == 1 else (v @ height) * chord - (v @ chord) * height
-        curved = abs(w @ chord) > ALONG * chord_length * np.linalg.norm(w)
-        entry.needs(curved, f"{label} has no centre of curvature.")
-        centre = x[0] + w * chord_length**2 / (2 * (w @ chord))
-    first, last = x - centre
-    angle = math.atan2(float(np.linalg.norm(np.cross(first, last))), float(first @ last))
-    difference = last - first * math.cos(angle)
-    difference *= np.linalg.norm(first) / np.linalg.norm(difference)
-    angles = np.arange(2 * pieces + 1)[1:-1, None] * angle / (2 * pieces)
-    arms = np.cos(angles) * first + np.sin(angles) * difference
-    return centre + arms[1::2], -arms[::2] / np.linalg.norm(first)

@@ -28,9 +28,8 @@ MOST_COPIES = 1_000_000
 _NUMBER = re.compile(r"-?\.?\d")
 _MARK = re.compile(r"[+*][A-Za-z]")
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
-_SUPER = re.compile(r"SUPER\s*=?\s*(\d+)", re.IGNORECASE)
 _SUBCASE = re.compile(r"\s*(SUBCASE|SUBCOM|SYM|SYMCOM|REPCASE)\b", re.IGNORECASE)
-_SELECTED = re.compile(r"\s*(SPC|MPC|NSM)\s*=\s*(\d+)\s*$", re.IGNORECASE)
+_SELECTED = re.compile(r"\s*(SPC|MPC)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 
 
 @dataclass
@@ -64,15 +63,11 @@ class Entry(Placed):
             return default
         return whole_number(self._filled(k), self.place)
 
-    def number(self, k: int) -> int:
-        """Number of a node, property, … in field `k`, made unique among the parts of the deck."""
-        return self.whole(k) + self.place.scope
-
     def property_number(self) -> int:
         """Number of an element's property; if blank, that of the element itself."""
         if self.name == "CONROD":
             return 0
-        return self.whole(1, self.whole(0)) + self.place.scope
+        return self.whole(1, self.whole(0))
 
     def its_property(self, name: str, known: dict[int, Entry]) -> Entry:
         """The property entry of an element, among those of the card `name`."""
@@ -161,7 +156,7 @@ class Bulk:
         self.names: dict[int, str] = {}
         #: warnings, one sentence each
         self.remarks: list[str] = []
-        #: selections of the case control, if there is one: (SPC, MPC or NSM, number of the subcase;
+        #: selections of the case control, if there is one: (SPC or MPC, number of the subcase;
         #: 0: above all subcases) -> set
         self.selected: dict[tuple[str, int], int] | None = None
         self._subcase = 0
@@ -233,9 +228,7 @@ class Bulk:
             return
         if words[0] == "BEGIN":  # of superelements, after the first
             if words[1:] != ["BULK"]:
-                part = _SUPER.search(line) if "MASSID" not in line.upper() else None
-                name, number = ("BEGIN SUPER", [part[1]]) if part else ("BEGIN", [])
-                self._begin(Entry(name, place, number))
+                raise place.error("superelements are not read here: write the elements out.")
             return
         continued = self._continued
         self._continued = "," in line and line.endswith(",")
@@ -361,8 +354,8 @@ class Cell(NamedTuple):
 _SOLID = ("solid", ("PSOLID", "PCOMPS"))
 _SHELL = ("shell", ("PSHELL", "PCOMP", "PCOMPG"))
 #: Properties of beams.
-BEAMS = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PBEND")
-_BEAM = Cell("line", "beam", BEAMS[:4])
+BEAMS = ("PBAR", "PBARL", "PBEAM", "PBEAML")
+_BEAM = Cell("line", "beam", BEAMS)
 _ROD = Cell("line", "rod", ("PROD",))
 _PYRAMID = Cell("pyramid", *_SOLID, tuple(range(8)))
 #: Nastran lists the middles of the upright edges of solids before those of the top.
@@ -377,35 +370,13 @@ CELLS = {
     **dict.fromkeys(("CQUAD4", "CQUADR", "CQUAD4K"), Cell("quad", *_SHELL, theta=6, offset=7)),
     "CQUAD8": Cell("quad", *_SHELL, (0, 1, 2, 3), theta=14, offset=15, flag=16),
     **dict.fromkeys(("CBAR", "CBEAM"), _BEAM),
-    "CBEND": _BEAM._replace(properties=BEAMS[4:]),
     "CROD": _ROD,
     "CTUBE": _ROD._replace(properties=("PTUBE",)),
     "CONROD": _ROD._replace(properties=("PROD",), first=1),
-    "CSHEAR": Cell("quad", "panel", ("PSHEAR",)),
-}
-#: Entries that are read as a similar one -> what of them is ignored.
-NEAREST = {
-    **dict.fromkeys(("CTRIA3K", "CQUAD4K"), "rigidity in transverse shear"),
-    "BEGIN SUPER": "reduction of superelements (the whole that they divide is read)",
-}
-_PLATE = (0, 1, 2, 1, None, 1, None, 3)
-_MEMBRANE = (0, 1, 2, None, None, None, None, 3)
-#: Entries of older versions -> (current entry, index of the older field for each current field;
-#: () if the fields are the same, or `renew` converts them).
-OLDER: dict[str, tuple[str, tuple[int | None, ...]]] = {
-    **dict.fromkeys(("CQUAD1", "CQUAD2", "CQDMEM", "CQDMEM1", "CQDMEM2"), ("CQUAD4", ())),
-    **dict.fromkeys(("CTRIA1", "CTRIA2", "CTRMEM"), ("CTRIA3", ())),
-    **dict.fromkeys(("CIHEX1", "CIHEX2", "CHEXA1", "CHEXA2"), ("CHEXA", ())),
-    **dict.fromkeys(("PQUAD1", "PTRIA1"), ("PSHELL", ())),
-    **dict.fromkeys(("PQUAD2", "PTRIA2"), ("PSHELL", _PLATE)),
-    **dict.fromkeys(("PQDMEM", "PQDMEM1", "PQDMEM2", "PTRMEM"), ("PSHELL", _MEMBRANE)),
-    **{"CWEDGE": ("CPENTA", ()), "PIHEX": ("PSOLID", (0, 1, 2)), "CRIGD1": ("RBE2", ())},
-    "CRIGD2": ("CRIGD2", ()),
 }
 #: Entries that define several items in one line -> number of fields of each item.
 SEVERAL = {
-    **dict.fromkeys(("CORD1R", "CORD1C", "CORD1S", "PELAS", "PVISC", "PQUAD2", "PTRIA2"), 4),
-    **dict.fromkeys(("PQDMEM", "PQDMEM1", "PQDMEM2", "PTRMEM"), 4),
+    **dict.fromkeys(("CORD1R", "CORD1C", "CORD1S", "PELAS"), 4),
     **dict.fromkeys(("PDAMP", "PMASS"), 2),
 }
 #: Fields of CBAR and CBEAM that are blank together: property, orientation, offsets' axes.
@@ -416,14 +387,12 @@ DEFAULTS = {
     "CBAR": ("BAROR", _OF_BARS),
     "CBEAM": ("BEAMOR", _OF_BARS),
 }
-#: Older elements that name a material instead of a property.
-OF_MATERIAL = ("CHEXA1", "CHEXA2", "CWEDGE")
 #: Properties that give sections.
 PROPERTIES = tuple(dict.fromkeys(name for cell in CELLS.values() for name in cell.properties))
 #: Elements that are read but are not cells of a mesh.
 BESIDE = (
     *(f"{kind}{k}" for kind in ("CELAS", "CDAMP", "CMASS") for k in (1, 2, 3, 4)),
-    *("CONM1", "CONM2", "CVISC", "CBUSH", "CBUSH1D", "CGAP", "RBE2", "RBE3", "RBAR"),
+    *("CONM2", "CBUSH", "CBUSH1D", "RBE2", "RBE3", "RBAR"),
 )
 #: Material, element or property -> the field (from 0) of its damping GE.
 DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 6, "CELAS2": 6}
@@ -435,9 +404,8 @@ CPLSTS6 CPLSTS8 CHACAB CHACBR CAABSF CFLUID2 CFLUID3 CFLUID4 CRAC2D CRAC3D
 """
 
 _READ = """
-GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR PGAP PELAS PDAMP PVISC
-PBUSH PBUSH1D PMASS MAT1 MAT2 MAT8 MAT9 MAT11 SPC SPC1 SPCADD MPC MPCADD NSM NSM1 NSML NSML1 NSMADD
-PARAM SEBULK SECONCT SELOC
+GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR PELAS PDAMP
+PBUSH PBUSH1D PMASS MAT1 MAT2 MAT8 MAT9 MAT11 SPC SPC1 SPCADD MPC MPCADD PARAM
 """
 _HARMLESS = """
 ECHOON ECHOOFF MDLPRM PLOTEL PLOTEL3 PLOTEL4 PLOTEL6 PLOTEL8 PLOTTET PLOTPYR PLOTPEN PLOTHEX POINT
@@ -473,7 +441,15 @@ _REFUSED = {
     "contact": " ".join(CONTACT),
     "glue": "BGSET BGADD BGPARM",
     "a matrix": "DMIG DMIAX TF",
-    "a superelement": "BEGIN CSUPER CSUPEXT RELEASE SEMPLN SEELT SEBNDRY",
+    "a superelement (write the elements out)": "CSUPER CSUPEXT RELEASE SEMPLN SEELT SEBNDRY SEBULK "
+    "SECONCT SELOC",
+    "an entry of NASTRAN of the 1970s (give it as that of today)": "CQUAD1 CQUAD2 CQDMEM CQDMEM1 "
+    "CQDMEM2 CTRIA1 CTRIA2 CTRMEM CIHEX1 CIHEX2 CHEXA1 CHEXA2 CWEDGE CRIGD1 CRIGD2",
+    "a shear panel (give it as a thin CQUAD4)": "CSHEAR",
+    "a curved beam (give it as straight ones)": "CBEND",
+    "a gap (join what touches)": "CGAP",
+    "a nonstructural mass (give it in the property, or as CONM2)": "NSM NSM1 NSML NSML1 NSMADD",
+    "a matrix of masses (give it as CONM2)": "CONM1",
     "a stiffness matrix": "GENEL",
     "the mass of a fluid": "MFLUID ELIST FLSYM FSLIST",
     "an axisymmetric model": "AXIC AXIF RINGAX RINGFL GRIDB CYAX CYJOIN CYSUP CYSYM SECTAX",
@@ -482,6 +458,7 @@ _REFUSED = {
 }
 #: Properties and materials of refused elements; an element that is read and names one is an error.
 _OF_OTHERS = """
+PBEND PSHEAR PGAP PVISC PQUAD1 PQUAD2 PTRIA1 PTRIA2 PQDMEM PQDMEM1 PQDMEM2 PTRMEM PIHEX
 PFAST PWELD PSEAM PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE PLSOLID PCOMPLS PBCOMP PBMSECT
 PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
 """
@@ -489,7 +466,7 @@ PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN MAT3 MAT10 MAT3D MATG MATHE MAT
 #: Free in normal modes (SOL 103), fixed in those of a Craig–Bampton reduction.
 _SUPORT = Fate("ignored", "(what it supports stays free)")
 
-_READ_ALL = (*_READ.split(), *CELLS, *PROPERTIES, *BESIDE, *NEAREST, *OLDER)
+_READ_ALL = (*_READ.split(), *CELLS, *PROPERTIES, *BESIDE)
 _NOT_READ = {"harmless": (_HARMLESS + _OF_OTHERS).split(), "ignored": _IGNORED.split()}
 ENTRIES = table(read=_READ_ALL, refused=_REFUSED | {"": NO_COUNTERPART}, **_NOT_READ)
 ENTRIES |= dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
@@ -502,17 +479,12 @@ def fate_of(name: str) -> Fate:
 
 def is_other(name: str) -> bool:
     """Whether an entry is an element but not a cell of a mesh."""
-    return name in BESIDE or name.startswith("CHBDY") or fate_of(name) == Fate("refused")
+    return name in BESIDE or name.startswith("CHBDY") or fate_of(name).kind == "refused"
 
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
     """The fate of each entry of a deck."""
-    account = Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
-    for entry in entries:
-        if entry.name in NEAREST:
-            label = f"{entry.name}, {NEAREST[entry.name]}"
-            account.options.append((label, entry.place, Fate("ignored")))
-    return account
+    return Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
 
 
 def separated(entries: Sequence[Entry]) -> list[Entry]:
@@ -528,56 +500,18 @@ def separated(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def fill(entries: Sequence[Entry]) -> None:
-    """Fill blank fields with the defaults (BAROR, GRDSET, …) of the same part."""
+    """Fill blank fields with the defaults (BAROR, GRDSET, …)."""
     names = {name for name, _ in DEFAULTS.values()}
-    defaults = {(entry.name, entry.place.scope): entry for entry in entries if entry.name in names}
+    defaults = {entry.name: entry for entry in entries if entry.name in names}
     for entry in entries if defaults else ():
         name, groups = DEFAULTS.get(entry.name, ("", ()))
-        if default := defaults.get((name, entry.place.scope)):
+        if default := defaults.get(name):
             entry.fields += [""] * (8 - len(entry.fields))
             for group in groups:
                 if not any(entry.text(k) for k in group):
                     if group in ((1,), (5,)):  # numbers of properties and systems
                         default.whole(group[0], 0)
                     entry.fields[group[0] : group[-1] + 1] = [default.text(k) for k in group]
-
-
-def renew(entries: Sequence[Entry]) -> list[Entry]:
-    """Rewrite entries of old versions as current ones; returns the entries to be added."""
-    solids: dict[str, Entry] = {}
-    links: list[Entry] = []
-    solid_properties = {entry.text(0) for entry in entries if entry.name == "PSOLID"}
-    for entry in entries:
-        if entry.name not in OLDER:
-            continue
-        old_name = entry.name
-        entry.name, order = OLDER[entry.name]
-        if old_name in OF_MATERIAL:
-            material = entry.text(1)
-            solids.setdefault(material, Entry("PSOLID", entry.place, [material, material]))
-        elif old_name == "CRIGD1":
-            entry.fields[2:2] = ["123456"]
-        elif old_name == "CRIGD2":  # pairs of a node and its components
-            words = entry.words(0)
-            pairs = zip(words[2::2], words[3::2], strict=False)
-            links += [Entry("RBE2", entry.place, [*words[:2], c, node]) for node, c in pairs]
-        elif old_name in ("PQUAD1", "PTRIA1"):
-            entry.fields = _plate(entry)
-        elif order:
-            entry.fields = ["" if k is None else entry.text(k) for k in order]
-        solid_properties.update([entry.text(0)] if entry.name == "PSOLID" else [])
-    return [entry for number, entry in solids.items() if number not in solid_properties] + links
-
-
-def _plate(entry: Entry) -> list[str]:
-    """Fields of the PSHELL that equals a PQUAD1 or PTRIA1, with 12I/T³ for I and TS/T for T3."""
-    second = entry.real(4)
-    t = entry.real(2) or (12 * max(second, 0.0)) ** (1 / 3)
-    entry.needs(t, f"{entry.name} needs a thickness, or I, above 0.")
-    shear = repr(entry.real(6) / t) if entry.real(6) else ""
-    ratio = repr(12 * second / t**3) if second else ""
-    number, membrane, bending, shear_material, extra = (entry.text(k) for k in (0, 1, 3, 5, 7))
-    return [number, membrane, repr(t), bending, ratio, shear_material, shear, extra]
 
 
 def tell_damping(account: Account, entries: Sequence[Entry]) -> None:

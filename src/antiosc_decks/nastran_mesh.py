@@ -1,18 +1,14 @@
 """Nastran bulk data into nodes, elements and groups by property, with its coordinate systems.
 
-Coordinate systems are CORD1 and CORD2, rectangular, cylindrical and spherical. Parts (BEGIN SUPER)
-may use the same numbers for different things: then, and if SELOC moves a part, each part has a
-scope, an offset that is added to its numbers. Coincident nodes of two such parts are one node,
-unless SEBULK says that SECONCT alone joins the part (MANUAL).
+Coordinate systems are CORD1 and CORD2, rectangular, cylindrical and spherical.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -88,25 +84,17 @@ class Systems:
         self._node = node
         self._placed: dict[int, CoordinateSystem] = {}
         self._open: set[int] = set()
-        self._moved: Mapping[int, CoordinateSystem] = {}
         definitions = [entry for entry in entries if entry.name.startswith(("CORD1", "CORD2"))]
         self._given = defined_once(definitions, "coordinate system")
 
-    def move(self, moved: Mapping[int, CoordinateSystem]) -> None:
-        """Set the basic systems of parts that SELOC moves: scope -> system."""
-        self._moved = moved
-        self._placed.clear()
-
     def __call__(self, number: int, place: DeckPlace) -> CoordinateSystem:
         """The system `number`; MeshError if there is none, or it depends on itself."""
-        current = number
         if not number:
-            return self._moved.get(place.scope, BASIC)
-        number += place.scope
+            return BASIC
         if number not in self._placed:
-            entry = place.found(self._given, number, f"there is no coordinate system {current}.")
+            entry = place.found(self._given, number, f"there is no coordinate system {number}.")
             closed = number not in self._open and len(self._open) <= 200
-            place.needs(closed, f"the coordinate system {current} depends on itself.")
+            place.needs(closed, f"the coordinate system {number} depends on itself.")
             self._open.add(number)
             self._placed[number] = self._place(entry)
             self._open.discard(number)
@@ -123,88 +111,10 @@ class Systems:
         return CoordinateSystem(points[0], np.stack([x, y, z]), entry.name[-1])
 
 
-# --- Parts ----------------------------------------------------------------------------------------
-
-
-#: Offset between the numbers of two parts; larger than any number.
-SCOPE = 10**10
-#: Beginnings of the names of entries that others refer to by number.
-DEFINED = ("GRID", "P", "MAT", "CORD")
-#: Nodes of two parts that are closer than this, in the deck's unit, are one node.
-NEAR = 1e-5
-
-
-def scope_parts(entries: list[Entry]) -> None:
-    """Set the scopes of all entries if the parts use numbers for different things."""
-    part = 0
-    scopes = []
-    fields_of: dict[tuple[str, str], tuple[int, list[str]]] = {}
-    clash = any(entry.name == "SELOC" for entry in entries)
-    for entry in entries:
-        part = entry.whole(0) if entry.name == "BEGIN SUPER" else part
-        scopes.append(part)
-        if entry.name.startswith(DEFINED) and entry.name not in ("PARAM", "PLOTEL"):
-            other_part, fields = fields_of.setdefault(
-                (entry.name, entry.text(0)), (part, entry.fields)
-            )
-            clash = clash or (other_part != part and fields != entry.fields)
-    for entry, part in zip(entries, scopes, strict=True):
-        if clash and part:
-            entry.place = replace(entry.place, scope=part * SCOPE)
-
-
-def label_of(number: int) -> str:
-    """Name of a property, with its part."""
-    part, label = divmod(number, SCOPE)
-    return f"{label}" + (f" of part {part}" if part else "")
-
-
-def place_in(entries: list[Entry], entry: Entry, k: int) -> DeckPlace:
-    """The place of an entry with the scope of the part that its field `k` names."""
-    scoped = any(entry_in_deck.place.scope for entry_in_deck in entries)
-    return replace(entry.place, scope=entry.whole(k, 0) * SCOPE * scoped)
-
-
-def moved_parts(
-    entries: list[Entry], node: Callable[[int, DeckPlace], Array], systems: Systems
-) -> dict[int, CoordinateSystem]:
-    """Scope of a part -> its basic system after SELOC, which moves three nodes to three points."""
-    points = {entry.whole(0): entry for entry in entries if entry.name == "POINT"}
-    part_systems = {}
-
-    def aim(number: int, place: DeckPlace) -> Array:
-        if number not in points:
-            return node(number, place)
-        point = points[number]
-        return systems(point.whole(1, 0), point.place).point(np.array(point.reals(2, 5)))
-
-    for entry in entries:
-        if entry.name == "SELOC":
-            placement = place_in(entries, entry, 0)
-            a = axes_of([node(entry.whole(k), placement) for k in (1, 2, 3)], entry)
-            b = axes_of([aim(entry.whole(k), entry.place) for k in (4, 5, 6)], entry)
-            rotation = a.axes.T @ b.axes
-            part_systems[placement.scope] = CoordinateSystem(
-                b.origin - a.origin @ rotation, rotation
-            )
-    return part_systems
-
-
 #: Selection of the case control -> entries with such sets; the name of their sum ends with ADD.
-SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",), "NSM": ("NSM", "NSM1", "NSML", "NSML1")}
+SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
 #: Elements between scalar motions, by the first letters of their names.
 SCALARS = ("CELAS", "CDAMP", "CMASS")
-
-
-class BeamPiece(NamedTuple):
-    """A beam, or a piece of one."""
-
-    #: place of its middle, from 0 to 1
-    middle: float = 0.0
-    #: whether its ends are nodes of its own
-    moved: bool = False
-    #: direction of plane 1 of a piece of a curved beam
-    height: Array | None = None
 
 
 @dataclass
@@ -224,8 +134,8 @@ class NastranDeck:
     elements: list[Entry] = field(default_factory=list)
     #: system of the displacements at each node: row -> number, where it is not the basic one
     systems_of: dict[int, int] = field(default_factory=dict)
-    #: element -> its beam, if it was divided or has ends of its own
-    beams: dict[int, BeamPiece] = field(default_factory=dict)
+    #: beams with end nodes of their own
+    moved: set[int] = field(default_factory=set)
 
     def named(self, *names: str) -> list[Entry]:
         """All entries with one of these names."""
@@ -236,7 +146,7 @@ class NastranDeck:
         return next((e for e in self.named("PARAM") if e.text(0).upper() == name), None)
 
     def used_sets(self, what: str) -> set[int]:
-        """Numbers of the SPC, MPC or NSM sets that the first subcase selects, else of all sets.
+        """Numbers of the SPC or MPC sets that the first subcase selects, else of all sets.
 
         The choice is reported; MeshError if a selected SPC set does not exist.
         """
@@ -274,7 +184,7 @@ class NastranDeck:
 
     def row(self, label: int, place: DeckPlace) -> int:
         """Row of the node numbered `label`."""
-        row = int(self.nodes.rows(np.array([label + place.scope]))[0])
+        row = int(self.nodes.rows(np.array([label]))[0])
         place.needs(row >= 0, f"there is no GRID {label}.")
         return row
 
@@ -284,7 +194,7 @@ class NastranDeck:
 
     def properties(self, name: str) -> dict[int, Entry]:
         """Number of a property -> its entry."""
-        return {entry.number(0): entry for entry in self.named(name) if entry.text(0)}
+        return {entry.whole(0): entry for entry in self.named(name) if entry.text(0)}
 
     def property_numbers(self) -> IntArray:
         """Number of the property of each element."""
@@ -294,7 +204,7 @@ class NastranDeck:
         """Set element sets by property number (and name), and node sets by SPC."""
         numbers = self.property_numbers()
         for number in map(int, np.unique(numbers[numbers > 0])):
-            for name in filter(None, (label_of(number), self.bulk.names.get(number))):
+            for name in filter(None, (str(number), self.bulk.names.get(number))):
                 self.deck.element_sets[name] = np.flatnonzero(numbers == number)
         for number in sorted({entry.whole(0) for entry in self.named("SPC", "SPC1")}):
             if rows := [rows for rows, _, _ in self.constraints(number)]:
@@ -310,8 +220,7 @@ class NastranDeck:
                     yield np.array([self.at(entry, k)]), entry.text(k + 1), entry
             fields = entry.fields[2:] if entry.name == "SPC1" else []
             for first, last in through(fields, entry.place):
-                ends = first + entry.place.scope, last + entry.place.scope
-                yield self.nodes.between(*ends), entry.text(1), entry
+                yield self.nodes.between(first, last), entry.text(1), entry
 
     def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
         """[(row, motion 0 to 5)] of the ends of CELAS, CDAMP or CMASS, without the ground."""
@@ -336,25 +245,6 @@ class NastranDeck:
         place = self.grids[row].place if row < len(self.grids) else place
         return self.systems(number, place).frame(self.deck.points[row])
 
-    def coincident(self) -> Iterator[tuple[int, int]]:
-        """Yields (row, row of an earlier node) of coincident nodes of two parts."""
-        scopes = np.array([grid.place.scope for grid in self.grids])
-        manual_parts = [
-            entry for entry in self.named("SEBULK") if entry.text(3).upper() == "MANUAL"
-        ]
-        manual = {entry.whole(0) * SCOPE for entry in manual_parts}
-        if not scopes.any():
-            return
-        from scipy.spatial import cKDTree  # few decks need it, and it loads slowly
-
-        used: set[int] = set()
-        pairs = cKDTree(self.deck.points[: len(scopes)]).query_pairs(NEAR)
-        for first, second in sorted(pairs):
-            pair_scopes = {scopes[first], scopes[second]}
-            if len(pair_scopes) == 2 and second not in used and not pair_scopes & manual:
-                used.add(second)
-                yield second, first
-
     def axes(self, entry: Entry, number: int) -> Array:
         """Axes of a rectangular system, as rows."""
         system = self.systems(number, entry.place)
@@ -372,15 +262,10 @@ def read(sources: Sources) -> NastranDeck:
     for entry in bulk.entries:
         if entry.fault and cards.fate_of(entry.name).kind == "read":
             raise entry.fault
-        if entry.name == "SEBULK" and entry.text(1).upper() not in ("", "PRIMARY"):
-            message = f"a superelement of the type {entry.text(1)} is not read"
-            raise entry.place.error(f"{message}; write its elements out.")
     bulk.entries = cards.separated(bulk.entries)
-    scope_parts(bulk.entries)
     cards.fill(bulk.entries)
     deck = _nodes(bulk, sources.name)
     deck.deck.remarks += [*bulk.remarks, *deck.account.unknown()]
-    bulk.entries += cards.renew(bulk.entries)
     _rods_of_bars(deck)
     _without_fluids(deck)
     _elements(deck)
@@ -400,7 +285,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     if not grids:
         raise MeshError(f"{name} defines no nodes (GRID): give the deck that includes this file.")
     grids = list(defined_once(grids, "GRID").values())
-    labels = np.array([grid.number(0) for grid in grids], dtype=np.int64)
+    labels = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
     repeated = np.intersect1d(labels, scalar)
     if len(repeated):
@@ -409,7 +294,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     positions: dict[int, Array] = {}
 
     def position(label: int, place: DeckPlace) -> Array:
-        row = int(nodes.rows(np.array([label + place.scope]))[0])
+        row = int(nodes.rows(np.array([label]))[0])
         place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
         if row not in positions:
             number = grids[row].whole(1, 0)
@@ -418,9 +303,6 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
         return positions[row]
 
     systems = Systems(bulk.entries, position)
-    part_systems = moved_parts(bulk.entries, position, systems)
-    systems.move(part_systems)
-    positions.clear()
     points = [position(grid.whole(0), grid.place) for grid in grids]
     numbers = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
     deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]), labels=numbers)
@@ -429,7 +311,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     deck_read = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
     for row, grid in enumerate(grids):
         number = grid.whole(5, 0)
-        if number or grid.place.scope in part_systems:
+        if number:
             deck_read.systems_of[row] = number
     return deck_read
 
@@ -438,7 +320,7 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
     """Number -> its entry; MeshError if two entries of one number differ."""
     first: dict[int, Entry] = {}
     for entry in entries:
-        earlier = first.setdefault(entry.number(0), entry)
+        earlier = first.setdefault(entry.whole(0), entry)
         count = max(len(earlier.fields), len(entry.fields))
         if earlier.name != entry.name or any(
             earlier.text(k) != entry.text(k) for k in range(count)
@@ -453,11 +335,11 @@ def _scalar_points(bulk: Bulk) -> IntArray:
     numbers: set[int] = set()
     for entry in bulk.entries:
         if entry.name[:-1] in SCALARS and entry.name[-1] in "34":
-            numbers.update(entry.number(k) for k in (2, 3) if entry.whole(k, 0))
+            numbers.update(entry.whole(k) for k in (2, 3) if entry.whole(k, 0))
         if entry.name == "SPOINT":
             for first, last in through(entry.fields, entry.place):
                 entry.needs(last - first <= 10_000_000, f"SPOINT from {first} to {last}.")
-                numbers.update(range(first + entry.place.scope, last + entry.place.scope + 1))
+                numbers.update(range(first, last + 1))
     return np.array(sorted(numbers), dtype=np.int64)
 
 
@@ -504,8 +386,6 @@ def _elements(deck: NastranDeck) -> None:
     used_numbers: set[int] = set()
     for entry in deck.bulk.entries:
         cell = CELLS.get(entry.name)
-        if entry.name == "BEGIN SUPER":  # which numbers its elements anew
-            used_numbers = set()
         if cell is None:
             if cards.is_other(entry.name):
                 deck.deck.left[entry.name] += 1
@@ -513,7 +393,7 @@ def _elements(deck: NastranDeck) -> None:
         corners = CORNERS[cell.shape]
         blank = None if cell.role in ("beam", "rod") else 0  # 0: left out
         places = range(cell.first, cell.first + corners + len(cell.middles))
-        nodes = [(n := entry.whole(k, blank)) and n + entry.place.scope for k in places]
+        nodes = [entry.whole(k, blank) for k in places]
         label = entry.whole(0)
         entry.needs(label not in used_numbers, f"the element {label} is defined more than once.")
         used_numbers.add(label)
@@ -525,7 +405,7 @@ def _elements(deck: NastranDeck) -> None:
         rows = np.where(table > 0, deck.nodes.rows(table), -1)
         is_missing = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
         for row, k in np.argwhere(is_missing):
-            message = f"{name} {members[row][0].whole(0)} has the node {table[row, k] % SCOPE}"
+            message = f"{name} {members[row][0].whole(0)} has the node {table[row, k]}"
             raise members[row][0].place.error(f"{message}, for which there is no GRID.")
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
         tables = rows[:, :corners], mids, mids[:, :0]

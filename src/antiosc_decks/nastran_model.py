@@ -6,16 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.base._types import BoolArray
-from antiosc.io.deck import Array, DeckPlace, real_number, whole_number
+from antiosc.io.deck import Array, DeckPlace, real_number
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks import nastran_beams as beams
-from antiosc_decks.builder import ModelBuilder, Unstated, add_mass, add_total
+from antiosc_decks.builder import ModelBuilder, Unstated
 from antiosc_decks.constraints import axis_terms, lever
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
 from antiosc_decks.nastran_cards import CONTACT, Entry, motions_of, tell_damping, through
-from antiosc_decks.nastran_mesh import SETS, NastranDeck, place_in
+from antiosc_decks.nastran_mesh import NastranDeck
 from antiosc_decks.nastran_properties import Properties
 from antiosc_decks.properties import symmetric
 from antiosc_decks.sources import lines
@@ -33,11 +32,9 @@ SCALAR = {
     "CMASS": ("PMASS", "mass"),
 }
 #: Elements with springs along axes -> their property.
-BUSHES = {"CVISC": "PVISC", "CBUSH1D": "PBUSH1D", "CBUSH": "PBUSH", "CGAP": "PGAP"}
-#: Those that act along the line between their nodes, without lever arms.
-ON_LINE = ("CVISC", "CBUSH1D")
+BUSHES = {"CBUSH1D": "PBUSH1D", "CBUSH": "PBUSH"}
 #: Entries that give masses.
-MASSES = ("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4")
+MASSES = ("CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4")
 #: Stiffnesses and dampings of the six motions.
 Constants = tuple[list[float], list[float]]
 
@@ -56,8 +53,6 @@ class NastranJoints:
         for name, rigid in RIGID.items():
             for entry in deck.named(name):
                 rigid(self, entry)
-        for follower, node in deck.coincident():
-            self._follow([follower], node, ALL, deck.grids[follower], local_axes=False)
         mpc_sets = deck.used_sets("MPC")
         for entry in deck.named("MPC"):
             if entry.whole(0) in mpc_sets:
@@ -70,39 +65,24 @@ class NastranJoints:
                 self._bush(entry, entry.its_property(name, properties))
 
     def read_masses(self) -> None:
-        """Add masses at nodes and masses spread over elements."""
+        """Add masses at nodes."""
         for entry in self.found.named("CONM2"):
             self._at_a_point(entry)
-        for entry in self.found.named("CONM1"):
-            self._matrix(entry)
         self._scalars("CMASS")
-        nsm_sets = self.found.used_sets("NSM")
-        for entry in self.found.named(*SETS["NSM"]):
-            if entry.whole(0) in nsm_sets:
-                self._nonstructural(entry)
 
-    def _follow(
-        self,
-        rows: list[int],
-        node: int,
-        motions: tuple[int, ...],
-        entry: Entry,
-        local_axes: bool = True,
-    ) -> None:
+    def _follow(self, rows: list[int], node: int, motions: tuple[int, ...], entry: Entry) -> None:
         """Let motions of some nodes follow another node as a rigid body."""
         entry.needs(node not in rows, f"a GRID of {entry.name} cannot follow itself.")
         leader = self.builder.joints.leader(node)
         followers = np.array(rows, dtype=np.int64)
-        frames = self.builder.joints.frames if local_axes else {}
-        self.builder.joints.rigid(followers, leader, motions, frames)
+        self.builder.joints.rigid(followers, leader, motions, self.builder.joints.frames)
 
     def _nodes(self, entry: Entry, words: list[str]) -> list[int]:
         """Rows of a list of grid points; those inside a THRU range may be missing."""
         rows: list[int] = []
         for first, last in through(words, entry.place):
             rows.append(self.found.row(first, entry.place))
-            inner = first + entry.place.scope + 1, last + entry.place.scope
-            rows += map(int, self.found.nodes.between(*inner) if last > first else ())
+            rows += map(int, self.found.nodes.between(first + 1, last) if last > first else ())
         return rows
 
     def _rbe2(self, entry: Entry) -> None:
@@ -112,20 +92,6 @@ class NastranJoints:
         if words and "." in words[-1]:
             words.pop()  # the coefficient of thermal expansion
         self._follow(self._nodes(entry, words), self.found.at(entry, 1), motions, entry)
-
-    def _seconct(self, entry: Entry) -> None:
-        """SECONCT: pairs of nodes of two superelements that move as one."""
-        words = entry.words(8)
-        is_list = "THRU" not in map(str.upper, words) and len(words) % 2 == 0
-        entry.needs(is_list, "SECONCT is read as pairs of nodes.")
-        places = [place_in(self.found.bulk.entries, entry, k) for k in (0, 1)]
-        for pair in zip(words[::2], words[1::2], strict=True):
-            words_and_places = zip(pair, places, strict=True)
-            follower, leader = (
-                self.found.row(whole_number(word, place), place) for word, place in words_and_places
-            )
-            if follower != leader:
-                self._follow([follower], leader, ALL, entry, local_axes=False)
 
     def _rbar(self, entry: Entry) -> None:
         """RBAR: one node follows another."""
@@ -224,7 +190,8 @@ class NastranJoints:
     def _bush(self, entry: Entry, prop: Entry) -> None:
         """Add springs and dampers at one place; those of CBUSH have rigid arms."""
         constants = self._constants(entry.name, prop)
-        if entry.name in ON_LINE:  # the system is in another field
+        on_line = entry.name == "CBUSH1D"  # between its nodes, without lever arms
+        if on_line:  # the system is in another field
             fields = [*entry.fields[:4], "", "", "", entry.text(4)]
             entry = Entry(entry.name, entry.place, fields)
         is_active = [bool(k or c) for k, c in zip(*constants, strict=True)]
@@ -245,8 +212,8 @@ class NastranJoints:
             terms: list[Term] = []
             for row, end_point, sign in zip(rows, x, (1.0, -1.0), strict=False):
                 arm = np.cross(place - end_point, axis) if not first else np.zeros(3)
-                armed = entry.name not in ON_LINE
-                if armed and np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - end_point):
+                distance = float(np.linalg.norm(place - end_point))
+                if not on_line and np.linalg.norm(arm) > ROUNDING_ARM * distance:
                     row = self.builder.joints.leader(row)
                     terms += axis_terms(row, arm, 3, sign)
                 terms += axis_terms(row, axis, first, sign)
@@ -259,25 +226,11 @@ class NastranJoints:
         """(stiffnesses, dampings) of the six motions; ignored fields are reported."""
         report = self.builder.tell_once
         values = {"K": [0.0] * 6, "B": [0.0] * 6}
-        if name == "CVISC":  # along the line, and against the twist about it
-            values["B"][0] = prop.real(1)
-            values["B"][3] = prop.real(2)
-        elif name == "CBUSH1D":
+        if name == "CBUSH1D":
             values["K"][0] = prop.real(1)
             values["B"][0] = prop.real(2)
             if prop.words(3):
                 report(f"what of PBUSH1D {prop.text(0)} is not K or C")
-        elif name == "CGAP":
-            # a spring by its first state in linear solutions: Altair OptiStruct 2021, CGAP,
-            # comment 1; Autodesk Nastran Reference Guide, CGAP, remark 1; KT = MU1 KA: PGAP of both
-            is_open = prop.real(1) > 0
-            normal = prop.real(4) if is_open else prop.real(3, 1e8)
-            shear_damping = 0.0 if is_open else prop.real(5, prop.real(6) * normal)
-            values["K"][:3] = normal, shear_damping, shear_damping
-            report(
-                f"the contact in CGAP of PGAP {prop.text(0)}, which stay "
-                f"{'open' if is_open else 'closed'}, as at first"
-            )
         else:
             for start in range(0, len(prop.fields), 8):
                 kind = prop.text(start + 1).upper()
@@ -303,7 +256,7 @@ class NastranJoints:
             return self.found.systems(entry.whole(7), entry.place).frame(place)
         acts_transversely = any(acts[k] for k in (1, 2, 4, 5))
         oriented = any(entry.text(k) for k in (4, 5, 6))
-        if len(x) == 1 and not oriented and not (entry.name in ON_LINE and entry.text(3)):
+        if len(x) == 1 and not oriented and not (entry.name == "CBUSH1D" and entry.text(3)):
             return np.eye(3)
         has_axes = len(x) > 1 and (oriented or not acts_transversely)
         entry.needs(
@@ -346,66 +299,9 @@ class NastranJoints:
         M[3:, 3:] += J
         self.builder.body(row, M, mass, entry.place)
 
-    def _matrix(self, entry: Entry) -> None:
-        """CONM1: a mass matrix (6, 6) at one node."""
-        M = symmetric(np.array(entry.reals(3, 24)) * self.factor)
-        if entry.whole(2, 0):
-            rotation = np.kron(np.eye(2), self.found.axes(entry, entry.whole(2)))
-            M = rotation.T @ M @ rotation
-        negative = np.linalg.eigvalsh(M).min() < -INERTIA_ROUNDING * np.abs(M).max()
-        entry.needs(
-            not negative, "the matrix of CONM1 is not that of a mass: it has a negative eigenvalue."
-        )
-        self.builder.body(self.found.at(entry, 1), M, float(np.trace(M[:3, :3])) / 3, entry.place)
-
-    def _nonstructural(self, entry: Entry) -> None:
-        """NSM, NSML: pairs of a number and a mass; NSM1, NSML1: one mass for several numbers."""
-        words = [entry.text(k).upper() for k in range(2, len(entry.fields))]
-        if entry.name in ("NSM1", "NSML1"):
-            groups = [([word for word in words[1:] if word], words[0])]
-        else:
-            groups = [([words[k]], words[k + 1]) for k in range(0, len(words) - 1, 2) if words[k]]
-        for numbers, mass in groups:
-            elements = np.flatnonzero(self._named(entry, numbers))
-            value = real_number(mass, entry.place) * self.factor
-            if entry.name.startswith("NSML"):
-                add_total(self.builder, elements, value, entry.place, "measure")
-            else:
-                add_mass(self.builder, elements, value, 0, entry.place)
-
-    def _named(self, entry: Entry, words: list[str]) -> BoolArray:
-        """Mask of the elements that a list of element or property numbers names."""
-        kind = entry.text(1).upper()
-        of_element = kind in ("ELEMENT", "CONROD")
-        of_property = kind.startswith("P")
-        entry.needs(
-            of_element or of_property,
-            f"{entry.name} is read of properties and elements; got {kind!r}.",
-        )
-        properties = self.found.property_numbers()
-        if of_element:
-            properties = np.array(
-                [entry_of.whole(0) for entry_of in self.found.elements], dtype=np.int64
-            )
-        if words == ["ALL"]:
-            numbers = {entry_of.whole(0) for entry_of in self.found.named(kind)}
-            return (
-                np.isin(properties, list(numbers))
-                if of_property
-                else np.ones(len(properties), dtype=bool)
-            )
-        entry.needs("BY" not in words, f"{entry.name} is read without BY; list the numbers.")
-        selected = np.zeros(len(properties), dtype=bool)
-        for first, last in through(words, entry.place):
-            in_range = (properties >= first) & (properties <= last)
-            entry.needs(in_range.any(), f"{entry.name} names {kind} {first}, of no element.")
-            selected |= in_range
-        return selected
-
 
 #: Rigid elements, in the order in which they are read.
 RIGID = {"RBE2": NastranJoints._rbe2, "RBAR": NastranJoints._rbar, "RBE3": NastranJoints._rbe3}
-RIGID["SECONCT"] = NastranJoints._seconct
 
 
 def _motions(entry: Entry, text: str) -> tuple[int, ...]:
@@ -417,11 +313,11 @@ def _motions(entry: Entry, text: str) -> tuple[int, ...]:
 
 def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
-    deck.deck.remarks += deck.account.refuse(CONTACT, deck.deck.contact)
+    deck.account.refuse(CONTACT, deck.deck)
     tell_damping(deck.account, deck.bulk.entries)
     weight_to_mass = deck.parameter("WTMASS")
     factor = weight_to_mass.real(1, None) if weight_to_mass else 1.0
-    ends = beams.divide(deck)
+    ends = beams.own_ends(deck)
     builder = ModelBuilder(deck.deck, units, unstated, lumped=bool(deck.named(*MASSES)))
     deck.set_groups()
     Properties(deck, builder, factor).read()
@@ -431,6 +327,7 @@ def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
     joints.read()
     beams.join(builder, ends)
     joints.read_masses()
+
     autospc = deck.parameter("AUTOSPC")
     if builder.truss and not (autospc and autospc.text(1).upper() == "NO"):
         hold_without_stiffness(builder)

@@ -1,4 +1,4 @@
-"""Materials and properties of Nastran decks: solids, rods, shear panels, beams and shells."""
+"""Materials and properties of Nastran decks: solids, rods, beams and shells."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from antiosc_decks import properties as geometry
 from antiosc_decks.builder import GroupSection, ModelBuilder
 from antiosc_decks.nastran_beams import BeamProfiles, offsets_of, orientation
 from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
-from antiosc_decks.nastran_mesh import SCOPE, BeamPiece, NastranDeck, defined_once, label_of
+from antiosc_decks.nastran_mesh import NastranDeck, defined_once
 from antiosc_decks.properties import Material, symmetric, tube
 
 #: Material -> the field of its density.
@@ -23,7 +23,7 @@ MATERIALS = {"MAT1": 4, "MAT2": 7, "MAT8": 7, "MAT9": 22, "MAT11": 10}
 #: Largest ν of a beam; if G is smaller than E/(2(1 + ν)), the section is reduced instead.
 NU_OF_BEAMS = 0.49
 #: Beginnings of entries that may share a number with a property of cells: springs, loads, …
-NO_SECTIONS = ("PLOAD", "PELAS", "PDAMP", "PVISC", "PBUSH", "PMASS", "PARAM", "PLOTEL")
+NO_SECTIONS = ("PLOAD", "PELAS", "PDAMP", "PBUSH", "PMASS", "PARAM", "PLOTEL")
 #: Field of the thickness of the first corner.
 OWN_THICKNESS = 10
 #: Sine of the angle below which a direction is normal to an element.
@@ -56,11 +56,11 @@ class Properties:
                 continue
             entry = properties.get(int(number))
             if entry is None:
-                raise self._unknown(every[elements[0]], int(number) % SCOPE)
+                raise self._unknown(every[elements[0]], int(number))
             for element_name in sorted(n for n in names if entry.name not in CELLS[n].properties):
                 raise entry.place.error(f"{entry.name} is not a property of {element_name}.")
             add = OF_PROPERTY.get(entry.name, Properties._beams)
-            add(self, entry, label_of(int(number)), elements)
+            add(self, entry, str(number), elements)
 
     def _unknown(self, element: Entry, number: int) -> MeshError:
         """The error of an element whose property is missing or not supported."""
@@ -113,9 +113,9 @@ class Properties:
 
     def _material(self, entry: Entry, k: int) -> Material:
         """The material whose number is in field `k` (from 0)."""
-        number = entry.number(k)
-        message = "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number "
-        return entry.place.found(self._materials, number, f"{message}{number % SCOPE}.")
+        number = entry.whole(k)
+        message = f"there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number {number}."
+        return entry.place.found(self._materials, number, message)
 
     def _extra_density(self, extra: float, size: float) -> float:
         """Nonstructural mass per area or length as additional density of the section, kg/m³."""
@@ -179,15 +179,6 @@ class Properties:
         arguments["rho"] += self._extra_density(extra, area)
         self.builder.add("rods", elements, GroupSection("Truss", arguments, entry.place))
 
-    def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Add the shear panels of a PSHEAR entry."""
-        t, extra, *sides = entry.real(2, None), *entry.reals(3, 6)
-        entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
-        arguments = self.builder.isotropic(self._material(entry, 1), "shear panels")
-        arguments |= {"thickness": t * self.builder.units.length, "sides": sides}
-        arguments["rho"] += self._extra_density(extra, t)
-        self.builder.add(name, elements, GroupSection("Panel", arguments, entry.place))
-
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the beams of one property, grouped by place, orientation and offset."""
         profiles = BeamProfiles(entry)
@@ -202,17 +193,16 @@ class Properties:
         tangents = geometry.tangents_of(self.found.deck, elements)
         groups: dict[tuple[float, ...], list[int]] = {}
         for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
-            beam = self.found.beams.get(int(element), BeamPiece())
             entry_of = self.found.elements[element]
-            height = (
-                orientation(self.found, entry_of, tangent) if beam.height is None else beam.height
-            )
-            offset = 0.0 if beam.moved else float(offsets_of(self.found, entry_of)[0] @ height)
-            key = (*np.round(height, 9).tolist(), round(offset, 12), beam.middle)
+            height = orientation(self.found, entry_of, tangent)
+            moved = int(element) in self.found.moved
+            offset = 0.0 if moved else float(offsets_of(self.found, entry_of)[0] @ height)
+            key = (*np.round(height, 9).tolist(), round(offset, 12))
             groups.setdefault(key, []).append(k)
+
+        section = profiles.mean()
+        self._tell_extra(entry, section.extra)
         for key, members in groups.items():
-            section = profiles.at(key[4])
-            self._tell_extra(entry, section.extra)
             profile = section.profile
             height = np.array(key[:3])
             if section.angle:
@@ -255,24 +245,27 @@ class Properties:
             "PSHELL with MID4, which couples stretching with bending, "
             "is not supported; give the layers by PCOMP, or an offset.",
         )
+        entry.needs(
+            entry.whole(3) == entry.whole(1),
+            "PSHELL that bends by another material (MID2) is not supported; give PCOMP.",
+        )
         material = self._material(entry, 1)
-        same_material = material.plane is None and entry.whole(3) == entry.whole(1)
-        isotropic = same_material and entry.real(4, 1.0) == 1
+        plain = material.plane is None and entry.real(4, 1.0) == 1
+        plain &= entry.text(5) in ("", entry.text(1))
         share = entry.real(6, 5 / 6)
-        shear = entry.text(5) in ("", entry.text(1)) and abs(share - 5 / 6) <= 1e-3
         if not entry.text(5):
-            taken = "its material's" if isotropic else "that of MID1 with 5/6"
-            message = f"the rigid transverse shear of PSHELL {number} (no MID3), {taken} is taken"
-            self.builder.tell_once(message)
+            share = 5 / 6
+            message = f"the rigid transverse shear of PSHELL {number} (no MID3), its material's"
+            self.builder.tell_once(f"{message} is taken")
+        plain &= abs(share - 5 / 6) <= 1e-3
         self._tell_extra(entry, entry.real(7))
         length = self.builder.units.length
         for thickness, offset, members in self._by_thickness(elements, entry.real(2), entry):
             offset += entry.real(12)
             extra = self._extra_density(entry.real(7), thickness)
-            if not isotropic or not shear:
-                self._directed(
-                    entry, name, members, "GivenSheet", self._given(entry, thickness), offset
-                )
+            if not plain:
+                given = self._given(entry, material, thickness, share)
+                self._directed(entry, name, members, "GivenSheet", given, offset)
             elif material.isotropic is None:
                 layer = self.builder.layer(material, thickness, 0.0)
                 layer["rho"] += extra
@@ -315,25 +308,23 @@ class Properties:
             self.builder.tell_once(f"{message}, the mean of the corners is taken in each")
         return ((t, offset, np.array(members)) for (t, offset), members in groups.items())
 
-    def _given(self, entry: Entry, thickness: float) -> Json:
-        """Arguments of `GivenSheet` for a PSHELL with separate materials.
+    def _given(self, entry: Entry, material: Material, thickness: float, share: float) -> Json:
+        """Arguments of `GivenSheet` for a PSHELL.
 
-        A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3, Q being the plane-stress stiffness.
+        A = T Q, D = (12I/T³) T³/12 Q, S = TS G, Q being the plane-stress stiffness.
         """
         ratio = entry.real(4, 1.0)
-        share = entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
-        fields = (k if entry.text(k) else 1 for k in (1, 3, 5))
-        membrane, bending, shear_material = (self._material(entry, k) for k in fields)
+        core = self._material(entry, 5) if entry.text(5) else material
         entry.needs(min(ratio, share) > 0, "12I/T³ and TS/T of PSHELL must be above 0.")
         units = self.builder.units
         t = thickness * units.length
         mass = (
-            self.builder.rho(membrane) * t + self._extra_density(entry.real(7), 1.0) * units.length
+            self.builder.rho(material) * t + self._extra_density(entry.real(7), 1.0) * units.length
         )
         return {
-            "A": (_plane(membrane) * units.stress * t).tolist(),
-            "D": (_plane(bending) * units.stress * ratio * t**3 / 12).tolist(),
-            "S": (_transverse_shear(shear_material) * units.stress * share * t).tolist(),
+            "A": (_plane(material) * units.stress * t).tolist(),
+            "D": (_plane(material) * units.stress * ratio * t**3 / 12).tolist(),
+            "S": (_transverse_shear(core) * units.stress * share * t).tolist(),
             **{"mass": mass, "inertia": mass * ratio * t**2 / 12, "thickness": t},
         }
 
@@ -427,7 +418,6 @@ OF_PROPERTY = {
     **{"PSOLID": Properties._solid, "PCOMPS": Properties._layered, "PSHELL": Properties._shell},
     **dict.fromkeys(("PCOMP", "PCOMPG"), Properties._laminate),
     **dict.fromkeys(("PROD", "PTUBE"), Properties._rods),
-    "PSHEAR": Properties._panels,
 }
 
 

@@ -237,9 +237,6 @@ def hexagon(height: float, width: float, tip: float) -> Profile:
 Everywhere = dict[str, list[list[float]]]
 #: A direction whose cosine with an axis is above this counts as along the axis.
 AXIS_COSINE = 1 - 1e-9
-#: Corners of a cell as a degenerate hexahedron or quadrilateral, with repeated corners.
-FULL = {"triangle": (0, 1, 2, 2), "tetra": (0, 1, 2, 2, 3, 3, 3, 3)}
-FULL |= {"pyramid": (0, 1, 2, 3, 4, 4, 4, 4), "wedge": (0, 1, 2, 2, 3, 4, 5, 5)}
 
 
 def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
@@ -279,32 +276,6 @@ def normals_of(deck: Deck, elements: IntArray) -> Array:
         x = deck.points[block.corners]
         normals[positions] = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
     return unit(normals)
-
-
-def measures_of(deck: Deck, elements: IntArray) -> Array:
-    """Lengths, areas or volumes of elements with straight edges."""
-    measures = np.zeros(len(elements))
-    for block, positions in deck.blocks_of(elements):
-        corners = FULL.get(block.shape, range(block.corners.shape[1]))
-        measures[positions] = _measure(deck.points[block.corners[:, list(corners)]])
-    return measures
-
-
-def _measure(x: Array) -> Array:
-    """Lengths, areas or volumes of lines, quadrilaterals or hexahedra x (n, corners, 3).
-
-    Integrated by two Gauss points in each direction.
-    """
-    dim = x.shape[1].bit_length() - 1
-    total = np.zeros(len(x))
-    signs = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]])
-    signs = np.vstack([signs, signs * [1, 1, -1]])[: x.shape[1], :dim]
-    for point in np.ndindex(*[2] * dim):
-        values = (1 + signs * (2 * np.array(point) - 1) / np.sqrt(3)) / 2
-        other_products = [np.prod(np.delete(values, k, axis=1), axis=1) for k in range(dim)]
-        J = np.einsum("kc,nci->nki", np.array(other_products) * signs.T / 2, x)
-        total += np.sqrt(np.linalg.det(J @ np.swapaxes(J, 1, 2)).clip(min=0.0))
-    return total
 
 
 def common_direction(vectors: Array, least: float = 0.3) -> Array | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
@@ -12,8 +11,7 @@ from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import listed
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc.io.request import FileReader, Request
-from antiosc.io.table import FIRST_BYTES
-from antiosc_decks import abaqus_assembly, abaqus_model, ansys, nastran_mesh, nastran_model
+from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
 from antiosc_decks.builder import Unstated
 from antiosc_decks.sources import BULK as _BULK, Sources
 
@@ -37,8 +35,7 @@ def _reader(
             deck.wanted = options.get("parts")
             deck.piece = options.get("piece")
             deck.free = options.get("free", False)
-            alone = None if deck.piece is None else "apart"
-            deck.contact = options.get("contact") or alone
+            deck.apart = deck.piece is not None or options.get("contact") == "apart"
             unstated = Unstated(*options["unstated"])
             deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), unstated)
         if not deck.n_elements:
@@ -55,24 +52,7 @@ def _reader(
 
 ABAQUS = FileReader(_reader(abaqus_assembly.read, abaqus_model.model_of), model=True)
 NASTRAN = FileReader(_reader(nastran_mesh.read, nastran_model.model_of), model=True)
-#: Pattern of the first lines of an input of Ansys Mechanical APDL.
-_APDL = re.compile(r"(?im)^\s*(/prep7|nblock,)")
-
-
-def _start(path: str) -> str:
-    """The first bytes of a file as text."""
-    with Path(path).open("rb") as file:
-        return file.read(FIRST_BYTES).decode("latin-1")
-
-
-def _by_content(ask: Request) -> FileMesh:
-    """Read a file by Ansys or Nastran, as its first lines show."""
-    return (ansys.ANSYS if _APDL.search(_start(ask.path)) else NASTRAN).read(ask)
-
-
-#: Files of Nastran, or of Ansys Workbench, with endings that other programs use too.
-BULK = FileReader(
-    _by_content,
-    model=True,
-    matches=lambda start: any(mark.search(start.decode("latin-1")) for mark in (_BULK, _APDL)),
+#: Files of Nastran with endings that other programs use too.
+BULK = NASTRAN._replace(
+    matches=lambda start: _BULK.search(start.decode("latin-1")) is not None,
 )

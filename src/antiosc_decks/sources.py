@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from antiosc.base.errors import MeshError, PiecesError
-from antiosc.io.deck import DeckPlace
+from antiosc.io.deck import Deck, DeckPlace
 
 #: Pattern of the first lines of Nastran's bulk data.
 BULK = re.compile(r"(?im)^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])")
@@ -178,39 +178,33 @@ class Account:
     #: options and fields of cards that are read: (what it is, place of the card, fate)
     options: list[tuple[str, DeckPlace, Fate]] = field(default_factory=list)
 
-    def refuse(
-        self,
-        between: Collection[str] = (),
-        contact: str | None = None,
-        tied: Collection[str] = (),
-    ) -> list[str]:
+    def refuse(self, contact: Collection[str], deck: Deck) -> None:
         """Raise MeshError for the first card or option that is refused.
 
-        `between` are cards of contact, which act between pieces of the part: they raise
-        PiecesError, unless `contact` is "apart", which is told in a sentence (in a list), or
-        "tied" and they are among `tied`.
+        The cards of `contact` act between pieces of the part: they raise PiecesError, or are told
+        where contact is left out.
         """
         left: list[tuple[str, DeckPlace, Fate]] = []
-        for k, (name, place, fate) in enumerate([*self.cards, *self.options]):
+        for name, place, fate in [*self.cards, *self.options]:
+            between = name.replace(" ", "") in contact
             if fate.kind != "refused":
                 continue
-            keyword = name.replace(" ", "")
-            between_pieces = keyword in between
-            if between_pieces and (contact == "apart" or (contact and keyword in tied)):
-                self.cards[k] = (name, place, Fate("harmless"))
-                left += [(name, place, fate)] * (contact == "apart")
+            if between and deck.apart:
+                left.append((name, place, Fate("refused")))
                 continue
-            remark = f" is {fate.what}, which" if fate.what else ""
-            message = f"{place}: {name}{remark} is not supported here and would change the result;"
-            if between_pieces:
-                tie = ' tie what it presses together (contact "tied"),' * (keyword in tied)
-                remedy = f"remove it,{tie} or read one piece of the part (piece 1)."
-                raise PiecesError(f"{message} {remedy}")
+
+            what = f" is {fate.what}, which" if fate.what else ""
+            message = f"{place}: {name}{what} is not supported here and would change the result;"
+            if between:
+                raise PiecesError(
+                    f'{message} leave contact out (contact "apart"), or read one piece (piece 1).'
+                )
             raise MeshError(f"{message} remove it from the deck, or model the part without it.")
-        cards = ", ".join(
-            _counted([(name, at, Fate("refused")) for name, at, _ in left], "refused")
-        )
-        return [CONTACT_LEFT_OUT.format(name=self.name, cards=cards)] if left else []
+
+        pairs = [entry for entry in self.cards if entry[0] == "*CONTACT PAIR" and deck.apart]
+        pairs = [(name, place, Fate("refused")) for name, place, _ in pairs]
+        if cards := ", ".join(_counted([*left, *pairs], "refused")):
+            deck.remarks.append(CONTACT_LEFT_OUT.format(name=self.name, cards=cards))
 
     def ignored(self) -> list[str]:
         """Count, name and lines of the cards and options that are ignored."""

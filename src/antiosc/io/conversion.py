@@ -13,7 +13,6 @@ keep their shape.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -298,7 +297,6 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     all_blocks = [(block, mark) for block, mark in deck.numbered() if len(block)]
     shapes_of: list[tuple[str, str, list[Block]]] = []
     split = False
-    of_simplices: Counter[str] = Counter()
     for dim in (3, 2, 1, 0):
         of_dimension = [entry for entry in all_blocks if DIMENSION[entry[0].shape] == dim]
         if dim == 1 and halve_lines:
@@ -312,8 +310,6 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
             divided = shapes not in _WHOLE or any(_collapsed(block) for block, _ in of_shape)
             split = dim > 1 and (split or divided)
             shape = _SIMPLEX[dim] if split else next(iter(shapes))
-            for block, _ in of_shape if split else ():
-                of_simplices[block.shape] += len(block) * (block.shape != shape)
             label = CELL_LABELS[shape, order]
             cells[label], owners[label] = _of_dimension(deck, of_shape, split, order, nodes)
             shapes_of.append((label, shape, [block for block, _ in of_shape]))
@@ -332,8 +328,6 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         mark = of_kind("", label) if is_assembly else ""
         mesh.fixed |= {name + mark: entities.of(rows) for name, rows in deck.fixed.items()}
     mesh.model = deck.model
-    if deck.model:
-        deck.model["divided"] = dict(+of_simplices)
     if is_assembly and deck.model:
         joints = deck.model["joints"]
         dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}

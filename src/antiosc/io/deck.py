@@ -68,8 +68,6 @@ class DeckPlace:
 
     file: str
     line: int
-    #: offset added to the numbers in the part of the deck with this entry
-    scope: int = 0
 
     def __str__(self) -> str:
         return f"line {self.line} of {self.file}"
@@ -129,8 +127,8 @@ class Deck:
     piece: int | None = None
     #: whether the supports are left out of a model
     free: bool = False
-    #: what becomes of contact: "tied", "apart"; None: it is refused, unless one piece is read
-    contact: str | None = None
+    #: whether contact is left out; else the pairs that touch are tied
+    apart: bool = False
     #: materials, sections, supports, masses in SI units, if they were requested
     model: Model | None = None
     #: numbers of the first nodes in the file

@@ -139,7 +139,6 @@ class Model(TypedDict):
     touching: NotRequired[list[str]]  # groups of elements that touch others, of which it tells
     pieces: int  # that nothing joins
     held: bool  # whether they are several and each is held
-    divided: NotRequired[dict[str, int]]  # shape of elements that become simplices -> number
 
 
 @dataclass(frozen=True)
@@ -279,8 +278,6 @@ class RawMesh:
     model: Model | None = None
     #: number of each node in the file's mesh
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    #: for each cell the one that it was a part of before the last division; none: not divided
-    parents: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: as in `FileMesh`
     cad: CadSurface | None = None
     #: as in `FileMesh`, of all nodes if of any

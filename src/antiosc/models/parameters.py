@@ -386,9 +386,8 @@ LEAST_CHANGE = -0.5
 MASSLESS_SHARE = 1e-12
 #: Message for assemblies.
 JOINTED = (
-    "the mesh's error is estimated of one mesh, of joined solids and of decks whose elements can be"
-    " halved, and this is another assembly (ties of nodes to others in their place keep the"
-    " elements of a deck): compare with smaller cells, or with a finer deck."
+    "the mesh's error is estimated of one mesh and of joined solids, and this is another assembly:"
+    " compare with smaller cells, or with a finer deck."
 )
 #: Message for a model without the errors of its strains.
 NO_ESTIMATE = (

@@ -224,7 +224,6 @@ DECKS = {
     "CDAMP2": bars(f"CDAMP2,9,{C},{COUNT + 1},3"),
     "CDAMP1": bars(f"CDAMP1,9,7,{COUNT + 1},3", f"PDAMP,5,1.,7,{C}"),
     "CBUSH": bars(f"CBUSH,9,9,{COUNT + 1},,,,,0", f"PBUSH,9,B,,,{C}"),
-    "CVISC": bars(f"GRID,9,,{LENGTH},0.,1.,,123456", f"CVISC,9,9,9,{COUNT + 1}", f"PVISC,9,{C}"),
     "DASHPOT1": abaqus(
         f"*ELEMENT,TYPE=DASHPOT1,ELSET=D\n9,{COUNT + 1}\n*DASHPOT,ELSET=D\n3\n{1e-3 * C}\n"
     ),

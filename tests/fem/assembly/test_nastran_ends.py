@@ -68,18 +68,6 @@ def test_a_bar_off_its_nodes_bends_under_an_axial_force(tmp_path, name):
     assert k0(part, (L, e, 0), (1, 0, 0)) == pytest.approx(1 / compliance, rel=1e-8)
 
 
-def test_a_tapered_beam_is_integrated_along_its_axis(tmp_path):
-    """∫ (L − x)²/EI + 1/kGA dx of A, I linear from the root to the tip."""
-    own = f"PBEAM,1,1,{A},{I},{I},,{2 * I},,\n,,,,,,,,,\n,NO,1.,{A / 2},{I / 4},{I / 4},,{I / 2}\n"
-    part = read(tmp_path, line(1, name="CBEAM") + own + "SPC1,1,123456,1\n")
-    x, w = np.polynomial.legendre.leggauss(40)
-    x, w = (x + 1) / 2 * L, w / 2 * L
-    shear = E / 2.6 * A * (1 - x / 2)
-    bending = w @ ((L - x) ** 2 / (E * I * (1 - 0.75 * x / L)) + 1 / shear)
-    assert k0(part, (L, 0, 0), (0, 0, 1)) == pytest.approx(1 / bending, rel=2e-3)
-    assert part.mass == pytest.approx(RHO * A * 0.75 * L, rel=1e-9)
-
-
 @pytest.mark.parametrize("system", ["5", "-1"])
 def test_a_mass_in_a_system_of_its_own(tmp_path, system):
     """Turned by 90° about z: x of the system is y, y is −x; −1 gives the place itself."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -107,91 +106,6 @@ def test_a_modulus_for_materials_without_elasticity_and_elements_of_heat_transfe
     assert model["families"][0][2]["E"] == pytest.approx(E)
 
 
-Energy = Callable[[np.ndarray], float]
-
-
-def polynomial(terms: dict[tuple[int, int], float], D: float) -> Energy:
-    """Σ C_ij (I1 − 3)^i (I2 − 3)^j + (J − 1)²/D by isochoric invariants."""
-
-    def energy(stretches: np.ndarray) -> float:
-        J = np.prod(stretches)
-        squares = (stretches / J ** (1 / 3)) ** 2
-        I1, I2 = squares.sum() - 3, (1 / squares).sum() - 3
-        return sum(C * I1**i * I2**j for (i, j), C in terms.items()) + (J - 1) ** 2 / D
-
-    return energy
-
-
-def ogden(terms: list[tuple[float, float]], D: float) -> Energy:
-    """Σ 2 μ/α² (λ1^α + λ2^α + λ3^α − 3) + (J − 1)²/D by isochoric stretches."""
-
-    def energy(stretches: np.ndarray) -> float:
-        J = np.prod(stretches)
-        lengths = stretches / J ** (1 / 3)
-        return sum(2 * m / a**2 * ((lengths**a).sum() - 3) for m, a in terms) + (J - 1) ** 2 / D
-
-    return energy
-
-
-def arruda_boyce(mu: float, locking: float, D: float) -> Energy:
-    """μ Σ C_i λ^(2 − 2 i) (I1^i − 3^i) + (J² − 1)/2 D − ln(J)/D."""
-    C = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
-
-    def energy(stretches: np.ndarray) -> float:
-        J = np.prod(stretches)
-        I1 = ((stretches / J ** (1 / 3)) ** 2).sum()
-        chain = sum(c * (I1**i - 3**i) / locking ** (2 * i - 2) for i, c in enumerate(C, 1))
-        return mu * chain + ((J**2 - 1) / 2 - np.log(J)) / D
-
-    return energy
-
-
-def foam(terms: list[tuple[float, float, float]]) -> Energy:
-    """Σ 2 μ/α² (λ1^α + λ2^α + λ3^α − 3 + (J^(−α β) − 1)/β), β = ν/(1 − 2 ν)."""
-
-    def energy(stretches: np.ndarray) -> float:
-        J = np.prod(stretches)
-        total = 0.0
-        for m, a, nu in terms:
-            beta = nu / (1 - 2 * nu)
-            total += 2 * m / a**2 * ((stretches**a).sum() - 3 + (J ** (-a * beta) - 1) / beta)
-        return total
-
-    return energy
-
-
-#: Card of a hyperelastic material, stresses in MPa -> its strain energy by the stretches.
-HYPERELASTIC = {
-    "*HYPERELASTIC,NEO HOOKE\n2.,.02\n": polynomial({(1, 0): 2.0}, 0.02),
-    "*HYPERELASTIC,MOONEY-RIVLIN\n2.,.7,.02\n": polynomial({(1, 0): 2.0, (0, 1): 0.7}, 0.02),
-    "*HYPERELASTIC,YEOH\n2.,.1,.3,.02\n": polynomial({(1, 0): 2.0, (2, 0): 0.1, (3, 0): 0.3}, 0.02),
-    "*HYPERELASTIC,N=2,POLYNOMIAL\n2.,.7,.1,.2,.3,.02,.5\n": polynomial(
-        {(1, 0): 2.0, (0, 1): 0.7, (2, 0): 0.1, (1, 1): 0.2, (0, 2): 0.3}, 0.02
-    ),
-    "*HYPERELASTIC,N=2,OGDEN\n160.,2.,40.,-2.,.001\n": ogden([(160, 2), (40, -2)], 0.001),
-    "*HYPERELASTIC,ARRUDA-BOYCE\n3.,2.,.02\n": arruda_boyce(3.0, 2.0, 0.02),
-    "*HYPERFOAM,N=2\n.16,8.8,.3,-4.8,.1,.2\n": foam([(0.16, 8.8, 0.1), (0.3, -4.8, 0.2)]),
-}
-
-
-@pytest.mark.parametrize("card", HYPERELASTIC)
-def test_hyperelastic_materials_have_the_stiffness_of_their_energy_at_small_strains(tmp_path, card):
-    """Without change of volume W'' = 3 G of a stretch, and with equal stretches W'' = 9 K."""
-    model, _ = read(tmp_path, CUBE + SOLID + STEEL.replace("*ELASTIC\n2E5,.3\n", card))
-    found = model["families"][0][2]
-    energy, h = HYPERELASTIC[card], 1e-3
-
-    def second(stretches: Callable[[float], np.ndarray]) -> float:
-        ahead, at, behind = (energy(stretches(1 + k * h)) for k in (1, 0, -1))
-        return float(ahead - 2 * at + behind) / h**2
-
-    shear = second(lambda x: np.array([x, x**-0.5, x**-0.5])) / 3
-    bulk = second(lambda x: np.full(3, x)) / 9
-    assert found["E"] / (2 + 2 * found["nu"]) == pytest.approx(1e6 * shear, rel=1e-4)
-    assert found["E"] / (3 - 6 * found["nu"]) == pytest.approx(1e6 * bulk, rel=1e-4)
-    assert any("large strains" in text for text in model["ignored"])
-
-
 SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"
 PLY = "*MATERIAL,NAME=P\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
 
@@ -234,9 +148,8 @@ def test_the_top_of_layers_of_a_closed_shell_is_that_of_each_element(tmp_path):
     assert np.allclose(top["places"][::5], [[0.01, 0.005, 0.0], [0.01, 0.005, 0.01]])
     model, _ = read(tmp_path, text + section.replace("10.", "O") + PLY + AXES)
     assert model["families"][0][2]["axis"] == [0.0, 1.0, 0.0]
-    # directions about an axis beside the plate, and along a line of it
     both = section.replace("10.", "O\n.5,3,P,C") + "*ORIENTATION,NAME=C,SYSTEM=CYLINDRICAL\n"
-    with pytest.raises(MeshError, match="from element to element"):
+    with pytest.raises(MeshError, match="CYLINDRICAL"):
         read(tmp_path, text + "4,2,9,10,3\n" + both + "40,-9,0,40,-9,1\n" + PLY + AXES)
 
 
@@ -432,28 +345,3 @@ def test_what_is_refused(tmp_path, case):
     text, line, word = REFUSED[case]
     with refused(line, word, MeshError):
         read(tmp_path, text)
-
-
-def test_a_general_section_by_its_stiffnesses_is_that_of_its_layers(tmp_path):
-    """Two unlike layers: A = Σ Q t, B = Σ Q z t, D = Σ Q (z² + t²/12) t; in N and mm."""
-    layers = [(2e5, 0.3, 0.4, -0.3), (7e4, 0.2, 0.6, 0.2)]  # E, ν, t, z of the middle
-    Q = [E / (1 - nu**2) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
-         for E, nu, _, _ in layers]  # fmt: skip
-    A = sum(q * t for q, (_, _, t, z) in zip(Q, layers, strict=True))
-    B = sum(q * t * z for q, (_, _, t, z) in zip(Q, layers, strict=True))
-    D = sum(q * t * (z**2 + t**2 / 12) for q, (_, _, t, z) in zip(Q, layers, strict=True))
-    whole = np.block([[A, B], [B, D]])
-    half = [whole[i, j] for j in range(6) for i in range(j + 1)]
-    text = f"{SHEET}*SHELL GENERAL SECTION,ELSET=ALL,DENSITY=4.E-9\n{rows(half)}"
-    (family,) = read(tmp_path, text)[0]["families"]
-    assert family[1] == "GivenSheet"
-    own = family[2]
-    for key, expected in (("A", 1e3 * A), ("B", B), ("D", 1e-3 * D)):
-        small = 1e-9 * np.abs(expected).max()
-        np.testing.assert_allclose(own[key], expected, rtol=1e-9, atol=small)
-    assert own["mass"] == pytest.approx(4.0)  # 4e-9 t/mm² is 4 kg/m²
-    shear = (A[0, 0] + A[1, 1]) / 6 + A[2, 2] / 3
-    np.testing.assert_allclose(own["S"], 1e3 * shear * np.eye(2))
-    for wrong in (text.replace(rows(half), rows(half[:20])), text.replace(",DENSITY=4.E-9", "")):
-        with pytest.raises(MeshError, match=r"21 stiffnesses|no density"):
-            read(tmp_path, wrong)

@@ -79,55 +79,6 @@ def test_sets_of_elements_and_of_those_that_are_no_cells(read):
     assert (beside["K"], beside["A"]) == ([0, 1], [0, 1, 2])
 
 
-def test_generated_nodes_lie_at_equal_distances(read):
-    """*NGEN and *NFILL, and the sets of both."""
-    text = "*NODE,NSET=E\n1,0,0,0\n5,8,0,4\n*NGEN,NSET=low\n1,5\n*NODE\n21,0,6,0\n29,8,6,4\n"
-    text += "*NGEN,NSET=HIGH\n21,29,2\n*NFILL,NSET=F,BIAS=1.0\nLOW,HIGH,3,100\n"
-    whole = read(text)
-    x = whole.deck.points
-    numbers = whole.instances[""].mesh.nodes
-    low = [(2.0 * k, 0, k) for k in range(5)]
-    high = [(2.0 * k, 6, k) for k in range(5)]
-    assert x[numbers.rows(np.arange(1, 6))].tolist() == [list(p) for p in low]
-    assert x[numbers.rows(np.arange(21, 30, 2))].tolist() == [list(p) for p in high]
-    for k in (1, 2):
-        between = np.array(low) + np.array([0, 2.0 * k, 0])
-        np.testing.assert_allclose(x[numbers.rows(np.arange(1, 6) + 100 * k)], between)
-    assert len(x) == 20
-    named = {name: sorted(numbers.labels[np.argsort(numbers.order)][rows].tolist())
-             for name, rows in whole.deck.node_sets.items()}  # fmt: skip
-    assert named["E"] == [1, 5]
-    assert named["low"] == [1, 2, 3, 4, 5]
-    assert named["HIGH"] == [21, 23, 25, 27, 29]
-    assert named["F"] == sorted(k + 100 * j for k in range(1, 6) for j in (1, 2))
-
-
-def test_copies_of_elements_in_rows_layers_and_blocks(read):
-    """Two in each row, three rows, two layers: numbers and nodes by the steps of each."""
-    grid = [(i, j, k) for k in range(3) for j in range(4) for i in range(3)]
-    nodes = "".join(f"{1 + i + 10 * j + 100 * k},{i},{j},{k}\n" for i, j, k in grid)
-    text = f"*NODE\n{nodes}*ELEMENT,TYPE=C3D8,ELSET=ONE\n5,1,2,12,11,101,102,112,111\n"
-    whole = read(text + "*ELGEN,ELSET=ALL\n5,2,1,1,3,10,20,2,100,300\n")
-    x, blocks = whole.deck.points, whole.deck.blocks
-    assert [len(block) for block in blocks] == [1, 11]
-    corners = np.vstack([block.corners for block in blocks])
-    labels = whole.instances[""].mesh.elements
-    for i in range(2):
-        for j in range(3):
-            for k in range(2):
-                row = int(labels.rows(np.array([5 + i + 20 * j + 300 * k]))[0])
-                low = x[corners[row]] - [i, j, k]
-                cube = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-                assert low.tolist() == [[*p, z] for z in (0, 1) for p, z in
-                                        ((q[:2], z) for q in cube)]  # fmt: skip
-    assert lists(whole.deck.element_sets) == {"ONE": [0], "ALL": list(range(12))}
-    alone = read(text + "*ELGEN,ELSET=ALL\n5,1\n")
-    assert lists(alone.deck.element_sets) == {"ONE": [0], "ALL": [0]}
-    row = read(text + "*ELGEN\n5,2,1,7\n")
-    assert row.instances[""].mesh.elements.labels.tolist() == [5, 12]
-    assert row.deck.blocks[1].corners.tolist() == [[c + 1 for c in row.deck.blocks[0].corners[0]]]
-
-
 def test_an_assembly_of_one_instance_may_use_its_numbers(read):
     """In sets and ranges; the instance has sets of its own, and a spring joins two nodes of it."""
     top = "*ASSEMBLY,NAME=A\n*INSTANCE,NAME=I,PART=P\n1,0,0\n*NSET,NSET=OWN\n3\n*END INSTANCE\n"
@@ -268,12 +219,7 @@ WRONG = {
     "*NODE,SYSTEM=S\n1,2,3\n": (1, "rectangular"),
     "*SYSTEM\n1,2,3,1,2,3\n" + SHEET: (1, "no axes"),
     "*SYSTEM\n1,2,3,1,3,4\n" + SHEET: (1, "third point"),
-    SHEET + "*ELGEN\n10,2,2,10\n": (None, "defines"),
-    SHEET + "*ELGEN\n10\n": (18, "numbers"),
-    SHEET + "*ELGEN\n10,2,2,1,2,500,7\n": (18, "*ELGEN"),
-    SHEET + "*ELGEN\n10,2000,1,1,5000\n": (18, "would"),
-    SHEET + "*NFILL\nA,B,2\n": (18, "*NFILL"),
-    SHEET + "*NGEN\n1,19,4\n": (18, "*NGEN"),
+    SHEET + "*NGEN\n1,19,4\n": (17, "write"),
     SHEET + f"*ELEMENT,TYPE=S3\n{2**63},1,3,5\n": (18, "large"),
     SHEET + f"*NSET,NSET=A\n1\n*NODE\n{2**63},1\n": (20, "large"),
     SHEET + "*NSET,NSET=A,GENERATE\n1\n": (18, "last"),

@@ -1,8 +1,7 @@
-"""Cross-sections against integrals over their areas; ends of beams, released, tapered or bent."""
+"""Cross-sections against integrals over their areas; ends of beams, released, or tapered."""
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from antiosc_decks import (
     properties as profiles,
 )
 from antiosc_decks.abaqus_cards import Card
-from antiosc_decks.nastran_beams import RIGID, BeamProfiles, arc
+from antiosc_decks.nastran_beams import RIGID, BeamProfiles
 from antiosc_decks.nastran_cards import Entry
 
 PLACE = DeckPlace(Path("a deck"), 1)
@@ -29,8 +28,8 @@ def nastran(name: str, kind: str, *dimensions: float) -> profiles.Profile:
     return beam(name, fields).profile
 
 
-def beam(name: str, fields: list[str], s: float = 0.0) -> nastran_profiles.BeamProfile:
-    return nastran_profiles.BeamProfiles(Entry(name, PLACE, fields)).at(s)
+def beam(name: str, fields: list[str]) -> nastran_profiles.BeamProfile:
+    return nastran_profiles.BeamProfiles(Entry(name, PLACE, fields)).mean()
 
 
 def abaqus(section: str, *dimensions: float) -> profiles.Profile:
@@ -262,7 +261,7 @@ def test_a_torsion_constant_that_is_missing_is_told(name):
         where = {"PBAR": ["1", "1", "6.", "5.", "2.", f"{J}"],
                  "PBEAM": ["1", "1", "6.", "5.", "2.", "", f"{J}", ""]}  # fmt: skip
         profiles_ = nastran_profiles.BeamProfiles(Entry(name, PLACE, where[name]))
-        profile = profiles_.at(0.0).profile
+        profile = profiles_.mean().profile
         assert pytest.approx(J or 3.5) == profile.J
         assert any("missing torsion constant J" in one for one in profiles_.remarks) == (not J)
 
@@ -285,16 +284,18 @@ def test_torsion_of_ellipses_is_saint_venants(name):
     assert pytest.approx(4 * first * second / (first + second)) == profile.J
 
 
-def test_sections_between_the_ends_are_linear():
-    """PBEAM with two stations; blank values at the end are those of the start."""
+def test_a_taper_is_its_mean_section():
+    """Linear between the stations; blank values at the end are those of the start."""
     fields = ["1", "1", "6.", "4.", "2.", "", "1.", "", *8 * [""]]
     fields += ["NO", "1.", "3.", "2.", "", "", "", "", "NO", ".5", "", "4.", "", "", "", "", ".8"]
-    at = [beam("PBEAM", fields, s).profile for s in (0.25, 0.75)]
-    assert [one.A for one in at] == pytest.approx([5.25, 3.75])
-    assert [one.I for one in at] == pytest.approx([4.0, 3.0])
-    assert [one.I_side for one in at] == pytest.approx([2.0, 2.0])
-    tapered = ["1", "1", "", "ROD", "", "", "", "", ".2", "", "YES", "1.", ".1"]
-    assert pytest.approx(np.pi * 0.01) == beam("PBEAML", tapered, 1.0).profile.A
+    found = BeamProfiles(Entry("PBEAM", PLACE, fields))
+    mean = found.mean().profile
+    assert (mean.A, mean.I, mean.I_side) == pytest.approx((4.5, (4 + 3) / 2, 2.0))
+    assert any("taper" in told for told in found.remarks)
+
+    round_ = ["1", "1", "", "ROD", "", "", "", "", ".2", "", "YES", "1.", ".1"]
+    area = np.pi * (0.04 + 0.01) / 2
+    assert pytest.approx(area) == beam("PBEAML", round_).profile.A
 
 
 def test_a_tube_with_a_wall_of_its_radius_is_a_bar():
@@ -374,30 +375,9 @@ def test_ends_follow_their_nodes_but_for_what_is_released(tmp_path, first, secon
     assert np.linalg.matrix_rank(found.reshape(len(found), -1)) == len(found)
 
 
-def test_a_tapered_beam_is_sixteen_pieces_of_the_sections_at_their_middles(tmp_path):
-    pbeam = "PBEAM,6,1,4.-4,8.-9,6.-9,,2.-9,,\n,,,,,,,,,\n,NO,1.,2.-4,4.-9,2.-9,,1.-9,\n"
-    model, deck = read(tmp_path, pbeam + f"CBEAM,1,6,1,3,{words(V)}\n")
-    s = (np.arange(16) + 0.5) / 16
-    families = {tuple(deck.element_sets[name]): one for name, _, one, _ in model["families"]}
-    found = {elements: one for elements, one in families.items() if len(elements) == 1}
-    (block,) = (block for block in deck.blocks if block.type == "CBEAM")
-    start = sum(len(b) for b in deck.blocks[: deck.blocks.index(block)])
-    chain = [0, *range(4, 19), 2]
-    assert block.corners.tolist() == [list(pair) for pair in pairwise(chain)]
-    places = X[0] + (np.arange(1, 16) / 16)[:, None] * (X[2] - X[0])
-    np.testing.assert_allclose(deck.points[4:], places, atol=1e-12)
-    for k in range(16):
-        section = found[start + k,]["section"]
-        assert 1e4 * section["A"] == pytest.approx(4 - 2 * s[k])
-        assert 1e9 * section["I"] == pytest.approx(8 - 4 * s[k])
-        assert 1e9 * section["I_side"] == pytest.approx(6 - 4 * s[k])
-        assert 1e9 * section["J"] == pytest.approx(2 - s[k])
-    assert model["joints"]["equations"] == []
-
-
 def profile(kind: str, *dimensions: float):
     fields = ["1", "1", "", kind, *[""] * 4, *map(str, dimensions)]
-    return BeamProfiles(Entry("PBARL", DeckPlace("a deck", 1), fields)).at(0.0).profile
+    return BeamProfiles(Entry("PBARL", DeckPlace("a deck", 1), fields)).mean().profile
 
 
 #: Lengths and thicknesses of the walls after the figures of the manuals.
@@ -435,43 +415,10 @@ def test_torsion_of_boxes_and_hexagons():
     assert pytest.approx(np.pi) == profile("TUBE", 1.0, 0.0).A
 
 
-# --- CBEND, and beams whose neutral axis lies beside the shear centre, against closed forms -------
+# --- Beams whose neutral axis lies beside the shear centre, against closed forms ------------------
 
 
-R, E = 2.0, 2e11
-#: GEOM -> (vector, PBEND's RB and THETAB) of the quarter of a circle about the origin.
-GEOMETRY = {1: ((-1.0, 0, 0), ""), 2: ((0, 3.0, 0), ""), 3: ((1.0, 1, 0), f"{R}"),
-            4: ((1.0, 1, 0), ",90.")}  # fmt: skip
-
-
-@pytest.mark.parametrize("kind", GEOMETRY)
-def test_the_arc_of_a_bend(kind):
-    v, last = GEOMETRY[kind]
-    entry = Entry("CBEND", PLACE, ["1", "1", "1", "2", *map(str, v), str(kind)])
-    bend = Entry("PBEND", PLACE, ["1", "1", "1.", "1.", "1.", "1.", *last.split(",")])
-    ends = np.array([[R, 0, 0], [0, R, 0.0]])
-    points, heights = arc(entry, bend, ends, np.array(v, dtype=float), 4)
-    angle = np.radians(22.5) * np.arange(1, 4)
-    np.testing.assert_allclose(points, R * np.stack([np.cos(angle), np.sin(angle), 0 * angle]).T,
-                               atol=1e-12)  # fmt: skip
-    angle = np.radians(22.5) * (np.arange(4) + 0.5)
-    np.testing.assert_allclose(heights, -np.stack([np.cos(angle), np.sin(angle), 0 * angle]).T,
-                               atol=1e-12)  # fmt: skip
-
-
-@pytest.mark.fem
-def test_a_quarter_ring_bends_as_in_the_textbook(tmp_path):
-    """At its tip: π/4 PR³/EI along the radius, (3π/4 − 2) PR³/EI across it, in its plane."""
-    I = 1e-6  # noqa: E741
-    path = tmp_path / "ring.bdf"
-    path.write_text(f"GRID,1,,{R},0.,0.\nGRID,2,,0.,{R},0.\nCBEND,1,1,1,2,-1.,0.,0.,1\n"
-                    f"PBEND,1,1,1.,{I},2.-6,1.-6\n"
-                    f"MAT1,1,{E},,.3,7800.\nSPC1,1,123456,2\n")  # fmt: skip
-    part = ao.read_model(path)
-    assert part.mass == pytest.approx(7800 * np.pi / 2 * R, rel=2e-3)
-    for direction, factor in (((1.0, 0, 0), np.pi / 4), ((0, 1.0, 0), 3 * np.pi / 4 - 2)):
-        k0 = ao.extract(part, ao.Site((R, 0.0, 0.0), direction), n=2).k0
-        assert k0 == pytest.approx(E * I / (factor * R**3), rel=4e-3)
+E = 2e11
 
 
 @pytest.mark.fem
@@ -504,7 +451,7 @@ def test_the_neutral_axis_of_an_angle():
     mixed = legs[:, 0] @ (y * z)
     angle = np.arctan2(2 * mixed, 10 / 12 + 3 * 19**3 / 12 + legs[:, 0] @ (y**2 - z**2)
                        - 10**3 / 12 - 19 * 27 / 12) / 2  # fmt: skip
-    assert one.at(0.0).angle == pytest.approx(angle)
+    assert one.mean().angle == pytest.approx(angle)
 
 
 def test_the_product_of_inertia_of_a_z():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Deck, DeckPlace
 from antiosc_decks import abaqus_assembly, abaqus_joints as ties
 from antiosc_decks.abaqus_joints import read_joints, surfaces_of
+from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.constraints import DeckConstraints
 from antiosc_decks.sources import Sources
 from motions import rigid, row_of
@@ -33,7 +36,7 @@ def joints_of(folder, x: np.ndarray, text: str, turning: bool = False):
     """(the constraints that the cards make, what is told)."""
     whole, cards = deck_of(folder, x, text)
     joints = DeckConstraints(whole.deck, np.ones(len(x), dtype=bool), np.full(len(x), turning))
-    read_joints(whole, joints, cards)
+    read_joints(whole, cast(ModelBuilder, SimpleNamespace(joints=joints)), cards)
     return joints, whole.deck.remarks
 
 
@@ -272,24 +275,6 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path, cards):
         joints_of(tmp_path, ANY, cards)
 
 
-LINES = {
-    "PLANE,1,2,3,4": (np.outer(np.arange(6), [1.0, 2.0, 3.0]), "PLANE lie on one line."),
-    "STRAIGHT,1,2,3": (np.zeros((6, 3)), "STRAIGHT coincide."),
-    "MEANROT,1,2,3": (np.zeros((6, 3)), "MEANROT needs an axis."),
-    "MEANROT,1,2,3,4": (np.array([(0, 0, 1), (0, 0, 3), (0, 0, 5), (0, 0, 1.0)]),
-                        "MEANROT lie on its axis."),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("card", LINES)
-def test_nodes_that_give_no_plane_line_or_axis(tmp_path, card):
-    x, message = LINES[card]
-    with pytest.raises(MeshError) as caught:
-        joints_of(tmp_path, x, f"*MPC\n{card}\n")
-    assert str(caught.value).startswith(f"line {len(x) + 3} of a.inp: ")
-    assert str(caught.value).endswith(message)
-
-
 def test_an_equation_of_a_set_is_one_for_each_of_its_nodes(tmp_path):
     """A node that stands last belongs to each; a set whose nodes stand second is summed singly."""
     cards = f"{PAIR}*EQUATION\n2\nP,1,2.,\n6,3,-1.\n3,\n5,2,1.,6,2,1.\n4,1,.5\n"
@@ -337,9 +322,6 @@ def test_a_surface_of_edges_has_the_nodes_of_these_alone(tmp_path, kind):
 
 RANDOM = np.random.default_rng(17)
 POINTS = RANDOM.normal(size=(6, 3))
-#: Points of an oblique plane, and of a line in space, no two alike.
-IN_PLANE = POINTS[0] + RANDOM.normal(size=(6, 2)) @ POINTS[1:3]
-ON_LINE = POINTS[0] + np.array([[0.0], [0.4], [2.0], [1.1], [-0.3], [0.9]]) * POINTS[3]
 
 
 def equations(folder: Path, x: np.ndarray, text: str, turning: bool = True) -> np.ndarray:
@@ -372,9 +354,6 @@ def test_a_coupling_in_cylindrical_axes_leaves_the_radius_free(tmp_path, card):
 
 CASES = {
     # card, points, number of equations, of nodes without rotations
-    "PLANE": ("*MPC\nPLANE,1,2,3,4,5,6\n", IN_PLANE, 3, 3),
-    "PLANE in two lines": ("*MPC\nPLANE,1,2,3,4\n0,5,6\n", IN_PLANE, 3, 3),
-    "STRAIGHT": ("*MPC\nSTRAIGHT,1,2,3,4,5,6\n", ON_LINE, 8, 8),
     "LINK": ("*MPC\nLINK,2,5\n", POINTS, 1, 1),
     "BEAM": ("*MPC\nBEAM,2,5\n", POINTS, 6, None),
     "BEAM of a set": ("*NSET,NSET=N\n1,2,3\n*MPC\nBEAM,N,5\n", POINTS, 18, None),
@@ -407,43 +386,6 @@ def test_two_nodes_at_one_place_move_alike(tmp_path, kind, motions):
         np.testing.assert_array_equal(C[:, 2], -np.eye(6)[:count])
 
 
-def test_nodes_of_a_plane_move_freely_in_it_and_not_out_of_it(tmp_path):
-    C = equations(tmp_path, IN_PLANE, CASES["PLANE"][0])[:, :, :3]
-    normal = np.cross(POINTS[1], POINTS[2])
-    within = RANDOM.normal(size=(6, 2)) @ POINTS[1:3]
-    assert np.abs(np.einsum("enc,nc->e", C, within)).max() < 1e-12
-    for node in range(6):
-        assert np.abs(C[:, node] @ normal).max() > 1e-3
-
-
-@pytest.mark.parametrize("count", [2, 5])
-def test_the_mean_rotation_of_a_rigid_body_is_its_own(tmp_path, count):
-    """Motion 1 of the last node, whose coordinates are the axis."""
-    axis = np.array([0.6, 0.0, 0.8])
-    x = np.vstack([POINTS[:count], 2.5 * axis])
-    nodes = ",".join(str(k + 1) for k in range(count + 1))
-    (row,) = equations(tmp_path, x, f"*MPC\nMEANROT,{nodes}\n", turning=False)
-    motions = rigid(x)
-    motions[count] = 0.0
-    motions[count, 0, 3:] = axis
-    assert row[count].tolist() == [1.0, 0, 0, 0, 0, 0]
-    about = motions @ np.concatenate((np.zeros(3), axis))
-    assert np.einsum("nc,nc->", row, about) == pytest.approx(0.0, abs=1e-12)
-    for shift in motions[:, :, :3].transpose(2, 0, 1):
-        assert np.einsum("nc,nc->", row, shift) == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_node_on_the_axis_has_no_part_in_the_mean_rotation(tmp_path):
-    """CalculiX: "This node is not taken into account in the MPC"; the others' mean is the same."""
-    ring = np.array([(1.0, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)])
-    x = np.vstack([ring, (0, 0, 0.5), (0, 0, 2)])
-    row, alone = (
-        equations(tmp_path, x, f"*MPC\nMEANROT,{nodes}\n", turning=False)[0]
-        for nodes in ("1,2,3,4,5,6", "1,2,3,4,6")
-    )
-    np.testing.assert_allclose(row, alone, rtol=0, atol=1e-15)
-
-
 def test_the_weighted_mean_of_a_rigid_body_is_its_motion(tmp_path):
     """The six motions of a point beside it, by the mean ones of five nodes of unequal weights."""
     surface = "*NSET,NSET=N\n1,2,3,4,5\n*SURFACE,TYPE=NODE,NAME=S\nN,\n"
@@ -458,14 +400,6 @@ def test_the_weighted_mean_of_a_rigid_body_is_its_motion(tmp_path):
     for terms in joints.equations:
         moved = sum(value * rigid(POINTS)[node, motion] for node, motion, value in terms)
         assert np.abs(moved).max() < 1e-12
-
-
-def test_nodes_of_a_line_move_freely_along_it_and_not_across(tmp_path):
-    C = equations(tmp_path, ON_LINE, CASES["STRAIGHT"][0])[:, :, :3]
-    along = RANDOM.normal(size=(6, 1)) * POINTS[3]
-    assert np.abs(np.einsum("enc,nc->e", C, along)).max() < 1e-12
-    for node in range(6):
-        assert np.linalg.matrix_rank(C[:, node]) == 2
 
 
 @pytest.mark.parametrize("count", [3, 4, 6, 8])

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -39,9 +39,6 @@ from antiosc.fem.structure import (
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import polynomials
 from antiosc.models.motion import Inertia
-
-if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
 
 #: A motion satisfies the constraints if their residual over the sizes of their terms is below this.
 SATISFIES = 1e-9
@@ -370,8 +367,6 @@ class AssembledMatrices(StructureMatrices):
     local: Shares
     #: from which T was made, the supports of the assembly first; on rank 0 alone
     constraints: Constraints | None
-    #: makes the same assembly with each element halved; None if that cannot be
-    halved: Callable[[], Structure] | None = None
 
     assembled: ClassVar[bool] = True
 

@@ -8,11 +8,11 @@ three shapes at most. Second-order cells keep their curved sides.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import product
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import basix
 import numpy as np
@@ -22,7 +22,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import MeshError
 from antiosc.fem.platform import compat
 from antiosc.io.by_gmsh import MOST_CELLS
-from antiosc.io.neutral import Joints, RawMesh
+from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import keys, positions
 
 #: Halves of a simplex; each vertex lies between two corners.
@@ -87,13 +87,7 @@ def weights_at(shape: str, degree: int, places: Array) -> Array:
     return np.asarray(element.tabulate(0, flat)[0, :, :, 0]).reshape(*places.shape[:-1], -1)
 
 
-#: What completes the meshes of a round of divisions, from those before.
-After: TypeAlias = Callable[[Sequence[RawMesh], list[RawMesh]], list[RawMesh]]
-
-
-def with_cells_of(
-    size: float, raws: Sequence[RawMesh], name: str, after: After = lambda _, finer: finer
-) -> list[RawMesh]:
+def with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMesh]:
     """Meshes with common numbers of nodes, halved until no cell is longer than `size` [m].
 
     Raises
@@ -114,7 +108,7 @@ def with_cells_of(
             f"{count:.1e}, more than {MOST_CELLS:.0e}; choose a larger size."
         )
     for _ in range(rounds):
-        raws = after(raws, halved(raws))
+        raws = halved(raws)
     return raws
 
 
@@ -138,7 +132,7 @@ def halved(raws: Sequence[RawMesh]) -> list[RawMesh]:
     """Meshes with all cells halved once; nodes of common edges and faces keep common numbers."""
     halves = [_halved(raw) for raw in raws]
     first = 1 + max(int(raw.numbers.max()) for raw in raws)
-    return numbered(raws, halves, common_numbers([half.parents for half in halves], first))
+    return numbered(halves, common_numbers([half.parents for half in halves], first))
 
 
 def common_numbers(parents: Sequence[IntArray], first: int) -> list[IntArray]:
@@ -147,15 +141,10 @@ def common_numbers(parents: Sequence[IntArray], first: int) -> list[IntArray]:
     return np.split(first + index.ravel(), np.cumsum([len(rows) for rows in parents])[:-1])
 
 
-def numbered(
-    raws: Sequence[RawMesh], divided: Sequence[Divided], numbers: Sequence[IntArray]
-) -> list[RawMesh]:
-    """The divided meshes with the numbers of their new nodes, which follow the joints of a deck."""
-    model = raws[0].model
-    if model is not None and model["joints"]["equations"]:
-        model = {**model, "joints": _joints(model["joints"], divided, numbers)}
+def numbered(divided: Sequence[Divided], numbers: Sequence[IntArray]) -> list[RawMesh]:
+    """The divided meshes with the numbers of their new nodes."""
     return [
-        replace(one.mesh, model=model, numbers=np.concatenate([one.mesh.numbers, new]))
+        replace(one.mesh, numbers=np.concatenate([one.mesh.numbers, new]))
         for one, new in zip(divided, numbers, strict=True)
     ]
 
@@ -168,33 +157,10 @@ class Divided(NamedTuple):
     mesh : without the numbers of its new nodes.
     parents : (n, 8) numbers of the nodes between which each new node lies, -1: fewer; twice that
         which is nearer.
-    nodes, weights : (n, nodes of a cell) numbers of the nodes that give its place, by weights.
     """
 
     mesh: RawMesh
     parents: IntArray
-    nodes: IntArray
-    weights: Array
-
-
-#: Smaller weights of nodes are rounding of the shape functions.
-LEAST_WEIGHT = 1e-12
-
-
-def _joints(joints: Joints, halves: Sequence[Divided], numbers: Sequence[IntArray]) -> Joints:
-    """The joints of a deck with the new nodes, by number, that may lie between dependent ones."""
-    known = dict(joints.get("among", ()))
-    near = [*{terms[0][0] for terms in joints["equations"]}, *known]
-    among = dict(known)
-    for half, of_half in zip(halves, numbers, strict=True):
-        for k in np.flatnonzero(np.isin(half.nodes, near).any(axis=1)).tolist():
-            of_deck: dict[int, float] = {}
-            for node, weight in zip(half.nodes[k].tolist(), half.weights[k].tolist(), strict=True):
-                for parent, share in known.get(node, ((node, 1.0),)):
-                    of_deck[parent] = of_deck.get(parent, 0.0) + weight * share
-            parents = [(n, weight) for n, weight in of_deck.items() if abs(weight) > LEAST_WEIGHT]
-            among[int(of_half[k])] = parents
-    return {**joints, "among": [*among.items()]}
 
 
 def _halved(raw: RawMesh) -> Divided:
@@ -221,12 +187,9 @@ def _halved(raw: RawMesh) -> Divided:
         x,
         cells=cells[:, np.argsort(order)].astype(np.int64),
         groups=_groups(raw, old_corners, lattice),
-        parents=np.repeat(np.arange(len(raw.cells)), len(shape.halves)),
     )
     padded = np.where(rows >= 0, raw.numbers[rows], -1)
-    cell, place = np.divmod(first, weights.shape[0] * weights.shape[1])
-    of_places = weights.reshape(-1, weights.shape[2])[place]
-    return Divided(result, padded, raw.numbers[nodes[cell]], of_places)
+    return Divided(result, padded)
 
 
 def with_nodes(raw: RawMesh, x: Array, **changes: Any) -> RawMesh:

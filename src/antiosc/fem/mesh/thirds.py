@@ -24,7 +24,6 @@ from antiosc.base.checks import point_text
 from antiosc.base.errors import MeshError
 from antiosc.fem.mesh.halving import (
     ROUNDING,
-    After,
     Divided,
     common_numbers,
     lengths,
@@ -35,7 +34,7 @@ from antiosc.fem.mesh.halving import (
 )
 from antiosc.fem.platform import compat
 from antiosc.io.by_gmsh import MOST_CELLS
-from antiosc.io.neutral import IntArray, Model, RawMesh
+from antiosc.io.neutral import IntArray, RawMesh
 from antiosc.io.reading import keys, positions
 from antiosc.io.request import Refinement
 
@@ -57,16 +56,11 @@ SHARE = 1 / 3
 
 
 def with_cells_near(
-    refine: Sequence[Refinement],
-    raws: Sequence[RawMesh],
-    name: str,
-    kept: Sequence[int] = (),
-    after: After = lambda _, finer: finer,
+    refine: Sequence[Refinement], raws: Sequence[RawMesh], name: str
 ) -> list[RawMesh]:
     """Meshes with common numbers of nodes, with cells of the sizes of `refine` around its points.
 
-    The sizes grow away from the points as those of `read_mesh` of a geometry. `kept`: numbers of
-    nodes between which edges stay.
+    The sizes grow away from the points as those of `read_mesh` of a geometry.
 
     Raises
     ------
@@ -76,13 +70,13 @@ def with_cells_near(
     raws = list(raws)
     told = [_stays(raws, point, size, name) for point, size in refine]
     for _ in range(_rounds(refine, raws)):
-        finer = _thirds(raws, _marked(refine, raws, name, kept))
+        finer = _thirds(raws, _marked(refine, raws, name))
         if sum(len(raw.cells) for raw in finer) > MOST_CELLS:
             raise MeshError(
                 f"{name} would have more than {MOST_CELLS:.0e} cells: choose larger sizes in"
                 " refine."
             )
-        raws = after(raws, finer)
+        raws = finer
     told += [_large(raws, point, size, name) for point, size in refine]
     raws[0].remarks = [*raws[0].remarks, *filter(None, told)]
     return raws
@@ -107,8 +101,7 @@ def _large(raws: Sequence[RawMesh], point: Sequence[float], size: float, name: s
         return ""
     return (
         f"{name}: cells of {longest:.3g} m stay at {point_text(point)}, larger than the {size:g} m"
-        " of refine: joints on their nodes, or solids beside them, keep them; choose a point"
-        " farther from these."
+        " of refine: solids beside them keep them; choose a point farther from these."
     )
 
 
@@ -121,9 +114,7 @@ def _rounds(refine: Sequence[Refinement], raws: Sequence[RawMesh]) -> int:
     return max(0, int(np.ceil(np.log(longest / smallest) / np.log(1 / SHARE) - ROUNDING)))
 
 
-def _marked(
-    refine: Sequence[Refinement], raws: Sequence[RawMesh], name: str, kept: Sequence[int]
-) -> IntArray:
+def _marked(refine: Sequence[Refinement], raws: Sequence[RawMesh], name: str) -> IntArray:
     """Numbers of the vertices at which cells are divided."""
     vertices = []
     for raw in raws:
@@ -134,7 +125,8 @@ def _marked(
                 " and beams smaller: leave refine out; size makes all elements smaller."
             )
         vertices.append(raw.numbers[raw.cells[which, : raw.kind.vertices]].ravel())
-    stay = np.concatenate([_unmarked(raws), np.asarray(kept, dtype=np.int64)])
+    solids = [raw.numbers[raw.cells[:, : raw.kind.vertices]] for raw in raws if raw.kind.dim > 2]
+    stay = np.concatenate([np.zeros(0, dtype=np.int64), *(rows.ravel() for rows in solids)])
     return np.setdiff1d(np.concatenate(vertices), stay)
 
 
@@ -160,29 +152,6 @@ def _distances(raw: RawMesh, point: Sequence[float]) -> Array:
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
     x = np.asarray(point, dtype=float)[: centres.shape[1]]
     return np.asarray(np.linalg.norm(centres - x, axis=1) - radii)
-
-
-def _unmarked(raws: Sequence[RawMesh]) -> IntArray:
-    """Numbers of the vertices at which no cell is divided: of solids, and of second-order cells
-    with joints on a node, whose middle nodes would be no nodes of their parts.
-    """
-    acted = _joined_nodes(raws[0].model)
-    kept = [np.zeros(0, dtype=np.int64)]
-    for raw in raws:
-        numbers = raw.numbers[raw.cells]
-        stays = np.isin(numbers, acted).any(axis=1) & (raw.kind.order > 1)
-        kept.append(numbers[stays | (raw.kind.dim > 2), : raw.kind.vertices].ravel())
-    return np.concatenate(kept)
-
-
-def _joined_nodes(model: Model | None) -> list[int]:
-    """Numbers of the nodes on which joints of a deck act."""
-    if model is None:
-        return []
-    joints = model["joints"]
-    rows = [*joints["equations"], *(terms for terms, _ in (*joints["springs"], *joints["dampers"]))]
-    rows += [terms for motions, _, _ in joints["masses"] for terms in motions]
-    return sorted({node for terms in rows for node, _, _ in terms})
 
 
 class Lattice(NamedTuple):
@@ -331,7 +300,7 @@ def _thirds(raws: Sequence[RawMesh], marked: IntArray) -> list[RawMesh]:
         )
     ]
     numbers = [np.concatenate(pair) for pair in zip(vertices, middles, strict=True)]
-    return numbered(raws, divided, numbers)
+    return numbered(divided, numbers)
 
 
 def _filled(
@@ -373,8 +342,8 @@ def _divided(raw: RawMesh, nodes: IntArray, cut: _Cut, cells: IntArray, middles:
     of_new = nodes[new.cell]
     x = np.einsum("nk,nki->ni", weights, raw.points[of_new])
     groups = _groups(raw, nodes[:, : raw.kind.vertices], cut)
-    mesh = with_nodes(raw, x, cells=cells, groups=groups, parents=cut.parents)
-    return Divided(mesh, new.between, raw.numbers[of_new], weights)
+    mesh = with_nodes(raw, x, cells=cells, groups=groups)
+    return Divided(mesh, new.between)
 
 
 def _groups(raw: RawMesh, corners: IntArray, cut: _Cut) -> dict[str, dict[int, IntArray]]:

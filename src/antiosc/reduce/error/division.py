@@ -1,4 +1,4 @@
-"""The error of the mesh of beams, sheets and decks, by the same mesh with each cell divided.
+"""The error of the mesh of beams and sheets, by the same mesh with each cell divided.
 
 The strains of these elements are most accurate at the points where the element takes them, so that
 a recovery of strains finds a part of their error alone. Instead the loads of the shapes (the site's
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 from weakref import WeakKeyDictionary
 
 import basix
@@ -40,9 +40,6 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.reduce.error.bisection import gathered
 from antiosc.reduce.site import Site, functional
 
-if TYPE_CHECKING:
-    from antiosc.fem.assembly.assembled import AssembledMatrices
-
 #: Corrections of a solve with K + sM to one with K: each leaves a tenth of the error, of the lowest
 #: mode alone.
 CORRECTIONS = 8
@@ -59,9 +56,9 @@ _divided: WeakKeyDictionary[object, Structure] = WeakKeyDictionary()
 
 def too_large(matrices: MeshedParts) -> str:
     """Why the mesh of a structure is not divided; "" if it can be."""
-    parts = [member.part for member in matrices.members()]
-    name = "the deck" if matrices.assembled else parts[0].mesh.name
-    finer = sum(2.0**part.mesh.tdim * part.rows for part in parts)
+    part = matrices.members()[0].part
+    name = part.mesh.name
+    finer = 2.0**part.mesh.tdim * part.rows
     need = (OF_SHELLS + EACH_ANSWER * FORESEEN) * finer + of_sheet(round(finer), 0)
     remedy = "compare with a mesh of larger cells"
     if finer > MOST_DOFS:
@@ -77,7 +74,7 @@ def too_large(matrices: MeshedParts) -> str:
 
 
 class Division:
-    """Estimator for beams, sheets and decks whose elements can be halved, on one rank."""
+    """Estimator for one mesh of beams or sheets, on one rank."""
 
     divided = True
 
@@ -86,21 +83,22 @@ class Division:
             raise InputError("the error 'estimate' of beams and shells runs on one rank.")
         self._matrices = with_parts(structure)
 
-    def energies(self, model: AntiOscillators, part: str | None) -> tuple[Array, Array | None]:
+    def energies(self, model: AntiOscillators, _: str | None) -> tuple[Array, Array | None]:
         """(energies and products (N + 1, N + 1) that the mesh lacks in the shapes of a model, those
-        that it has in excess, or None); `part`: that is struck.
+        that it has in excess, or None).
         """
-        fine, _, forces = self._loaded(model, part)
+        fine, _motions, forces = self._loaded(model)
         flexibility = forces.T @ answers(fine, forces)
         lack, surplus = lacking(np.append(model.k0, model.k), flexibility)
-        lines = all(member.part.mesh.tdim == 1 for member in self._matrices.members())
-        remaining = 1 / (1 - 4.0 ** -(self._matrices.members()[0].part.form.degree if lines else 1))
+        struck = self._matrices.members()[0].part
+        order = struck.form.degree if struck.mesh.tdim == 1 else 1
+        remaining = 1 / (1 - 4.0**-order)
         is_rounding = np.abs(surplus).max() <= SURPLUS * np.abs(flexibility).max()
         return remaining * lack, None if is_rounding else remaining * surplus
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
         """Energy (cells,) of the errors of the shapes times `weights` (N + 1, k), of one mesh."""
-        fine, motions, forces = self._loaded(model, None)
+        fine, motions, forces = self._loaded(model)
         errors = (answers(fine, forces) - motions) @ weights
         part = on_mesh(fine)
         energies = compat.quadratic(
@@ -111,7 +109,7 @@ class Division:
         of_input = np.bincount(parent, np.maximum(energies, 0.0))
         return np.asarray(of_input[coarse.original_cell_index])
 
-    def _loaded(self, model: AntiOscillators, part: str | None) -> tuple[Structure, Array, Array]:
+    def _loaded(self, model: AntiOscillators) -> tuple[Structure, Array, Array]:
         """(the divided structure, the shapes of a model as its displacements (rows, N + 1), their
         loads).
         """
@@ -121,8 +119,9 @@ class Division:
                 "the error 'estimate' of beams and shells needs a Site with point and direction."
             )
         fine = divided(self._matrices)
-        place = Site(point, direction, radius=cast("float | None", model.radius), part=part)
-        motions = _on_divided(self._matrices, with_parts(fine), np.asarray(model.shapes))
+        place = Site(point, direction, radius=cast("float | None", model.radius))
+        parts = self._matrices.members()[0].part, with_parts(fine).members()[0].part
+        motions = np.asarray(interpolation(*parts) @ np.asarray(model.shapes))
         load = functional(fine, place).b[:, None]
         masses, squares = np.append(0.0, model.m), np.append(0.0, np.square(model.omega))
         forces = squares * (multiply(fine.M, motions) - masses * load)
@@ -136,15 +135,10 @@ def divided(matrices: MeshedParts) -> Structure:
     if matrices not in _divided:
         start_time = clock()
         with without_warnings(), doing("a mesh of half the size, for the error bar"):
-            if matrices.assembled:
-                halves = cast("AssembledMatrices", matrices).halved
-                assert halves is not None
-                _divided[matrices] = halves()
-            else:
-                part = matrices.members()[0].part
-                groups, supports = _by_groups(part)
-                fine = part.again(finer(replace(part.mesh, groups=groups)), supports)
-                _divided[matrices] = holding(fine, start_time)
+            part = matrices.members()[0].part
+            groups, supports = _by_groups(part)
+            fine = part.again(finer(replace(part.mesh, groups=groups)), supports)
+            _divided[matrices] = holding(fine, start_time)
     return _divided[matrices]
 
 
@@ -159,25 +153,6 @@ def _by_groups(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArray]], l
             support = Support(name, support.fix)
         supports.append(support)
     return groups, supports
-
-
-def _on_divided(coarse: MeshedParts, fine: MeshedParts, shapes: Array) -> Array:
-    """Shapes (rows, k) as displacements of the divided structure."""
-    if not coarse.assembled:
-        whole, halves = coarse.members()[0].part, fine.members()[0].part
-        return np.asarray(interpolation(whole, halves) @ shapes)
-
-    coarse, fine = cast("AssembledMatrices", coarse), cast("AssembledMatrices", fine)
-    u = np.zeros((fine.layout.count, shapes.shape[1]))
-    for member, motion in coarse.fields(shapes):
-        (of_fine,) = fine.members(member.name)
-        cells = np.argsort(member.part.mesh.dolfinx.topology.original_cell_index)
-        u[of_fine.rows] = interpolation(member.part, of_fine.part, cells) @ motion
-    for name in fine.layout.points:
-        rows = coarse.layout.of_point(name)
-        u[fine.layout.of_point(name)] = coarse.expanded(shapes)[rows]
-    u[fine.eliminated.dependent] = 0.0
-    return u
 
 
 def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
@@ -249,18 +224,11 @@ def added_cells(structure: Structure, refine: Sequence[Refinement]) -> int:
     return count
 
 
-def interpolation(
-    part: MeshedStructure, fine: MeshedStructure, cells: IntArray | None = None
-) -> scipy.sparse.csr_matrix:
-    """Interpolation matrix (fine rows, coarse rows) of displacements to the divided mesh.
-
-    cells : the cell whose halves have the input numbers h k to h k + h - 1; by default k.
-    """
+def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
+    """Interpolation matrix (fine rows, coarse rows) of displacements to the divided mesh."""
     places = _places_of_halves(part)
     input_number = np.asarray(fine.mesh.dolfinx.topology.original_cell_index)
     parent, half = np.divmod(input_number, len(places))
-    if cells is not None:
-        parent = cells[parent]
     blocks = []
     for path in part.form.components.values():
         tables = np.stack([compat.tabulate(part.form.space, path, X) for X in places])

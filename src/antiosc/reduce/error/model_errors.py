@@ -1,7 +1,7 @@
 """The error estimates that an extraction with error="estimate" adds to its models.
 
-Solids are judged by a recovery of their strains, beams, sheets and decks by the same mesh with each
-cell divided.
+Solids are judged by a recovery of their strains, beams and sheets by the same mesh with each cell
+divided.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def refusal(structure: Structure) -> str:
         return TRUSS
     if _solids(matrices) and not (matrices.assembled and matrices.preload):
         return ""
-    if matrices.assembled and (matrices.preload or not cast("AssembledMatrices", matrices).halved):
+    if matrices.assembled:
         return JOINTED
     return too_large(matrices)
 
