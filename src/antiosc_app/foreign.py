@@ -235,7 +235,7 @@ def _first(
     for way in ways:
         attempts = [way] if "piece" in way else [way, {**way, "piece": 1}]
         for options in attempts:
-            told: list[str] = []
+            told = [str(reason)] if reason and "cells" in options else []  # with its numbers
             try:
                 with warnings_to(told.append):
                     return antiosc.read_mesh(str(path), **read, **options), options, pieces, told

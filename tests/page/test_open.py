@@ -30,7 +30,7 @@ from antiosc.base.texts import (
 )
 from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.io.reading import MESHED_OTHERWISE
+from antiosc.io.reading import CLOSELY
 from antiosc.models.doubts import NEAR, NO_RESULT
 from antiosc.reduce.extraction import krylov
 from antiosc.reduce.site.sites import located
@@ -832,8 +832,8 @@ def test_forecasts_count_the_smaller_cells_at_the_site(opened):
     foreseen = look.forecast(near=[(setup.point, SIZE / 4)]).cells
     assert float(there[1].replace(" ", "")) == pytest.approx(foreseen, rel=0.05)
     assert "at the site" not in first.sentences("a.step", drop=True)[0]
-    made = replace(first, notes=(f"a.step {MESHED_OTHERWISE} with flat facets.",))
-    assert MESHED_OTHERWISE not in " ".join(made.sentences("a.step"))  # of another mesh
+    made = replace(first, notes=(f"a.step {CLOSELY} with flat facets.",))
+    assert CLOSELY not in " ".join(made.sentences("a.step"))  # of another mesh
 
 
 def test_a_note_of_the_set_up_is_no_warning_beside_it(opened, monkeypatch):
@@ -892,7 +892,7 @@ def test_how_a_mesh_was_made_is_told_of_the_mesh_that_is_shown(opened, monkeypat
     """Beside its answer, not of the first mesh; and a note of the file has its name no more."""
     opened.calls["look"]({})
     source = opened._opened()
-    made = [f"a.stl {MESHED_OTHERWISE} with {how}." for how in ("all edges", "flat facets")]
+    made = [f"a.stl {CLOSELY} with {how}." for how in ("all edges", "flat facets")]
     look = replace(source.look, notes=("a.stl: small holes that are closed: 1.", made[0]))
     told = opened_page._told_of_file(look, "a.stl")
     assert told.endswith(". Small holes that are closed: 1.")

@@ -24,6 +24,13 @@ DIGIT_ROUNDING = 1e-6
 LINES = 4
 
 
+def printable(text: str) -> str:
+    """A text of a file or a path on one line, as it can be printed: escape characters and
+    surrogates become their codes.
+    """
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
 def where_to_change(scene: str, page: str) -> str:
     """Text: the keys of a scene that help, and the fields of the page; `on_page` keeps these."""
     return f"in a scene: {scene}; on the page: {page}"

@@ -1,157 +1,42 @@
-"""CAD files: ways to mesh them, and the names of their solids, faces and holes."""
+"""CAD files: their unit, and the names of their solids, faces and holes."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import MeshError, UnmeshableError
+from antiosc.base.errors import MeshError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.request import Request
 
-#: Files that state the unit of their coordinates.
+#: Endings of CAD files, and those of files that state the unit of their coordinates.
+CAD = (".step", ".stp", ".brep", ".iges", ".igs")
 STATES_UNIT = (".step", ".stp", ".iges", ".igs")
 #: (dimension, tag) -> names
 Names = dict[tuple[int, int], list[str]]
-
-
-# --- Ways to mesh ---------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One attempt to mesh a geometry: a factor on the element size, and gmsh options."""
-
-    about: str
-    share: float = 1.0
-    options: Mapping[str, float] = field(default_factory=dict)
-    #: repairs of the geometry, made as the file is opened
-    healing: Mapping[str, float] = field(default_factory=dict)
-    #: whether faces are flat between the corners of the cells
-    flat: bool = False
-    #: False of facets as they are, which are tried where sides cannot be unrolled
-    cut: bool = True
-    #: of a surface of triangles: edges from this angle on are kept, degrees
-    sharp: float = 40.0
-    #: whether elements are smaller at the points of `refine`
-    refined: bool = True
-
-    @property
-    def curved(self) -> bool:
-        """Whether the attempt is for surfaces with known curvature."""
-        return bool(AROUND.keys() & self.options.keys())
-
-    @property
-    def unparametrised(self) -> bool:
-        """Whether no side of a surface of triangles, or only small patches, must be unrolled."""
-        return not self.cut or self.options == PATCHES
-
-    @property
-    def other_triangles(self) -> bool:
-        """Whether faces are meshed by another algorithm than gmsh's default."""
-        return "Mesh.Algorithm" in self.options
-
-    def suits(self, is_cad: bool) -> bool:
-        """Whether the attempt is for CAD files (`is_cad` true) or for triangulated surfaces
-        (false).
-        """
-        if is_cad:
-            return self.sharp == Attempt.sharp
-        return not self.curved
-
-    def prepare(self, gmsh: ModuleType, scripted: bool = False) -> None:
-        """Set the options of gmsh; `scripted`: over those of a script, which may have failed."""
-        options = dict(self.options)
-        if scripted:
-            first = not self.options
-            options = {**NETGEN, **({} if first else USUAL), **options}
-        for name, value in options.items():
-            gmsh.option.setNumber(name, value)
-
-
-#: Repairs of OpenCASCADE.
-HEALING = {
-    f"Geometry.OCC{name}": 1.0
-    for name in ("FixDegenerated", "FixSmallEdges", "FixSmallFaces", "SewFaces", "MakeSolids")
-}
-#: Elements around a full turn: without them thin curved walls pierce each other.
-AROUND, CLOSELY = ({"Mesh.MeshSizeFromCurvature": number} for number in (12.0, 20.0))
-HXT = {"Mesh.Algorithm3D": 10.0}
-#: For scripts: an optimiser that Debian's gmsh does not have, and gmsh's default algorithms.
-NETGEN = {"Mesh.OptimizeNetgen": 0.0}
-USUAL = {"Mesh.Algorithm": 6.0, "Mesh.Algorithm3D": 1.0, "Mesh.HighOrderOptimize": 0.0}
-#: Angles, degrees, from which on edges are kept. For triangulated surfaces whose curved sides,
-#: meshed anew, pierce each other, or touch themselves at a corner: from 10 on, cylinders keep their
-#: facets; from 1 on, all sides are flat, so that the mesh has the surface of the file.
-FACETED = (10.0, 1.0)
-#: For triangulated surfaces whose sides cannot be parametrised, such as holes that touch the rim.
-PATCHES = {"Mesh.ReparamMaxTriangles": 100.0}
-#: The attempts in order; the first is gmsh's default. Of 91 CAD files by others, with elements of a
-#: twentieth of their length, the first meshed 78 and elements that follow the curvature 3; 8 had no
-#: shapes, and 2 took more than 200 s.
-ATTEMPTS = (
-    Attempt("as it is"),
-    Attempt("with elements that follow the curvature", options=AROUND),
-    *(Attempt(f"with all edges from {angle:g}° on", sharp=angle) for angle in FACETED),
-    Attempt("at half the element size", share=0.5),
-    Attempt("by HXT", options=HXT),
-    Attempt("with elements that follow the curvature closely", options=CLOSELY),
-    Attempt("without smaller elements at points (refine)", refined=False),
-    Attempt("by other triangles (MeshAdapt)", options={"Mesh.Algorithm": 1, **AROUND}),
-    Attempt("after repairs by OpenCASCADE", options=AROUND, healing=HEALING),
-    Attempt("at a quarter of the element size", share=0.25, options=AROUND),
-    Attempt("with flat facets", share=0.5, healing=HEALING, flat=True, refined=False),
-    Attempt("with its facets as they are", flat=True, cut=False, sharp=1.0),
-    Attempt("in small patches, which cut sharp edges", options=PATCHES, sharp=180.0),
-)
-
-
-# --- Opening --------------------------------------------------------------------------------------
-
-
-def opened(gmsh: ModuleType, path: str, healing: Mapping[str, float] | None = None) -> float:
-    """Open a file, with repairs if they are given; returns metres per unit of its coordinates.
-
-    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and then uses
-    OpenCASCADE's millimetres.
-
-    Raises
-    ------
-    UnmeshableError
-        The repairs leave fewer solids: of a bracket by others the faces alone, which would be read
-        as a sheet.
-    """
-    iges = path.endswith((".iges", ".igs"))
-    gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
-    gmsh.open(path)
-    if healing:
-        solids = len(gmsh.model.getEntities(3))
-        for name, value in healing.items():
-            gmsh.option.setNumber(name, value)
-        gmsh.clear()
-        gmsh.open(path)
-        if len(gmsh.model.getEntities(3)) < solids:
-            raise UnmeshableError("Repairs by OpenCASCADE open its solids.")
-    return 1e-3 if iges else 1.0
-
-
-# --- Names ----------------------------------------------------------------------------------------
-
 #: Name of a numbered face.
 FACE = re.compile(r"face \d+")
 #: Labels that programs write by themselves.
 NO_NAME = re.compile(r"Shapes|SOLID|SHELL|COMPOUND|FACE|NONE|=>\[.*\]|Open CASCADE .*|Unnamed.*|")
-#: Sample points of a face along each of its parameters.
-GRID = 7
-#: Sectors of a full turn that faces of a hole must cover.
-SECTORS = 12
-#: Curvatures, and axes over the radius, that differ by less are equal.
+#: Radii, axes and angles that differ by this share are equal.
 ALIKE = 1e-3
+
+
+def opened(gmsh: ModuleType, path: str) -> float:
+    """Open a file; returns metres per unit of its coordinates.
+
+    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and then uses
+    OpenCASCADE's millimetres.
+    """
+    iges = path.endswith((".iges", ".igs"))
+    gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
+    gmsh.open(path)
+    return 1e-3 if iges else 1.0
 
 
 def label_of(text: str) -> str:
@@ -201,13 +86,18 @@ def _labelled(gmsh: ModuleType, dim: int) -> Names:
     return names
 
 
+# --- Solids ---------------------------------------------------------------------------------------
+
+
 def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
     """Cut the solids at each other; returns the names of the pieces."""
     solids = gmsh.model.getEntities(3)
     if len(solids) < 2:
         raise MeshError(f"fragments joins solids; {name} has {len(solids)} of them.")
+
     _, pieces = gmsh.model.occ.fragment(solids, [], removeObject=True, removeTool=True)
     gmsh.model.occ.synchronize()
+
     cut: Names = {}
     for entity, pieces_of_solid in zip(solids, pieces, strict=False):
         for dim, tag in pieces_of_solid:
@@ -230,6 +120,7 @@ def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
         return names
     if piece > len(solids):
         raise MeshError(f"{name} has {len(solids)} solids; there is no piece {piece}.")
+
     solid = solids.pop(piece - 1)
     gmsh.model.occ.remove(solids, recursive=True)
     gmsh.model.occ.synchronize()
@@ -244,134 +135,104 @@ def left_out(gmsh: ModuleType, ask: Request) -> list[str]:
     return [piece_is_read(ask.name, ask.piece, count)]
 
 
+# --- Faces ----------------------------------------------------------------------------------------
+
+
 def face_names(gmsh: ModuleType, scale: float) -> Names:
-    """Names of the outer faces: numbers, labels, colours if there are several, holes."""
-    all_faces = gmsh.model.getEntities(2)
+    """Names of the outer faces: numbers, labels, holes."""
+    faces = gmsh.model.getEntities(2)
     if gmsh.model.getEntities(3):
-        all_faces = [face for face in all_faces if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
-    names: Names = {face: [f"face {face[1]}"] for face in all_faces}
+        faces = [face for face in faces if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
+    names: Names = {face: [f"face {face[1]}"] for face in faces}
+
     # some programs give every face the name of its solid, which names none of them
     of_solids = {_label(gmsh, solid) for solid in gmsh.model.getEntities(3)}
+    numbered = {label for labels in names.values() for label in labels}
     for face, (label,) in _labelled(gmsh, 2).items():
-        if (
-            face in names
-            and _label(gmsh, face) not in of_solids
-            and label not in (label_list for labels in names.values() for label_list in labels)
-        ):
+        if face in names and label not in numbered and _label(gmsh, face) not in of_solids:
             names[face].append(label)
-    colours = {face: _colour(gmsh, face) for face in all_faces}
-    if len(set(colours.values())) > 1:
-        for face, colour in colours.items():
-            names[face] += [colour] if colour else []
-    for hole, faces in _holes(gmsh, all_faces, scale):
-        for face in faces:
+
+    for hole, its_faces in _holes(gmsh, faces, scale):
+        for face in its_faces:
             names[face].append(hole)
     return names
 
 
-def _colour(gmsh: ModuleType, face: tuple[int, int]) -> str:
-    """ "colour #rrggbb" of a face; "" if the file has none."""
-    red, green, blue, has_colour = gmsh.model.getColor(*face)
-    return f"colour #{red:02x}{green:02x}{blue:02x}" if has_colour else ""
-
-
 @dataclass(frozen=True, eq=False)
-class CylindricalFace:
-    """A cylindrical face."""
+class Cylinder:
+    """A cylindrical face that encloses empty space."""
 
     face: tuple[int, int]
     radius: float
-    #: a point on the axis, next to the origin, and the axis' direction (3,)
-    foot: Array
-    axis: Array
-    #: sectors of a full turn in which it has points
-    sectors: frozenset[int]
-    #: middle of the axis within the face (3,)
+    #: a point on the axis, and its direction (3,)
     middle: Array
+    axis: Array
+    #: angle that it spans [rad]
+    angle: float
     edges: frozenset[int]
+
+    def continues(self, other: Cylinder) -> bool:
+        """Whether both share an edge, the axis and the radius."""
+        between = self.middle - other.middle
+        aside = np.linalg.norm(between - (between @ self.axis) * self.axis)
+        parallel = abs(float(self.axis @ other.axis)) > 1 - ALIKE
+        same_radius = abs(self.radius - other.radius) < ALIKE * self.radius
+        beside = bool(self.edges & other.edges)
+        return beside and parallel and same_radius and bool(aside < 10 * ALIKE * self.radius)
 
 
 def _holes(
     gmsh: ModuleType, faces: Sequence[tuple[int, int]], scale: float
 ) -> Iterator[tuple[str, list[tuple[int, int]]]]:
     """Pairs ("hole 6 mm (1)", its faces): coaxial cylindrical faces that enclose empty space."""
-    solid = gmsh.model.getDimension() == 3
-    hollow = [cylinder for face in faces if solid and (cylinder := _hollow(gmsh, face)) is not None]
-    joined: list[list[CylindricalFace]] = []
-    for cylinder in hollow:
-        neighbours = [hole for hole in joined if any(_beside(cylinder, face) for face in hole)]
-        joined = [hole for hole in joined if hole not in neighbours]
-        joined.append([cylinder, *(other for hole in neighbours for other in hole)])
-    by_size: dict[str, list[list[CylindricalFace]]] = {}
-    for hole in joined:
-        if len(frozenset[int]().union(*(cylinder.sectors for cylinder in hole))) == SECTORS:
-            name = f"hole {2e3 * scale * hole[0].radius:.4g} mm"
-            by_size.setdefault(name, []).append(hole)
-    for name, groups in sorted(by_size.items()):
-        groups.sort(key=lambda hole: tuple(np.round(hole[0].middle, 6)))
-        for number, hole in enumerate(groups, 1):
-            yield f"{name} ({number})", [cylinder.face for cylinder in hole]
+    if gmsh.model.getDimension() < 3:
+        return
+
+    holes: list[list[Cylinder]] = []
+    for face in faces:
+        cylinder = _hollow(gmsh, face)
+        if cylinder is not None:
+            same = [hole for hole in holes if any(cylinder.continues(one) for one in hole)]
+            holes = [hole for hole in holes if hole not in same]
+            holes.append([cylinder, *(one for hole in same for one in hole)])
+
+    by_size: dict[str, list[list[Cylinder]]] = {}
+    for hole in holes:
+        if _is_round(hole):
+            size = f"hole {2e3 * scale * hole[0].radius:.4g} mm"
+            by_size.setdefault(size, []).append(hole)
+
+    for size, group in sorted(by_size.items()):
+        group.sort(key=lambda hole: tuple(np.round(hole[0].middle, 6)))
+        for number, hole in enumerate(group, 1):
+            yield f"{size} ({number})", [cylinder.face for cylinder in hole]
 
 
-def _beside(first: CylindricalFace, second: CylindricalFace) -> bool:
-    """Whether two cylinders share an edge, the axis and the radius."""
-    tolerance = ALIKE * first.radius
-    distance = float(np.linalg.norm(first.foot - second.foot))
-    parallel = abs(float(first.axis @ second.axis)) > 1 - ALIKE
-    if not first.edges & second.edges:
-        return False
-    return parallel and abs(first.radius - second.radius) < tolerance and distance < 10 * tolerance
+def _is_round(hole: Sequence[Cylinder]) -> bool:
+    """Whether the faces enclose a full turn."""
+    return sum(cylinder.angle for cylinder in hole) > 2 * np.pi * (1 - ALIKE)
 
 
-def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> CylindricalFace | None:
+def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
     """The cylinder of a face that encloses empty space; None for any other face."""
+    if gmsh.model.getType(*face) != "Cylinder":
+        return None
     tag = face[1]
-    low, high = gmsh.model.getParametrizationBounds(*face)
-    steps = np.linspace(0.01, 0.99, GRID)
-    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    parameters = np.array(low) + grid * (np.array(high) - np.array(low))
-    largest_curvature, smallest_curvature, across, along = gmsh.model.getPrincipalCurvatures(
-        tag, parameters.ravel()
-    )
-    largest = np.abs(largest_curvature) > np.abs(smallest_curvature)
-    bent = np.where(largest, largest_curvature, smallest_curvature)
-    straight = np.where(largest, smallest_curvature, largest_curvature)
-    axes = np.where(largest[:, None], np.reshape(along, (-1, 3)), np.reshape(across, (-1, 3)))
-    curvature = float(np.abs(bent).max())
-    flat = not np.isfinite(bent).all() or curvature <= 0
-    if flat or np.ptp(bent) > ALIKE * curvature or np.abs(straight).max() > ALIKE * curvature:
+    low, high = (np.array(bound) for bound in gmsh.model.getParametrizationBounds(*face))
+
+    # three points around the axis, which is where their normals meet
+    around, along = np.array([0.2, 0.5, 0.7]), 0.5
+    shares = np.column_stack([around, np.full(3, along)])
+    parameters = (low + shares * (high - low)).ravel()
+    x = np.reshape(gmsh.model.getValue(2, tag, parameters), (-1, 3))
+    normals = np.reshape(gmsh.model.getNormal(tag, parameters), (-1, 3))
+    axis = np.cross(normals[0], normals[1])
+    axis = axis / np.linalg.norm(axis)
+    apart, turn = x[1] - x[0], normals[1] - normals[0]
+    radius = float(apart @ turn / (turn @ turn))
+    if radius > 0:  # gmsh's normals point out of the solid
         return None
-    axis = axes[0] / np.linalg.norm(axes[0])
-    if (np.abs(axes @ axis) < 1 - ALIKE).any():
-        return None
-    x = np.reshape(gmsh.model.getValue(2, tag, parameters.ravel()), (-1, 3))
-    normals = np.reshape(gmsh.model.getNormal(tag, parameters.ravel()), (-1, 3))
-    radius = 1 / curvature
-    side = min((1, -1), key=lambda sign: _spread(x - sign * radius * normals, axis))
-    centres = x - side * radius * normals
-    if side > 0:  # gmsh's normals point out of the solid
-        return None
-    foot = centres[0] - axis * (centres[0] @ axis)
-    curves = gmsh.model.getBoundary([face], oriented=False)
-    edges = frozenset(curve for _, curve in curves)
-    middle = centres.mean(axis=0)
-    return CylindricalFace(face, radius, foot, axis, _sectors(centres - x, axis), middle, edges)
 
-
-def _spread(points: Array, axis: Array) -> float:
-    """Largest distance of points (n, 3) from their mean line along the axis."""
-    offsets = points - np.outer(points @ axis, axis)
-    return float(np.ptp(offsets, axis=0).max())
-
-
-def _sectors(across: Array, axis: Array) -> frozenset[int]:
-    """The angular sectors about the axis that directions (n, 3) span."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(np.round(axis, 6)))])
-    second = np.cross(axis, first)
-    angles = np.arctan2(across @ second, across @ first).reshape(GRID, GRID)
-    fine: list[Array] = []
-    for rows in (angles, angles.T):  # one of the parameters goes around
-        unwrapped = np.unwrap(rows, axis=1)
-        fine += [np.linspace(row[0], row[-1], 8 * SECTORS) for row in unwrapped]
-    sectors = np.concatenate(fine) / (2 * np.pi) * SECTORS
-    return frozenset(int(k) for k in np.floor(sectors) % SECTORS)
+    middle = x[1] - radius * normals[1]
+    edges = frozenset(curve for _, curve in gmsh.model.getBoundary([face], oriented=False))
+    return Cylinder(face, -radius, middle, axis, float(high[0] - low[0]), edges)

@@ -1,12 +1,11 @@
-"""Files are read in a separate process, so that a harmful file cannot affect the caller.
-
-The process (`child`) starts with the first file and ends with this one.
+"""Files are read in a separate process, one for each, so that a harmful file cannot affect the
+caller.
 """
 
 from __future__ import annotations
 
-import atexit
 import contextlib
+import io
 import json
 import os
 import signal
@@ -14,12 +13,11 @@ import stat
 import subprocess
 import sys
 import tempfile
-import threading
-from collections.abc import Callable, Sequence
+import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from antiosc.base.errors import (
     AntioscError,
@@ -29,77 +27,79 @@ from antiosc.base.errors import (
     UnmeshableError,
 )
 from antiosc.base.progress import doing
+from antiosc.base.texts import printable
 from antiosc.io import child
-from antiosc.io.cad import ATTEMPTS
-from antiosc.io.geo_script import CAD
 from antiosc.io.neutral import FileMesh, Json, unpacked
 from antiosc.io.request import OVERTIME
 
-#: Words of the error on a reader that took too long.
-OVERTIME_WORDS = "took longer"
 #: Least address space of a reader, bytes; gmsh and its libraries need a tenth of it.
 LEAST_MEMORY = 2 * 2**30
 #: Additional address space of a reader of a mesh, over the size of the file.
 MEMORY_PER_BYTE = 100
 #: Share of the machine's memory that no reader exceeds.
 READER_MEMORY_SHARE = 0.9
+#: The only environment variables that the reading process gets.
+ENVIRONMENT = ("PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
+#: Folders of files that are no data: reading them may never end.
+SYSTEM = ("/proc", "/sys", "/dev")
 
 
 def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | None) -> FileMesh:
     """The content of the file `path`, by the reader of its file type (`table`).
 
     `geometry`: whether the file is a geometry; its mesh may be much larger than the file.
-    `options`: those of a `Request`, and what is told of the work besides ("told").
+    `options`: those of a `Request`.
 
     Raises
     ------
     MeshError
         No such file, no regular file, damaged, refused by its reader, or over the limits.
     MissingDependencyError
-        gmsh or meshio is not installed.
+        gmsh, meshio or trimesh is not installed.
     """
+    name = printable(path.name)
     size = _size(path)
     memory = _memory(None if geometry else size)
+    request = {**options, "path": str(path.absolute()), "name": name}
+    request |= {"timeout": timeout, "memory": memory}
+
     with tempfile.TemporaryDirectory(prefix="antiosc-") as folder:
-        if options.get("trust"):  # a trusted script may refer to files in the working folder
-            folder = os.getcwd()
-        place = {"path": str(path.absolute()), "name": path.name, "folder": folder}
-        attempt = options.get("attempt", 0)
-        told, options = options.get("told", ""), {**options}
-        options.pop("told", None)
-        about = f" ({told}{ATTEMPTS[attempt].about})" if attempt else ""
+        # a trusted script may refer to files in the working folder
+        request["folder"] = os.getcwd() if options.get("trust") else folder
         meshes = geometry and not options.get("outline")
-        with doing(f"{'meshing' if meshes else 'reading'} {path.name}{about}") as tell:
-            request = {**options, **place, "timeout": timeout, "memory": memory}
-            code, response = ask(request, tell)
+        with doing(f"{'meshing' if meshes else 'reading'} {name}"):
+            code, response = _ask(request)
+
     if code != 0:
-        again = bool(options.get("attempt") or options.get("solid"))
-        again |= timeout is None and path.suffix.lower() in CAD
-        raise _broken_off(path.name, code, memory, geometry, again)
-    return _answer(path.name, response, memory)
+        raise _broken_off(name, code, memory, geometry, timeout is None)
+    return _answer(name, response, memory)
 
 
 def _size(path: Path) -> int:
     """Size of a regular file, bytes; MeshError for anything else, which might never end."""
+    shown = printable(str(path))[:200]
     try:
         status = path.stat()
+        real = str(path.resolve())
     except FileNotFoundError:
         raise MeshError(
-            f"there is no mesh file {str(path)!r}; check the path (working folder: {Path.cwd()})."
+            f"there is no mesh file {shown!r}; check the path (working folder: {Path.cwd()})."
         ) from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise MeshError(f"{str(path)[:200]!r} cannot be opened: {reason}.") from None
-    if not stat.S_ISREG(status.st_mode):
+        raise MeshError(f"{shown!r} cannot be opened: {printable(reason)}.") from None
+
+    if not stat.S_ISREG(status.st_mode) or real.startswith(SYSTEM):
         kind = "folder" if stat.S_ISDIR(status.st_mode) else "pipe or device"
-        raise MeshError(f"{str(path)!r} is a {kind}, not a file with a mesh.")
+        raise MeshError(f"{shown!r} is a {kind}, not a file with a mesh.")
     if not os.access(path, os.R_OK):
-        raise MeshError(f"{str(path)!r} may not be read: its permissions forbid it.")
+        raise MeshError(f"{shown!r} may not be read: its permissions forbid it.")
     if status.st_size == 0:
-        raise MeshError(f"{path.name} is empty.")
+        raise MeshError(f"{printable(path.name)} is empty.")
     if status.st_size > READER_MEMORY_SHARE * _machine_memory():
         raise MeshError(
-            f"{path.name} has {status.st_size / 2**30:.3g} GiB, more than this machine's memory."
+            f"{printable(path.name)} has {status.st_size / 2**30:.3g} GiB, more than this "
+            "machine's memory."
         )
     return status.st_size
 
@@ -112,52 +112,71 @@ def _machine_memory() -> int:
 
 
 def _memory(size: int | None) -> int:
-    memory_limit = int(READER_MEMORY_SHARE * _machine_memory())
+    """Address space of a reader [bytes], for a file of this size; None: a geometry."""
+    limit = int(READER_MEMORY_SHARE * _machine_memory())
     if size is not None:
-        memory_limit = min(memory_limit, LEAST_MEMORY + MEMORY_PER_BYTE * size)
-    return max(memory_limit, LEAST_MEMORY)
+        limit = min(limit, LEAST_MEMORY + MEMORY_PER_BYTE * size)
+    return max(limit, LEAST_MEMORY)
+
+
+def _ask(request: Json) -> tuple[int, bytes]:
+    """(exit code, response) of the reading process; see `child`."""
+    if not sys.executable:
+        raise MeshError("meshes are read by a second Python, but sys.executable names none.")
+
+    # "" stands for the working folder, which holds no packages
+    line = {**request, "sys_path": [os.path.abspath(p) for p in sys.path if p]}
+    environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
+    process = subprocess.Popen(
+        [sys.executable, "-I", "-S", "-B", str(Path(child.__file__).resolve())],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        cwd="/",
+        env={**environment, "LC_ALL": "C.UTF-8", "OPENBLAS_NUM_THREADS": "1"},
+        start_new_session=True,
+    )
+    try:
+        response, _ = process.communicate(json.dumps(line).encode())
+        return process.returncode, response
+    finally:  # also at Ctrl-C, and what the reader has started
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
 def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) -> MeshError:
-    """The error for a reader process that ended early; `again`: other attempts may follow."""
+    """The error for a reader process that ended early; `again`: another attempt may follow."""
+    remedy = "give another element size." if geometry else "write the file anew."
     if -code in OVERTIME:
-        error_class = UnmeshableError if again else MeshError
+        error_class = UnmeshableError if geometry and again else MeshError
+        size = ", or a larger element size." if geometry else "."
         return error_class(
-            f"reading {name} {OVERTIME_WORDS} than a file of its kind and size may take: give a "
-            "longer timeout in s (--timeout of `antiosc new` and `antiosc open`)"
-            + (", or a larger element size." if geometry else ".")
+            f"reading {name} took longer than a file of its kind and size may take: give a longer "
+            f"timeout in s (--timeout of `antiosc new` and `antiosc open`){size}"
         )
+
     kind = UnmeshableError if geometry else MeshError
     if code < 0:
-        return kind(
-            f"the reader of {name} broke off ({signal.Signals(-code).name}; it had "
-            f"{memory / 2**30:.1f} GiB): "
-            + ("give another element size." if geometry else "write the file anew.")
-        )
-    return kind(
-        f"the reader of {name} ended with code {code} and gave no mesh: "
-        + ("give another element size." if geometry else "write the file anew.")
-    )
+        end = f"{signal.Signals(-code).name}; it had {memory / 2**30:.1f} GiB"
+        return kind(f"the reader of {name} broke off ({end}): {remedy}")
+    return kind(f"the reader of {name} ended with code {code} and gave no mesh: {remedy}")
 
 
-def _answer(name: str, answer: bytes, memory: int) -> FileMesh:
+def _answer(name: str, response: bytes, memory: int) -> FileMesh:
     """The mesh in the reader's response, or its error raised."""
-    line, _, content = answer.partition(b"\n")
-    if not line:
+    if not response:
         raise MeshError(f"the reader of {name} gave no mesh: a command of the file ends it (Exit).")
     try:
-        header = json.loads(line)
-        if "error" in header:
-            _raise(name, header, memory)
-        return unpacked(header, _arrays(header["arrays"], content))
-    except MeshError:
-        raise
-    except (ValueError, KeyError) as error:
+        with np.load(io.BytesIO(response), allow_pickle=False) as archive:
+            first, *arrays = (archive[key] for key in archive.files)
+        header = _printable(json.loads(first.tobytes()))
+        if "error" not in header:
+            return unpacked(header, arrays)
+    except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
         raise MeshError(f"{name} is damaged: {str(error).rstrip('.')}.") from error
 
-
-def _raise(name: str, head: Json, memory: int) -> None:
-    if head["error"] == "MemoryError":
+    if header["error"] == "MemoryError":
         raise MeshError(
             f"{name} needs more than {memory / 2**30:.1f} GiB to be read, which this machine "
             "lacks: make the mesh coarser."
@@ -165,99 +184,15 @@ def _raise(name: str, head: Json, memory: int) -> None:
     kinds: dict[str, type[AntioscError]] = {
         kind.__name__: kind for kind in (MissingDependencyError, PiecesError, UnmeshableError)
     }
-    raise kinds.get(head["error"], MeshError)(head["message"])
+    raise kinds.get(header["error"], MeshError)(header["message"])
 
 
-def _arrays(shapes: Sequence[tuple[str, list[int]]], content: bytes) -> list[NDArray[np.generic]]:
-    arrays = []
-    start = 0
-    for dtype, shape in shapes:
-        count = int(np.prod(shape, dtype=object))
-        arrays.append(np.frombuffer(content, dtype, count, start).reshape(shape))
-        start += arrays[-1].nbytes
-    return arrays
-
-
-# --- The reading process --------------------------------------------------------------------------
-
-
-#: The only environment variables that the reading process gets.
-ENVIRONMENT = ("PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
-
-_lock = threading.Lock()
-_process: subprocess.Popen[bytes] | None = None
-_owner = 0
-_seconds = 0.0
-
-
-def processor_time() -> float:
-    """Processor time [s] of all files that were read so far."""
-    return _seconds
-
-
-def ask(request: Json, tell: Callable[[str], None] | None = None) -> tuple[int, bytes]:
-    """Read one file in the other process: (exit code, response); see `child`. `tell` gets what is
-    told of the progress.
-    """
-    global _seconds
-    with _lock:
-        process = _running()
-        try:
-            assert process.stdin is not None
-            assert process.stdout is not None
-            # "" stands for the working folder, which holds no packages
-            line = {**request, "sys_path": [os.path.abspath(p) for p in sys.path if p]}
-            process.stdin.write(json.dumps(line).encode() + b"\n")
-            process.stdin.flush()
-            header = json.loads(process.stdout.readline())
-            while "progress" in header:
-                if tell is not None:
-                    tell(header["progress"])
-                header = json.loads(process.stdout.readline())
-            _seconds += header["seconds"]
-            return int(header["code"]), process.stdout.read(header["size"])
-        except (OSError, ValueError):  # it has ended
-            _end()
-            return process.returncode or -signal.SIGKILL, b""
-        except BaseException:  # such as Ctrl-C: the answer is not needed any more
-            _end()
-            raise
-
-
-def _running() -> subprocess.Popen[bytes]:
-    """The reader process of this process; a fork starts its own."""
-    global _process, _owner
-    if _process is not None and _owner == os.getpid() and _process.poll() is not None:
-        _end()
-    if _process is None or _owner != os.getpid():
-        if not sys.executable:
-            raise MeshError("meshes are read by a second Python, but sys.executable names none.")
-        environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
-        _process = subprocess.Popen(
-            [sys.executable, "-I", "-S", "-B", str(Path(child.__file__).resolve())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            cwd="/",
-            env={**environment, "LC_ALL": "C.UTF-8", "OPENBLAS_NUM_THREADS": "1"},
-            start_new_session=True,
-        )
-        _owner = os.getpid()
-    return _process
-
-
-@atexit.register
-def _end() -> None:
-    """End the reader process and its forks."""
-    global _process
-    process = _process
-    _process = None
-    if process is None or _owner != os.getpid():
-        return
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-    for stream in (process.stdin, process.stdout):
-        if stream is not None:
-            with contextlib.suppress(OSError):
-                stream.close()
-    process.wait()
+def _printable(value: Any) -> Any:
+    """Values of JSON, whose texts can be printed: names in a file may hold escape characters."""
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, list):
+        return [_printable(item) for item in value]
+    if isinstance(value, dict):
+        return {printable(key): _printable(item) for key, item in value.items()}
+    return value

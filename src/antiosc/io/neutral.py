@@ -8,7 +8,7 @@ that are divided into others. `UnitSystem` is a length and a force, with seconds
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, NotRequired, TypeAlias, TypedDict
 
 import numpy as np
@@ -97,8 +97,6 @@ def rectangles(shape: str) -> list[tuple[int, ...]]:
 IntArray = NDArray[np.int64]
 #: values as JSON holds them, by name
 Json: TypeAlias = dict[str, Any]
-#: (first row, end row, volume [m³]) of a solid of CAD: rows of the cells that fill it
-Solid = tuple[int, int, float]
 #: A motion: (node, or -1 - k of the k-th point of no element; motion 0 to 5; coefficient).
 Term = tuple[int, int, float]
 
@@ -185,32 +183,6 @@ FACETS: dict[str, Sequence[tuple[int, ...]]] = {
 EDGES_OF_KIND = {CARRIED[shape]: EDGES[shape] for shape in ("tetra", "hexahedron")}
 
 
-@dataclass(frozen=True)
-class CadSurface:
-    """Curvature of CAD surfaces at nodes of a mesh, K of them; a node may lie on several surfaces.
-
-    Attributes
-    ----------
-    points : (K, 3) the nodes [m].
-    surfaces : (K,) numbers of the surfaces.
-    normals : (K, 3) unit normals.
-    tensors : (K, 3, 3) curvature tensors [1/m], > 0 where the surface bends away from the normal.
-    """
-
-    points: NDArray[np.float64]
-    surfaces: IntArray
-    normals: NDArray[np.float64]
-    tensors: NDArray[np.float64]
-
-    def at(self, which: IntArray) -> CadSurface:
-        """The entries `which`."""
-        return CadSurface(*(value[which] for value in vars(self).values()))
-
-    def scaled(self, factor: float) -> CadSurface:
-        """The surfaces with all lengths multiplied by a factor."""
-        return replace(self, points=self.points * factor, tensors=self.tensors / factor)
-
-
 class Piece(NamedTuple):
     """A connected piece of a part: its name or "", and the corners of its box."""
 
@@ -240,6 +212,8 @@ class FileMesh:
     groups: dict[str, dict[str, IntArray]] = field(default_factory=dict)
     #: name of a set of nodes -> rows of `points`
     node_sets: dict[str, IntArray] = field(default_factory=dict)
+    #: whether gmsh made it, which holds the cells of its curves and faces too
+    of_gmsh: bool = False
     #: once a group holds cells of the highest dimension, cells in no group are construction aids
     aids: bool = False
     #: entities that supports fix: name of the group for them -> {dimension: their vertices}
@@ -248,14 +222,10 @@ class FileMesh:
     remarks: list[str] = field(default_factory=list)
     #: materials, sections, supports and masses as values for JSON, if a model was requested
     model: Model | None = None
-    #: curvature of the surfaces, of meshes made of CAD
-    cad: CadSurface | None = None
     #: numbers of the first nodes in the file, -1 of those without one; none: it has no numbers
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    #: by which share of its volume or its size a filled surface is off that of the file
-    off: float = 0.0
-    #: (first row, end row, volume in CAD [m³]) of solids, as rows of the cells of volumes
-    solids: list[Solid] = field(default_factory=list)
+    #: volume of its solids in CAD, m³; 0: unknown
+    volume: float = 0.0
     #: of which one can be read alone, by their ranks; none: there is one, or they are not known
     pieces: list[Piece] = field(default_factory=list)
 
@@ -278,18 +248,12 @@ class RawMesh:
     model: Model | None = None
     #: number of each node in the file's mesh
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    #: as in `FileMesh`
-    cad: CadSurface | None = None
     #: as in `FileMesh`, of all nodes if of any
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: as in `FileMesh`
-    off: float = 0.0
-    #: as in `FileMesh`
     pieces: list[Piece] = field(default_factory=list)
-    #: for each cell the volume in CAD of its solid over its number of cells [m³]; none: unknown
-    shares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    #: of the mesh, and of its solids in CAD [m³]; 0: unknown
-    volumes: tuple[float, float] = (0.0, 0.0)
+    #: as in `FileMesh`
+    volume: float = 0.0
 
 
 def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
@@ -326,12 +290,11 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
         "groups": [[n, k, len(r)] for n, g in mesh.groups.items() for k, r in g.items()],
         "node_sets": [[name, len(r)] for name, r in mesh.node_sets.items()],
         "fixed": [[name, dim, *e.shape] for name, dim, e in spans],
+        "of_gmsh": mesh.of_gmsh,
         "aids": mesh.aids,
         "told": mesh.remarks,
         "model": mesh.model,
-        "cad": mesh.cad is not None,
-        "off": mesh.off,
-        "solids": mesh.solids,
+        "volume": mesh.volume,
         "pieces": [(name, list(low), list(high)) for name, low, high in mesh.pieces],
     }
     empty = np.zeros(0, dtype=np.int64)
@@ -339,16 +302,15 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
     rows = [empty, *rows]
     nodes = [empty, *nodes]
     arrays = [np.concatenate(rows), np.concatenate(nodes), mesh.points, mesh.labels]
-    cad = [] if mesh.cad is None else list(vars(mesh.cad).values())
-    return header, [*cad, *arrays, *mesh.cells.values()]
+    return header, [*arrays, *mesh.cells.values()]
 
 
 def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
     """The inverse of `packed`; ValueError if sizes, kinds and indices are inconsistent."""
-    cad = CadSurface(*arrays[:4]) if head.get("cad") else None
-    rows, nodes, points, labels, *blocks = arrays[4:] if cad else arrays
+    rows, nodes, points, labels, *blocks = arrays
     cells = dict(zip(head["cells"], blocks, strict=True))
-    mesh = FileMesh(points, cells, head["convention"], aids=bool(head["aids"]))
+    mesh = FileMesh(points, cells, head["convention"])
+    mesh.of_gmsh, mesh.aids = bool(head["of_gmsh"]), bool(head["aids"])
     if points.dtype != float or points.ndim != 2 or points.shape[1] != 3:
         raise ValueError("points must be of shape (n, 3)")
     if labels.dtype != np.int64 or labels.ndim != 1 or len(labels) > len(points):
@@ -374,10 +336,7 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
         start += count * width
     mesh.remarks = [str(sentence) for sentence in head.get("told", [])]
     mesh.model = head.get("model")
-    mesh.cad = cad
-    mesh.off = float(head.get("off", 0.0))
-    solids = head.get("solids", [])
-    mesh.solids = [(int(first), int(end), float(volume)) for first, end, volume in solids]
+    mesh.volume = float(head.get("volume", 0.0))
     boxes = head.get("pieces", [])
     mesh.pieces = [Piece(str(name), *np.array(box, float)) for name, *box in boxes]
     _check_indices(nodes, len(points), "a node set names nodes")

@@ -2,18 +2,18 @@
 
 `read` lets the reader of the file type (`table`) read one file in a separate process (`isolation`,
 `child`), and selects the cells that form the mesh: those of one kind and of the highest dimension.
-Cells of lower dimension are faces, edges and points of these, and define groups. Cells that are not
-would be lost silently; they raise an error unless the caller selects the cells.
+Cells of lower dimension are groups of its faces, edges and points, and are told. Those that are in
+no group, or not on the mesh, may be beams and shells: the file is refused unless the caller selects
+the cells.
 """
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +21,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from antiosc.base import progress
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
-from antiosc.base.texts import piece_is_read
-from antiosc.io import cad_volume, kept_surfaces, remade
-from antiosc.io.by_gmsh import AROUND_CURVED, GEOMETRY, SCRIPTS, SizeField
-from antiosc.io.cad import ATTEMPTS, STATES_UNIT
-from antiosc.io.facets import SURFACES, nearest_triangles
-from antiosc.io.geo_script import CAD
-from antiosc.io.isolation import OVERTIME_WORDS, processor_time, read_apart
+from antiosc.base.texts import percent, piece_is_read, printable
+from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
+from antiosc.io.cad import CAD, STATES_UNIT
+from antiosc.io.facets import SURFACES
+from antiosc.io.isolation import read_apart
 from antiosc.io.neutral import (
     EDGES_OF_KIND,
     FACETS,
@@ -47,14 +45,27 @@ from antiosc.io.neutral import (
     kind_of,
     of_kind,
 )
-from antiosc.io.request import ModelOptions, Refinement
+from antiosc.io.request import AROUND_CLOSELY, ModelOptions, Refinement
 from antiosc.io.table import deck_endings, is_deck
 
 #: Dimension, group or groups whose cells make the mesh.
 Wanted = int | str | Sequence[str] | None
 Rows = dict[str, IntArray]
+#: Groups of elements by their numbers in the file.
+NumberedElements = Mapping[str, Sequence[int]]
 
 _NOUNS = {1: "lines", 2: "faces", 3: "volumes"}
+#: Words of what is told of elements that are not those of the mesh.
+AS_GROUPS, LEFT_OUT = "are read as groups, not as elements", "are left out"
+#: Words of remarks on how a mesh was made that has the shape of its file.
+CLOSELY = "is meshed with elements that follow the curvature"
+BY_FTETWILD = "is filled by fTetWild"
+NOT_READ = "flat cells that gmsh left at the surface are not read"
+HOW_MADE = (CLOSELY, BY_FTETWILD, NOT_READ)
+#: Share of the volume in CAD by which a mesh may differ without a word, and words of what is told.
+TOLD_VOLUME, CUT = 5e-3, "elements cut off bends and holes"
+#: Largest coordinate of a part: squares and volumes of it are numbers still.
+FARTHEST = 1e30
 
 
 def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> RawMesh:
@@ -65,6 +76,8 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
         raise MeshError(
             f"{name} contains no cells: no lines, faces or volumes (found: {dimensions})."
         )
+
+    # the rows of the cells
     rows = _every_row(mesh) if wanted is None else _wanted(mesh, wanted, name)
     top = max(dims[label] for label in rows)
     grouped = _grouped(mesh, [label for label in dims if dims[label] == top])
@@ -72,25 +85,28 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     if aids:  # as gmsh itself writes files
         rows = grouped
     label, cell_rows = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
+
+    # the mesh
     raw = RawMesh(mesh.points, mesh.cells[label][cell_rows], kind_of(label), mesh.convention)
     raw.remarks = mesh.remarks
     raw.model = mesh.model
-    raw.cad = mesh.cad
-    raw.off = mesh.off
     raw.pieces = mesh.pieces
-    raw.shares = cad_volume.shares(mesh.solids, cell_rows, raw.kind)
+    raw.volume = mesh.volume if wanted is None else 0.0
     if len(mesh.labels):
         raw.labels = np.full(len(mesh.points), -1, dtype=np.int64)
         raw.labels[: len(mesh.labels)] = mesh.labels
     if wanted is None:
-        _check_lost(mesh, raw, aids, name)
+        raw.remarks = [*raw.remarks, *_others(mesh, raw, aids, name)]
+
+    # its groups
     for group, parts in mesh.groups.items():
         _add_cells(raw, group, {k: mesh.cells[k][r] for k, r in parts.items() if dims[k] <= top})
-    outer = _outer_facets(raw) if mesh.node_sets else None
+    outer = outer_facets(raw) if mesh.node_sets else None
     for group, nodes in mesh.node_sets.items():
         if outer is not None:
             _add_nodes(raw, group, nodes, outer)
     raw.groups.update(mesh.fixed)
+
     if order == 1 and raw.kind.order == 2:
         raw = _straightened(raw)
     elif raw.kind.shape == "interval" and raw.kind.order == 2:
@@ -145,60 +161,92 @@ def _one_kind(rows: Rows, name: str) -> tuple[str, IntArray]:
     return next(iter(rows.items()))
 
 
-#: Share of the faces of a surface that may enclose nothing: 6 of those of MINI-y-plate-rear.stl.
-CRUMBS = 0.01
-LEFT_OUT = "faces of its surface enclose nothing, and are left out."
+def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str]:
+    """Sentences on the elements of a file that are not those of the mesh, with their numbers.
 
-
-def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
-    """MeshError for cells of lower dimension that are not faces or edges of the selected ones.
-
-    Curves and loose faces of a CAD file are only reported: they may be sketches, axes or
-    construction planes, not beams and shells. So are a few faces of a surface of triangles that
-    enclose nothing.
+    Raises
+    ------
+    MeshError
+        Some are not sides of the mesh, or are in no group: they may be beams and shells. Curves and
+        loose faces of a CAD file are told: they may be sketches, axes or construction planes.
     """
-    drawing = name.lower().endswith(CAD)
-    surface = name.lower().endswith(SURFACES)
-    strays = []
-    place = 0
-    lost = []
+    made_here = mesh.of_gmsh and not name.lower().endswith(".msh")
+    of_cad = name.lower().endswith(CAD)
+    top = raw.kind.dim
+    if aids and not made_here:
+        ungrouped = {label: len(block) for label, block in mesh.cells.items() if kind_of(label).dim}
+        for label, rows in _grouped(mesh, list(ungrouped)).items():
+            ungrouped[label] -= len(rows)
+        if any(ungrouped.values()):
+            counts = _counted(ungrouped)
+            yield f"{name}: {counts} in no group {LEFT_OUT}, as gmsh's construction aids."
+
+    loose: dict[str, int] = {}
+    unnamed: dict[str, int] = {}
+    named: dict[str, int] = {}
     for label, block in mesh.cells.items():
         kind = kind_of(label)
-        if not 0 < kind.dim < raw.kind.dim:
+        if not 0 < kind.dim < top or not len(block):
             continue
-        if aids:
-            block = block[_grouped(mesh, [label]).get(label, np.zeros(0, dtype=np.int64))]
-        sides = FACETS if kind.dim == raw.kind.dim - 1 else EDGES_OF_KIND
-        facets = np.vstack([raw.cells[:, list(s)] for s in sides[raw.kind.shape]])
-        is_loose = ~_among(block[:, : kind.vertices], facets)
-        if drawing and is_loose.any():
-            lost.append(("curves", "surfaces")[kind.dim - 1])
-        elif surface and is_loose.any() and is_loose.mean() < CRUMBS:
-            raw.remarks = [*raw.remarks, f"{is_loose.sum()} of {len(block)} {LEFT_OUT}"]
-        elif is_loose.any():
-            strays.append(f"{is_loose.sum()} {_NOUNS[kind.dim]} ({label})")
-            place = int(block[is_loose][0, 0])
-    if strays:
-        at = ", ".join(f"{c:.4g}" for c in mesh.points[place])
-        raise MeshError(
-            f"{name} holds {len(raw.cells)} {_NOUNS[raw.kind.dim]} and besides "
-            f"{' and '.join(strays)} that are not sides of them, one at ({at}) m: one mesh carries "
-            f"one kind of cells, so say which are meant by cells, as {raw.kind.dim} (their "
-            "dimension) or the name of their group."
+        in_group = np.zeros(len(block), dtype=bool)
+        in_group[_of_sides(mesh, label, top)] = True
+        sides = (FACETS if kind.dim == top - 1 else EDGES_OF_KIND)[raw.kind.shape]
+        corners = np.vstack([raw.cells[:, list(side)] for side in sides])
+        on_mesh = np.isin(keys(block[:, : kind.vertices]), keys(corners))
+        if aids:  # the others are told
+            on_mesh, in_group = on_mesh[in_group], in_group[in_group]
+        loose[label] = int((~on_mesh).sum())
+        named[label] = int((on_mesh & in_group).sum())
+        unnamed[label] = int((on_mesh & ~in_group).sum())
+
+    cells = f"{name} holds {len(raw.cells)} {_NOUNS[top]} and besides "
+    remedy = (
+        f"say which elements make the mesh by cells, as {top} (their dimension) or the name of a "
+        "group; read_model reads a deck with all of them."
+    )
+    if any(loose.values()) and of_cad:
+        yield (
+            f"{name}: {_counted(loose)} that are not on its {_NOUNS[top]} {LEFT_OUT}, as sketches, "
+            "axes or construction planes."
         )
-    if lost:
-        raw.remarks = [
-            *raw.remarks,
-            f"{name} holds {' and '.join(sorted(set(lost)))} besides its {_NOUNS[raw.kind.dim]},"
-            " such as sketches, axes or construction planes: these are left out.",
-        ]
+    elif any(loose.values()):
+        raise MeshError(f"{cells}{_counted(loose)} that are not sides of them: {remedy}")
+    if made_here or raw.model is not None:
+        return
+
+    if any(unnamed.values()) and not (mesh.of_gmsh and _is_boundary(raw, mesh, unnamed)):
+        raise MeshError(
+            f"{cells}{_counted(unnamed)} on their sides, in no group of their own, which may be "
+            f"beams or shells: {remedy}"
+        )
+    told = unnamed if mesh.of_gmsh else {k: unnamed[k] + named[k] for k in named}
+    if any(told.values()):
+        yield f"{name}: {_counted(told)} on the sides of its {_NOUNS[top]} {AS_GROUPS}."
 
 
-def _among(rows: IntArray, others: IntArray) -> NDArray[np.bool_]:
-    """Mask of the `rows` that equal a row of `others` in any order of the entries."""
-    if rows.shape[1] != others.shape[1]:
-        return np.zeros(len(rows), dtype=bool)
-    return np.isin(keys(rows), keys(others))
+def _counted(counts: Mapping[str, int]) -> str:
+    """Numbers of elements by kind, in words."""
+    return " and ".join(f"{n} {_NOUNS[kind_of(k).dim]} ({k})" for k, n in counts.items() if n)
+
+
+def _of_sides(mesh: FileMesh, label: str, top: int) -> IntArray:
+    """Rows of the cells of one kind in groups that hold no cells of the dimension `top`."""
+    groups = (
+        group
+        for group in mesh.groups.values()
+        if not any(kind_of(k).dim == top and len(rows) for k, rows in group.items())
+    )
+    rows = [group[label] for group in groups if label in group]
+    return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *rows]))
+
+
+def _is_boundary(raw: RawMesh, mesh: FileMesh, counts: Mapping[str, int]) -> bool:
+    """Whether these cells are the whole boundary, which gmsh writes where it has no groups."""
+    facets = [label for label in mesh.cells if kind_of(label).dim == raw.kind.dim - 1]
+    blocks = [keys(mesh.cells[label][:, : kind_of(label).vertices]) for label in facets]
+    if not blocks or not any(counts.values()):
+        return False
+    return bool(np.isin(keys(outer_facets(raw)), np.concatenate(blocks)).all())
 
 
 def keys(rows: IntArray) -> NDArray[np.uint64]:
@@ -237,7 +285,7 @@ def _add(raw: RawMesh, group: str, dim: int, entities: IntArray) -> None:
     parts[dim] = np.vstack([parts[dim], entities]) if dim in parts else entities
 
 
-def _outer_facets(raw: RawMesh) -> IntArray:
+def outer_facets(raw: RawMesh) -> IntArray:
     """Facets (n, vertices) of only one cell."""
     if raw.kind.dim < 2:
         return np.zeros((0, 1), dtype=np.int64)
@@ -332,298 +380,87 @@ def read(
     """Read or mesh the file `path`; see `antiosc.read_mesh`.
 
     `sizes`: element sizes in the whole geometry; `sound`: checks the mesh, and may raise;
-    `options`: other fields of a `Request`.
+    `options`: other fields of a `Request`. A geometry that cannot be meshed as asked is meshed once
+    more: with elements that follow its curvature, a surface of triangles by fTetWild.
     """
-    is_cad = path.suffix.lower() in CAD
-    one_solid = (is_cad or options.get("solid")) and not options.get("fragments")
+    name = printable(path.name)
+    suffix = path.suffix.lower()
+    solid = bool(options.get("solid"))
+    by_reader = (suffix in CAD or solid) and not options.get("fragments")
     options |= {
-        "piece": piece if one_solid else None,
+        "piece": piece if by_reader else None,
         "size": None if size is None else float(size),
         "order": order,
         "refine": [([float(c) for c in point], float(local)) for point, local in refine],
         "sizes": None if sizes is None else vars(sizes),
     }
 
-    def read_once(file: Path, asked_for: Mapping[str, Any]) -> RawMesh:
-        content = _content(file, timeout, unit, merge, **asked_for)
-        raw = selected(content, cells, order, path.name)
-        if piece is not None and not (one_solid and raw.kind.dim == 3):
-            raw = one_piece(raw, piece, path.name)
-        elif piece is not None and file != path:  # a surface made anew may enclose several
-            raw = one_piece(raw, 1, path.name)
-        in_cad = float(raw.shares.sum())
-        raw.shares = raw.shares[:0]
-        try:
-            raw = sound(raw)
-        except UnmeshableError as error:
-            if merge is None:
-                raise
-            raise MeshError(  # of the joined nodes, which no other attempt avoids
-                f"{str(error).rstrip('.')}; its nodes are joined up to {merge:g} m: take a smaller "
-                "merge, or piece 1, the largest piece alone."
-            ) from None
-        if in_cad > 0:
-            raw.volumes = cad_volume.of_mesh(raw.points, raw.cells), in_cad
+    def attempt(**how: Any) -> RawMesh:
+        raw = selected(_content(path, timeout, unit, merge, **options, **how), cells, order, name)
+        if piece is not None and not (by_reader and raw.kind.dim == 3):
+            raw = one_piece(raw, piece, name)
+        raw = sound(raw)
+        if order != 1:
+            raw.remarks = [*raw.remarks, *_volume_told(raw, name)]
         return raw
 
-    def read_attempt(
-        attempt: int, most: float | None = None, file: Path = path, told: str = "", **other: Any
-    ) -> RawMesh:
-        asked_for = {**options, **other, "attempt": attempt, "most": most, "told": told}
-        plain = partial(read_once, file, asked_for)
-        if ATTEMPTS[attempt].curved:
-            return plain()
+    try:
+        return attempt()
+    except UnmeshableError as error:
+        if not (suffix in GEOMETRY or solid) or merge is not None:
+            raise
+        reason = error
 
-        def following(around: float) -> RawMesh:
-            limit = min(most or cad_volume.MOST_TIME, cad_volume.MOST_TIME)
-            return read_once(file, {**asked_for, "around": around, "most": limit})
-
-        key = (*Asked(path, piece=options["piece"]).state, attempt, options["size"])
-        least = 0.0 if sizes is None else AROUND_CURVED
-        return cad_volume.followed(plain, following, key, path.name, least)
-
-    geometry = path.suffix.lower() in GEOMETRY
-    if not (geometry or options.get("solid")):
-        return read_attempt(0)
-    unit_length = (unit or UnitSystem()).length
-    together = bool(options.get("fragments"))
-    asked = Asked(path, options["size"], options["piece"], timeout, unit_length, together)
-    if geometry and not is_cad:
-        return _meshed(read_attempt, asked)
-    return _filled(read_attempt, asked)
-
-
-#: Endings of files that are proposed instead of one that cannot be meshed.
-READ_INSTEAD = (*SURFACES, ".step", ".stp", ".msh", ".inp")
-
-
-class Asked(NamedTuple):
-    """A geometry that is to be meshed, with the options that count for that."""
-
-    path: Path
-    size: float | None = None
-    piece: int | None = None
-    timeout: float | None = None
-    #: metres per unit of the file
-    unit: float = 1.0
-    #: whether the solids of a CAD file are joined
-    together: bool = False
-    #: whether it is the surface of a CAD file that is made anew
-    anew: bool = False
-
-    @property
-    def name(self) -> str:
-        """Name of the file."""
-        return self.path.name
-
-    @property
-    def is_cad(self) -> bool:
-        """Whether the geometry has curvatures; that of triangles has none."""
-        return not self.anew and self.path.suffix.lower() not in SURFACES
-
-    @property
-    def state(self) -> tuple[Path, int, int | None, bool]:
-        """What of it and its file the way to mesh it depends on, besides the sizes."""
-        time = 0
-        with contextlib.suppress(OSError, ValueError):  # what is no file is told by its reader
-            time = self.path.stat().st_mtime_ns
-        return self.path.absolute(), time, 0 if self.together else self.piece, self.anew
-
-    def remedies(self) -> str:
-        """What can be done if it cannot be meshed."""
-        size = "another size"
-        if self.size is not None:
-            size = f"another size than {self.size:g} m (--size of `antiosc new` and `antiosc open`)"
-        beside = [self.path.with_suffix(end) for end in READ_INSTEAD]
-        others = [file.name for file in beside if file != self.path and file.is_file()]
-        instead = f"read {others[0]} instead, which is beside it, " if others else ""
-        return (
-            f"{instead}repair {self.name} in the program that wrote it, give it {size}, or mesh it"
-            " there and give the mesh."
-        )
-
-
-#: The last surface that was made anew, by its file, the time of that and the piece, with the
-#: reason: a part is read several times for one scene, each time with finer elements at the site.
-_anew: dict[tuple[Path, int, int | None, bool], tuple[FileMesh, str]] = {}
-
-
-def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
-    """The mesh of a solid; if gmsh cannot fill its surface as it is, of that made anew."""
-    state = asked.state
-    key = kept_surfaces.key_of(asked.path, asked.size, 0 if asked.together else asked.piece)
-    if state not in _anew:
-        kept = kept_surfaces.load(key)
-        if kept is None:
-            try:
-                return _meshed(once, asked)
-            except UnmeshableError as error:
-                kept = _made_anew(asked, error)
-        _anew.clear()
-        _anew[state] = kept
-    surface, reason = _anew[state]
-    with remade.as_file(surface, asked.path.stem) as file:
-        again = partial(once, file=file, solid=True, piece=None, fragments=False)
-        try:
-            raw = _meshed(again, asked._replace(anew=True))
-        except MeshError as error:
-            _anew.clear()
-            told = str(error).replace(file.name, asked.name)
-            sentence = f"{reason}; nor can its surface be filled that was made anew: {told}"
-            if isinstance(error, PiecesError):
-                in_pieces = PiecesError(sentence)
-                in_pieces.pieces = error.pieces
-                raise in_pieces from error
-            raise UnmeshableError(sentence) from error
-    kept_surfaces.save(key, surface, reason)
-    own = [remark.replace(file.name, asked.name) for remark in raw.remarks]
-    raw.remarks = [f"gmsh cannot mesh {asked.name} as it is; {surface.remarks[-1]}", *own]
-    raw.groups = _named(raw, surface, asked.unit)
+    fault = str(reason).rstrip(".")
+    remedy = f"repair {name} in the program that wrote it, or mesh it there and give the mesh"
+    if solid and not find_spec("pytetwild"):
+        raise UnmeshableError(
+            f"{fault}: {remedy}; with pytetwild it is filled here (pip install pytetwild==0.2.3)."
+        ) from reason
+    try:
+        raw = attempt(**({"tetrahedra": True} if solid else {"around": AROUND_CLOSELY}))
+    except UnmeshableError as error:
+        raise UnmeshableError(f"{fault}, nor otherwise: {remedy}, or give another size.") from error
+    how = "" if solid else f"{name} {CLOSELY}, since it cannot be meshed otherwise: "
+    raw.remarks = [*raw.remarks, f"{how}{fault}."]
     return raw
 
 
-def _made_anew(asked: Asked, error: UnmeshableError) -> tuple[FileMesh, str]:
-    """The surface of a file that gmsh cannot mesh, made anew, and the reason; else the error."""
-    if not remade.installed():
-        raise UnmeshableError(f"{str(error).rstrip('.')}; {remade.MISSING}.") from error
-    options = {"remade": True, "piece": asked.piece, "fragments": asked.together}
-    try:
-        with progress.doing(f"making the surface of {asked.name} anew, which takes minutes"):
-            surface = read_apart(
-                asked.path, geometry=asked.is_cad, options=options, timeout=asked.timeout
-            )
-    except MeshError as second:
-        if not asked.is_cad:
-            raise
-        raise UnmeshableError(
-            f"{str(error).rstrip('.')}. Nor can its surface be made anew by fTetWild, in"
-            f" {remade.TIME:g} s of processor time at most: {second}"
-        ) from error
-    return surface, str(error).partition("; nor ")[0].rstrip(".")
+def _volume_told(raw: RawMesh, name: str) -> list[str]:
+    """A sentence (in a list) on a mesh whose volume differs from that in CAD."""
+    if raw.volume == 0.0 or raw.kind.shape != "tetrahedron":
+        return []
+    change = _volume(raw.points, raw.cells) / raw.volume - 1
+    if abs(change) <= TOLD_VOLUME:
+        return []
+    sense = "large" if change > 0 else "small"
+    return [
+        f"{name}: the mass of the mesh is {percent(abs(change))} too {sense} beside that in CAD, "
+        f"as {CUT}; a smaller size follows them."
+    ]
 
 
-def _named(raw: RawMesh, surface: FileMesh, factor: float) -> dict[str, dict[int, IntArray]]:
-    """The faces of a file as groups of the outer facets of a mesh.
-
-    `surface`: that of the file made anew; `factor`: metres per unit of it.
+def _volume(points: Array, cells: IntArray) -> float:
+    """Volume of tetrahedra in gmsh's order, with 4 or 10 nodes [m³]: cubics are integrated
+    exactly.
     """
-    facets = _outer_facets(raw)
-    skin, faces = remade.of_file(surface, factor)
-    nearest = nearest_triangles(skin, raw.points[facets])
-    groups = {}
-    for name, rows in faces.items():
-        of_group = np.isin(nearest, rows)
-        if of_group.any():
-            groups[name] = {raw.kind.dim - 1: facets[of_group]}
-    return groups
+    at = np.vstack([np.full((1, 4), 1 / 4), np.full((4, 4), 1 / 6) + np.eye(4) / 3])
+    weights = np.array([-4 / 5, 9 / 20, 9 / 20, 9 / 20, 9 / 20]) / 6
+    of_corners = np.vstack([-np.ones((1, 3)), np.eye(3)])
+    slopes = np.repeat(of_corners.T[None], len(at), axis=0)
+    if cells.shape[1] == 10:
+        first, second = np.array([(0, 1), (1, 2), (2, 0), (3, 0), (3, 2), (3, 1)]).T
+        corners = (4 * at[:, None] - 1) * of_corners.T
+        mids = at[:, None, first] * of_corners.T[:, second]
+        mids += at[:, None, second] * of_corners.T[:, first]
+        slopes = np.concatenate([corners, 4 * mids], axis=2)
 
-
-#: No further attempt to mesh a geometry begins after this processor time [s] of all before it: of
-#: 27 CAD files by others the first attempt meshes all, in 7 s at most, and a second one of surf114
-#: (pythonocc-demos) does not end in 30 s.
-ATTEMPTS_TIME = 30.0
-#: Words of gmsh's error on a surface of triangles whose sides it cannot unroll: attempts that need
-#: not come next, and are made after this time too.
-PARAMETRIZATION = "parametrization"
-#: Words of gmsh's error on triangles that pierce each other.
-PIERCED = "overlapping facets"
-#: Share of its volume or size by which the mesh of a filled surface may be off it: a plate with
-#: drilled holes lost 0.4 % of its volume to chords across these, and none with all edges kept.
-MOST_OFF = 2e-3
-#: Processor time [s] of an attempt after one whose mesh is off by more, or that did not end, or
-#: after which the surface could be made anew.
-NEARER_TIME = 40.0
-
-
-#: Words of what is told of a mesh that another attempt made in the shape of the file; of one of a
-#: surface that was made anew that is told alone.
-MESHED_OTHERWISE = "is meshed in the shape of the file, by another attempt than the first,"
-#: Of tetrahedra without volume, without which the part is the same.
-NOT_READ = "flat cells that gmsh left at the surface are not read"
-#: Words of remarks on how a mesh was made that has the shape of its file.
-HOW_MADE = (MESHED_OTHERWISE, remade.ANEW, NOT_READ)
-
-
-#: Attempts after the first that succeeded, by the state of the file, and what is told of them: the
-#: next reading of that file, with other elements, begins with it.
-_worked: dict[tuple[Path, int, int | None, bool], tuple[int, str]] = {}
-
-
-def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
-    """The mesh of the first successful attempt; the first error if none succeeds in time.
-
-    If all that succeed are off the surface of the file, the nearest one.
-    """
-    name, is_cad = asked.name, asked.is_cad
-    if asked.state in _worked:
-        number, sentence = _worked[asked.state]
-        with contextlib.suppress(UnmeshableError):
-            raw = once(number)
-            if raw.off <= MOST_OFF:
-                raw.remarks = [*raw.remarks, *filter(None, [sentence])]
-                return raw
-    limit: tuple[float, ...] = ()
-    reason: UnmeshableError | None = None
-    nearest: RawMesh | None = None
-    to_try = [(k, attempt) for k, attempt in enumerate(ATTEMPTS) if attempt.suits(is_cad)]
-    tried: list[str] = []
-    start_time = processor_time()
-    while to_try:
-        if processor_time() - start_time > ATTEMPTS_TIME:
-            late = nearest is None and not is_cad
-            to_try = [entry for entry in to_try if late and entry[1].unparametrised]
-            if not to_try:
-                break
-        number, attempt = to_try.pop(0)
-        tried.append(attempt.about)
-        try:
-            with progress.doing(f"meshing {name} {attempt.about}"):
-                raw = once(number, *limit, told=_tried_text(tried, len(to_try)))
-        except UnmeshableError as error:
-            limit = (NEARER_TIME,) if remade.installed() else limit
-            if OVERTIME_WORDS in str(error) and is_cad:
-                to_try = [entry for entry in to_try if entry[1].other_triangles]
-                start_time, limit = processor_time(), (NEARER_TIME,)
-            if PIERCED in str(error) and PARAMETRIZATION in str(reason):  # no other way is left
-                to_try = [entry for entry in to_try if entry[1].unparametrised]
-            reason = reason if reason and attempt.cut else error  # of the facets: of the file
-            if PARAMETRIZATION in str(error):
-                to_try.sort(key=lambda entry: not entry[1].unparametrised)
-            continue
-        first_remarks = raw.remarks
-        if reason is not None:
-            sentence = str(reason).rstrip(".")
-            told = f"{sentence}; it is meshed {attempt.about}."
-            if raw.off <= MOST_OFF:  # gmsh's error asks for nothing then
-                told = f"{name} {MESHED_OTHERWISE} {attempt.about}." * (not asked.anew)
-            raw.remarks = [*first_remarks, *filter(None, [told])]
-            if raw.off <= MOST_OFF and asked.path.exists():
-                _worked[asked.state] = number, told
-        if raw.off <= MOST_OFF:
-            return raw
-        reason = reason or UnmeshableError(f"gmsh's mesh of {name} is {_off(raw)}")
-        limit = (NEARER_TIME,)
-        if nearest is None or raw.off < nearest.off:
-            nearest = raw
-    if nearest is not None:
-        sentence = f"{name}: no mesh is nearer to its surface than this, {_off(nearest)}."
-        nearest.remarks = [*nearest.remarks, sentence]
-        return nearest
-    words = str(reason)
-    pierced = PIERCED in words
-    fault = "its triangles pierce each other: " if pierced else ""
-    others = f"; nor {', '.join(tried[1:])}" if tried[1:] else ""
-    raise UnmeshableError(f"{words.rstrip('.')}{others}: {fault}{asked.remedies()}")
-
-
-def _tried_text(tried: Sequence[str], left: int) -> str:
-    """Which try to mesh a geometry it is, and of how many; "" of the first, which mostly works."""
-    return f"try {len(tried)} of {len(tried) + left}, " if len(tried) > 1 else ""
-
-
-def _off(raw: RawMesh) -> str:
-    """By how much a mesh is off the surface of its file, in words."""
-    return f"{100 * raw.off:.2g} % of its volume or size off the surface of the file"
+    total = 0.0
+    for block in np.array_split(cells, 1 + len(cells) // 50_000):
+        a, b, c = np.moveaxis(slopes @ points[block][:, None], 2, 0)
+        det = np.einsum("cqi,cqi->cq", a, np.cross(b, c))
+        total += float(np.abs(det @ weights).sum())
+    return total
 
 
 # --- Pieces ---------------------------------------------------------------------------------------
@@ -656,18 +493,11 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     if piece > count:
         raise MeshError(f"{name} has {count} pieces that share no node; there is no piece {piece}.")
     of_piece = label == piece - 1
-    shares = raw.shares[of_piece] if len(raw.shares) else raw.shares
-    raw = compact(replace(raw, cells=raw.cells[of_piece], shares=shares))
+    raw = compact(replace(raw, cells=raw.cells[of_piece], volume=0.0 if count > 1 else raw.volume))
     raw.groups = {name: parts for name, parts in raw.groups.items() if parts}
     if count > 1:
         raw.remarks = [*raw.remarks, piece_is_read(name, piece, count)]
     return raw
-
-
-#: Largest coordinate of a part: squares and volumes of it are numbers still.
-FARTHEST = 1e30
-#: Groups of elements by their numbers in the file.
-NumberedElements = Mapping[str, Sequence[int]]
 
 
 def pieces_of(raw: RawMesh) -> list[Piece]:
@@ -797,7 +627,7 @@ def _content(
         if group not in content.groups:
             raise MeshError(
                 f"the elements of {path.name} have no numbers here, so that elements names none "
-                f"for {group!r}; decks, universal files and Exodus files have them."
+                f"for {group!r}; decks have them."
             )
     farthest = float(np.abs(content.points).max(initial=0.0))
     if not farthest < FARTHEST:
@@ -806,9 +636,8 @@ def _content(
             "damaged; write it anew in the program that made it."
         )
     content.points = content.points * unit.length
-    content.solids = cad_volume.scaled(content.solids, unit.length)
+    content.volume *= unit.length**3
     content.pieces = [piece.scaled(unit.length) for piece in content.pieces]
-    content.cad = content.cad and content.cad.scaled(unit.length)
     if merge is None:
         return content
     return merged(content, merge)

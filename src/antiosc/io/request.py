@@ -27,6 +27,9 @@ Refinement = tuple[Sequence[float], float]
 #: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
 #: are between the point and where it begins.
 GRADING = (0.35, 2.0)
+#: Elements around a full turn of a curved surface: of the first attempt to mesh a geometry, and of
+#: the second. Second-order ones that are fewer fold over at fillets, and cut off their volume.
+AROUND, AROUND_CLOSELY = 6.0, 12.0
 #: Times as long as it may compute, a reader that waits may take: a busy machine lets it wait.
 WAITING = 20.0
 #: How the kernel ends a reader that takes too long.
@@ -55,18 +58,16 @@ class Request:
     grading: Sequence[float] = GRADING
     #: element sizes all over the geometry, as arguments of a `SizeField`; geometry only
     sizes: Json | None = None
-    #: least number of elements around a full turn of curved surfaces, 0: any; geometry only
-    around: float = 0.0
+    #: least number of elements around a full turn of curved surfaces; geometry only
+    around: float = AROUND
     #: fill a closed surface
     solid: bool = False
-    #: make a surface of triangles anew, that it can be filled (`remade`)
-    remade: bool = False
+    #: fill it by fTetWild, as gmsh cannot
+    tetrahedra: bool = False
     #: cut the solids of an assembly at each other, so that they share nodes
     fragments: bool = False
     #: the solid alone that is meshed, by its volume: 1 is the largest; None: all
     piece: int | None = None
-    #: which of the ways to mesh a geometry (`cad.ATTEMPTS`)
-    attempt: int = 0
     #: groups of elements that are asked for: name -> their numbers in the file
     elements: Mapping[str, Sequence[int]] = field(default_factory=dict)
     #: the box around a geometry and its groups alone, without a mesh
@@ -75,8 +76,6 @@ class Request:
     trust: bool = False
     #: time limit, s; None: processor time, chosen for the kind of file
     timeout: float | None = None
-    #: processor time that it may take at most, s; None: that of the kind of file
-    most: float | None = None
     #: units of the file: m, N
     unit: Sequence[float] = (1.0, 1.0)
     #: options for reading a deck's materials, sections, supports and masses; None: do not
@@ -100,7 +99,6 @@ class Request:
         """
         for ending in OVERTIME:
             signal.signal(ending, signal.SIG_DFL)
-        seconds = min(seconds, self.most or seconds)
         if self.timeout is None:
             signal.setitimer(signal.ITIMER_PROF, seconds)
             signal.setitimer(signal.ITIMER_REAL, WAITING * seconds)
@@ -126,8 +124,6 @@ class FileReader(NamedTuple):
     model: bool = False
     #: whether a file that begins with these bytes is of this type; None: the ending says it
     matches: Callable[[bytes], bool] | None = None
-    #: library that is imported once for all files
-    library: str = "numpy"
 
 
 Kind = TypeVar("Kind")

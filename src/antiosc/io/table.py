@@ -12,23 +12,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from antiosc.io import by_gmsh, exodus, facets, remade, tessellated
-from antiosc.io.geo_script import CAD
-from antiosc.io.mesh_files import read_by_meshio, read_universal
+from antiosc.io import by_gmsh, facets
+from antiosc.io.mesh_files import read_by_meshio
 from antiosc.io.request import FileReader, loaded, registered
 
 #: Name is the ending of the files without its dot, value a `FileReader`.
 GROUP = "antiosc.readers"
-GENERATOR = FileReader(by_gmsh.generate, library="gmsh")
+GENERATOR = FileReader(by_gmsh.generate)
 BUILT_IN = {
-    ".msh": FileReader(by_gmsh.read, library="gmsh"),
-    ".unv": FileReader(read_universal),
-    **dict.fromkeys(by_gmsh.SCRIPTS, GENERATOR),
-    **dict.fromkeys(CAD, FileReader(tessellated.read, library="gmsh")),
-    **dict.fromkeys(exodus.ENDINGS, FileReader(exodus.read)),
-    **dict.fromkeys(facets.SURFACES, FileReader(remade.read, library="meshio")),
+    ".msh": FileReader(by_gmsh.read),
+    **dict.fromkeys(by_gmsh.GEOMETRY, GENERATOR),
+    **dict.fromkeys(facets.SURFACES, FileReader(facets.read)),
 }
-MESHIO = FileReader(read_by_meshio, library="meshio")
+MESHIO = FileReader(read_by_meshio)
 #: Bytes from its begin by which the type of a file is recognized.
 FIRST_BYTES = 2**20
 

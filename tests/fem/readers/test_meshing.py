@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import random
 import re
-import subprocess
-import sys
 import warnings
 from itertools import product
 from pathlib import Path
@@ -17,12 +15,10 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.base import progress
-from antiosc.io import by_gmsh, isolation
+from antiosc.io import by_gmsh
 from antiosc.io.conversion import EDGES
 from antiosc.io.mesh_files import GMSH_EDGES, GMSH_FACES
 from antiosc.io.neutral import CELLS, rectangles
-from antiosc.io.request import Request
 from mesh_files import refusal
 from parts import gmsh_session
 from paths import DECKS, MESHES
@@ -44,51 +40,14 @@ def cube(session, path: Path, kernel: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("kernel", ["occ", "own", "own, order 2"])
+@pytest.mark.parametrize("kernel", ["occ", "own"])
 def test_a_size_that_would_fill_the_machine_is_refused(tmp_path, session, kernel):
     path = cube(session, tmp_path / "cube", kernel)
-    for size in (1e-30, 1e-12):
-        assert "below what its coordinates resolve" in refusal(path, size=size)
-    assert "8.5e+07 cells at a size of 0.00464 m, more than 1e+07" in refusal(path, size=0.00464)
-    assert "1.2e+09 lines at a size of 1e-08 m" in refusal(path, size=1e-8)
+    for size in (1e-30, 1e-8):
+        assert "more than 1e+07" in refusal(path, size=size)
+    if kernel == "occ":
+        assert "8.5e+07 cells at a size of 0.00464 m" in refusal(path, size=0.00464)
     assert ao.read_mesh(path, size=0.5).n_cells > 10
-
-
-@pytest.mark.parametrize("kernel", ["occ", "own"])
-def test_the_forecast_of_cells_is_right_by_half(tmp_path, session, kernel):
-    gmsh.open(str(cube(session, tmp_path / "cube", kernel)))
-    ask = Request("cube.brep", "cube.brep", size=0.12)
-    told = [by_gmsh.expected_cells(gmsh, ask, dim, 0.12, 1.0) for dim in (1, 2, 3)]
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.12)
-    gmsh.model.mesh.generate(3)
-    for dim, kind in ((1, 1), (2, 2), (3, 4)):
-        made = len(gmsh.model.mesh.getElementsByType(kind)[0])
-        assert 0.5 < told[dim - 1] / made < 2
-
-
-@pytest.mark.slow
-def test_meshing_tells_what_gmsh_has_done(tmp_path, session):
-    """Edges precede faces and these the volume, within which are fewer nodes than in all."""
-    texts: list[str] = []
-    with progress.following(texts.append):
-        mesh = ao.read_mesh(cube(session, tmp_path / "cube", "own"), size=0.04, order=1)
-    told = [text.partition(": ")[2] for text in texts if text.startswith("meshing cube.geo: ")]
-    assert told
-    stages = ["edges", "faces", "volume", "improving"]
-    numbers = [stages.index(re.split(r"\W", text)[0]) for text in told]
-    assert numbers == sorted(numbers)
-    assert all(int(share) <= 100 for text in told for share in re.findall(r"(\d+) of 100 %", text))
-    within = [int(count) for text in told for count in re.findall(r"(\d+) nodes within", text)]
-    assert all(count < mesh.dolfinx.geometry.x.shape[0] for count in within)
-
-
-def test_areas_and_volumes_follow_from_the_mesh_of_their_boundaries(tmp_path, session):
-    """In gmsh's own kernel, which does not know them: the unit cube has 6 faces of area 1."""
-    gmsh.open(str(cube(session, tmp_path / "cube", "own")))
-    gmsh.model.mesh.generate(2)
-    for dim, count in ((1, 12), (2, 6), (3, 1)):
-        measures = [by_gmsh.measure_of(gmsh, d, tag) for d, tag in gmsh.model.getEntities(dim)]
-        assert measures == pytest.approx([1.0] * count, rel=1e-9)
 
 
 def damaged(content: bytes, rng: random.Random) -> bytes:
@@ -127,7 +86,7 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
     gmsh.initialize(readConfigFiles=False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.open(str(files[2]))
-    for suffix in ("unv", "stl"):
+    for suffix in ("stl",):
         gmsh.write(str(tmp_path / f"cube.{suffix}"))
         files.append(tmp_path / f"cube.{suffix}")
     files += [cube(gmsh, tmp_path / "cube", kernel) for kernel in ("occ", "own")]
@@ -145,23 +104,6 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
                 told.append(str(error))
     assert len(told) > 10
     assert not [t for t in told if "\n" in t or not t.endswith(".")]
-
-
-def test_the_reading_process_loads_neither_scipy_nor_dolfinx():
-    script = """
-import runpy, sys
-from pathlib import Path
-from types import SimpleNamespace
-child = runpy.run_path(sys.argv[1])
-child["_hollow_package"](Path(sys.argv[1]).parents[1])
-from antiosc.io.table import reader_of
-print(*(reader_of(name).library for name in ("part.step", "part.inp")))
-print(*{"scipy", "dolfinx", "petsc4py", "meshio"} & sys.modules.keys())
-"""
-    path = Path(isolation.__file__).with_name("child.py")
-    arguments = [sys.executable, "-c", script, str(path)]
-    done = subprocess.run(arguments, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines() == ["gmsh numpy", ""]
 
 
 def test_bulk_data_by_its_content(tmp_path):
@@ -289,10 +231,8 @@ def test_geometries_without_a_unit_of_their_own_take_one(tmp_path, suffix):
     mesh = ao.read_mesh(path, **options)
     assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850 * 1e-6, rel=1e-9)
     assert mesh.n_cells > 1.5 * ao.read_mesh(path, size=5e-3, unit="mm").n_cells
-    with pytest.raises(ao.MeshError, match=r"is 0\.01 m long: elements of 1e-13 m are below"):
-        ao.read_mesh(path, size=1e-13, unit="mm")
-    with pytest.raises(ao.MeshError, match=r"at a size of 1e-06 m, more than"):
-        ao.read_mesh(path, size=1e-6, unit="mm")
+    with pytest.raises(ao.MeshError, match=r"at a size of 1e-09 m, more than"):
+        ao.read_mesh(path, size=1e-9, unit="mm")
 
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])

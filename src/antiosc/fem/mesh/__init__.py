@@ -10,7 +10,6 @@ import basix
 import dolfinx
 import numpy as np
 from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import (
@@ -21,7 +20,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.platform import bounds, compat
-from antiosc.io.neutral import SIDES, CadSurface, RawMesh
+from antiosc.io.neutral import SIDES, RawMesh
 from antiosc.io.reading import keys
 
 #: Cells whose reference shape is a simplex; the others are products of intervals.
@@ -135,8 +134,6 @@ class Mesh(ReprMixin):
     name: str = "mesh"
     #: whether the unit of length was given by the user or by the file
     stated: bool = False
-    #: curvature of the CAD surfaces at their nodes, the same on all ranks
-    cad: CadSurface | None = None
     #: node numbers in the file, in the order in which dolfinx received the nodes; -1: none
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
@@ -146,8 +143,6 @@ class Mesh(ReprMixin):
         instance("name", self.name, str, "a text")
         instance("labels", self.labels, np.ndarray, "an array of numbers of nodes")
         flag("stated", self.stated)
-        if self.cad is not None:
-            instance("cad", self.cad, CadSurface, "what read_mesh finds in CAD")
         compat.name_coordinates(self.dolfinx)
 
     @property
@@ -196,11 +191,6 @@ class Mesh(ReprMixin):
         if self.order > 1:  # a curved side may bulge out of the box of its nodes
             low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
         return low, high
-
-    @cached_property
-    def cad_tree(self) -> cKDTree:
-        """Search tree of the nodes on CAD surfaces."""
-        return cKDTree(np.zeros((0, 3)) if self.cad is None else self.cad.points)
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
@@ -289,7 +279,7 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
     cells = cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     mesh = compat.create_mesh(comm, np.ascontiguousarray(cells), points, kind.shape, kind.order)
     groups = local_groups(mesh, raw.groups)
-    return Mesh(mesh, groups, name, cad=raw.cad, labels=raw.labels)
+    return Mesh(mesh, groups, name, labels=raw.labels)
 
 
 def local_groups(

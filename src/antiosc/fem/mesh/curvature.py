@@ -1,4 +1,4 @@
-"""Curvature of the surface of a mesh at a point: from CAD, or from a fit to nodes of the surface.
+"""Curvature of the surface of a mesh at a point, by a fit to nodes of the surface.
 
 The nodes of a mesh lie on the surface that was meshed; its faces do not. The fit is a polynomial
 over the tangent plane. It uses the nodes within a radius that depends on the surface and not on the
@@ -27,7 +27,6 @@ from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, 
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import clamped, projected
 from antiosc.fem.mesh.surface import Faces
-from antiosc.io.neutral import CadSurface
 
 # Measured: fits on a sphere, a cylinder and a torus, cells of a quarter of the radius of curvature
 # with straight sides. True curvatures are 20, 33.3, 50 and 12.5 1/m; the fits have 20.0, 33.9, 50.9
@@ -69,8 +68,6 @@ BENT = 1e-6
 #: The smaller of the two curvatures counts as zero below these multiples of the error and of the
 #: larger one; above the third multiple of the larger one it never does.
 NONE = (3.0, 1e-3, 0.2)
-#: Curvature of CAD times the size of the part below which it counts as zero.
-CAD_NONE = 1e-6
 #: If a surface turns within a smaller radius by this share of its turn within a larger one, the
 #: point lies on an edge.
 SAME_TURN = 0.8
@@ -79,10 +76,6 @@ SAME_TURN = 0.8
 CUT_OFF = 0.35, 0.15
 #: A fit within a radius r does not resolve a curvature k if k r is above this.
 UNRESOLVED = 0.8
-#: Curvatures of CAD are interpolated from nodes within this many side lengths of the point, …
-NODES_WIDE = 2.0
-#: … with the weights exp(-NEARER r^2), r being the distance over the largest distance.
-NEARER = 2.0
 #: Points tried along a line, …
 PROBES = 200
 #: … refinements of the place of its end: it is then known to LOOKS^-4 of the part's size, …
@@ -196,9 +189,6 @@ def curvature(
     size = mesh.extent()
     nearest_faces = _patch(faces, point)
     touching = nearest_faces.only(nearest_faces.touching)
-    cad = _on_cad(mesh, touching)
-    if cad is not None:
-        touching = replace(touching, normals=cad.along_sides())
     normal = _normal(touching, direction, faces.sheet)
     x = np.einsum("nv,nvd->d", touching.weights, touching.corners) / len(touching.gap)
     surfaces = len(np.unique(touching.surfaces(faces.sheet)))
@@ -207,13 +197,10 @@ def curvature(
     towards = normal if direction is None or not faces.sheet else direction
     if abs(float(towards @ normal)) < RIM * float(np.linalg.norm(towards)):
         return _sharp(EDGE, x, normal)
-    if cad is not None:
-        result = _from_cad(cad, touching, x, normal, size)
-    else:
-        patch = _patch(faces, point, WIDEST * size, FACES_WIDE)
-        label = patch.surfaces(faces.sheet)
-        smooth = patch.only(np.isin(label, label[patch.touching]))
-        result = _from_nodes(smooth, x, normal)
+    patch = _patch(faces, point, WIDEST * size, FACES_WIDE)
+    label = patch.surfaces(faces.sheet)
+    smooth = patch.only(np.isin(label, label[patch.touching]))
+    result = _from_nodes(smooth, x, normal)
     if lengths and result.kind == LINE:
         return _with_length(faces, result, size)
     return result
@@ -276,118 +263,6 @@ def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
     return np.asarray(normals[0])
 
 
-# -- from CAD
-
-
-@dataclass(frozen=True, eq=False)
-class OnCad:
-    """Faces as pieces of CAD surfaces, n of them.
-
-    Attributes
-    ----------
-    nodes : all nodes of the mesh on CAD surfaces.
-    rows : (n, v) indices of the faces' vertices into these.
-    signs : (n,) +1 or -1, the factor that turns the CAD normals to the side of the faces' normals.
-    """
-
-    nodes: CadSurface
-    rows: IntArray
-    signs: Array
-
-    def along_sides(self) -> Array:
-        """Unit normals (n, v, 3) at the middles of the sides, interpolated between the vertices."""
-        normals = self.signs[:, None, None] * self.nodes.normals[self.rows]
-        mean = normals + np.roll(normals, -1, axis=1)
-        return np.asarray(mean / np.linalg.norm(mean, axis=2, keepdims=True))
-
-
-def _on_cad(mesh: Mesh, at: Patch) -> OnCad | None:
-    """Faces as pieces of CAD surfaces; None if a face is not on one."""
-    if mesh.cad is None:
-        return None
-    cad = mesh.cad
-    tree = mesh.cad_tree
-    rows = []
-    signs = []
-    for corners, normals, sides in zip(at.corners, at.normals, at.sides, strict=True):
-        nodes_at_corners = tree.query_ball_point(corners, TOUCH * float(sides.min()))
-        surfaces = [set(cad.surfaces[candidates].tolist()) for candidates in nodes_at_corners]
-        facing = normals.mean(axis=0)
-        rows_found = []
-        for surface in set.intersection(*surfaces):
-            row = [
-                next(i for i in candidates if cad.surfaces[i] == surface)
-                for candidates in nodes_at_corners
-            ]
-            rows_found.append((float(cad.normals[row].mean(axis=0) @ facing), row))
-        if not rows_found:
-            return None
-        # of several the surface that faces as the face does
-        cosine, row = max(rows_found, key=lambda candidate: abs(candidate[0]))
-        rows.append(row)
-        signs.append(np.sign(cosine))
-    return OnCad(cad, np.array(rows), np.array(signs))
-
-
-def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Curvature:
-    """Curvature at a point, interpolated between the CAD curvatures at nearby nodes.
-
-    Curvature tensors are rotated into the tangent plane at the point. At a node its own value is
-    taken. Elsewhere a quadratic interpolation is; its difference from the linear one is the error.
-    """
-    radius = NODES_WIDE * float(at.sides.max())
-    distances = np.linalg.norm(cad.nodes.points - x, axis=1)
-    sign = np.zeros(len(distances))
-    for rows in cad.rows:  # towards the normal at the point, on each surface
-        facing = float(cad.nodes.normals[rows].mean(axis=0) @ normal)
-        sign[cad.nodes.surfaces == cad.nodes.surfaces[rows[0]]] = np.sign(facing)
-    shares = np.zeros(len(distances))
-    np.add.at(shares, cad.rows, at.weights / len(at.gap))
-    facing_alike = sign * (cad.nodes.normals @ normal) > LARGEST_TURN
-    used_nodes = np.flatnonzero((shares > 0) | (distances < radius) & facing_alike)
-    near_nodes = cad.nodes.at(used_nodes)
-    sign = sign[used_nodes]
-    shares = shares[used_nodes]
-    normals = sign[:, None] * near_nodes.normals
-    tensors = sign[:, None, None] * near_nodes.tensors
-    mean = shares @ normals
-    mean /= np.linalg.norm(mean)
-    basis = np.linalg.svd(mean[None])[2][1:]
-    rotations = basis @ _turns(normals, mean)
-    tensors = rotations @ tensors @ np.swapaxes(rotations, 1, 2)
-    node_at_point = np.flatnonzero(np.linalg.norm(near_nodes.points - x, axis=1) < TOUCH * radius)
-    if len(node_at_point):
-        tensor = tensors[node_at_point].mean(axis=0)
-        error = float(np.abs(tensors[node_at_point] - tensor).max())
-    else:
-        linear = np.einsum("n,nij->ij", shares, tensors)
-        tensor, error = _interpolated(near_nodes.points - x, basis, tensors, linear)
-    values, vectors = np.linalg.eigh(tensor)
-    error = error if error * size > CAD_NONE else 0.0
-    values = np.where(np.abs(values) * size < CAD_NONE, 0.0, values)
-    values, kind = _kind(values, error)
-    return Curvature(kind, values, error, vectors.T @ basis, x, mean, source="CAD")
-
-
-def _interpolated(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[Array, float]:
-    """(quadratic interpolation (2, 2) at a point of tensors (n, 2, 2) at offsets `way` (n, 3),
-    error [1/m]).
-
-    The error comes from `linear`, the linear interpolation (2, 2), which is returned for few
-    points.
-    """
-    u, v = basis @ way.T / np.abs(way).max()
-    rows = polyvander2d(u, v, [2, 2])[:, [0, 1, 2, 3, 4, 6]]
-    values = tensors.reshape(-1, 4)
-    if len(way) < rows.shape[1]:
-        return linear, float(np.abs(tensors - linear).max())
-    weight = np.exp(-NEARER * (u * u + v * v))[:, None]
-    c = np.linalg.lstsq(weight * rows, weight * values, rcond=RANK)[0]
-    tensor = c[0].reshape(2, 2)
-    misfit = np.abs(weight * (rows @ c - values)).max()
-    return tensor, max(2 * float(np.abs(tensor - linear).max()), float(misfit))
-
-
 def _kind(values: Array, error: float) -> tuple[Array, str]:
     """(principal curvatures, with zeros for those within `error` of zero; kind of surface)."""
     largest = float(np.abs(values).max())
@@ -395,14 +270,6 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
         return values, PLANE
     is_flat = np.abs(values) <= min(max(NONE[0] * error, NONE[1] * largest), NONE[2] * largest)
     return np.where(is_flat, 0.0, values), LINE if is_flat.any() else CURVED
-
-
-def _turns(starts: Array, end: Array) -> Array:
-    """The smallest rotations (n, 3, 3) that move unit vectors `starts` onto `end`, none of them
-    opposite.
-    """
-    cross = np.cross(np.eye(3), np.cross(starts, end)[:, None])
-    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + starts @ end)[:, None, None])
 
 
 # -- from the nodes

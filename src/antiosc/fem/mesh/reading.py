@@ -26,12 +26,12 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import AntioscWarning, ChoiceWarning, InputError, MeshError
-from antiosc.fem.mesh import Mesh, distributed, parallel
+from antiosc.base.texts import printable
+from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.halving import with_cells_of
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
 from antiosc.fem.mesh.thirds import with_cells_near
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
-from antiosc.io import cad_volume
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.cad import STATES_UNIT
 from antiosc.io.neutral import RawMesh, UnitSystem
@@ -77,8 +77,8 @@ def read_mesh(
     source
         A Gmsh mesh (`.msh`), a geometry that gmsh meshes (`.geo`, `.step`, `.brep`, `.iges`;
         CAD files' own length unit is converted to metres), a deck of Abaqus, CalculiX (`.inp`) or
-        Nastran (`.bdf`, `.nas`, `.fem`), an archive of Ansys (`.cdb`), a universal file (`.unv`),
-        an Exodus file, any other file that meshio reads, or a dolfinx mesh. Coordinates are metres
+        Nastran (`.bdf`, `.nas`, `.fem`), a surface of triangles (`.stl`, `.obj`, `.ply`, `.off`),
+        any other file that meshio reads, or a dolfinx mesh. Coordinates are metres
         (see `unit`). Wedges, pyramids and mixed volumes are cut into tetrahedra, quadrilaterals
         beside triangles into triangles, and cells with 8 and 20 nodes get the missing nodes.
     size
@@ -90,8 +90,7 @@ def read_mesh(
     order
         Geometric order, 1 or 2. By default that of the file; geometry files are meshed with
         curved (order 2) faces and volumes and straight lines; the few curved cells that fold over
-        at a tight fillet are straightened, and if the volume is then off that in CAD by more than
-        0.5 %, elements follow the curvature. `order=1` drops mid-side nodes.
+        at a tight fillet are straightened. `order=1` drops mid-side nodes.
     refine
         Pairs (point, size): elements of that size around the point, growing away from it. Those of
         a finished mesh of shells or beams are divided into thirds there until none is longer. A
@@ -102,8 +101,9 @@ def read_mesh(
         without a name under their number.
     cells
         Which cells of a file make the mesh: a dimension (1, 2 or 3), a group or a list of groups.
-        By default those of the highest dimension; if others (shells, beams) are no faces or edges
-        of these, the file is refused.
+        By default those of the highest dimension; others that are faces or edges of these are
+        groups, if the file names them, and are told. If they are in no group, or elsewhere, they
+        may be shells and beams, and the file is refused.
     parts
         Names of parts, instances, solids or groups, in place of `cells`: only they are read.
     unit
@@ -120,12 +120,10 @@ def read_mesh(
     piece
         Number of the piece to read from a mesh of pieces without a common node: 1 for the largest.
     elements
-        Additional groups: name -> numbers of elements in a deck, a universal file or one of Exodus.
+        Additional groups: name -> numbers of elements in a deck.
     trust
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
-        beside a file; let all ranks read a file that dolfinx wrote as XDMF, each its own part, so
-        that none holds the whole (its groups are "NAME OF THE TAGS VALUE"). Only for files whose
-        author you know.
+        beside a file. Only for files whose author you know.
     timeout
         Seconds after which reading ends with an error. Default: ten times or more of the processor
         time that a file of its size, or that number of cells, needs.
@@ -133,9 +131,9 @@ def read_mesh(
         The MPI communicator that shares the mesh.
 
     Groups of a CAD file or a filled surface are its solids by their labels, its outer faces ("face
-    1", "face 2", …; besides by labels and by colours, "colour #ff0000", where the file has several)
-    and its holes by their diameter ("hole 6 mm (1)"). A geometry that gmsh cannot mesh is tried
-    again with other sizes, algorithms and repairs; a warning names the change that helped.
+    1", "face 2", …; besides by labels) and its holes by their diameter ("hole 6 mm (1)"). What gmsh
+    cannot mesh is meshed once more with elements that follow its curvature, a surface of triangles
+    by fTetWild (pytetwild); a warning tells it.
 
     Raises
     ------
@@ -185,27 +183,18 @@ def read_mesh(
             f"{shown(source)}."
         )
     file = checked_path("source", source)
-    if trust and file.suffix.lower() in parallel.SUFFIXES:
-        content = parallel.read(file, comm, 1.0 if units is None else units.length)
-        if content is not None:
-            passed = size, gdim, order, cells, merge, piece, elements
-            if any(option is not None for option in passed) or refine or solid or fragments:
-                raise InputError(
-                    f"{file.name} is read by all ranks as it is (trust): only unit applies."
-                )
-            return replace(_adopted(*content), name=file.name, stated=unit is not None)
-
+    name = printable(file.name)
     made_here = file.suffix.lower() in GEOMETRY or solid
 
     def checked(raw: RawMesh) -> RawMesh:
         if size is not None:
-            plausible.refuse_size(size, raw.points, file.name)
-        mesh = sound(flattened(raw, gdim, file.name), file.name, made_here, by=BY_PIECE)
+            plausible.refuse_size(size, raw.points, name)
+        mesh = sound(flattened(raw, gdim, name), name, made_here, by=BY_PIECE)
         if made_here:
             return mesh
         if size is not None:
-            mesh = with_cells_of(size, [mesh], file.name)[0]
-        return with_cells_near(refine, [mesh], file.name)[0]
+            mesh = with_cells_of(size, [mesh], name)[0]
+        return with_cells_near(refine, [mesh], name)[0]
 
     def work() -> RawMesh:
         return read(
@@ -226,11 +215,11 @@ def read_mesh(
         )
 
     raw = on_root(comm, work)
-    for sentence in [*raw.remarks, *cad_volume.told(raw, file.name, order == 1)]:
+    for sentence in raw.remarks:
         made = any(words in sentence for words in HOW_MADE)
         warn(comm, sentence, ChoiceWarning if made else AntioscWarning)
     unit_stated = unit is not None or file.suffix.lower() in STATES_UNIT
-    return replace(distributed(raw, file.name, comm), stated=unit_stated)
+    return replace(distributed(raw, name, comm), stated=unit_stated)
 
 
 def numbered_elements(elements: object) -> dict[str, list[int]]:

@@ -22,10 +22,9 @@ from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform import bounds, compat, on_root, warn
 from antiosc.fem.structure import in_space
-from antiosc.io import cad_volume
 from antiosc.io.by_gmsh import GEOMETRY, SizeField
 from antiosc.io.neutral import RawMesh
-from antiosc.io.reading import read
+from antiosc.io.reading import CUT, read
 from antiosc.io.request import GRADING as USUAL, Refinement
 from antiosc.reduce.error.bisection import (
     DIVIDED,
@@ -181,8 +180,9 @@ class OfGeometry(MeshSource):
 
     def _meshed(self, like: Mesh, wished: SizeField | None, grading: Sequence[float]) -> Mesh:
         raw = self._read(like.gdim, self._order, self._refine, wished, grading)
-        for sentence in cad_volume.told(raw, self._path.name, self._order == 1):
-            warn(MPI.COMM_WORLD, sentence)
+        for sentence in raw.remarks:
+            if CUT in sentence:
+                warn(MPI.COMM_WORLD, sentence)
         return distributed(raw, self._path.name, MPI.COMM_WORLD)
 
     def _read(
