@@ -19,7 +19,6 @@ from antiosc.base.texts import (
     point_text,
     restitution_text,
     rounded_down,
-    where_to_change,
 )
 from antiosc.extension import QUANTITIES, ErrorBudget, hardest, left_out_text, low_band, trusted
 from antiosc.models.auto_contact import piercing
@@ -44,10 +43,6 @@ REMEDIES = {
     "stretch": "extract with a larger number of motions that stretch",
     "law": "give the yield strength of the part's own material, with its range",
 }
-#: Where the yield strength of a material of one's own is given.
-OWN_STRENGTH = where_to_change(
-    "yield_strength, yield_range", "own material in the list of materials"
-)
 #: Attribute of a striker in a headline -> (its unit, the preposition).
 STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 

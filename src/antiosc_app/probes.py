@@ -69,6 +69,7 @@ class Probe:
             values = values[:, *np.triu_indices(values.shape[1])]
         self.scalar = values.ndim == 1
         self.values = values.reshape(len(values), -1)
+        self.unfiltered = None if self.filter is None else _largest(without_filter(results, call))
         self.error = _error(results, call)
         self.point = _point(results, call)
 
@@ -131,6 +132,7 @@ class Probe:
             "value": value,
             "unit": units[component],
             "time": float(self.times[row]),
+            "unfiltered": self.unfiltered,
             "truncation": None if error is None else error.truncation,
             "force": None if error is None else error.force,
             "error": None if error is None or error.force is None else float(error),
@@ -168,18 +170,25 @@ class Probe:
         value = engineering(peak["value"], peak["unit"], 4)
         bar = "" if self.error is None else f" {self.error}"
         g = f" ({plain(peak['g'], 4)} g)" if "g" in peak else ""
-        told = f"{label}{through}: largest {value}{bar}{g} at {engineering(peak['time'], 's')}"
+        raw = "" if self.unfiltered is None else f", {self.raw(peak['unit'])}"
+        told = f"{label}{through}: largest {value}{bar}{g} at {engineering(peak['time'], 's')}{raw}"
         if "axis" not in peak:
             return told
         axis = engineering(peak["axis"]["value"], peak["unit"], 4)
         return f"{told}; largest component {peak['axis']['component']}, {axis}"
+
+    def raw(self, unit: str) -> str:
+        """The largest value without the filter, which may hide a blow."""
+        assert self.unfiltered is not None
+        return f"{engineering(self.unfiltered, unit)} unfiltered"
 
     def fact(self) -> tuple[str, str]:
         """Name and largest value with its bar, for a headline."""
         peak = self.peak()
         name = ", ".join(filter(None, (f"{self.name}: {spaced(self.quantity)}", self.filter)))
         bar = "" if self.error is None else f" {self.error}"
-        return name, f"{engineering(peak['value'], peak['unit'])}{bar}"
+        raw = "" if self.unfiltered is None else f", {self.raw(peak['unit'])}"
+        return name, f"{engineering(peak['value'], peak['unit'])}{bar}{raw}"
 
     def signal(self) -> tuple[str, Array, Array, str]:
         """(name, times, values, unit) of the component with the largest value."""
@@ -231,6 +240,22 @@ def _joined(stem: str, tables: Iterable[Columns]) -> dict[str, Columns]:
         else:
             files.append(table)
     return {f"{stem}.csv" if not k else f"{stem}_{k + 1}.csv": x for k, x in enumerate(files)}
+
+
+def without_filter(results: SceneResults, call: Call) -> Any:
+    """What a call makes without its filter."""
+    evaluate = Evaluation(results.compiled.document)
+    for name in ("structure", "history", "fall"):
+        if getattr(results.compiled, name) is not None:
+            evaluate.register(getattr(results.compiled, name), getattr(results, name))
+    arguments = {key: value for key, value in call.arguments.items() if key != "filter"}
+    return evaluate(replace(call, arguments=arguments))
+
+
+def _largest(values: Any) -> float:
+    """The largest magnitude of a signal (n,) or (n, d)."""
+    rows = np.asarray(values).reshape(len(values), -1)
+    return float(np.linalg.norm(rows, axis=1).max())
 
 
 def _error(results: SceneResults, call: Call) -> ProbeError | None:

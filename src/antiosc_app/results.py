@@ -56,7 +56,7 @@ from antiosc_app.presentation import (
     spaced,
     spectrum,
 )
-from antiosc_app.probes import Probe, draw_signals, files_of, probes_of
+from antiosc_app.probes import Probe, draw_signals, files_of, probes_of, without_filter
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import Nominal, SceneResults, error_budget, varied
 
@@ -384,6 +384,9 @@ def _fall(results: SceneResults) -> Presentation:
     for name, peak in (results.peaks or {}).items():
         through = accelerometers.get(name, {}).get("filter", "unfiltered")
         told = f"at most {plain(peak.g, 4)} g ({through}), in impact {peak.impact + 1}"
+        if through != "unfiltered":
+            raw = without_filter(results, results.compiled.peaks[name])
+            told += f", {plain(raw.g, 4)} g unfiltered"
         rows.append((f"accelerometer {name}", told))
     numbers: Columns = {"fall": table | {"status": fall.status, "message": fall.message}}
     numbers["accelerometers"] = {

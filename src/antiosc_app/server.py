@@ -26,7 +26,7 @@ from typing import Any, TypeAlias
 
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import capitalised, on_page
+from antiosc.base.texts import capitalised
 from antiosc_app.live import embedded, policy, script
 
 HOST = "127.0.0.1"
@@ -228,7 +228,7 @@ class _Request(BaseHTTPRequestHandler):
             traceback.print_exc()
             name = type(error).__name__
             answer = {"error": f"The program failed ({name}: {error}); the terminal has more."}
-        return "application/json", on_page(embedded(answer)).encode()
+        return "application/json", embedded(answer).encode()
 
     def _values(self) -> dict[str, Any]:
         """The values of a call: a JSON table without NaN, not nested too deep."""

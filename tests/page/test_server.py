@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from antiosc.base.errors import InputError, RangeError
-from antiosc.base.texts import on_page, where_to_change
 from antiosc_app import server, view
 from antiosc_app.live import policy, script
 from antiosc_app.server import TOKEN, Server
@@ -99,17 +98,6 @@ def test_the_page_and_its_calls_are_answered(served):
     assert json.loads(refused.split(b"\r\n\r\n")[1]) == {"error": "Wrong must not be given."}
     small = json.loads(sent(served, request(served, body=b'{"small": 1}')).split(b"\r\n\r\n")[1])
     assert small == {"error": "The patch is too small.", "field": "radius"}  # which is marked
-
-
-def test_remedies_name_the_fields_of_the_page(served):
-    """Of the keys of a scene and the fields of the page these alone, in answers and in errors."""
-    remedy = where_to_change('error = "x" in [extract]', "this field")
-    values = {"verdict": [f"take more ({remedy})", "in [b]; on the page: c"], "n": 1}
-    reply = sent(served, request(served, body=json.dumps(values).encode()))
-    told = json.loads(reply.split(b"\r\n\r\n")[1])["answer"]["got"]
-    assert told == {"verdict": ["take more (this field)", "in [b]; c"], "n": 1}
-    alone = on_page("judge it elsewhere (in a scene: leave_out in [stress])")
-    assert alone == "judge it elsewhere (in the scene that Save writes: leave_out in [stress])"
 
 
 def test_a_report_that_was_written_is_served_with_its_own_policy(served, tmp_path):

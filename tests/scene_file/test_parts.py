@@ -232,6 +232,8 @@ def test_a_fall_is_that_of_drop(box_folder: Path, capsys: pytest.CaptureFixture[
     assert found["fall"]["message"] == "1 impacts"
     row = next(csv.DictReader((box_folder / "out/fall.csv").read_text().splitlines()))
     assert float(row["place x (m)"]) == pytest.approx(0.12)
+    raw = fall.peak("acceleration", (0.06, 0.03, 0.03))
+    assert f"{raw.g:.4g} g unfiltered" in printed
     for text in (printed, page):
         told = map(float, re.findall(r"([\d.]+) g\b", text))
         assert any(g == pytest.approx(peak.g, rel=1e-3) for g in told)

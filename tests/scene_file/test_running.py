@@ -190,6 +190,19 @@ def test_a_shock_spectrum_of_a_scene_has_the_bar_of_probe_srs(tmp_path, capsys):
     assert written_numbers["bare"]["srs"]["mesh"] > 0.1
 
 
+def test_a_filtered_acceleration_stands_beside_the_unfiltered_one(tmp_path, capsys):
+    """A filter that passes less than the lowest frequency of a part hides the blow."""
+    asked = '[probes.{}]\npoint = [0.2, 0.0, 0.0]\nquantity = "acceleration"\n'
+    probes = asked.format("bare") + asked.format("seen") + 'filter = "CFC60"\n'
+    path = written(tmp_path, BEAM + probes)
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    found = numbers(tmp_path / "out")["probes"]
+    assert found["seen"]["value"] < 0.5 * found["bare"]["value"]
+    assert found["seen"]["unfiltered"] == pytest.approx(found["bare"]["value"], rel=1e-9)
+    assert f"{engineering(found['bare']['value'], 'm/s²')} unfiltered" in told
+
+
 @pytest.mark.fem
 def test_a_probe_off_the_part_ends_a_run_before_its_impact(tmp_path, capsys, monkeypatch):
     probe = "[probes.far]\npoint = [0.02, 0.04, 0.9]\n"

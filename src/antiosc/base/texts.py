@@ -31,11 +31,6 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
-def where_to_change(scene: str, page: str) -> str:
-    """Text: the keys of a scene that help, and the fields of the page; `on_page` keeps these."""
-    return f"in a scene: {scene}; on the page: {page}"
-
-
 #: What shows the error by the mesh where it is not estimated.
 COMPARED = "compare two cell sizes"
 #: Which piece of a file is read, in the sentence of `piece_is_read`.
@@ -54,31 +49,14 @@ def piece_told(sentences: Iterable[str]) -> str:
     return next((match[1] for match in found), "")
 
 
-#: The keys of a scene in such a text, also in JSON.
-_SCENE_KEYS = re.compile(r'in a scene: (?:[^;()"\\]|\\.)*; on the page: ')
-
-
 def on_page(text: str) -> str:
-    """Sentences with the fields of the page in place of the keys of a scene."""
-    text = _SCENE_KEYS.sub("", text).replace("on the page: ", "")
-    return text.replace("in a scene: ", "in the scene that Save writes: ")
+    """The text."""
+    return text
 
 
-#: Keys and fields in such a text.
-_BOTH = re.compile(r'in a scene: ((?:[^;()"\\]|\\.)*); on the page: (?:[^;()"\\]|\\.)*')
-
-
-def in_scene(text: str) -> str:
-    """Sentences of a scene, without the fields of the page."""
-    return _BOTH.sub(r"in the scene: \1", text)
-
-
-#: The fields of the page that make cells smaller: around a site, or all of them.
-FINER_CELLS = "Finer mesh here, or cell size"
-#: The same with the keys of a scene.
-SMALLER_CELLS = where_to_change("refine, or size", FINER_CELLS)
-#: Where the radius of a patch is changed.
-PATCH_RADIUS = where_to_change("radius in [sites.NAME] or [map]", "patch radius")
+#: Arguments that make cells smaller, and that of a patch.
+SMALLER_CELLS = "refine or size"
+PATCH_RADIUS = "radius"
 #: Most characters of one value.
 WIDTH = 72
 

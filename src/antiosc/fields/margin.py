@@ -30,7 +30,6 @@ from antiosc.base.stresses import (
     tension,
 )
 from antiosc.base.texts import (
-    FINER_CELLS,
     PATCH_RADIUS,
     SMALLER_CELLS,
     ReprMixin,
@@ -38,7 +37,6 @@ from antiosc.base.texts import (
     engineering,
     percent,
     point_text,
-    where_to_change,
 )
 from antiosc.engine.contact.geometry import hertz_pressure
 from antiosc.fem.structure.structure import Structure
@@ -979,7 +977,7 @@ def mesh_error(
 
 
 #: What judges a stress at a distance.
-AT_A_DISTANCE = "in a scene: leave_out = [[x, y, z, radius]] in [stress], in m"
+AT_A_DISTANCE = "leave_out=[(x, y, z, radius)]"
 
 
 def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, share: float) -> str:
@@ -1003,10 +1001,10 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
         )
     if share >= UNRESOLVED_JUMP:
         place = ", ".join(f"{c:.4g}" for c in x)
-        refined = f"refine = [[[{place}], SIZE]] or size in [geometry], in m"
+        refined = f"refine=[(({place}), size)], or size"
         return (
             f"the cells at the largest stress differ by {percent(share)} of it: the mesh does not"
-            f" resolve it; make the cells there smaller ({where_to_change(refined, FINER_CELLS)})"
+            f" resolve it; make the cells there smaller ({refined})"
         )
     return ""
 

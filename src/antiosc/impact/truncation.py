@@ -38,7 +38,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError
-from antiosc.base.texts import percent, where_to_change
+from antiosc.base.texts import percent
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.impact.assembly import Assembly, stiffness_at
 from antiosc.impact.histories import History
@@ -186,8 +186,7 @@ def truncation_warning(model: object, assembly: Assembly, contact: int = 0, begi
     return (
         f"The model's {model.n} anti-oscillators are too few for this contact: what they leave out"
         f" may change the force by {percent(share)} (above {percent(WARN_SHARE)} neither peak force"
-        " nor contact time is known); extract more"
-        f" ({where_to_change('n in [extract]', 'the field anti-oscillators')})."
+        " nor contact time is known); extract more (n)."
     )
 
 

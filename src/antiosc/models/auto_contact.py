@@ -81,9 +81,8 @@ def _surface(body: object, site: str) -> Surface:
         raise InputError(
             f'the contact "auto" needs the material and the curvature of both surfaces, and '
             f"those of the {type(body).__name__} are not known: extract it from a mesh, give "
-            "the model its material (with_surface; in a scene of [matrices], [model] or [frf] the "
-            "section [surface]), the striker a material and a tip_radius, or give the law, such as "
-            "Hertz."
+            "the model its material (with_surface, or [surface] of a scene), the striker a"
+            " material and a tip_radius, or give the law, such as Hertz."
         )
     return surface
 

@@ -1,6 +1,6 @@
 """Why the impact at a site of a map is doubtful, and what helps."""
 
-from antiosc.base.texts import SMALLER_CELLS, where_to_change
+from antiosc.base.texts import SMALLER_CELLS
 
 #: Reasons.
 CUT = "an edge cuts the patch"
@@ -13,12 +13,10 @@ NO_RESULT = "the impact has no result"
 BEYOND_WALL = "the force exceeds that on a wall"
 #: Reason -> what leaves fewer doubtful sites.
 REMEDIES = {
-    CUT: "take a smaller radius of the patch"
-    f" ({where_to_change('[map] radius', 'patch radius')}), on cells not larger than it"
-    f" ({SMALLER_CELLS})",
+    CUT: f"take a smaller radius of the patch, on cells not larger than it ({SMALLER_CELLS})",
     SUPPORTED: "hold the part elsewhere, or map another face",
     NEAR: "hold the part elsewhere, or map another face",
-    EDGE: f"map one face ({where_to_change('[map] where', 'Map face N, after a click on it')})",
+    EDGE: "map one face (where)",
     HOLLOW: "take a smaller striker",
     PIERCED: "take a smaller striker",
     BEYOND_WALL: f"take cells smaller than the radius of the patch ({SMALLER_CELLS})",

@@ -40,7 +40,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting, doing
-from antiosc.base.texts import engineering, percent, point_text as placed, where_to_change
+from antiosc.base.texts import engineering, percent, point_text as placed
 from antiosc.engine.contact import ContactLaw, ElasticPlastic
 from antiosc.engine.contact.curvature import SHARP
 from antiosc.engine.contact.peak_error import error_of_peak
@@ -458,11 +458,6 @@ def _refined(
     return SiteModels(k0, m0, m_st, omega, m), error, direct
 
 
-#: What reduces the error at all sites: in a scene, and on the page.
-OF_ALL_SITES = "n in [map], or modes, or a lower band"
-ON_PAGE = "the field anti-oscillators"
-
-
 def _tell(result: ImpactMap, accuracy: float) -> None:
     """Warn of sites without a result, and of errors above `accuracy`."""
     if result.skipped:
@@ -478,8 +473,7 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
             f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}): a bound at"
             " single frequencies, and no error bar of the force. An impact at one site alone has"
             " that bar, and does without the free modes of the map"
-            f" ({where_to_change('[sites]', 'Strike this site')}); of all sites more"
-            f" anti-oscillators reduce it ({where_to_change(OF_ALL_SITES, ON_PAGE)}).",
+            "; of all sites more anti-oscillators reduce it (n or modes), or a lower band.",
             AccuracyWarning,
         )
 

@@ -251,7 +251,7 @@ class Tradeoff(Result):
         radius = self.hit.model.patch_radius
         patch = "" if radius is None else f" and a site of radius = {radius:.4g}, as here"
         return (
-            f"{sentence} strike, in a scene [strike], makes such a mesh with tol ="
+            f"{sentence} strike makes such a mesh with tol ="
             f" {self.tol:g}{patch}; its cells differ, and no single size gives it."
         )
 

@@ -394,8 +394,7 @@ class Fall(Trajectory, Result):
         return (
             f"the centre of mass has at most {plain(peak.g, 3)} g{bar} through {SHOCK_FILTER}, in"
             f" impact {peak.impact + 1}: all forces over the mass, as of a rigid part; the g of a"
-            " point of the part are those of an accelerometer there (in a scene:"
-            " [accelerometers.NAME])"
+            " point of the part are those of an accelerometer there."
         )
 
     @property
