@@ -504,7 +504,6 @@ def test_the_fmu_of_a_scene_file_gives_its_forces(tmp_path, text, fmi):
         ("no TOML", "x.fmu", "TOML"),
         (HIT, "x.fmu", "model"),
         (MODEL.replace("n = 6", "n = -6"), "x.fmu", "-6"),
-        (FRAME, "x.mo", "Scene"),
         (BEAM, "none/x.fmu", "x.fmu"),
         (BEAM.replace(LAW, "[contact]\nkind = 'Linear'\nstiffness = -1.0\n"), "x.c", "stiffness"),
     ],
