@@ -255,8 +255,6 @@ def _check_probes(begun: Settled) -> None:
 def _study(options: Namespace) -> int:
     """`antiosc run`, `sweep`, `map`, …: compute, print and write."""
     document = read(options.file)
-    if options.command == "monte-carlo":
-        document = run.prepared_for_draws(document)
     scene = compiled(document)
     study = STUDIES[options.command]
     if getattr(scene, study.result) is None:
@@ -268,8 +266,6 @@ def _study(options: Namespace) -> int:
     folder = None if target is None else report.folder(target)
     begun = Settled(scene, Evaluation(scene.document))
     first = run.results(scene, ("structure",), begun.evaluate)
-    if options.command == "monte-carlo":
-        run.refuse_draws(document, first.structure)
     scene.warnings[:] = first.warnings
     _check_probes(begun)
     scene, evaluate = settled(document, begun)

@@ -479,11 +479,11 @@ def _sweep(results: SceneResults) -> Presentation:
     batch = results.batch
     values = {label(place): list(given) for place, given in varied(results.compiled).items()}
     table: Columns = dict(values)
-    bars = [row.budget and row.budget.shares("peak_force")["total"] for row in results.facts]
+    bars = [budget and budget.shares("peak_force")["total"] for budget in results.facts]
     for name, unit in QUANTITIES.items():
         table[f"{spaced(name)} ({unit})"] = getattr(batch, name)
         if name == "peak_force" and any(bar is not None for bar in bars):
-            given = any(row.budget and row.budget.law for row in results.facts)
+            given = any(budget and budget.law for budget in results.facts)
             table["± without the law (%)" if given else "± (%)"] = 100 * np.array(bars, dtype=float)
     table |= {name: getattr(batch, name) for name in ("restitution", "contacts", "status")}
     own = _own_rows(results.nominal)

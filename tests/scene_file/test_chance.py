@@ -10,7 +10,6 @@ import pytest
 import antiosc as ao
 from antiosc_app.cli import main as command
 from mpi import run_ranks
-from paths import MESHES
 from scene_files import BEAM, BRACKET, HIT, MASS, antiosc, numbers, objects, table, written
 
 SPEED = 'impactor.velocity = {kind = "normal", mean = 1.0, sigma = 0.1}\n'
@@ -55,7 +54,7 @@ def test_a_mistake_of_the_scene_is_told_once(tmp_path, capsys):
         ('impactor.velocity = {kind = "normal", mean = 1.0, sigma = -1.0}', "sigma"),
         ('impactor.speed = {kind = "normal", mean = 1.0, sigma = 0.1}', "velocity"),
         ('material.E = {kind = "normal", mean = 1.0, sigma = 0.1}', "impactor"),
-        ('point = {where = "skin"}', "mesh"),
+        ('point = {where = "skin"}', "point"),
         (f"store = 'a.csv'\n{SPEED}", "store"),
     ],
 )
@@ -74,81 +73,13 @@ MODULUS = '[monte_carlo]\nn = 12\nmaterial.E = {kind = "uniform", low = 60e9, hi
 @pytest.mark.parametrize(
     ("sections", "held"),
     [
-        (f"[extract]\nband = 1e4\n{HIT}{MODULUS}", "take no band: leave it out"),
+        (f"{HIT}{MODULUS}", "draws values of impactor"),
         (f'{HIT}[surface]\nmaterial = "6061"\n', "curvature: leave it out there"),
     ],
 )
 def test_what_a_part_with_a_mesh_does_not_take_is_told_by_check(tmp_path, capsys, sections, held):
     assert antiosc("check", written(tmp_path, BRACKET + sections)) == 1
     assert held in capsys.readouterr().err
-
-
-@pytest.mark.fem
-def test_what_a_drawn_structure_must_not_have_is_told(tmp_path, capsys):
-    lossy = BRACKET.replace("rho = 2700", "rho = 2700\nloss = 0.05")
-    path = written(tmp_path, f"{lossy}{HIT}{MODULUS}")
-    assert antiosc("monte-carlo", path) == 1
-    assert "does not take dampers" in capsys.readouterr().err
-
-
-PLATE = f"""\
-[geometry]
-source = "{MESHES}/plate.msh"
-order = 1
-gdim = 3
-[material]
-kind = "Shell"
-E = 70e9
-nu = 0.33
-rho = 2700
-thickness = 2e-3
-yield_strength = 240e6
-[[supports]]
-where = "edges"
-[sites.middle]
-POINT
-direction = [0.0, 0.0, -1.0]
-snap = true
-[extract]
-n = 8
-STRIKER
-[contact]
-kind = "auto"
-[simulate]
-duration = 5e-4
-"""
-
-
-@pytest.mark.fem
-@pytest.mark.slow
-def test_the_contact_of_a_drawn_sheet_is_chosen_and_its_runs_are_linear(tmp_path, capsys):
-    scene = PLATE.replace("POINT", "point = [0.05, 0.05, 0.0]").replace("STRIKER", SPHERE)
-    path, out = written(tmp_path, scene + MODULUS), tmp_path / "out"
-    assert antiosc("monte-carlo", path, "--out", out) == 0
-    assert capsys.readouterr().err.count("whose models are linear") == 1
-    columns = table(out / "monte_carlo.csv")
-    alone = scene.replace("E = 70e9", f"E = {columns['material.E'][0]:.17g}")
-    alone = alone.replace("n = 8\n", "n = 8\nstretch = false\n")
-    hit = objects(written(tmp_path, alone, "alone.toml")).history
-    assert columns["peak_force"][0] == pytest.approx(hit.peak_force, rel=2e-3)
-
-
-@pytest.mark.fem
-@pytest.mark.slow
-def test_materials_and_points_are_drawn(tmp_path):
-    material = 'material.E = {kind = "uniform", low = 60e9, high = 80e9}\n'
-    scene = f"{BRACKET}[extract]\nn = 8\n{HIT}[monte_carlo]\nn = 12\n"
-    many = objects(written(tmp_path, scene + material), "monte-carlo").sample
-    E = many.inputs["material.E"]
-    stiff = BRACKET.replace("E = 70e9", f"E = {E[0]:.17g}")
-    alone = written(tmp_path, f"{stiff}[extract]\nn = 8\n{HIT}", "alone.toml")
-    hit = objects(alone).history
-    assert many.values["peak_force"][0] == pytest.approx(hit.peak_force, rel=2e-3)
-    point = "point = {where = [[0.0, 0.02, 0.02], [0.0, 0.04, 0.02]], direction = [1, 0, 0],"
-    point += " radius = 6e-3, n = 8}\n"
-    many = objects(written(tmp_path, scene + point), "monte-carlo").sample
-    assert set(many.inputs["point"]) == {0, 1}
-    assert len(set(many.values["peak_force"])) == 2
 
 
 SCENE = f"""\

@@ -14,19 +14,19 @@ import antiosc
 from antiosc.base import progress
 from antiosc.base.errors import (
     AntioscError,
-    ChoiceWarning,
     InputError,
     by_weight,
     finite_element_packages,
     labelled,
     warn,
     warnings_to,
+    without_warnings,
 )
 from antiosc.base.texts import STOPPED
-from antiosc.extension import ErrorBudget, refuse_dampers, yield_share
+from antiosc.extension import ErrorBudget
 from antiosc.models.body import coarse_cell, info_of
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
-from antiosc_app.scene_file.document import Document, Place, Problems, Table, label, listed
+from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
 from antiosc_app.scene_file.scene import CompiledScene, Objects, model, pair, source, structure
 from antiosc_app.scene_file.schema import (
     DATA,
@@ -34,7 +34,6 @@ from antiosc_app.scene_file.schema import (
     DRAWN,
     KIND,
     MODELS,
-    POINT,
     SECTIONS,
     STRUCTURAL,
     VARIED,
@@ -212,54 +211,38 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
 MOST_BARS = 50
 
 
-class RowFacts(NamedTuple):
-    """Facts that the run of one impact of a sweep yields beside its numbers.
-
-    budget : its error budget; None if the model was not extracted for one.
-    yield_share : peak force over that of first yield; None if unknown.
-    dent : depth of the dent [m]; 0 where the contact stays elastic; None if unknown.
-    """
-
-    budget: ErrorBudget | None = None
-    yield_share: float | None = None
-    dent: float | None = None
-
-
 def facts_of_sweep(batch: Call | None) -> Call | None:
-    """The call that computes the facts of each impact of a sweep; None without a sweep."""
+    """The call that computes the error budget of each impact of a sweep; None without a sweep."""
     if batch is None:
         return None
-    return Call(_facts_of_rows, {"batch": batch, "arguments": batch.arguments})
+    return Call(_budgets_of_rows, {"batch": batch, "arguments": batch.arguments})
 
 
-def _facts_of_rows(batch: Batch, arguments: Table) -> list[RowFacts]:
-    """The facts of each impact; all unknown in sweeps above `MOST_BARS`."""
+def _budgets_of_rows(batch: Batch, arguments: Table) -> list[ErrorBudget | None]:
+    """The error budget of each impact, None where it has none; of none in sweeps above
+    `MOST_BARS`.
+    """
     if len(batch) > MOST_BARS:
-        return [RowFacts()] * len(batch)
+        return [None] * len(batch)
+
     lists = {name for name, values in arguments.items() if isinstance(values, list)}
-    facts: list[RowFacts] = []
+    budgets: list[ErrorBudget | None] = []
     with progress.counting("error bars of the sweep", len(batch)) as report:
         for i, status in enumerate(batch.status):
             row = {name: x[i] if name in lists else x for name, x in arguments.items()}
             impact = {_SINGULAR.get(name, name): value for name, value in row.items()}
-            facts.append(RowFacts() if status == STOPPED else _facts(impact))
+            budgets.append(None if status == STOPPED else _budget(impact))
             report(i + 1)
-    return facts
+    return budgets
 
 
-def _facts(arguments: Table) -> RowFacts:
-    """The facts of an impact."""
-    with warnings_to(lambda _: None):  # the batch has shown them
+def _budget(arguments: Table) -> ErrorBudget | None:
+    """The error budget of an impact."""
+    with without_warnings():  # the batch has shown them
         try:
-            hit = antiosc.simulate(**arguments)
+            return error_budget(antiosc.simulate(**arguments))
         except AntioscError:
-            return RowFacts()
-        budget = error_budget(hit)
-        share = yield_share(hit)
-        dent = None if hit.dent is None else hit.dent.depth
-        if share is not None and share <= 1:
-            dent = 0.0
-        return RowFacts(budget, share, dent)
+            return None
 
 
 def error_budget(history: Any) -> ErrorBudget | None:
@@ -385,47 +368,26 @@ class Nominal(NamedTuple):
     fields: Mapping[str, PeakField]
 
 
-#: Options of [extract] that models of a drawn structure do not take, and their default.
-NOT_NEARBY: dict[str, object] = {
-    "method": "krylov",
-    "tol": None,
-    "band": None,
-    "damping": None,
-    "stretch": False,
-}
-#: What a study of a drawn thin part leaves out.
-LINEAR = (
-    "[monte_carlo] draws values of the structure, whose models are linear: the force that the"
-    " part gains or loses as it bends (stretch) is left out of all runs; [sweep] has it."
-)
-
-
 def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
     """The call of [monte_carlo]; None without this section, or after a mistake in it."""
     table = build.data.get("monte_carlo")
     if not isinstance(table, dict):
         return None
     random = {name: value for name, value in table.items() if isinstance(value, dict)}
-    study_arguments = {name: value for name, value in table.items() if name not in random}
-    point = _surface(build, compiled.structure, random.pop(POINT)) if POINT in random else None
+    options = {name: value for name, value in table.items() if name not in random}
     inputs = _inputs(build, random)
-    if not inputs and POINT not in table:
+    if not inputs:
         example = 'impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}'
         build.note(("monte_carlo",), f"[monte_carlo] draws nothing, as {example}.")
-    structural_inputs = {place: law for place, law in inputs.items() if place[0] not in VARIED}
-    models = point if POINT in table else _stretching(build, compiled.structure, compiled.model)
-    if structural_inputs and POINT in table:
-        build.note(("monte_carlo",), "[monte_carlo] draws points, or values of the structure.")
-    elif structural_inputs:
-        models = _nearby(build, compiled, structural_inputs)
-    if models is None or compiled.history is None or None in inputs.values():
+    model = _stretching(build, compiled.structure, compiled.model)
+    if model is None or compiled.history is None or None in inputs.values():
         return None
+
     names = {label(place): place for place in inputs}
     run = partial(_run, build, names, compiled.history.arguments["duration"])
     laws = {label(place): law for place, law in inputs.items()}
-    laws |= {POINT: point} if POINT in table else {}
-    arguments = {"run": Call(run, {"models": models}), "inputs": laws}
-    return build.call(SECTIONS["monte_carlo"], study_arguments, ("monte_carlo",), arguments)
+    arguments = {"run": Call(run, {"model": model}), "inputs": laws}
+    return build.call(SECTIONS["monte_carlo"], options, ("monte_carlo",), arguments)
 
 
 def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
@@ -435,79 +397,13 @@ def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
         at: Place = ("monte_carlo", *place)
         if place[0] not in DRAWN or place[0] not in build.data or len(place) < 2:
             sections = listed([n for n in DRAWN if n in build.data])
-            sentence = f"[monte_carlo] draws values of {sections}, or a point; got {label(place)}."
-            build.note(at, sentence)
+            build.note(at, f"[monte_carlo] draws values of {sections}; got {label(place)}.")
             continue
         law = calls[place] = build.call(DISTRIBUTIONS.split(), value, at)
         if law is not None:  # a scene with the median has to be sound
             middle = {place: float(law.made.median())}
-            varied_scene = variant(build, middle, {place: at}, build.document.problems)
-            pair(varied_scene) if place[0] in VARIED else structure(varied_scene)
+            pair(variant(build, middle, {place: at}, build.document.problems))
     return calls
-
-
-def _surface(build: Builder, structure: Call | None, table: object) -> Call | None:
-    """The call of the map from whose points [monte_carlo] draws."""
-    if structure is None or source(build) not in ("geometry", "deck", "parts"):
-        build.note(("monte_carlo", POINT), "points are drawn on a structure with a mesh.")
-        return None
-    withheld = {"structure": structure}
-    return build.call(("impact_map",), table, ("monte_carlo", POINT), withheld)
-
-
-def _nearby(
-    build: Builder, compiled: CompiledScene, inputs: Mapping[Place, Call | None]
-) -> Call | None:
-    """The call of `nearby`, which gives models of structures with other values."""
-    sites = build.named("sites")
-    if compiled.structure is None or len(sites) != 1:
-        build.note(("monte_carlo",), "values of the structure are drawn where there is one site.")
-        return None
-    for key, value in build.part("extract").items():
-        if key in NOT_NEARBY and value not in (None, False, NOT_NEARBY[key]):
-            sentence = f"[monte_carlo] draws values of the structure, whose models take no {key}"
-            build.note(("extract", key), f"{sentence}: leave it out.")
-    names = {label(place): place for place in inputs}
-
-    def made(**values: float) -> object:
-        scene = _drawn(build, {names[name]: value for name, value in values.items()})
-        call = structure(scene)
-        scene.document.problems.raise_if_any()
-        return Evaluation(scene.document)(call)
-
-    arguments = {"build": made, "site": next(iter(sites.values()))}
-    arguments["ranges"] = {label(place): law for place, law in inputs.items()}
-    if "n" in build.part("extract"):
-        arguments["n"] = build.part("extract")["n"]
-
-    def models(**given: Any) -> object:
-        between = antiosc.nearby(**given)
-        middle = between(**{name: sum(ends) / 2 for name, ends in between.ranges.items()})
-        if middle.info.thickness is not None:
-            warn(LINEAR, ChoiceWarning)
-        return between
-
-    return Call(models, arguments, ("monte_carlo",))
-
-
-def draws_structure(document: Document) -> bool:
-    """Whether [monte_carlo] of a document draws values of the structure."""
-    table = document.data.get("monte_carlo")
-    return isinstance(table, dict) and bool(set(table) & {*DRAWN} - {*VARIED})
-
-
-def refuse_draws(document: Document, structure: Structure | None) -> None:
-    """InputError if [monte_carlo] draws values of a structure that has no nearby models."""
-    if structure is not None and draws_structure(document):
-        refuse_dampers(structure, "[monte_carlo] of values of the structure")
-
-
-def prepared_for_draws(document: Document) -> Document:
-    """The document without second-order forces, which models of a drawn structure do not have."""
-    extract = document.data.get("extract", {})
-    if not draws_structure(document) or not isinstance(extract, dict):
-        return document
-    return replace(document, data={**document.data, "extract": {"stretch": False, **extract}})
 
 
 def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
@@ -518,27 +414,17 @@ def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
 
 
 def _run(
-    build: Builder, places: Mapping[str, Place], duration: float, models: Any
+    build: Builder, places: Mapping[str, Place], duration: float, model: Any
 ) -> Callable[..., tuple[object, ...]]:
     """The function that `monte_carlo` calls with values by name, such as impactor.velocity."""
-    structural_names = [name for name, place in places.items() if place[0] not in VARIED]
 
     def run(**values: Any) -> tuple[object, ...]:
-        variation = {
-            place: values[name] for name, place in places.items() if name not in structural_names
-        }
-        scene = _drawn(build, variation)
+        scene = _drawn(build, {place: values[name] for name, place in places.items()})
         calls = pair(scene)
         scene.document.problems.raise_if_any()
         for sentence in scene.warnings:
             warn(sentence)
-        arguments = (None if call is None else call.made for call in calls)
-        model = (
-            models(**{n: values[n] for n in structural_names})
-            if structural_names
-            else values.get(POINT, models)
-        )
-        return (model, *arguments, duration)
+        return (model, *(None if call is None else call.made for call in calls), duration)
 
     return run
 

@@ -73,7 +73,7 @@ class Objects(Generic[T]):
     stresses : quantity -> largest values over the run.
     batch, map, sample : results of [sweep], [map] and [monte_carlo].
     nominal : the scene's own impact, without the values of [monte_carlo] or [sweep].
-    facts : the error budget of each impact of [sweep], and whether its contact yields.
+    facts : the error budget of each impact of [sweep].
     fall : result of [drop].
     peaks, worst : results of the fall: those of [accelerometers] by name, and of [worst].
     found : result of [find].

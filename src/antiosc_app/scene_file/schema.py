@@ -529,6 +529,5 @@ STRUCTURAL = (
     *("geometry", "deck", "matrices", "parts", "model", "frf", "material", "structure"),
     *("at", "points", "assembly", "sites", "extract", "from_frf", "surface"),
 )
-#: Sections of which [monte_carlo] draws values, and its input whose values are points of a map.
-DRAWN = ("impactor", "contact", "material", "structure", "parts")
-POINT = "point"
+#: Sections of which [monte_carlo] draws values.
+DRAWN = ("impactor", "contact")

@@ -10,9 +10,9 @@ from math import inf, sqrt
 import numpy as np
 
 from antiosc.base import plausible
-from antiosc.base._types import Array
+from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import point_text as text
-from antiosc.base.errors import InputError, SiteError
+from antiosc.base.errors import ChoiceWarning, InputError, SiteError
 from antiosc.base.texts import engineering, point_text
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
@@ -23,10 +23,11 @@ from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, closest_many, corners_at, size_at
 from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.platform import warn
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.reduce.site.doubts import warn_of_doubts
+from antiosc.reduce.site.doubts import ALONG_SURFACE, surface_below, warn_of_doubts
 from antiosc.reduce.site.names import at_node, middle_of, motion_of, on_face
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
 from antiosc.reduce.site.sites import (
@@ -242,9 +243,28 @@ def _on_mesh(
     plausible.warn_each(
         plausible.patch_doubt(site.radius, extent) for site in sites if site.radius is not None
     )
+    leaving = _leaving(structure, nearest.x, directions, radii)
+    directions[leaving] *= -1.0
+    for x in placed(nearest.x[leaving]):
+        warn(structure.comm, TURNED.format(point_text(x)), ChoiceWarning)
     sites_found = located(structure, nearest.x, directions, radii, nearest)
     _check(sites_found, placed)
     return sites_found
+
+
+#: Of a direction that leaves the material: a contact pushes.
+TURNED = "the direction of the site at {} leaves the material there: it is turned into it."
+
+
+def _leaving(
+    structure: MeshedStructure, points: Array, directions: Array, radii: Array
+) -> BoolArray:
+    """Mask (P,) of the sites on solids whose direction of impact leaves the material."""
+    if not structure.kind.outside:
+        return np.zeros(len(points), dtype=bool)
+    contact = surface_below(structure, points, directions, radii)
+    cosines = np.einsum("pd,pd->p", directions, contact.normals)
+    return np.isfinite(contact.depth) & (cosines > ALONG_SURFACE)
 
 
 def _beyond_seams(

@@ -12,10 +12,11 @@ from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import AccuracyWarning
 from antiosc.base.texts import SMALLER_CELLS, engineering, percent, rounded_down, rounded_up
 from antiosc.fem.mesh.closest import closest, size_at
+from antiosc.fem.mesh.surface import SurfaceAtSites
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.models.doubts import CUT, NEAR, SUPPORTED
-from antiosc.reduce.site.sites import Sites
+from antiosc.reduce.site.sites import ON_SHEET, Sites
 
 #: A patch counts as whole if at least this share of its load is on the face,
 WHOLE_PATCH = 0.9
@@ -93,8 +94,20 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
     if not structure.kind.point_load:
         yield _points_on_solids(structure, sites)
     yield _coarse(structure, sites)
-    if sites.contact is not None and structure.mesh.gdim == 3:  # plane parts: loaded in shear, too
-        yield _along_surface(sites, sites.contact.normals, sites.contact.depth)
+    contact = sites.contact
+    if contact is None and structure.kind.outside:
+        contact = surface_below(structure, sites.points, sites.directions, sites.radii)
+    if contact is not None and structure.mesh.gdim == 3:  # plane parts: loaded in shear, too
+        yield _along_surface(sites, contact.normals, contact.depth)
+
+
+def surface_below(
+    structure: MeshedStructure, points: Array, directions: Array, radii: Array
+) -> SurfaceAtSites:
+    """The surface of a solid at points (P, 3); `radii` (P,) of patches, NaN of points."""
+    reach = np.where(np.isfinite(radii), radii, ON_SHEET * structure.mesh.extent())
+    labels = np.zeros(len(structure.faces), dtype=int)
+    return structure.faces.contact(points, directions, reach, labels)
 
 
 def _patch_doubts(sites: Sites) -> Iterator[Doubt]:
@@ -171,8 +184,7 @@ def _told_apart(size: float, rule: str, radius: float, times: float) -> tuple[st
 def _along_surface(sites: Sites, normals: Array, depth: Array) -> Doubt:
     """The sites struck along the surface; `normals` (P, 3) and `depth` (P,) are of the contact."""
     cosines = np.abs(np.einsum("pd,pd->p", sites.directions, normals))
-    on_face = np.isfinite(depth) & (sites.share >= WHOLE_PATCH)
-    is_tangential = np.asarray(on_face & (cosines < ALONG_SURFACE))
+    is_tangential = np.asarray(np.isfinite(depth) & (cosines < ALONG_SURFACE))
     i = int(np.argmax(is_tangential))
     angle = f"{90 - degrees(acos(min(cosines[i], 1.0))):.2g}°"
     normal = ", ".join(f"{c:.3g}" for c in normals[i].round(9) + 0.0)
