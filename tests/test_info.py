@@ -10,15 +10,11 @@ import signal
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 from antiosc.base.errors import InputError
 from antiosc_app import cli, info
-
-REFERENCE_BLAS = Path("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3")
 
 
 def ran(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -77,27 +73,6 @@ def test_a_broken_package_is_reported_and_the_rest_still_shown(tmp_path):
     assert row(text, "meshio") == "fails to load"
     assert "libfoo.so: wrong ELF class" in text
     assert "BLAS" in text
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(
-    not (REFERENCE_BLAS.exists() and Path("/proc/self/maps").exists()),
-    reason="no reference BLAS installed here, or no /proc",
-)
-def test_the_reference_blas_gets_a_warning_with_the_remedy():
-    text = run_info(LD_LIBRARY_PATH=str(REFERENCE_BLAS.parent))
-    assert row(text, "BLAS") == f"reference  {REFERENCE_BLAS.resolve()}"
-    assert "WARNING" in text
-    assert "sudo apt install libopenblas0-pthread" in text
-
-
-@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="no /proc here")
-def test_the_blas_is_one_that_the_kernel_has_mapped():
-    found = info.blas()
-    assert np.linalg.det(np.eye(2)) == 1  # NumPy's BLAS is in use, so it is mapped
-    mapped = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines()}
-    assert found.path in mapped
-    assert found.slow == (found.name == "reference")
 
 
 def test_version_option(capsys):

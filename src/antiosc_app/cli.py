@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 from antiosc.base.errors import AntioscError, labelled, warnings_to
 from antiosc.base.progress import print_text, with_time
@@ -99,6 +100,79 @@ def _print_error(error: AntioscError) -> None:
     print_text(str(error) if is_of_scene else f"antiosc: {error}", sys.stderr)
 
 
+#: The scene file of a command, and the options of commands as arguments of `add_argument`.
+FILE = ("file", {"metavar": "FILE", "help": "the scene file, such as scene.toml"})
+REPORT = (
+    "--report",
+    {
+        "metavar": "OUT.html",
+        "nargs": "?",
+        "const": "",
+        "help": "write a report: one page, one file (without a name: that of the scene, .html)",
+    },
+)
+OUT = ("--out", {"metavar": "FOLDER", "help": "where the files of [output] go"})
+VERBOSE = ("--verbose", {"action": "store_true", "help": "tell how it is computed, too"})
+READING: list[tuple[str, dict[str, Any]]] = [
+    ("--unit", {"metavar": "UNIT", "help": "of the file, as mm, in or m"}),
+    ("--size", {"type": float, "metavar": "METRES", "help": "largest cell of the mesh"}),
+    (
+        "--piece",
+        {
+            "type": int,
+            "metavar": "NUMBER",
+            "help": "of a part in several pieces the one that is read alone, 1 the largest",
+        },
+    ),
+]
+STUDY = [FILE, OUT, REPORT, VERBOSE]
+#: Command -> its arguments.
+ARGUMENTS: dict[str, list[tuple[str, dict[str, Any]]]] = {
+    "new": [
+        ("file", {"metavar": "FILE", "nargs": "?", "help": "the scene file (default: scene.toml)"}),
+        ("part", {"metavar": "PART", "nargs": "?", "help": "the mesh, CAD file or deck"}),
+        ("--drop", {"action": "store_true", "help": "a fall of PART onto a floor, not an impact"}),
+        ("--material", {"metavar": "NAME", "help": "of `antiosc materials` (default: steel S235)"}),
+        *READING,
+    ],
+    "open": [
+        ("part", {"metavar": "PART", "help": "the mesh, CAD file or deck"}),
+        ("--no-browser", {"action": "store_true", "help": "print the address alone"}),
+        *READING,
+        ("--contact", {"choices": ("tied", "apart"), "help": "what becomes of that of a deck"}),
+        ("--timeout", {"type": float, "metavar": "SECONDS", "help": "limit of reading the file"}),
+    ],
+    "check": [FILE],
+    "run": STUDY,
+    "sweep": STUDY,
+    "monte-carlo": STUDY,
+    "map": STUDY,
+    "tradeoff": [
+        FILE,
+        (
+            "--tol",
+            {"type": float, "help": "relative error of interest (default: of [strike])"},
+        ),
+        ("--limit", {"type": float, "metavar": "SECONDS", "help": "make no mesh that ends later"}),
+        ("--chart", {"metavar": "OUT.png", "help": "draw error against seconds"}),
+        (
+            "--compare",
+            {
+                "type": float,
+                "metavar": "SECONDS",
+                "help": "run the unreduced model and CalculiX too, if each takes at most so long",
+            },
+        ),
+        REPORT,
+    ],
+    "export": [
+        FILE,
+        ("out", {"metavar": "OUT", "help": "the file to write, .fmu or .c"}),
+        ("--fmi", {"type": int, "choices": (2, 3), "default": 2, "help": "version of an FMU"}),
+    ],
+}
+
+
 def _parser() -> argparse.ArgumentParser:
     """The parser of the command line."""
     parser = argparse.ArgumentParser(
@@ -109,89 +183,20 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"antiosc {info.version()}")
     commands = parser.add_subparsers(title="commands", metavar="command")
+
     for name, about in COMMANDS.items():
         command = commands.add_parser(name, help=about, description=f"{about.capitalize()}.")
         command.set_defaults(run=_on_scene_file, command=name)
-        if name == "new":
-            about_file = "the scene file (default: scene.toml, or that of PART)"
-            command.add_argument("file", metavar="FILE", nargs="?", help=about_file)
-        elif name == "open":
-            command.add_argument("part", metavar="PART", help="the mesh, CAD file or deck")
-            command.add_argument(
-                "--no-browser", action="store_true", help="print the address and open no browser"
-            )
-        else:
-            command.add_argument("file", metavar="FILE", help="the scene file, such as scene.toml")
-        if name == "new":
-            command.add_argument(
-                "part", metavar="PART", nargs="?", help="the mesh, CAD file or deck that is struck"
-            )
-            command.add_argument(
-                "--drop", action="store_true", help="a fall of PART onto a floor, not an impact"
-            )
-            by_name = "a name of `antiosc materials` (default: steel S235)"
-            command.add_argument("--material", metavar="NAME", help=by_name)
-        if name in ("new", "open"):
-            about_unit = "of the file, as mm, in or m (default: what its size and materials tell)"
-            command.add_argument("--unit", metavar="UNIT", help=about_unit)
-            about_size = (
-                "largest cell of the mesh; the cells of a finished mesh are halved until none is"
-                " longer (default: a geometry's by its size, else as in the file)"
-            )
-            command.add_argument("--size", type=float, metavar="METRES", help=about_size)
-            about_piece = (
-                "of a part in several pieces the one that is read alone, 1 the largest (default:"
-                " all if they can be joined, else the largest)"
-            )
-            command.add_argument("--piece", type=int, metavar="NUMBER", help=about_piece)
-            about_contact = (
-                "of a deck: its contact pairs are tied where they are closed at first, or apart"
-                " (default: tied)"
-            )
-            command.add_argument("--contact", choices=("tied", "apart"), help=about_contact)
-            about_time = "limit of reading and meshing the file (default: by its kind and size)"
-            command.add_argument("--timeout", type=float, metavar="SECONDS", help=about_time)
-        if name == "export":
-            ends = "the file to write; its ending decides what: .fmu or .c"
-            command.add_argument("out", metavar="OUT", help=ends)
-            command.add_argument(
-                "--fmi", type=int, choices=(2, 3), default=2, help="version of an FMU's standard"
-            )
-        if name == "tradeoff":
-            tol_help = "relative error of interest (default: tol of [strike], or 0.02)"
-            command.add_argument("--tol", type=float, metavar="TOL", help=tol_help)
-            limit_help = "make no further mesh that is expected to end later than this"
-            command.add_argument("--limit", type=float, metavar="SECONDS", help=limit_help)
-            command.add_argument("--chart", metavar="OUT.png", help="draw error against seconds")
-            other_commands = (
-                "run the unreduced model and CalculiX too, if each takes at most so many seconds"
-            )
-            command.add_argument("--compare", type=float, metavar="SECONDS", help=other_commands)
-            _report(command, "one HTML page of the impact, with the table and the chart")
-        if name in ("run", "sweep", "monte-carlo", "map"):
-            _results(command)
+        for argument, options in ARGUMENTS[name]:
+            command.add_argument(argument, **options)
+
     materials_parser = commands.add_parser("materials", help="list the materials that have a name")
-    materials_parser.add_argument(
-        "name", metavar="NAME", nargs="?", help="only those with this in it"
-    )
+    about_name = "only those with this in it"
+    materials_parser.add_argument("name", metavar="NAME", nargs="?", help=about_name)
     materials_parser.set_defaults(run=_materials)
-    of_info = (
-        "versions, BLAS, solvers, how to get what is missing; exit code 1 if meshes do not work"
-    )
+    of_info = "versions, how to get what is missing; exit code 1 if meshes do not work"
     commands.add_parser("info", help=of_info).set_defaults(run=_info)
     return parser
-
-
-def _results(command: argparse.ArgumentParser) -> None:
-    """Add the options of commands that produce results."""
-    command.add_argument("--out", metavar="FOLDER", help="where the files of [output] go")
-    _report(command, "write a report: one page, one file")
-
-
-def _report(command: argparse.ArgumentParser, about: str) -> None:
-    """Add --report; without a name the page has that of the scene file."""
-    about = f"{about} (without a name: that of the scene, .html)"
-    command.add_argument("--report", metavar="OUT.html", nargs="?", const="", help=about)
 
 
 def _on_scene_file(options: argparse.Namespace) -> int:

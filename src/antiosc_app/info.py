@@ -18,8 +18,6 @@ from antiosc.base.process import loading, restored, start_petsc
 
 #: Remark on a package that is installed but cannot be imported.
 BROKEN = "fails to load"
-#: Fast BLAS libraries, as threadpoolctl and as people call them.
-BLAS_NAMES = {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}
 
 
 @dataclass(frozen=True)
@@ -33,15 +31,6 @@ class Package:
     pypi: str  # name on PyPI; empty: not there for all systems
     version: Callable[[], str]  # called only where the module is installed
     meshes: bool = True  # structures with a mesh need it
-
-
-@dataclass(frozen=True)
-class Blas:
-    """The BLAS that this process has loaded."""
-
-    name: str
-    path: str
-    slow: bool  # the reference implementation
 
 
 def version() -> str:
@@ -91,14 +80,7 @@ def report() -> str:
     absent = [package for package, version_found in packages_found().items() if not version_found]
     rows += [("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"), ("CHOLMOD", _cholmod())]
     rows += [("threads", _threads())]
-
-    blas_in_use = blas()
-    rows.append(("BLAS", f"{blas_in_use.name}  {blas_in_use.path}"))
-    if blas_in_use.slow:
-        remarks.append(
-            "WARNING: this is the reference BLAS, which makes every factorization and solve slow."
-            " Remedy: sudo apt install libopenblas0-pthread"
-        )
+    rows.append(("BLAS", blas()))
     if absent:
         names = ", ".join(package.name for package in absent)
         remarks.append(f"Missing: {names}. Remedy: {remedy(absent, installation())}")
@@ -166,35 +148,11 @@ def _cholmod() -> str:
     return f"{'.'.join(map(str, numbers))}  called directly"
 
 
-def blas() -> Blas:
-    """The BLAS in use, found by threadpoolctl among the libraries that NumPy loads.
-
-    All of Debian's packages load libblas.so.3, which its `alternatives` links to some BLAS; NumPy
-    from PyPI contains its own OpenBLAS. threadpoolctl does not know libraries without threads, such
-    as the reference BLAS, beside which OpenBLAS may be loaded for LAPACK alone.
-    """
+def blas() -> str:
+    """The BLAS that NumPy loads, by threadpoolctl; "unknown" of one without threads."""
     importlib.import_module("numpy.linalg")
-    path = _mapped("libblas.so")
-    if path and not any(name in path for name in BLAS_NAMES):
-        if "atlas" in path:
-            return Blas("ATLAS", path, slow=False)
-        return Blas("reference", path, True)
-    for pool in process.pools() or ():
-        kind = str(pool["internal_api"])
-        return Blas(
-            BLAS_NAMES.get(kind, kind), str(Path(str(pool["filepath"])).resolve()), slow=False
-        )
-    return Blas("unknown", path, slow=False)
-
-
-def _mapped(name: str) -> str:
-    """Path of a loaded library of this process; "" if there is none, or no /proc."""
-    try:
-        lines = Path("/proc/self/maps").read_text().splitlines()
-    except OSError:
-        return ""
-    paths = (line.split(maxsplit=5)[-1] for line in lines)
-    return next((path for path in paths if Path(path).name.startswith(name)), "")
+    pools = process.pools() or ()
+    return next((f"{pool['internal_api']}  {pool['filepath']}" for pool in pools), "unknown")
 
 
 def _threads() -> str:

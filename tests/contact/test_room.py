@@ -82,10 +82,3 @@ def test_a_ball_that_pierces_the_part_is_told(angle):
     hit = ao.simulate(model, large, duration=2e-4)
     headline = headline_of_history(hit, angle, None, {})
     assert headline.caution.startswith(sentence)
-
-
-def test_a_new_scene_has_a_ball_that_touches_its_site_alone(angle):
-    from antiosc_app.inspecting import inspect_structure
-
-    look = inspect_structure(angle)
-    assert look.ball < look.room

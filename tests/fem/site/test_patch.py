@@ -179,7 +179,8 @@ def test_a_disc_with_many_elements():
     part = ao.Structure(
         parts.box((n, n, 1), (0.12, 0.12, 0.01)), STEEL, [ao.Support("left")], order=1
     )
-    b, x = forces(part, ao.Site((0.06, 0.06, 0.01), (0, 0, 1), radius=a), "z")
+    b, x = forces(part, ao.Site((0.06, 0.06, 0.01), (0, 0, -1), radius=a), "z")
+    b = -b
     line = (np.arange(800) + 0.5) / 400 - 1
     X, Y = np.meshgrid(line, line)
     inside = X**2 + Y**2 < 1
@@ -248,8 +249,8 @@ def test_a_segment_with_many_elements():
     part = ao.Structure(
         mesh, ao.Solid(**parts.STEEL, plane="stress"), [ao.Support("left")], order=1
     )
-    b, x = forces(part, ao.Site((0.06, 0.01), (0, 1), radius=a), "y")
-    b, x = b[x[:, 1] > 0.009], x[x[:, 1] > 0.009]
+    b, x = forces(part, ao.Site((0.06, 0.01), (0, -1), radius=a), "y")
+    b, x = -b[x[:, 1] > 0.009], x[x[:, 1] > 0.009]
     fine = np.linspace(-1, 1, 20_001)
     pressure = 2 / np.pi * np.sqrt(1 - fine**2)
     hats = np.maximum(0.0, 1 - np.abs(0.06 + a * fine - x[:, :1]) / (0.12 / n))
