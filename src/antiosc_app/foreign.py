@@ -314,13 +314,12 @@ def _completed(
 
 def _further(read: Read) -> Iterator[Read]:
     """Yield arguments to be tried beside those given, from none to all."""
-    joined: list[Read] = [{}]
-    joined += [] if "piece" in read else [{"piece": 1}]
+    pieces: list[Read] = [{}] if "piece" in read else [{}, {"piece": 1}]
     stated: list[Read] = [{}, {"density": STEEL["rho"]}]
     stated.append({"density": STEEL["rho"], "modulus": STEEL["E"]})
     for constants in stated:
-        for way in joined:
-            yield {**way, **constants}
+        for piece in pieces:
+            yield {**piece, **constants}
 
 
 def unit_of_materials(families: Sequence[Any], length: float) -> str:
