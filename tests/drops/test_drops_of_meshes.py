@@ -200,7 +200,8 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     R, E = radius or 1e-3, 1 / ((1 - 0.36**2) / 2.3e9 + (1 - 0.3**2) / 210e9)
     (one,) = fall.episodes[0].history.contact_histories
     law = ao.ElasticPlastic(E, R, 42e6, 0.36, (1 - 0.3**2) / 210e9 * E)
-    assert one.law.parameters() == pytest.approx(law.parameters())
+    depth, touch = fall.episodes[0].sunk()[0], law.touch(1.0)
+    assert one.law.force(depth, 0.0, touch) > law.force(depth, 0.0, touch)  # the cut carries more
     (told,) = (note for note in fall.notes if "yields" in note)
     assert one.dent.text in told
     assert told in fall.summary()
@@ -209,7 +210,7 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     (zone,) = stress.margin().beyond
     place = fall.impacts[0].place
     np.testing.assert_allclose(zone[:3], place, atol=1e-4)
-    assert zone[3] == pytest.approx(3 * one.dent.radius)
+    assert zone[3] == pytest.approx(3 * np.sqrt(fall.peak_force / (np.pi * 2.4 * 42e6)), rel=1e-3)
     far = np.linalg.norm(stress.points - place, axis=1) > zone[3]
     assert not far.all()
     assert stress.margin().value == pytest.approx(stress.values[far].max())

@@ -260,12 +260,8 @@ SAFETY_COARSE = 3.0
 COARSE = 0.1
 #: or the faces under the patch exceed this times its radius (the factor then grows in proportion).
 RESOLVED = 1.2
-#: Both factors of shells by recovery over the usual ones (measured).
-SHELL = 1.5
-#: Impacts that are too short for the cells of a shell cause errors that neither the raw nor the
-#: corrected model shows: if the strain errors exceed this share of the energy, a bar is at least
-#: this share.
-COARSE_SHELL = 0.05
+#: Both factors of shells of triangles over the usual ones (measured).
+TRIANGLES = 1.5
 #: Factor of safety for a site inside a beam element, which does not resolve the kink there.
 SAFETY_INSIDE = 5.0
 #: Time integration error of the compared runs over that of the history.
@@ -552,8 +548,6 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
         unstiffened = impact.change(replace(model, strain_misfit=None).corrected())
         changes = {name: max(change, changes[name]) for name, change in unstiffened.items()}
     mesh = bars.with_floor({name: safety * change for name, change in changes.items()})
-    if _recovered_shell(model) and share > COARSE_SHELL:
-        mesh = {name: max(change, share) for name, change in mesh.items()}
 
     truncated = truncation_error(model, known, tol=impact.tol)
     doubts += too_few
@@ -573,11 +567,6 @@ def _at_least(truncated: TruncationError, lower_bound: float) -> Shares:
     return {name: max(getattr(truncated, name), lower_bound) for name in UNITS}
 
 
-def _recovered_shell(model: AntiOscillators) -> bool:
-    """Whether the errors of the strains are those of a shell, by recovery."""
-    return model.strain_misfit is not None and not model.info.divided
-
-
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     """The safety factor of the mesh error, and a note if it is not the usual one.
 
@@ -587,7 +576,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     """
     safety = SAFETY
     doubts = []
-    if share > (COARSE_SHELL if _recovered_shell(model) else COARSE):
+    if share > COARSE:
         safety = SAFETY_COARSE
         doubts.append(
             f"The errors of the strains hold {percent(share)} of the energy: the mesh is coarse, "
@@ -602,8 +591,8 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
             f" times its radius {engineering(model.radius, 'm', 2)}: the patch is not resolved, and"
             " the mesh's bar is less certain."
         )
-    if _recovered_shell(model):
-        safety *= SHELL
+    if model.info.divided == "triangle":
+        safety *= TRIANGLES
     if model.info.inside_element:
         safety = max(safety, SAFETY_INSIDE)
         doubts.append(

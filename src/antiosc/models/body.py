@@ -145,7 +145,8 @@ class ModelInfo(ReprMixin):
     band : band of an extraction with `band`.
     inside_element : whether the site lies inside an element of a beam.
     model : data of the error of beam or shell theory, or a sentence why there is none.
-    divided : whether the mesh's error is that against the same mesh with each cell divided.
+    divided : shape of the cells if the mesh's error is that against the same mesh with each cell
+        divided.
     patch, geometry, not_included : data of the patch and of curved surfaces, and a sentence on what
         the estimate of the mesh error leaves out.
     no_estimate : why `extract(…, error="estimate")` refuses the part; None if it does not.
@@ -186,7 +187,7 @@ class ModelInfo(ReprMixin):
     band: Band | None = None
     inside_element: bool | None = None
     model: BeamSection | ShellDisc | TubeWall | str | None = None
-    divided: bool | None = None
+    divided: str | None = None
     patch: PatchData | None = None
     geometry: FacetGaps | None = None
     not_included: str | None = None

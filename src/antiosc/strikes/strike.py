@@ -38,7 +38,7 @@ from antiosc.fem.prestress import Prestress
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.impact.bodies import RigidMass, Sphere
-from antiosc.impact.error_budget import SAFETY, SHELL, amplitudes
+from antiosc.impact.error_budget import SAFETY, TRIANGLES, amplitudes
 from antiosc.impact.histories import History, with_model
 from antiosc.impact.histories.bars import ErrorBudget, changes, with_floor
 from antiosc.impact.scene import simulate
@@ -563,8 +563,8 @@ def _next(
 def _usual(answer: Answer) -> float:
     """Ratio of the mesh errors with the usual safety factor to those with the present factor."""
     safety = answer.budget.safety
-    if answer.raw.model.strain_misfit is not None:
-        return SAFETY * SHELL / safety
+    if answer.raw.model.info.divided == "triangle":
+        return SAFETY * TRIANGLES / safety
     return (SAFETY - 1) / (safety - 1)
 
 

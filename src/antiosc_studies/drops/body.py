@@ -21,7 +21,7 @@ import numpy as np
 
 from antiosc import Damping, RigidBody, Sphere
 from antiosc.base import checks
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.base.texts import engineering
 from antiosc.engine.contact.curvature import CURVED, LINE, PLANE
@@ -154,8 +154,8 @@ def _elastic(
         notes=tuple(notes),
         facing=None if skin.half.any() else skin.normals[hull_points],
         sharp=sharp,
-        assumed=corner is None,
         corner=rounded,
+        facets=_facets(skin, hull_points, sharp),
         structure=structure,
         basis=phi,
         skin=skin,
@@ -164,6 +164,24 @@ def _elastic(
     if len(hull_points) <= FEW:  # all of them may touch: together they cost less
         body.sites(np.arange(len(hull_points)))
     return body
+
+
+def _facets(skin: Skin, hull_points: IntArray, sharp: BoolArray) -> dict[int, Array]:
+    """The facets at the sharp vertices of a hull, as edges from there."""
+    if not len(skin.triangles):
+        return {}
+
+    facets = {}
+    for i in np.flatnonzero(sharp).tolist():
+        vertex = hull_points[i]
+        faces, place = np.nonzero(skin.triangles == vertex)
+        turned = (place[:, None] + [1, 2]) % 3
+        others = np.take_along_axis(skin.triangles[faces], turned, axis=1)
+        edges = skin.points[others] - skin.points[vertex]
+
+        inward = np.cross(edges[:, 0], edges[:, 1]) @ skin.normals[vertex] < 0
+        facets[i] = np.where(inward[:, None, None], edges[:, ::-1], edges)
+    return facets
 
 
 def _materials(structure: Structure) -> Iterator[Matter]:

@@ -194,7 +194,7 @@ def handed_over(
             rows = [k, *range(sides.start, sides.stop)]
             slip = float(a.system.slip[k, 1])
             continuing[i] = OngoingContact(
-                float(heights[k]), contact.closed * force[rows], slip, contact
+                float(heights[k]), contact.closed * force[rows], slip, contact, law
             )
     if any(ongoing.contact.closed for ongoing in continuing.values()):
         return state, continuing

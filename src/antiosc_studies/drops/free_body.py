@@ -50,8 +50,8 @@ class FreeBody:
     structure : the part, with `basis` (rows, J) the shapes of its modes and `skin` its surface.
     residual : computes the patches at points.
     sharp : (V,) whether a point is a sharp corner of a solid; None: none is.
-    assumed : whether nobody gave the radius of sharp corners.
     corner : that radius [m], within which the points of a solid are one contact.
+    facets : number of a sharp point of a solid -> (n, 2, 3) edges of its outward facets from there.
     """
 
     mass: float
@@ -74,8 +74,8 @@ class FreeBody:
     skin: Skin | None = None
     residual: Callable[[tuple[int, ...]], Patch] | None = None
     sharp: BoolArray | None = None
-    assumed: bool = False
     corner: float = 0.0
+    facets: dict[int, Array] = field(default_factory=dict)
     #: number of a point -> its patch, shared by all copies of the body
     _known: dict[int, Patch] = field(default_factory=dict)
 

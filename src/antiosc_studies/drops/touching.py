@@ -12,7 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from antiosc import Contact, Inertia, ModalState, Obstacle, Scene, SceneHistory, SiteModes
+from antiosc import (
+    Contact,
+    ContactLaw,
+    Inertia,
+    ModalState,
+    Obstacle,
+    Scene,
+    SceneHistory,
+    SiteModes,
+)
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.base.texts import COMPLETED, STOPPED
@@ -20,7 +29,8 @@ from antiosc.engine.march import FINE, Run, run as march_once
 from antiosc.engine.system import ContactState, System
 from antiosc.extension import check_range, integrate_exact, set_initial_forces
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc_studies.drops.floor import Setting, law_at
+from antiosc_studies.drops.crushed import law_in
+from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 
 BODY = "part"
@@ -56,13 +66,14 @@ class OngoingContact(NamedTuple):
     """A contact that continues from the previous episode.
 
     Its height [m] at zero force, the forces of its rows (normal, friction) [N], its tangential
-    stiffness [N/m], and its state.
+    stiffness [N/m], its state, and its law.
     """
 
     height: float
     force: Array
     stiffness: float
     contact: ContactState
+    law: ContactLaw
 
 
 def scene_of(
@@ -85,7 +96,7 @@ def scene_of(
         Contact(
             f"{BODY}:{k}",
             FLOOR,
-            law_at(body, floor, i),
+            law_in(body, start, floor, i) if one is None else one.law,
             gap=0.0,
             friction=floor.friction,
             tangential_stiffness=one.stiffness if one is not None and floor.friction else None,

@@ -1,7 +1,7 @@
 """What contacts do to the part and to the floor: dents, and the error of their force by the law.
 
-Sharp corners touch as balls of the corner's radius. As long as that radius is known and larger than
-the dent, the error of such a force is that of the ball's law. Else there is no bar, and a sentence
+Sharp corners touch as balls of the corner's radius, or as the corner that the floor presses flat
+(`crushed`); their force has ± 40 %. Where other vertices touch too there is no bar, and a sentence
 says what helps.
 """
 
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from antiosc import ContactLaw, Dent, ElasticPlastic, Gonthier, Hertz
+from antiosc import ContactLaw, Dent, ElasticPlastic, Gonthier, Hertz, Tabulated
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, percent
@@ -22,6 +22,7 @@ from antiosc.engine.contact.cracking import cracks
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.peak_error import error_of_peak, largest_strain
 from antiosc.extension import YieldingZone
+from antiosc_studies.drops.crushed import ERROR, PRESSURE
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.floor import Floor, choice_of, law_at, matter_at
 from antiosc_studies.drops.free_body import FreeBody
@@ -36,8 +37,8 @@ class PointContact(NamedTuple):
     """A contact at a point and its largest force.
 
     It has the number of its point, a place (3,) in the axes of the mesh [m], a law, a largest force
-    [N] and indentation [m], a duration [s], a dent if it yielded, and the sine of the least angle
-    between the floor and the surface beside the point.
+    [N] and indentation [m], a duration [s], a dent if it yielded, the least height [m] of another
+    vertex over the point, and whether its law is that of a crushed corner.
     """
 
     body: FreeBody
@@ -49,7 +50,8 @@ class PointContact(NamedTuple):
     depth: float
     contact_time: float
     dent: Dent | None
-    steepness: float
+    clearance: float
+    crushed: bool
 
     @property
     def choice(self) -> Choice | None:
@@ -81,6 +83,8 @@ class PointContact(NamedTuple):
     @property
     def radius(self) -> float:
         """Radius [m] of the contact at its largest indentation."""
+        if self.crushed and isinstance(self.law, ElasticPlastic):
+            return sqrt(self.force / (pi * PRESSURE * self.law.yield_strength))
         if isinstance(self.law, ElasticPlastic):
             return rim_radius(self.law, self.depth)
         return sqrt(self.depth * float(self.body.radii[self.which].min()))
@@ -97,7 +101,16 @@ class PointContact(NamedTuple):
         choice = self.choice
         if self.no_bar or choice is None:
             return None
-        return error_of_peak(choice, self.force, self.contact_time)
+        if self.crushed:
+            return ERROR
+
+        of_ball = error_of_peak(choice, self.force, self.contact_time)
+        return max(of_ball or 0.0, ERROR) if self.sharp else of_ball
+
+    @property
+    def sharp(self) -> bool:
+        """Whether it is a sharp corner of a solid."""
+        return self.body.sharp is not None and bool(self.body.sharp[self.which])
 
     @property
     def no_bar(self) -> str:
@@ -111,20 +124,12 @@ class PointContact(NamedTuple):
         if choice is None or choice.unknown:
             return "the error of that force is not known: give part and floor a yield strength"
         radius = float(body.radii[i].min())
-        if body.sharp is not None and body.sharp[i]:
-            if body.assumed:
-                return "the corner that lands has an assumed radius: give the corner_radius"
-            if self.radius > radius * self.steepness:
-                return (
-                    "edges or faces beside the corner lie so flat that they touch too: the force "
-                    "is a lower bound (another tilt, or a law of the floor)"
-                )
-            if self.depth > radius:
-                return (
-                    f"the corner of {engineering(radius, 'm')} is pressed in by "
-                    f"{engineering(self.depth, 'm')} and crushed: the force is a lower bound"
-                )
-        elif float(body.radii[i].max()) > body.extent and not body.balls[i]:
+        if self.sharp and 2 * self.depth > self.clearance:
+            return (
+                "edges or faces beside the corner lie so flat that they touch too: the force is a"
+                " lower bound (another tilt, or a law of the floor)"
+            )
+        if not self.sharp and float(body.radii[i].max()) > body.extent and not body.balls[i]:
             return (
                 "the part lands on a surface that is straight in one direction, at vertices of its "
                 "mesh: smaller cells, or a floor with its own law, narrow it"
@@ -174,6 +179,7 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
         arms = episode.start.arms(body, episode.which)
         for k, i in enumerate(episode.which.tolist()):
             law = law_at(body, floor, i)
+            crushed = isinstance(episode.history.assembly.laws[k], Tabulated)
             history = episode.history.contact_histories[k]
             is_of_surfaces = isinstance(law, ElasticPlastic | Hertz | Gonthier)
             if not is_of_surfaces or not history.contacts or depths[k] <= 0:
@@ -184,15 +190,16 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
             dent = history.dent if yields else None
             yield PointContact(
                 *(body, floor, i, place, law, peaks[k], depths[k], end - start, dent),
-                steepness=_steepness(body, i, episode.start.R[2]),
+                clearance=_clearance(body, i, episode.start.R[2]),
+                crushed=crushed,
             )
 
 
-def _steepness(body: FreeBody, i: int, up: Array) -> float:
-    """Sine of the least angle between the floor and lines from a point to the others."""
+def _clearance(body: FreeBody, i: int, up: Array) -> float:
+    """Least height [m] of the other vertices over a point."""
     lines = np.delete(body.vertices, i, axis=0) - body.vertices[i]
-    lengths = np.linalg.norm(lines, axis=1)
-    return float((lines @ up / lengths).min(initial=1.0, where=lengths > body.corner))
+    apart = np.linalg.norm(lines, axis=1) > body.corner
+    return float((lines @ up).min(initial=np.inf, where=apart))
 
 
 def strongest(floor: Floor, episodes: Sequence[Episode]) -> PointContact | None:

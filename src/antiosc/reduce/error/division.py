@@ -99,7 +99,7 @@ class Division:
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
         """Energy (cells,) of the errors of the shapes times `weights` (N + 1, k), of one mesh."""
         fine, motions, forces = self._loaded(model)
-        errors = (answers(fine, forces) - motions) @ weights
+        errors = answers(fine, forces @ weights) - motions @ weights
         part = on_mesh(fine)
         energies = compat.quadratic(
             part.form.stiffness, part.form.space, errors, np.ones(errors.shape[1]), 4

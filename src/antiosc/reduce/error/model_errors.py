@@ -100,7 +100,7 @@ class ModelErrors:
         part = member.part
         info = replace(
             model.info,
-            divided=self._estimator.divided,
+            divided=part.mesh.cell if self._estimator.divided else None,
             patch=None if self._estimator.divided else patch_of(self._structure, site),
             inside_element=part.mesh.tdim == 1 and _is_inside(part, site),
             model=_of_theory(part, site),
