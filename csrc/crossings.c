@@ -29,6 +29,19 @@ double crossing(double y0, double d0, double y1, double d1, double h, double edg
     return u * h;
 }
 
+/* When the cubic through values y and slopes d over h rises over 0, INFINITY if it stays below `near`;
+ * its highest point between counts too. */
+double rises(double y0, double d0, double y1, double d1, double h, double near) {
+    if (y1 <= near && d0 > 0.0 && d1 < 0.0) {
+        double u = d0 / (d0 - d1), b = 3.0 * (y1 - y0) - h * (2.0 * d0 + d1);
+        double c = 2.0 * (y0 - y1) + h * (d0 + d1);
+        y1 = y0 + u * (h * d0 + u * (b + u * c));
+        d1 = 0.0;
+        h *= u;
+    }
+    return y1 > near ? crossing(y0, d0, y1, d1, h, 0.0) : INFINITY;
+}
+
 /* A crossing at about the time `at`, on the polynomial through values and slopes at 0, h/2, h, by
  * two steps of Newton's method; `at` itself where they lead away. */
 double polished(double at, const double y[3], const double d[3], double h, double edge) {

@@ -134,6 +134,9 @@ static void add_up(aom_stepper *st) {
 /* Take from the free motion of the step what the forces at its start hold back. */
 static void start_forces(aom_stepper *st, const influence *local) {
     add_up(st);
+    for (int c = 0; c < st->system.n_contacts; c++)
+        for (int node = 1; node < 3; node++)
+            memcpy(st->contacts[c].anchor[node], st->contacts[c].anchor[0], sizeof(double[2]));
     for (int i = 0; i < st->system.n_rows; i++)
         for (int stage = 0; stage < 2; stage++)
             held_back(st, local, stage, i, 0, st->work.base[i].depth + stage,
@@ -157,33 +160,47 @@ static void felt(const aom_stepper *st, const influence *local, int stage, int i
     held_back(st, local, stage, i, 2, delta, rate);
 }
 
-/* T (2) of (C + x) T = b with the least x >= 0 for which |T| <= most; C: give[3] = C11, C22, C12. */
-static void bounded(const double give[3], const double b[2], double most, double T[2]) {
-    double x = 0.0, cross = give[2], size = 0.0;
-    for (int tries = 0; tries < 50; tries++) {
-        double c1 = give[0] + x, c2 = give[1] + x, all = c1 * c2;
-        double det = larger(all - cross * cross, 1e-12 * all);
-        T[0] = (c2 * b[0] - cross * b[1]) / det;
-        T[1] = (c1 * b[1] - cross * b[0]) / det;
-        size = sqrt(T[0] * T[0] + T[1] * T[1]);
-        if (!(size > most * (1.0 + 1e-14)) || most <= 0.0)
-            break;
-        double steep = (c2 * T[0] * T[0] - 2.0 * cross * T[0] * T[1] + c1 * T[1] * T[1]) / det;
-        x += (size - most) / most * size * size / steep;
-    }
-    if (size > most)
-        for (int r = 0; r < 2; r++)
-            T[r] *= most / size;
+/* T (2) of C T = b; C: give[3] = C11, C22, C12. */
+static void stuck(const double give[3], const double b[2], double T[2]) {
+    double all = give[0] * give[1], det = larger(all - give[2] * give[2], 1e-12 * all);
+    T[0] = (give[1] * b[0] - give[2] * b[1]) / det;
+    T[1] = (give[0] * b[1] - give[2] * b[0]) / det;
 }
 
-/* Friction of one contact by a spring that slides, along its force; by how much its forces changed. */
+/* T (2) of (C + x) T = b with that x for which |T| is `most`. */
+static void sliding(const double give[3], const double b[2], double most, double T[2]) {
+    double x = 0.0, least = -0.9 * smaller(give[0], give[1]), size = 0.0;
+    for (int tries = 0; tries < 50 && most > 0.0; tries++) {
+        const double with[3] = {give[0] + x, give[1] + x, give[2]};
+        stuck(with, b, T);
+        size = sqrt(T[0] * T[0] + T[1] * T[1]);
+        if (!(fabs(size - most) > most * 1e-14))
+            break;
+        double by_x[2]; /* -T' */
+        stuck(with, T, by_x);
+        double steep = T[0] * by_x[0] + T[1] * by_x[1];
+        x = larger(x + (size - most) / most * size * size / steep, least);
+    }
+    for (int r = 0; r < 2; r++)
+        T[r] = size > 0.0 ? T[r] * most / size : 0.0;
+}
+
+/* Where the springs of a contact that slips in two directions would hang at a stage without sliding in
+ * the last part of the step. Collocation at h/2 and h, as of ready_local: order 2, 0 at infinity. */
+static double slider_base(const contact_state *contact, int stage, int r) {
+    double a0 = contact->anchor[0][r], a1 = contact->anchor[1][r], a2 = contact->anchor[2][r];
+    return stage == 0 ? a0 - 0.25 * (a0 - 4.0 * a1 + 3.0 * a2) : (4.0 * a1 - a0) / 3.0;
+}
+
+/* Friction of one contact by a spring that hangs at a slider; by how much its forces changed. */
 static double rub(aom_stepper *st, const influence *local, int stage, int c) {
     const aom_contact *contact = st->system.contacts + c;
+    contact_state *state = st->contacts + c;
     nodes *force = st->work.force;
-    double(*anchor)[2] = st->contacts[c].anchor;
     int first = contact->first_tangential, count = contact->n_tangential, node = stage + 1;
     double soft = 1.0 / contact->tangential_stiffness, change = 0.0, rate;
-    double way[2] = {0.0, 0.0}, old[2] = {0.0, 0.0}, new[2], held[3] = {0.0, 0.0, 0.0};
+    double most = contact->friction * larger(force[c].f[node], 0.0);
+    double way[2] = {0.0, 0.0}, old[2] = {0.0, 0.0}, new[2] = {0.0, 0.0}, held[3] = {0.0, 0.0, 0.0};
     for (int r = 0; r < count; r++) {
         felt(st, local, stage, first + r, way + r, &rate);
         old[r] = force[first + r].f[node];
@@ -193,12 +210,23 @@ static double rub(aom_stepper *st, const influence *local, int stage, int c) {
         held[2] = local[pair_of(st, st->group[first], st->group[first + 1])].depth[stage][node];
     for (int r = 0; r < count; r++) /* without these forces */
         way[r] += held[r] * old[r] + held[2] * old[1 - r];
+
     const double give[3] = {held[0] + soft, held[1] + soft, held[2]};
-    const double free[2] = {way[0] - anchor[stage][0], count == 2 ? way[1] - anchor[stage][1] : 0.0};
-    bounded(give, free, contact->friction * larger(force[c].f[node], 0.0), new);
+    double stretch[2] = {0.0, 0.0};
+    for (int r = 0; r < count; r++)
+        stretch[r] = way[r] - (state->slips ? slider_base(state, stage, r) : state->anchor[0][r]);
+    if (!state->slips)
+        stuck(give, stretch, new);
+    else if (count == 2)
+        sliding(give, stretch, most, new);
+    else
+        new[0] = state->direction[0] * most;
+
     for (int r = 0; r < count; r++) {
         put(st, stage, first + r, new[r]);
-        anchor[node][r] = way[r] - give[r] * new[r] - held[2] * new[1 - r];
+        state->anchor[node][r] = state->anchor[0][r];
+        if (state->slips)
+            state->anchor[node][r] = way[r] - give[r] * new[r] - held[2] * new[1 - r];
         change = larger(change, fabs(new[r] - old[r]));
     }
     return change;
@@ -289,20 +317,16 @@ static int row_of_contact(const aom_contact *contact, int c, int k) {
 }
 
 /* What the forces of a contact's rows are to its normal one while this changes: of friction that
- * sticks, and could slide at once, nothing. */
+ * sticks nothing. */
 static void find_shares(const aom_stepper *st, int c, newton_row *row) {
     const aom_contact *contact = st->system.contacts + c;
-    for (int s = 0; s < 2; s++) {
-        double most = contact->friction * st->work.force[c].f[s + 1], total = 0.0;
+    for (int s = 0; s < 2; s++)
         for (int k = 0; k <= contact->n_tangential; k++) {
+            double normal = st->work.force[c].f[s + 1];
             double f = st->work.force[row_of_contact(contact, c, k)].f[s + 1];
-            row->share[k][s] = k == 0 ? 1.0 : f;
-            total += k == 0 ? 0.0 : f * f;
+            bool follows = st->contacts[c].slips && normal > 0.0;
+            row->share[k][s] = k == 0 ? 1.0 : follows ? f / normal : 0.0;
         }
-        bool slides = most > 0.0 && total >= (1.0 - 1e-9) * most * most;
-        for (int k = 1; k <= contact->n_tangential; k++)
-            row->share[k][s] = slides ? row->share[k][s] / st->work.force[c].f[s + 1] : 0.0;
-    }
 }
 
 /* The groups of the rows of n pressing contacts, numbered in work.place (-1: none); their number. */

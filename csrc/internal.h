@@ -27,7 +27,15 @@ enum { NO_LOCAL, PLAIN, WITH_SLOPE };
 #define SHARP 1e-9 /* of the depth or the speed: a bound is met */
 
 /* What ends a step: the bounds of a branch. */
-typedef enum bound { LOW, HIGH, SLOW, FAST, NOTHING } bound;
+typedef enum bound {
+    LOW,
+    HIGH,
+    SLOW,
+    FAST,
+    SLIP,  /* friction reaches the cone */
+    STICK, /* the slider stands still */
+    NOTHING
+} bound;
 
 typedef struct branch_bounds {
     double low, high, slow, fast; /* least and largest indentation, least and largest rate */
@@ -96,6 +104,8 @@ typedef struct contact_state {
     int branch;
     double memory[AOM_MEMORY];  /* what the law remembers */
     double anchor[3][2];        /* where the tangential springs hang at 0, h/2, h */
+    bool slips;                 /* else its tangential springs stick to their anchors */
+    double direction[2];        /* of friction that slips, at the start of the step */
     double depth_scale, speed_scale; /* the largest that were met or are expected */
     double force_scale;              /* the same [N], or that of an earlier run */
 } contact_state;
@@ -295,6 +305,7 @@ static int try_step(aom_stepper *st);
 /* ---- crossings.c */
 static double crossing(double y0, double d0, double y1, double d1, double h, double edge);
 static double polished(double at, const double y[3], const double d[3], double h, double edge);
+static double rises(double y0, double d0, double y1, double d1, double h, double near);
 
 /* ---- flight.c */
 static double acting_now(aom_stepper *st);

@@ -79,6 +79,17 @@ void write_state(const aom_stepper *st, aom_record *out) {
         memcpy(out->states + 2 * (size_t)out->n_states++ * J, st->x, 2 * J * sizeof *st->x);
 }
 
+/* Friction of a contact acts along its force at a node of the attempt, if it has one. */
+static void aim_friction(aom_stepper *st, int c, int node) {
+    const aom_contact *contact = st->system.contacts + c;
+    const nodes *T = st->work.force + contact->first_tangential;
+    double size = 0.0;
+    for (int r = 0; r < contact->n_tangential; r++)
+        size += T[r].f[node] * T[r].f[node];
+    for (int r = 0; r < contact->n_tangential && size > 0.0; r++)
+        st->contacts[c].direction[r] = T[r].f[node] / sqrt(size);
+}
+
 /* Go to the end of the step and write it down. */
 static void accept_step(aom_stepper *st, int index, aom_record *out) {
     course *now = &st->now;
@@ -114,6 +125,7 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
         if (contact->branch == AOM_APART)
             continue;
         memcpy(contact->anchor[0], contact->anchor[2], sizeof contact->anchor[0]);
+        aim_friction(st, c, 2);
         set_scale(st, c, st->rows[c].force);
         if (given->law.kind == AOM_USER)
             user_advance(st, given->law.user, st->rows[c].depth, st->rows[c].rate,
@@ -138,6 +150,43 @@ static void begin_contact(aom_stepper *st, int c, double rate, bool active) {
     now->level = level;
 }
 
+/* The force of a row and its slope change at once: what was before is as if it had come so. */
+static void bend_row(const aom_stepper *st, row_state *row, double jump, double kink) {
+    row->force += jump;
+    row->middle += jump - 0.5 * st->now.last_step * kink;
+    row->slope += kink;
+}
+
+/* Friction of the contact of the exit begins or ceases to slip; `at_once`: as the attempt began. */
+static void switch_friction(aom_stepper *st, bool at_once) {
+    int c = st->exit_contact;
+    const aom_contact *contact = st->system.contacts + c;
+    contact_state *state = st->contacts + c;
+    row_state *rows = st->rows + contact->first_tangential;
+    state->slips = st->exit_bound == SLIP;
+    if (!state->slips)
+        return; /* its slider stands still already: no kink */
+
+    double kink = contact->friction * st->rows[c].slope;
+    aim_friction(st, c, at_once ? 1 : 2);
+    for (int r = 0; r < contact->n_tangential; r++)
+        kink -= state->direction[r] * rows[r].slope;
+    for (int r = 0; r < contact->n_tangential; r++)
+        if (!rows[r].fresh)
+            bend_row(st, rows + r, 0.0, state->direction[r] * kink);
+    st->now.smooth = false;
+}
+
+/* What has no mass moves as if the force of row i, and its slope, had ceased. */
+static void free_rows(aom_stepper *st, int i) {
+    int m = st->system.n_rows;
+    for (int k = 0; k < m; k++) {
+        double give = st->system.residual[(ptrdiff_t)k * m + i];
+        st->rows[k].depth += give * st->rows[i].force;
+        st->rows[k].rate += give * st->rows[i].slope;
+    }
+}
+
 /* The contact of the exit goes over to its next branch; `active`: others touch. */
 static void enter_branch(aom_stepper *st, aom_record *out, bool active, bool at_once) {
     int c = st->exit_contact;
@@ -159,14 +208,18 @@ static void enter_branch(aom_stepper *st, aom_record *out, bool active, bool at_
         out->exits[out->n_exits++] = left;
     }
     for (int k = 0; k < 1 + contact->n_tangential; k++) {
-        row_state *row = st->rows + (k == 0 ? c : contact->first_tangential + k - 1);
+        int i = row_of_contact(contact, c, k);
+        row_state *row = st->rows + i;
+        if (!pressing(state->branch))
+            free_rows(st, i);
         row->fresh = true;
         row->slope = row->bend = 0.0;
         if (!pressing(state->branch))
             row->force = 0.0;
-        if (before == AOM_APART && k > 0)
+        if (!pressing(before) && k > 0)
             state->anchor[0][k - 1] = row->depth;
     }
+    state->slips = state->slips && pressing(before);
     if (before == AOM_APART || state->branch == AOM_APART)
         out->events[out->n_events++] = (aom_event){st->now.time, c, state->branch, rate};
     if (before == AOM_APART)
@@ -208,13 +261,6 @@ static void write_present(const aom_stepper *st, aom_record *out) {
     }
 }
 
-/* The force of a row and its slope change at once: what was before is as if it had come so. */
-static void bend_row(const aom_stepper *st, row_state *row, double jump, double kink) {
-    row->force += jump;
-    row->middle += jump - 0.5 * st->now.last_step * kink;
-    row->slope += kink;
-}
-
 /* The gap of a contact begins to move otherwise: the forces of its rows have a kink, and of a law that
  * damps a jump; whether they have one. */
 static bool bend_forces(aom_stepper *st, int c) {
@@ -222,20 +268,17 @@ static bool bend_forces(aom_stepper *st, int c) {
     const aom_contact *contact = system->contacts + c;
     const contact_state *state = st->contacts + c;
     row_state *row = st->rows + c, *sides = st->rows + contact->first_tangential;
-    double give = system->residual[(ptrdiff_t)c * (system->n_rows + 1)], total = 0.0, turn = row->kink;
+    double give = system->residual[(ptrdiff_t)c * (system->n_rows + 1)], turn = row->kink;
     tangent law = law_tangent(st, &contact->law, state->branch, row->depth, row->rate, state->memory);
     double jump = give > 0.0 ? 0.0 : law.by_rate * turn, old = row->force;
     double kink = law.by_delta * turn / (1.0 + law.by_delta * give);
-    for (int r = 0; r < contact->n_tangential; r++)
-        total += sides[r].force * sides[r].force;
-    bool slides = sqrt(total) >= (1.0 - 1e-9) * contact->friction * old;
     row->rate += turn;
     bend_row(st, row, jump, kink);
     for (int r = 0; r < contact->n_tangential; r++) {
         ptrdiff_t i = contact->first_tangential + r;
-        double share = slides && old > 0.0 ? sides[r].force / old : 0.0;
+        double share = state->slips && old > 0.0 ? sides[r].force / old : 0.0;
         double soft = system->residual[i * (system->n_rows + 1)] + 1.0 / contact->tangential_stiffness;
-        bend_row(st, sides + r, share * jump, slides ? share * kink : sides[r].kink / soft);
+        bend_row(st, sides + r, share * jump, state->slips ? share * kink : sides[r].kink / soft);
     }
     return jump != 0.0;
 }
@@ -280,9 +323,12 @@ static int one_step(aom_stepper *st, aom_record *out) {
         accept_step(st, index, out);
     if (st->exit_contact >= 0) {
         bool touch = st->contacts[st->exit_contact].branch == AOM_APART;
-        if (touch && now->touches >= st->options.max_contacts)
+        if (st->exit_bound >= SLIP)
+            switch_friction(st, index == AT_ONCE);
+        else if (touch && now->touches >= st->options.max_contacts)
             return AOM_TOO_MANY_CONTACTS;
-        enter_branch(st, out, touches, index == AT_ONCE);
+        else
+            enter_branch(st, out, touches, index == AT_ONCE);
     }
     if (st->law_failed)
         return AOM_LAW_FAILED;

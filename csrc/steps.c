@@ -77,6 +77,53 @@ static double exit_time(const branch_bounds *b, const contact_state *contact, do
     return found;
 }
 
+/* What friction is beyond at 0, h/2, h of the step, and the slopes: where it sticks Coulomb's cone [N],
+ * where it slips a slider that stands still [N/s]. */
+static void beyond_friction(const aom_stepper *st, int c, double value[3], double slope[3]) {
+    const aom_contact *contact = st->system.contacts + c;
+    const contact_state *state = st->contacts + c;
+    const double *f = st->work.force[c].f, h = st->now.step, mu = contact->friction;
+    double of_normal[3] = {st->rows[c].slope, (f[2] - f[0]) / h,
+                           (f[0] - 4.0 * f[1] + 3.0 * f[2]) / h};
+    if (st->rows[c].fresh)
+        of_normal[0] = (4.0 * f[1] - 3.0 * f[0] - f[2]) / h;
+    for (int node = 0; node < 3; node++) {
+        double size = 0.0, along = 0.0, forward = 0.0, moved = 0.0;
+
+        for (int r = 0; r < contact->n_tangential; r++) {
+            int i = contact->first_tangential + r;
+            double T = st->work.force[i].f[node];
+            double rate = node == 0 ? st->rows[i].rate : st->work.motion[i].rate[node - 1];
+            size += T * T;
+            along += T * rate;
+            forward += state->direction[r] * rate;
+            moved += rate * rate;
+        }
+
+        size = sqrt(size);
+        double speed = state->slips ? forward : sqrt(moved); /* where friction has no direction */
+        if (size > SHARP * mu * scale_of(st, c))
+            speed = along / size;
+        value[node] = size - mu * f[node];
+        slope[node] = contact->tangential_stiffness * speed - mu * of_normal[node];
+    }
+    if (!state->slips)
+        return;
+
+    for (int node = 0; node < 3; node++)
+        value[node] = -slope[node];
+    slope[0] = (4.0 * value[1] - 3.0 * value[0] - value[2]) / h;
+    slope[1] = (value[2] - value[0]) / h;
+    slope[2] = (value[0] - 4.0 * value[1] + 3.0 * value[2]) / h;
+}
+
+/* What friction may be beyond: a force that is small beside a step's error. */
+static double near_friction(const aom_stepper *st, int c) {
+    double force = st->system.contacts[c].friction * scale_of(st, c);
+    double near = 1e-3 * st->options.rel_tol * force;
+    return st->contacts[c].slips ? near / st->now.step : near;
+}
+
 /* When the first contact leaves its branch in the step, INFINITY if none does. */
 static double first_exit(aom_stepper *st) {
     double half = 0.5 * st->now.step, first = INFINITY;
@@ -103,22 +150,59 @@ static double first_exit(aom_stepper *st) {
             }
             break;
         }
+        if (st->system.contacts[c].n_tangential == 0 || !pressing(contact->branch))
+            continue;
+        double near = near_friction(st, c), g[3], slope[3];
+        beyond_friction(st, c, g, slope);
+        for (int stage = 0; stage < 2; stage++) {
+            double found = half * stage + rises(g[stage], slope[stage], g[stage + 1],
+                                                slope[stage + 1], half, near);
+            if (found < first) {
+                first = found;
+                st->exit_contact = c;
+                st->exit_bound = contact->slips ? STICK : SLIP;
+            }
+        }
     }
     return first;
 }
 
-/* How far the indentation and rate lie beyond the bound of the exit. */
-static double beyond(const branch_bounds *b, bound exit, double depth, double rate) {
-    switch (exit) {
+/* The rate of a contact at the end of the step. Of what has no mass it is that which the slope of the
+ * law's force leaves: of a stiff law that of the parabola is rounding. */
+static double end_rate(aom_stepper *st, int c) {
+    double give = st->system.residual[(ptrdiff_t)c * (st->system.n_rows + 1)];
+    double rate = st->work.motion[c].rate[1];
+    const contact_state *contact = st->contacts + c;
+    if (give == 0.0 || st->rated || !pressing(contact->branch))
+        return rate;
+    const double *f = st->work.force[c].f;
+    double stiffness = law_tangent(st, &st->system.contacts[c].law, contact->branch,
+                                   st->work.motion[c].depth[1], rate, contact->memory).by_delta;
+    double slope = (f[0] - 4.0 * f[1] + 3.0 * f[2]) / st->now.step;
+    return (rate + give * slope) / (1.0 + give * stiffness);
+}
+
+/* How far the contact of the exit lies beyond its bound at the start (0) or the end (1) of the step; of
+ * the indentation and of friction with the slope. */
+static curve beyond(aom_stepper *st, const branch_bounds *b, int end) {
+    int c = st->exit_contact;
+    double depth = end ? st->work.motion[c].depth[1] : st->rows[c].depth;
+    double rate = end ? st->work.motion[c].rate[1] : st->rows[c].rate;
+    switch (st->exit_bound) {
     case LOW:
-        return b->low - depth;
+        return (curve){b->low - depth, -end_rate(st, c)};
     case HIGH:
-        return depth - b->high;
+        return (curve){depth - b->high, end_rate(st, c)};
     case SLOW:
-        return b->slow - rate;
+        return (curve){b->slow - rate, 0.0};
+    case FAST:
+        return (curve){rate - b->fast, 0.0};
     default:
-        return rate - b->fast;
+        break;
     }
+    double g[3], slope[3];
+    beyond_friction(st, c, g, slope);
+    return (curve){g[2 * end], slope[2 * end]};
 }
 
 /* Shorten the step to end where the contact of the exit leaves its branch, at about `first`. */
@@ -127,26 +211,29 @@ static bool end_at_exit(aom_stepper *st, double first) {
     bound exit = st->exit_bound;
     const contact_state *contact = st->contacts + c;
     const aom_law *law = &st->system.contacts[c].law;
-    const stages *motion = st->work.motion + c;
     branch_bounds b = law_bounds(law, contact->branch, contact->memory);
     double low = 0.0, high = st->now.step;
-    double g_low = beyond(&b, exit, st->rows[c].depth, st->rows[c].rate);
-    double g_high = beyond(&b, exit, motion->depth[1], motion->rate[1]);
+    double aim = exit == STICK ? 0.5 * near_friction(st, c) : 0.0; /* it stands, and goes back */
+    double g_low = beyond(st, &b, 0).value - aim, g_high = beyond(st, &b, 1).value - aim;
     double length = first;
     bool near = false;
     /* a damped law's force is cut where it is 0: what is left of it there is lost */
     double even = law->kind == AOM_DAMPED ? SHARP : 1e-6;
-    double close = exit <= HIGH ? SHARP * contact->depth_scale : even * contact->speed_scale;
+    double close = exit == STICK   ? aim
+                   : exit == SLIP  ? near_friction(st, c)
+                   : exit <= HIGH ? SHARP * contact->depth_scale
+                                  : even * contact->speed_scale;
     for (int tries = 0; tries < 14; tries++) {
         st->now.retries++;
         st->now.step = length; /* of the attempt that counts, should the tries end before */
         if (!attempt(st, SCRATCH, length))
             return false;
-        double v = motion->rate[1], g = beyond(&b, exit, motion->depth[1], v);
+        curve at = beyond(st, &b, 1);
+        double g = at.value - aim;
         if (fabs(g) <= close) {
-            bool sharply = exit == LOW ? -v * length >= 1e3 * close : st->now.flying;
+            bool sharply = exit == LOW ? at.slope * length >= 1e3 * close : st->now.flying;
             if (near || !sharply || fabs(g) <= EXACT * close)
-                break;
+                return true;
             near = true; /* a touch or a release is located to rounding: once more */
         }
         if (g > 0.0) {
@@ -156,14 +243,15 @@ static bool end_at_exit(aom_stepper *st, double first) {
             low = length;
             g_low = g;
         }
-        double speed = exit == LOW ? -v : v;
-        double new = exit <= HIGH && speed > 0.0 ? length - g / speed : -1.0;
+        double new = at.slope > 0.0 ? length - g / at.slope : -1.0;
         if (!(low < new && new < high) && g_low < 0.0 && 0.0 < g_high && tries < 8)
             new = low + (high - low) * g_low / (g_low - g_high);
         if (!(low < new && new < high))
             new = 0.5 * (low + high);
         length = new;
     }
+    if (exit >= SLIP) /* it did not reach its bound: the step ends without an exit */
+        st->exit_contact = -1;
     return true;
 }
 

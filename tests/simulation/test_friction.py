@@ -169,13 +169,18 @@ def test_friction_acts_along_the_slip() -> None:
     normal, along = hit.run.force[1:, 0], hit.run.force[1:, 1:]
     size = np.hypot(*along.T)
     slides = (normal > 0) & (size > 0.3 * normal * (1 - 1e-9))
-    slip = np.diff(
-        hit.run.depth[:, 1:] - hit.run.force[:, 1:] / hit.assembly.system.slip[0, 1], axis=0
-    )
-    across = slip[:, 0] * along[:, 1] - slip[:, 1] * along[:, 0]
-    assert slides.sum() > 20
-    assert (np.abs(across) <= 1e-6 * np.hypot(*slip.T) * size)[slides].all()
-    assert (np.sum(slip * along, axis=1) >= 0)[slides].all()
+    slider = hit.run.depth[:, 1:] - hit.run.force[:, 1:] / hit.assembly.system.slip[0, 1]
+    first, middle, last = slider[:-1:2], slider[1::2], slider[2::2]
+    whole = slides[::2] & slides[1::2]  # steps that slide from their middle to their end
+    assert whole.sum() > 10
+    for slip, node in (
+        (last - first, slice(0, None, 2)),
+        (first - 4 * middle + 3 * last, slice(1, None, 2)),
+    ):
+        force = along[node]
+        across = slip[:, 0] * force[:, 1] - slip[:, 1] * force[:, 0]
+        assert (np.abs(across) <= 1e-6 * np.hypot(*slip.T) * size[node])[whole].all()
+        assert (np.sum(slip * force, axis=1) >= 0)[whole].all()
 
 
 @pytest.mark.parametrize("psi", [6.0, 9.0])
