@@ -211,9 +211,8 @@ def threads(
     model: ao.AntiOscillators, workers: int, scenes: int = 640, repeats: int = 5
 ) -> dict[str, float]:
     """How many times faster several threads are than one, by the clock, at best of some repeats:
-    calls of `simulate`, and a batch."""
+    calls of `simulate`."""
     strikers, laws = drawn(scenes)
-    many = drawn(5 * scenes)
 
     def strike(first: int, count: int) -> None:
         for blow in list(zip(strikers, laws, strict=True))[first::count]:
@@ -222,11 +221,8 @@ def threads(
     def calls(count: int, pool: ThreadPoolExecutor) -> None:
         list(pool.map(strike, range(count), [count] * count))
 
-    def batch(count: int, pool: ThreadPoolExecutor) -> None:
-        ao.simulate_many(model, *many, DURATION, tol=TOL, executor=pool)
-
     found = {}
-    for work in (calls, batch):
+    for work in (calls,):
         least = dict.fromkeys((1, workers), np.inf)
         for _ in range(repeats):
             for count in least:

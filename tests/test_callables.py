@@ -58,12 +58,6 @@ def drawn(found: Any) -> Any:
         (lambda: drawn("text"), "ppf of k"),
         (lambda: drawn(np.zeros((2, 2))), "shape"),
         (lambda: drawn(RuntimeError("boom")), "boom"),
-        (
-            lambda: ao.simulate_many(
-                MODEL, [ao.RigidMass(0.2, 1.0)] * 3, ao.Hertz(1e8), 5e-3, executor=Rubbish()
-            ),
-            "executor",
-        ),
     ],
 )
 def test_what_does_not_fit_is_told(call: Any, word: str) -> None:

@@ -87,6 +87,34 @@ def test_runs_without_a_result_are_told():
     assert "without 100 runs" in repr(many)
 
 
+def test_runs_that_failed_count_as_larger_than_all_others():
+    """Of 0 ... 999, where those from 970 on failed: P(y > 950) is 0.049, the 99 % not known."""
+    values = np.where(np.arange(1000) < 970, np.arange(1000.0), np.nan)
+    failed = dict.fromkeys(range(970, 1000), "too hard")
+    many = ao.Sample({"x": np.arange(1000)}, {"y": values}, failed)
+    assert many.quantile("y", 0.5).value == pytest.approx(499.5)
+    assert many.quantile("y", 0.95).value == pytest.approx(0.95 * 999)
+    assert np.isinf(many.quantile("y", 0.99).value)
+    assert many.exceedance("y", 950.0).value == pytest.approx(0.049)
+    assert "30 of 1000 runs failed" in many.quantile("y", 0.5).note
+    assert ao.Sample(many.inputs, many.values, failed, (0.99,)).numbers()["y"] == {"99 %": None}
+
+
+def test_the_quantiles_of_blows_count_those_that_their_patch_does_not_carry():
+    """30 % of the draws exceed the law of the patch: no quantile above 70 % is known."""
+    patched = ao.AntiOscillators(0.1, 1e7, [], [], local_compliance=2e-8, radius=1e-3)
+    speeds = [*np.linspace(1e-3, 2e-3, 7), 10.0, 20.0, 30.0]
+
+    def blow(velocity):
+        return patched, ao.RigidMass(1.0, velocity), ao.Hertz(1e9), 1e-2
+
+    with pytest.warns(ao.AccuracyWarning, match="larger than all others"):
+        many = ao.monte_carlo(blow, {"velocity": speeds}, 400)
+    assert 0.2 < len(many.failed) / 400 < 0.4
+    assert np.isinf(many.quantile("peak_force", 0.9).value)
+    assert np.isfinite(many.quantile("peak_force", 0.5).value)
+
+
 @pytest.mark.slow
 def test_bars_of_quantiles_and_probabilities_cover():
     rng = np.random.default_rng(1)

@@ -366,6 +366,8 @@ def sites_of_map(
     local = impact_map.local_compliance + striker.local_compliance
     if law.compliance > 0:
         local = np.full(len(impact_map), law.compliance)
+    elif law.without(1.0) is law:  # it is taken as given
+        local = np.zeros(len(impact_map))
     quantities = {
         name: impact_map.quantities()[name] for name in SHOWN if name in impact_map.quantities()
     }

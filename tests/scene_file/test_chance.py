@@ -66,6 +66,18 @@ def test_mistakes_have_their_lines(tmp_path, capsys, drawn, held):
     assert any(f":{line + k}:" in told for k in (0, 1))
 
 
+@pytest.mark.fem
+def test_the_patch_of_a_drawn_scene_carries_its_hardest_blow(tmp_path, capsys):
+    """The radius "auto" is that of the largest draws, not of the nominal impact."""
+    text = BRACKET.replace("radius = 4e-3", 'radius = "auto"')
+    speeds = 'impactor.velocity = {kind = "uniform", low = 0.5, high = 40.0}\n'
+    path = written(tmp_path, f"{text}[extract]\nn = 8\n{HIT}[monte_carlo]\nn = 40\n{speeds}")
+    assert antiosc("monte-carlo", path, "--out", tmp_path / "out") == 0
+    columns = table(tmp_path / "out/monte_carlo.csv")
+    assert np.isfinite(columns["peak_force"].astype(float)).all()
+    assert "failed" not in capsys.readouterr().err
+
+
 MODULUS = '[monte_carlo]\nn = 12\nmaterial.E = {kind = "uniform", low = 60e9, high = 80e9}\n'
 
 

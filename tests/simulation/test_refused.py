@@ -113,7 +113,6 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: many(impactors=[]), "at least one scene"),
     (lambda: many(duration=[1e-4, -1e-4]), "scene 1: duration must be > 0"),
     (lambda: many(step=[1e-6, 1.0]), "scene 1: step must be <= the duration"),
-    (lambda: many(executor="processes"), r"a concurrent\.futures\.Executor"),
     (lambda: ao.sweep(ao.RigidMass, mass=[1.0, 2.0], velocity=[1.0] * 3), "mass: 2, velocity: 3"),
     (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, "euler"), "method must be 'exact', 'newmark'"),
     (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, n=99), "n must be <= 1"),

@@ -254,6 +254,26 @@ def test_preload_rests_until_something_moves() -> None:
     assert hit["plate:a", "floor"].contacts == [(0.0, 0.01)]
 
 
+def test_the_equilibrium_takes_velocities_but_no_displacements() -> None:
+    """A mass m on a spring k at rest on a linear floor of K, given v: v sin(w t)/w about rest."""
+    m, k, K, v = 2.0, 1e4, 3e4, 1e-3
+    part = ao.AntiOscillators(m0=m, k0=k, m=[], omega=[])
+    contact = ao.Contact("part", "floor", ao.Linear(K))
+    given = {"bodies": {"part": part, "floor": ao.Obstacle()}, "contacts": [contact]}
+    given |= {"loads": [ao.Load("part", [0.0, 1.0], [-50.0, -50.0])], "preload": True}
+    moved = ao.ModalState([0.0], [v * np.sqrt(m)])
+    hit = ao.Scene(**given, motion={"part": moved}).run(0.02, tol=1e-6)
+    force = hit["part", "floor"].force
+    w = np.sqrt((k + K) / m)
+    rest = 50 * K / (k + K)
+    size = K * v / w
+    np.testing.assert_allclose(
+        abs(force - rest), abs(size * np.sin(w * hit.time)), atol=1e-3 * size
+    )
+    with pytest.raises(ao.InputError, match="preload"):
+        ao.Scene(**given, motion={"part": ao.ModalState([1e-4], [0.0])})
+
+
 def test_preload_of_a_site_without_mass() -> None:
     """A load on a massless spring, which no mode feels: the contact takes its share of it."""
     compliance, stiffness, load = 1e-4, 3e4, -50.0

@@ -6,6 +6,7 @@ import functools
 import warnings
 from types import SimpleNamespace
 
+import meshio
 import numpy as np
 import pytest
 from scipy import sparse
@@ -15,14 +16,10 @@ import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.impact import truncation
 from antiosc.impact.truncation import (
-    WARN_SHARE,
-    _block_gauss,
-    _gauss,
-    _stiffness_deficit,
     choose_n,
+    halved,
     softest_model,
     truncation_error,
-    truncation_share,
 )
 from antiosc.models.closed_form import cantilever, free_free, pinned_free, pinned_pinned
 from scenes import BEAM, HERTZ, case_two
@@ -77,8 +74,6 @@ def compare_krylov(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     striker = ao.RigidMass(whole.m_st * 10 ** rng.uniform(-2, 1), 10 ** rng.uniform(-2, 1))
     run = struck(striker, ao.Hertz(10 ** rng.uniform(7, 10)), 2.5 * np.pi / whole.omega[0])
     hits = [run(model, 1e-4) for model in (short, whole)]
-    if truncation_share(short, hits[0].assembly) > WARN_SHARE:  # told by a warning
-        return compare_krylov(rng)
     estimate = truncation_error(short, run)
     true = [abs(getattr(hits[0], q) / getattr(hits[1], q) - 1) for q in QUANTITIES]
     return np.array(true), np.array([getattr(estimate, q) for q in QUANTITIES])
@@ -222,21 +217,20 @@ def test_the_hung_model_keeps_the_dampers():
     C = np.zeros((n, n))
     C[9, 9] = C[20, 20] = 80.0
     chain = ao.Structure.from_matrices(K, 0.02 * np.eye(n), C=C)
-    models = {count: ao.extract(chain, ao.Site(dof=20), n=count) for count in (10, 20, 29)}
+    models = {count: ao.extract(chain, ao.Site(dof=20), n=count) for count in (20, 29)}
     striker, law = ao.RigidMass(0.1, 1.0), ao.Hertz(1e8)
     truth = ao.simulate(models[29], striker, law, 5e-3, tol=1e-6)
-    for count in (10, 20):
-        chosen = ao.simulate(models[count], striker, law, 5e-3, tol=5e-3, n="auto")
-        assert chosen.peak_force == pytest.approx(truth.peak_force, rel=1e-2)
+    chosen = ao.simulate(models[20], striker, law, 5e-3, tol=1e-2, n="auto")
+    assert chosen.peak_force == pytest.approx(truth.peak_force, rel=1e-2)
 
 
-@pytest.mark.parametrize("apart", [(0.5, 0.01, 0.0), (0.0, 0.2, 0.19), (0.0, 0.0, 0.3)])
+@pytest.mark.parametrize("apart", [(0.4, 0.01, 0.0), (0.0, 0.2, 0.19), (0.0, 0.0, 0.3)])
 def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
     """Impacts of the two extremes that differ by given shares: twice that, at least."""
     model = case_two(3)[0]
 
     def run(one, tol):
-        share = np.zeros(3) if one is model else np.array(apart)
+        share = np.zeros(3) if one.m0 else np.array(apart)
         return SimpleNamespace(**dict(zip(QUANTITIES, 10.0 * (1 - share), strict=True)))
 
     monkeypatch.setattr(truncation, "_checked_run", lambda found: found)
@@ -246,27 +240,34 @@ def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
     assert [getattr(found, name) for name in QUANTITIES] == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_block_gauss_rule_is_the_scalar_one_of_one_site() -> None:
-    rng = np.random.default_rng(5)
-    m, omega = rng.uniform(0.1, 1.0, 7), np.sort(rng.uniform(1.0, 30.0, 6))
-    masses, expected, _ = _gauss(m, omega)
-    lam, P = _block_gauss(m[:1, None], omega**-2.0, np.sqrt(m[None, 1:]))
-    order = np.argsort(lam)[::-1]
-    np.testing.assert_allclose(lam[order] ** -0.5, expected, rtol=1e-7)
-    np.testing.assert_allclose(P[0, order] ** 2, masses, rtol=1e-6)
-
-
-def test_the_block_gauss_rule_has_the_moments() -> None:
-    """Of 2 k - 1 powers of 1/omega^2 with k blocks, and no mass at 0."""
-    rng = np.random.default_rng(6)
-    lam, P, root = rng.uniform(0.05, 1.0, 6), rng.normal(size=(2, 6)), rng.normal(size=(2, 2))
-    lam = np.sort(lam)[::-1]
-    nodes, turned = _block_gauss(root @ root.T, lam, P)
-    assert nodes.size == 6
-    for power in range(1, 6):
-        expected = P * lam**power @ P.T
-        np.testing.assert_allclose(turned * nodes**power @ turned.T, expected, rtol=1e-9)
-    np.testing.assert_allclose(turned @ turned.T, P @ P.T + root @ root.T, rtol=1e-9)
+@pytest.mark.fem
+@pytest.mark.parametrize("n", [20, 80])
+@pytest.mark.parametrize("stiffness", [1e10, 1e11])
+@pytest.mark.parametrize("method", ["krylov", "modes"])
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
+def test_the_bar_of_a_rod_on_a_stiff_stop_holds_the_force_of_the_wave(
+    n, stiffness, method, tmp_path
+):
+    """Waves: rho c A v (1 - exp(-K t/(rho c A))) up to t = 2 L/c, whatever mass is at the site."""
+    E, rho, diameter, length, v = 200e9, 7850.0, 25.4e-3, 0.254, 4.43
+    area, c = np.pi * diameter**2 / 4, np.sqrt(E / rho)
+    impedance = rho * c * area
+    wave = impedance * v * (1 - np.exp(-stiffness * 2 * length / c / impedance))
+    points = np.zeros((101, 3))
+    points[:, 0] = np.linspace(0.0, length, 101)
+    lines = [("line", np.column_stack([np.arange(100), np.arange(1, 101)]))]
+    meshio.write(tmp_path / "rod.vtk", meshio.Mesh(points, lines))
+    rod = ao.Structure(
+        ao.read_mesh(tmp_path / "rod.vtk"), ao.Beam(E, 0.3, rho, ao.Section.circle(diameter))
+    )
+    model = ao.extract(
+        rod, ao.Site(point=(0, 0, 0), direction=(1, 0, 0)), n=n, method=method, error="estimate"
+    )
+    hit = ao.simulate(
+        model, ao.Obstacle(), ao.Linear(stiffness), 3e-4, initial_velocity=v, tol=1e-3
+    )
+    bar = hit.error_budget["peak_force"]
+    assert abs(wave / hit.peak_force - 1) <= bar.total
 
 
 def thin_plate(n: int = 31) -> ao.Structure:
@@ -329,17 +330,24 @@ def test_a_blow_that_is_over_before_its_waves_return_needs_fewer_about_its_conta
 
 
 @pytest.mark.parametrize("point", [None, POINT])
-def test_what_a_model_may_lack_is_the_difference_to_its_softest_one(point):
+def test_the_softest_model_has_the_moments_of_the_model(point):
+    """Both receptances agree at the expansion point, and differ elsewhere."""
     model = ao.extract(thin_plate(), SITE, n=4, expansion=point)
     softest = softest_model(model)
-    for s in (1e5, 2e5 * np.exp(0.4j), 2e5j + 1e4):
-        stiffness = 1 / of_complex(model, s)
-        lack = stiffness - 1 / of_complex(softest, s)
-        found = _stiffness_deficit(model, np.array([s]))[0]
-        assert abs(lack) > 1e-6 * abs(stiffness)
-        assert abs(found - lack) < 1e-6 * abs(lack) + 1e-10 * abs(stiffness)
-    s = 2 * np.pi * (point or 0.0)  # both have the moments there
+    s = 2 * np.pi * (point or 0.0)
     assert of_complex(softest, s) == pytest.approx(of_complex(model, s), rel=1e-9)
+    assert abs(of_complex(softest, 2e5j) / of_complex(model, 2e5j) - 1) > 1e-3
+
+
+@pytest.mark.parametrize("sites", [1, 2])
+def test_half_of_a_krylov_model_is_that_of_half_as_many_vectors(sites):
+    """The measure of n anti-oscillators holds the Krylov space of n/2."""
+    part = thin_plate()
+    places = {"a": SITE, "b": ao.Site(dof=8 * 31 + 20)}
+    site = SITE if sites == 1 else places
+    half, direct = halved(ao.extract(part, site, n=12)), ao.extract(part, site, n=6)
+    for name in ("omega", "m0", "m", "m_st"):
+        np.testing.assert_allclose(getattr(half, name), getattr(direct, name), rtol=1e-6)
 
 
 def of_complex(model: ao.AntiOscillators, s: complex) -> complex:

@@ -28,8 +28,6 @@ LAWS = {
     "elastic-plastic": ao.ElasticPlastic(1e10, 5.6e-3, 4e7),
     "elastic-plastic near yield": ao.ElasticPlastic(1e10, 5.6e-3, 3.4e8),
     "elastic-plastic, elastic side": ao.ElasticPlastic(1e10, 5.6e-3, 4e7, elastic_share=0.6),
-    "linear without patch": ao.Linear(1e7, compliance=2e-8),
-    "power without patch": ao.Power(1e9, 2.2, compliance=2e-8),
     "hunt-crossley without patch": ao.HuntCrossley(1e9, 0.6, compliance=2e-9),
     "thornton without patch": ao.Thornton(1e9, 1e-5, compliance=2e-8),
     "tan-sun without patch": ao.TanSun(1e9, 1e-5, slope=0.3, compliance=2e-9),
@@ -39,9 +37,6 @@ LAWS = {
     "yang-sun": ao.YangSun(1e9, 1e-5),
     "tan-sun": ao.TanSun(1e9, 1e-5, slope=0.3),
     "table": ao.Tabulated(LOADING_DEPTHS, LOADING, (UNLOADING_DEPTHS, UNLOADING)),
-    "table without patch": ao.Tabulated(
-        LOADING_DEPTHS, LOADING, (UNLOADING_DEPTHS, UNLOADING)
-    ).without(1e-9),
     "elastic table": ao.Tabulated(LOADING_DEPTHS, LOADING),
 }
 laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())

@@ -242,7 +242,12 @@ def array_text(values: NDArray[np.generic]) -> str:
         return f"array {values.shape}"
     if values.size <= 3 and values.ndim == 1:
         return ", ".join(f"{v:.6g}" for v in values)
-    return f"{values.shape}, {np.min(values):.4g} to {np.max(values):.4g}"
+    known = values[~np.isnan(values)] if values.dtype.kind == "f" else values
+    if not known.size:
+        return f"{values.shape}, no value"
+    missing = values.size - known.size
+    lacking = f", {missing} without a value" if missing else ""
+    return f"{values.shape}, {np.min(known):.4g} to {np.max(known):.4g}{lacking}"
 
 
 #: Units that take a prefix, beside those that begin with newtons.

@@ -178,11 +178,12 @@ def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[Contac
     """(contact law without the half-space compliance [m/N] of its patches, notes)."""
     if local == 0.0 or law.compliance > 0.0:
         return law, []
+
     reduced_law = law.without(local)
     if reduced_law is law:
         return law, [
-            f"The half-space compliance {local:.4g} m/N of the patches stays in {a!r} - {b!r}:"
-            f" {law.theory} has less flexibility than they."
+            f"{law.theory} of {a!r} - {b!r} is taken as given, beside the half-space compliance"
+            f" {local:.4g} m/N that the patches give way by."
         ]
     return reduced_law, [
         f"The half-space compliance {local:.4g} m/N of the patches was subtracted from {law.theory}"

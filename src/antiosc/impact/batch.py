@@ -1,4 +1,4 @@
-"""Many impacts at once, and calls with many values: one after the other, or by an executor.
+"""Many impacts at once, and objects with many values.
 
 Every scene of `simulate_many` is integrated as `simulate` does it.
 """
@@ -6,8 +6,7 @@ Every scene of `simulate_many` is integrated as `simulate` does it.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future, as_completed
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import isfinite
@@ -29,7 +28,6 @@ from antiosc.impact.histories.energy import GAIN
 from antiosc.impact.histories.linear_theory import (
     SLIGHT_CHANGE,
     SLIGHT_DEFLECTION,
-    large_deflection_message,
     warn_large_rotation,
 )
 from antiosc.impact.histories.run_end import (
@@ -41,42 +39,25 @@ from antiosc.impact.histories.run_end import (
 )
 from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
-from antiosc.impact.truncation import truncation_warning
 from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
-from antiosc.models.body import LinearBody, ModelInfo, coarse_cell, info_of, site_points
+from antiosc.models.body import LinearBody, info_of, site_points
 from antiosc.plot.charts import figure_or_path, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 T = TypeVar("T")
-#: Positional arguments and keywords of a call.
-Call = tuple[tuple[object, ...], dict[str, object]]
-
-EXECUTOR = "a concurrent.futures.Executor, such as ProcessPoolExecutor()"
 
 
-def sweep(
-    make: Callable[..., T],
-    *,
-    executor: Executor | None = None,
-    earlier: Sequence[T] | None = None,
-    **values: object,
-) -> list[T]:
+def sweep(make: Callable[..., T], **values: object) -> list[T]:
     """Create one object per value: `sweep(RigidMass, mass=masses, velocity=2.0)`.
 
     Parameters
     ----------
     make : callable
         A constructor, or any function of the keywords.
-    executor : concurrent.futures.Executor, optional
-        Pool that calls `make`, for instance in processes. If a call fails or its worker dies, its
-        result is an AntioscError, the other calls go on and a warning names it. Without an executor
-        the first error is raised.
-    earlier : sequence, optional
-        Result of an earlier call with the same values: only the calls that failed are repeated.
     values
         Every keyword is one value for all or a sequence; all sequences must have the same length.
 
@@ -88,112 +69,13 @@ def sweep(
     Raises
     ------
     InputError
-        For sequences of different lengths, those of `earlier` included.
+        For sequences of different lengths.
     """
     checks.function("make", make, "a constructor, such as RigidMass")
-    check_executor(executor)
-    lengths = {k: len(v) for k, v in values.items() if is_sequence(v)}
-    size = common_length(lengths)
-    arguments = [{k: v[i] if is_sequence(v) else v for k, v in values.items()} for i in range(size)]
-    results = cast("list[T]", [AntioscError("not called yet")] * size)
-    if earlier is not None:
-        results = list(checks.instance("earlier", earlier, Sequence, "the list of an earlier call"))
-        check_earlier(len(results), size)
-    open_calls = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
-    if executor is None:
-        for i in open_calls:
-            results[i] = make(**arguments[i])
-        return results
-    calls: list[Call] = [((), arguments[i]) for i in open_calls]
-    for i, result in zip(open_calls, call_results(executor, make, calls), strict=True):
-        results[i] = cast("T", result)
-    failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
-    if failed:
-        warn(
-            f"{len(failed)} of {size} calls failed, as call {failed[0]}: {results[failed[0]]}",
-            AccuracyWarning,
-        )
-    return results
-
-
-def check_executor(executor: object) -> None:
-    """InputError unless `executor` is None or has a `submit`."""
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise InputError(f"executor must be {EXECUTOR}; got {type(executor).__name__}.")
-
-
-def call_results(
-    executor: Executor, function: Callable[..., T], calls: Sequence[Call]
-) -> Iterator[T | AntioscError]:
-    """Yield the result of each call in order, or the error that it raised."""
-    return map(_result, _submitted(executor, function, calls))
-
-
-def completed_calls(
-    executor: Executor, function: Callable[..., T], calls: Sequence[Call]
-) -> Iterator[tuple[int, T | AntioscError]]:
-    """Yield (number of the call, result or error) in the order in which calls finish."""
-    waiting = {}
-    for k, future in enumerate(_submitted(executor, function, calls)):
-        if isinstance(future, Future):
-            waiting[future] = k
-        else:  # lost, or of a package that has futures of its own
-            yield k, _result(future)
-    for future in as_completed(waiting):
-        result = _result(future)
-        yield waiting.pop(future), result
-
-
-def _submitted(
-    executor: Executor, function: Callable[..., T], calls: Sequence[Call]
-) -> list[Future[T] | AntioscError]:
-    """The future of each call, or the error of a call that the executor refused."""
-    futures: list[Future[T] | AntioscError] = []
-    for positional, keywords in calls:
-        try:
-            futures.append(executor.submit(function, *positional, **keywords))
-        except Exception as error:  # executors of any package
-            futures.append(_executor_error(error))
-    return futures
-
-
-def _result(future: Future[T] | AntioscError) -> T | AntioscError:
-    """The result of a future, or its error."""
-    try:
-        if isinstance(future, AntioscError):
-            return future
-        return future.result()
-    except AntioscError as error:
-        return error
-    except Exception as error:
-        return _executor_error(error)
-
-
-def _executor_error(error: Exception) -> AntioscError:
-    """The error for a call for which the executor returned no result."""
-    sentence = " ".join(f"{type(error).__name__}: {error}".split())
-    failure = AntioscError(
-        f"the executor returned no result ({sentence}): arguments must be such that they can be"
-        " pickled, and workers must live; what is finished can be passed as `earlier`."
-    )
-    failure.__cause__ = error
-    return failure
-
-
-def rows_of(rows: Any, size: int) -> list[Any] | AntioscError:
-    """The rows that a chunk of `size` calls returned; an error if their number differs."""
-    if isinstance(rows, AntioscError) or (isinstance(rows, list) and len(rows) == size):
-        return rows
-    return AntioscError(
-        f"the executor returned {checks.shown(rows)} for {size} results: it must return what"
-        " the function that it is given returns."
-    )
-
-
-def check_earlier(length: int, size: int) -> None:
-    """InputError unless there are as many earlier results (`length`) as calls (`size`)."""
-    if length != size:
-        raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
+    size = common_length({k: len(v) for k, v in values.items() if is_sequence(v)})
+    return [
+        make(**{k: v[i] if is_sequence(v) else v for k, v in values.items()}) for i in range(size)
+    ]
 
 
 def is_sequence(value: object) -> TypeGuard[Sequence[Any]]:
@@ -215,11 +97,14 @@ def common_length(lengths: dict[str, int]) -> int:
     return size
 
 
-CHUNKS = 64  # that the scenes are divided into for an executor
 #: Bytes of a scene with its results, measured with 20 000 and with 100 000 scenes.
 SCENE = 3.2e3
-CHUNK_SIZE = 4096  # scenes that are solved at once without one
-CHECKED_MODELS = 3  # models of which the worst impact is run again and checked
+#: Scenes that are solved at once.
+CHUNK_SIZE = 4096
+#: What a batch leaves out that `simulate` warns of.
+NOT_CHECKED = (
+    "truncation, cells and large deflections are not checked: simulate the hardest blow alone"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -268,6 +153,9 @@ class Batch(Result):
             low = self.peak_force[completed].min()
             high = self.peak_force[completed].max()
             rows.append(f"peak force {range_text(low, high, 'N')}")
+        if not completed.all():
+            rows.append("a scene that failed may have the largest force")
+        rows.append(NOT_CHECKED)
         messages = dict.fromkeys(m for m, s in zip(self.message, self.status, strict=True) if s)
         return "\n".join([*rows, *messages])
 
@@ -298,10 +186,11 @@ def simulate_many(
     gap: ArrayLike | None = None,
     max_contacts: int = MAX_CONTACTS,
     max_steps: int = MAX_STEPS,
-    executor: Executor | None = None,
-    earlier: Batch | None = None,
 ) -> Batch:
     """`simulate` for many scenes.
+
+    Of the warnings of `simulate`, those on truncation, cells and large deflections are left out:
+    simulate the hardest blow alone.
 
     Parameters
     ----------
@@ -311,12 +200,6 @@ def simulate_many(
         As for `simulate`, for all scenes or one per scene.
     method, n, tol, max_contacts, max_steps
         As for `simulate`.
-    executor : concurrent.futures.Executor, optional
-        Pool that integrates the scenes in chunks: processes, threads, `mpi4py.futures`, Dask's. All
-        scenes of a chunk fail if the pool does not return it, for instance after a process died.
-    earlier : Batch, optional
-        Result of an earlier call with the same scenes: only scenes of status 2 are integrated
-        again.
 
     Returns
     -------
@@ -342,7 +225,6 @@ def simulate_many(
         "gravity": gravity,
         "gap": gap,
     }
-    check_executor(executor)
     size = common_length({k: len(v) for k, v in arguments.items() if is_sequence(v)})
     process.require(SCENE * size, f"a batch of {size} scenes", "simulate it in several calls")
     columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in arguments.items()}
@@ -353,47 +235,17 @@ def simulate_many(
     steps = cast("list[float | None]", columns.pop("step"))
     columns["contacts"] = _laws(columns["contacts"], columns["models"], movers)
     scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
-    rows = _rows_of(earlier, size)
-    open_scenes = [i for i, row in enumerate(rows) if row.result.status == STOPPED]
-    chunk = CHUNK_SIZE if executor is None else -(-size // CHUNKS)
-    parts = [open_scenes[k : k + chunk] for k in range(0, len(open_scenes), chunk)]
+    rows: list[_Row] = []
 
-    def given_of(part: list[int]) -> _Chunk:
-        return [scenes[i] for i in part], [steps[i] for i in part], n, settings
+    with counting("simulating impacts", size) as report:
+        for begin in range(0, size, CHUNK_SIZE):
+            part = slice(begin, begin + CHUNK_SIZE)
+            told = partial(_report_progress, report, begin)
+            rows += _solve_chunk(scenes[part], steps[part], n, settings, told)
 
-    with counting("simulating impacts", len(open_scenes)) as report:
-        if executor is None:
-            chunks: Iterable[list[_Row] | AntioscError] = (
-                _solve_chunk(*given_of(part), partial(_report_progress, report, k * chunk))
-                for k, part in enumerate(parts)
-            )
-        else:
-            chunks = call_results(executor, _solve_chunk, [(given_of(part), {}) for part in parts])
-        for count, (part, result) in enumerate(zip(parts, chunks, strict=True), start=1):
-            result = rows_of(result, len(part))
-            if isinstance(result, AntioscError):
-                result = [_failed(result)] * len(part)
-            for i, row in zip(part, result, strict=True):
-                rows[i] = row
-            report(min(count * chunk, len(open_scenes)))
     names = SceneNames([_place(scene.model) for scene in scenes])
     _raise(rows, names)
     warn_batch([r.result for r in rows], [r.needed_radius for r in rows], names)
-    hits = [i for i, row in enumerate(rows) if row.impulse > 0]
-
-    def hit_of(i: int) -> History:
-        return _impact(scenes[i], steps[i], n, settings)[0]
-
-    rerun = partial(_warn_of_worst, scenes, names, hit_of)
-    sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in hits]
-    if n != "auto":
-        reduced = [entry for entry in sharpness if _info(scenes[entry[1]]).method == "krylov"]
-        rerun(reduced, lambda hit: truncation_warning(hit.model, hit.assembly))
-    meshed = [entry for entry in sharpness if _info(scenes[entry[1]]).cells]
-    rerun(meshed, lambda hit: coarse_cell(hit.model, "", hit.assembly.contact_time_estimate))
-    hardest = {id(scenes[i].model): i for i in sorted(hits, key=lambda i: rows[i].impulse)}
-    deflections = [(_deflection(scenes[i].model, rows[i].impulse), i) for i in hardest.values()]
-    rerun(deflections, large_deflection_message)
     if warned := [(i, row.told) for i, row in enumerate(rows) if row.told]:
         first, sentence = warned[0]
         which = names.several([i for i, _ in warned], first)
@@ -401,11 +253,6 @@ def simulate_many(
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
     warn_large_rotation(f"{rows[scene].rotation[0]} of {names.one(scene)}", rows[scene].rotation[1])
     return _batch_of(rows)
-
-
-def _info(scene: Impact) -> ModelInfo:
-    """The info of a scene's model."""
-    return info_of(scene.model)
 
 
 def _place(model: LinearBody) -> str:
@@ -429,37 +276,6 @@ def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[
     return laws
 
 
-def _warn_of_worst(
-    scenes: Sequence[Impact],
-    names: SceneNames,
-    run: Callable[[int], History],
-    ranked: Sequence[tuple[float, int]],
-    check: Callable[[History], str],
-) -> None:
-    """Repeat the scenes of highest rank, and warn of the first for which `check` has a sentence.
-
-    `ranked` has (rank, scene); only ranks > 0 count. One scene of each model is repeated, for at
-    most `CHECKED_MODELS` models.
-    """
-    repeated: set[int] = set()
-    for rank, i in sorted(ranked, reverse=True):
-        if len(repeated) == CHECKED_MODELS or not rank > 0:
-            return
-        if id(scenes[i].model) not in repeated:
-            repeated.add(id(scenes[i].model))
-            if sentence := check(run(i)):
-                warn(f"{names.one(i)}: {sentence}", AccuracyWarning)
-                return
-
-
-def _deflection(model: LinearBody, impulse: float) -> float:
-    """Bound on a sheet's deflection by an impulse [N s], over its thickness; 0 for a free sheet."""
-    supported_sheet = info_of(model).thickness is not None and model.modal().omega.all()
-    if supported_sheet:
-        return _bend(model, impulse)
-    return 0.0
-
-
 def _bend(model: LinearBody, impulse: float) -> float:
     """Bound on the elastic deflection of a sheet by an impulse [N s], over its thickness.
 
@@ -470,11 +286,6 @@ def _bend(model: LinearBody, impulse: float) -> float:
     assert thickness is not None
     elastic = modal.omega > 0
     return impulse * float(np.sum(modal.b[elastic] ** 2 / modal.omega[elastic])) / thickness
-
-
-# -- one scene in, one row out
-
-_Chunk = tuple[list[Impact], list[float | None], int | str | None, Settings]
 
 
 @dataclass(eq=False)
@@ -505,7 +316,7 @@ def _solve_chunk(
     steps: Sequence[float | None],
     n: int | str | None,
     settings: Settings,
-    report: Callable[[int], None] = lambda count: None,
+    report: Callable[[int], None],
 ) -> list[_Row]:
     """Results of scenes: those of a group in one call of the C library, the others one by one.
 
@@ -558,7 +369,7 @@ def _is_slight(model: LinearBody, row: _Row) -> bool:
 
 
 def _report_progress(report: Callable[[int], None], before: int, count: int) -> None:
-    """Report the number of completed scenes, including earlier ones."""
+    """Report the number of completed scenes, with those before."""
     report(before + count)
 
 
@@ -697,17 +508,3 @@ def _batch_of(rows: list[_Row]) -> Batch:
         force=[row.force for row in rows],
         message=[row.result.message for row in rows],
     )
-
-
-def _rows_of(earlier: Batch | None, size: int) -> list[_Row]:
-    """The rows of an earlier batch; without one, `size` rows with status 2."""
-    if earlier is None:
-        return [_Row(CheckResult(STOPPED, ""))] * size
-    batch = checks.instance("earlier", earlier, Batch, "the Batch of an earlier call")
-    check_earlier(len(batch), size)
-    names = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step", "force")
-    rows = []
-    for i, (status, message) in enumerate(zip(batch.status.tolist(), batch.message, strict=True)):
-        values = {name: getattr(batch, name)[i] for name in names}
-        rows.append(_Row(CheckResult(status, message), accuracy=batch.error[i], **values))
-    return rows

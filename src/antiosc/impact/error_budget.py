@@ -64,12 +64,7 @@ from antiosc.impact.stretching import (
     shares_of,
     stretch_shares,
 )
-from antiosc.impact.truncation import (
-    WARN_SHARE,
-    TruncationError,
-    truncation_error,
-    truncation_share,
-)
+from antiosc.impact.truncation import WARN_SHARE, is_reduced, truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import (
     BeamSection,
@@ -524,22 +519,20 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
     """The errors due to the mesh and to truncation; `unstretched`: text on runs without stretch."""
     model = impact.model
     raw = impact.raw
-    truncation = truncation_share(model, raw.assembly)
-    lower_bound = truncation if truncation > WARN_SHARE else 0.0
-    too_few = [TOO_FEW.format(model.n)] if lower_bound else []
+    no_error = model.strain_error is None and not model.info.no_estimate
+    if not model.n or (no_error and not is_reduced(model)):
+        return MeshErrors()
 
     def known(body: AntiOscillators, tol: float) -> History:
         """The history on a body, without a new run for the model itself."""
-        if body is model:
-            return raw
-        return impact.run(body, tol)
+        return raw if body is model else impact.run(body, tol)
 
+    truncated = truncation_error(model, known, tol=impact.tol)
+    truncation = {name: getattr(truncated, name) for name in UNITS}
+    too_few = [TOO_FEW.format(model.n)] if truncated.peak_force > WARN_SHARE else []
     if model.strain_error is None:
-        truncation_errors = dict.fromkeys(UNITS, lower_bound)
-        if model.info.no_estimate and model.n:
-            truncated = truncation_error(model, known, tol=impact.tol)
-            truncation_errors = _at_least(truncated, lower_bound)
-        return MeshErrors(truncation=truncation_errors, doubts=too_few)
+        return MeshErrors(truncation=truncation, doubts=too_few)
+
     softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
@@ -549,7 +542,6 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
         changes = {name: max(change, changes[name]) for name, change in unstiffened.items()}
     mesh = bars.with_floor({name: safety * change for name, change in changes.items()})
 
-    truncated = truncation_error(model, known, tol=impact.tol)
     doubts += too_few
     if not bars.comparable(raw, softer):
         here, corrected = map(bars.contacts_of_main, (raw, softer))
@@ -559,12 +551,7 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
             f" and {corrected} on the corrected one{unstretched}, so that the contact times are not"
             " comparable; a finer mesh decides.",
         )
-    return MeshErrors(mesh, _at_least(truncated, lower_bound), share, safety, doubts)
-
-
-def _at_least(truncated: TruncationError, lower_bound: float) -> Shares:
-    """The errors due to truncation, none below a bound."""
-    return {name: max(getattr(truncated, name), lower_bound) for name in UNITS}
+    return MeshErrors(mesh, truncation, share, safety, doubts)
 
 
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:

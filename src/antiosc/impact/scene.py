@@ -45,14 +45,21 @@ from antiosc.impact.reference import (
     integrate_reference,
 )
 from antiosc.impact.reference_ivp import IVP_METHODS
-from antiosc.impact.scene_parts import SceneParts, direction_notes, misplaced_ends
+from antiosc.impact.scene_parts import Contact, SceneParts, direction_notes, misplaced_ends
 from antiosc.impact.stretching import stretched
-from antiosc.impact.truncation import Run, choose_n, truncation_warning
+from antiosc.impact.truncation import (
+    Run,
+    choose_n,
+    halved,
+    is_reduced,
+    too_few,
+    truncation_error,
+)
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import AUTO, AnyLaw, law_of
 from antiosc.models.body import LinearBody, coarse_cell, info_of
-from antiosc.models.motion import Motion
+from antiosc.models.motion import ModalState, Motion
 
 H = TypeVar("H", bound=History)
 
@@ -77,7 +84,8 @@ class Scene(SceneParts):
         Name -> `Motion` with which a free body starts, the velocity [m/s] along its one
         coordinate, or its `ModalState`.
     preload : bool
-        Start from the static equilibrium under gravity, the loads at t = 0 and closed contacts.
+        Start from the static equilibrium under gravity, the loads at t = 0 and closed contacts; a
+        `ModalState` then gives velocities alone.
 
     Raises
     ------
@@ -150,7 +158,8 @@ class Scene(SceneParts):
         warn_large_rotation(*history.largest_rotation())
         check.warn()
         history = with_warning(history, large_deflection_message(history))
-        _warn_truncation(self, history)
+        _warn_coarse_cells(self, history)
+        _warn_truncation(self, history, settings, duration)
         check_range(history, doubts)
         return history
 
@@ -325,23 +334,55 @@ def range_error(
     return error
 
 
-def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
-    """Warn of a body whose anti-oscillators are too few for a contact of the run."""
-    assembly = history.assembly
-    contact_histories = history.contact_histories
+def _warn_coarse_cells(scene: Scene, history: SceneHistory) -> None:
+    """Warn of a body whose cells are too long for the wave of a contact of the run."""
+    for contact, touched in zip(scene.contacts, history.contact_histories, strict=True):
+        for end in (contact.a, contact.b) if touched.contacts else ():
+            name, _, site = end.partition(":")
+            estimate = history.assembly.contact_time_estimate
+            if sentence := coarse_cell(scene.bodies.get(name), site, estimate):
+                warn(f"{name!r} in the contact of {_ends(contact)}: {sentence}", AccuracyWarning)
+
+
+def _warn_truncation(
+    scene: Scene, history: SceneHistory, settings: Settings, duration: float
+) -> None:
+    """Warn of bodies whose anti-oscillators are too few: the largest force of a contact of theirs
+    changes much with half as many.
+    """
+    touched = [c.contacts for c in history.contact_histories]
+    ends = [{end.partition(":")[0] for end in (c.a, c.b)} for c in scene.contacts]
+    struck = set().union(*(names for names, pulses in zip(ends, touched, strict=True) if pulses))
+    coarse = dict[str, AntiOscillators]()
+    counts = dict[str, int]()
+    for name in struck:
+        body = scene.bodies[name]
+        given = isinstance(scene.motion.get(name), ModalState)  # in all modes of the body
+        if is_reduced(body) and body.stretch is None and not given:
+            coarse[name] = halved(body)
+            counts[name] = body.n
+    if not coarse:
+        return
+
+    exact = replace(settings, method="exact", step=None)
+    fewer = replace(scene, bodies={**scene.bodies, **coarse})
+    with without_warnings():
+        other = _run_scene(fewer, exact, duration)[0]
+
     for c, contact in enumerate(scene.contacts):
-        for end in (contact.a, contact.b) if contact_histories[c].contacts else ():
-            name = end.partition(":")[0]
-            first_mode = assembly.spans[name].start if name in assembly.spans else 0
-            body = scene.bodies.get(name)
-            site = end.partition(":")[2]
-            for sentence in (
-                truncation_warning(body, assembly, c, first_mode),
-                coarse_cell(body, site, assembly.contact_time_estimate),
-            ):
-                if sentence:
-                    text = f"{name!r} in the contact of {contact.a!r} and {contact.b!r}: {sentence}"
-                    warn(text, AccuracyWarning)
+        reduced = sorted(ends[c].intersection(coarse))
+        if not reduced or not touched[c]:
+            continue
+        force, heavier = (one.contact_histories[c].peak_force for one in (history, other))
+        change = abs(heavier - force) / force if force else 0.0
+        if sentence := too_few(counts[reduced[0]], change):
+            names = " and ".join(map(repr, reduced))
+            warn(f"{names} in the contact of {_ends(contact)}: {sentence}", AccuracyWarning)
+
+
+def _ends(contact: Contact) -> str:
+    """The ends of a contact in a sentence."""
+    return f"{contact.a!r} and {contact.b!r}"
 
 
 Budget = Callable[[History], ErrorBudget]
@@ -378,7 +419,8 @@ def simulate(
     contact : ContactLaw or "auto"
         "auto": the law that materials, curvatures and strengths of both surfaces need
         (`antiosc.engine.contact.choice`). The half-space compliance of the model's patch, if it
-        contains one (`local_compliance`), is subtracted from any law; `history.details` says so.
+        contains one (`local_compliance`), is subtracted from Hertz's law and those made from it,
+        which count it too; `history.details` says so. Any other law is taken as given.
     duration : float
         Time to simulate [s].
     method : str
@@ -442,11 +484,8 @@ def simulate(
     history = replace(history, rerun=reruns[0], by_law=reruns[1])
     check.warn()
     if n != "auto" and history.run.touches:
-        sentence = truncation_warning(model if n is None else history.model, history.assembly)
-        if sentence and getattr(model, "strain_error", None) is None:
-            warn(sentence, AccuracyWarning)  # with one, the error budget tells it
-        if sentence:
-            history = replace(history, message=f"{history.message} {sentence}")
+        used = model if n is None else history.model
+        history = with_warning(history, _too_few(used, history, reruns[0], accuracy))
     if history.run.touches:
         history = with_warning(
             history, coarse_cell(model, "", history.assembly.contact_time_estimate)
@@ -458,6 +497,18 @@ def simulate(
     if info.measured is not None:
         warn_low_band(history)
     return history
+
+
+def _too_few(model: LinearBody, hit: History, rerun: Run, tol: float) -> str:
+    """Warning that the anti-oscillators of the model of a run are too few for it, or ""."""
+    if not is_reduced(model):
+        return ""
+
+    def known(other: AntiOscillators, tol: float) -> History:
+        """The history on a model, without a new run for the model itself."""
+        return hit if other is model else rerun(other, tol)
+
+    return too_few(model.n, truncation_error(model, known, tol=tol).peak_force)
 
 
 def simulate_impact(

@@ -186,6 +186,11 @@ class SceneParts(FieldsRepr):
         for name, motion in self.motion.items():
             if not isinstance(motion, Motion | ModalState):
                 checks.number(f"motion of {name!r}, if no Motion,", motion, "m/s")
+            elif self.preload and isinstance(motion, ModalState) and motion.displacements.any():
+                raise InputError(
+                    f"motion gives {name!r} displacements, and preload starts from those of the"
+                    " equilibrium: leave out preload, or give velocities alone."
+                )
         if not self.contacts:
             raise InputError("a scene needs at least one Contact.")
         for noun, number in (("bodies", len(self.bodies)), ("contacts", len(self.contacts))):

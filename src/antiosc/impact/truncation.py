@@ -6,24 +6,16 @@ truncated frequency, which is the softest that is possible. The truth lies betwe
 difference of the two impacts measures the truncation error. The error of each of the three
 quantities (peak force, impulse, contact time) may change its sign; the estimate of each is
 therefore at least half the largest of them. With the factor `TRUNCATION_SAFETY` at least nine of
-ten true errors are below the estimate; the median overestimation is 4 to 8, of models of the Krylov
-method, whose softest extreme is a Gauss rule, 6 to 18 (tests/simulation/test_truncation.py).
+ten true errors are below the estimate; the median overestimation is 4 to 8
+(tests/simulation/test_truncation.py).
 
-Without a further run (`truncation_share`): the part of Z that the anti-oscillators of the Krylov
-method omit lies between two extremes. With λ_i = 1/ω_i² and λ_0 = 0 of the residual mass they are
-the Gauss–Radau rule of the measure of all masses over λ; the Gauss rule with the same moments,
-without a mass at λ = 0, is the other extreme (Golub and Meurant, *Matrices, Moments and
-Quadrature*, 2010, ch. 6). With σ = 1/s² its Z lacks
-
-    D(s) = 1/Σ_i [(λ_i + σ)/m_i Π_(j≠i) ((λ_j + σ)/(λ_i - λ_j))²].
-
-At a complex s the force of a blow is v/(s C), C the compliance of both bodies and of the contact in
-series. The difference of the two forces over the force, on a ray of s whose |s| are those of the
-contact, shows how well the force is known. About an expansion point p the rules are those over
-θ_i = 1/(ω_i² + p²), in which Z lacks D(σ', θ)/(1 - p²σ)² with σ' = σ/(1 - p²σ). On thin and thick
-plates and a bracket with 3 to 120 anti-oscillators, peak forces were wrong by less than the share
-where it was above `WARN_SHARE`, and by less than 8 % below. For several sites both are block
-rules: the difference of the compliances along the contact replaces that by D.
+A model of the Krylov method is a rule of Gauss and Radau (Golub and Meurant, *Matrices, Moments and
+Quadrature*, 2010, ch. 6): m0 and the m_i are weights at 0 and at 1/(omega_i^2 + p^2), p the
+expansion point. Its softest extreme is the Gauss rule of the same moments. A spike of force that
+belongs to the mass at the site may show in neither extreme: the impact is repeated without m0, and
+with half as many anti-oscillators, those of half of the Krylov space by Lanczos' recurrence on
+these nodes. Where the error at least halves with twice as many, it is below the change by the
+latter. The largest change counts, that of the extremes with the factor `TRUNCATION_SAFETY_RITZ`.
 """
 
 from __future__ import annotations
@@ -31,161 +23,40 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf, log
-from weakref import WeakKeyDictionary
+from typing import TypeGuard
 
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base._types import Array, ComplexArray
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import percent
 from antiosc.engine.damping import DampingMatrix, in_coordinates
-from antiosc.impact.assembly import Assembly, stiffness_at
 from antiosc.impact.histories import History
 from antiosc.impact.histories.bars import all_changes, with_floor
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 
-#: Points s of the ray over π/T, T the expected contact time.
-RAY = np.geomspace(0.5, 30.0, 8) * np.exp(1j * np.radians(75))
-#: Directions of a block that are smaller than this share of its largest depend on those before.
-DEFLATED = 1e-10
 #: Share of the force from which a warning is given.
 WARN_SHARE = 0.3
 
 
-def truncation_share(
-    model: AntiOscillators, assembly: Assembly, contact: int = 0, begin: int = 0
-) -> float:
-    """Share of the force in which the stiffest and the softest possible model differ, 0 to about 1.
+def is_reduced(model: object) -> TypeGuard[AntiOscillators]:
+    """Whether a model is one of the Krylov method whose anti-oscillators have not converged."""
+    if not isinstance(model, AntiOscillators) or model.info.method != "krylov":
+        return False
+    return model.info.converged is not None and model.info.converged < model.n
 
-    begin : the first mode of the model among those of all bodies. 0 for models whose anti-
-    oscillators have all converged, such as those of method="modes", whose error is not bounded as
-    closely.
+
+def too_few(n: int, error: float) -> str:
+    """Warning that `n` anti-oscillators are too few for a contact, by the relative error of its
+    force; "" if they are enough.
     """
-    info = model.info
-    if info.method != "krylov" or info.converged is None or info.converged >= model.n:
-        return 0.0
-    if not model.sites and model.m0 == 0:
-        return 0.0
-    system = assembly.system
-    law = assembly.laws[contact]
-    s = np.pi / assembly.contact_time_estimate * RAY
-    depth = float(system.depth[contact])
-    speed = float(system.speed[contact])
-    stiffness = stiffness_at(law, depth, law.touch(speed))
-    if not stiffness > 0:
-        return 0.0
-    squares = system.beta[contact] ** 2 / (s[:, None] ** 2 + system.omega**2)
-    C = squares.sum(axis=1) + system.R[contact, contact] + 1 / stiffness
-    if model.sites:
-        deficit = _compliance_deficit(model, s, assembly.row(contact, begin))
-    else:
-        modes = model.modal()
-        site = squares[:, begin : begin + modes.omega.size].sum(axis=1) + modes.r
-        D = _stiffness_deficit(model, s)
-        deficit = D * site**2 / (1 - D * site)
-    weight = 1 / abs(s)
-    shares = abs(deficit / (C * (C + deficit))) ** 2
-    force = abs(C) ** -2.0
-    return float(np.sqrt((shares @ weight) / (force @ weight)))
-
-
-def _compliance_deficit(model: AntiOscillators, s: ComplexArray, row: Array) -> ComplexArray:
-    """Compliance along a row of sites minus that of the softest model, at complex s."""
-    assert model.P is not None
-    assert model.dependence is not None
-    row = row @ model.dependence
-    block_rule = _blocks.get(model)
-    if block_rule is None:
-        point = _expansion(model)
-        nodes = 1 / (model.omega**2 + point)
-        lam, P = _block_gauss(np.asarray(model.m0), nodes, model.P)
-        block_rule = _blocks[model] = lam / (1 - point * lam), P
-    square = s[:, None, None] ** 2
-    zero = np.zeros_like(model.m0)
-    site = []
-    for lam, P, m0 in ((model.omega**-2.0, model.P, model.m0), (*block_rule, zero)):
-        compliances = (P[None] / (1 + lam * square)) @ P.T
-        site.append(np.linalg.inv(model.k0 + square * (m0 + compliances)))
-    return np.asarray(row @ (site[1] - site[0]) @ row)
-
-
-def _expansion(model: AntiOscillators) -> float:
-    """The square [rad²/s²] of the expansion point of a model."""
-    return (2 * np.pi * (model.info.expansion or 0.0)) ** 2
-
-
-def _block_gauss(m0: Array, lam: Array, P: Array) -> tuple[Array, Array]:
-    """Nodes and participations (p, .) of the block Gauss rule of several sites.
-
-    A model is a block Gauss-Radau rule: the node 0 has the weight m0 (p, p), and each
-    anti-oscillator is a node lam = 1/(omega^2 + p^2) (n,) with its column of P (p, n). The block
-    Lanczos recurrence of these nodes without its last block gives the Gauss rule.
-    """
-    values, vectors = np.linalg.eigh(m0)
-    start = np.vstack((np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, P.T))
-    nodes = np.append(np.zeros(len(m0)), lam / lam[0])
-    basis = np.zeros((len(start), 0))
-    block = start
-    while True:
-        size = np.linalg.norm(block)
-        for _ in range(2):
-            block = block - basis @ (basis.T @ block)
-        left_vectors, sizes, _ = np.linalg.svd(block, full_matrices=False)
-        new = left_vectors[:, sizes > DEFLATED * size]
-        if not new.size or basis.shape[1] + new.shape[1] > lam.size:
-            break
-        basis = np.column_stack((basis, new))
-        block = nodes[:, None] * new
-    eigenvalues, turn = np.linalg.eigh(basis.T * nodes @ basis)
-    eigenvalues = np.maximum(eigenvalues, SMALL_GAUSS_SHARE * eigenvalues[-1])
-    return lam[0] * eigenvalues, start.T @ basis @ turn
-
-
-_blocks: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictionary()
-
-
-def _stiffness_deficit(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
-    """Z of the model minus Z of its softest model, at complex s."""
-    rule = _rules.get(model)
-    if rule is None:
-        rule = _rules[model] = _rule(model)
-    lam, log_weights = rule
-    sigma = s.astype(complex) ** -2.0
-    scale = 1 - _expansion(model) * sigma
-    logs = np.log(lam + (sigma / scale)[:, None])
-    terms = 2 * logs.sum(axis=1, keepdims=True) - logs - log_weights
-    largest = terms.real.max(axis=1, keepdims=True)
-    deficit = np.exp(-largest[:, 0]) / np.exp(terms - largest).sum(axis=1)
-    return np.asarray(deficit / scale**2)
-
-
-def _rule(model: AntiOscillators) -> tuple[Array, Array]:
-    """Nodes λ_i of the Gauss–Radau rule, and the logarithms of m_i Π_(j≠i) (λ_i - λ_j)²."""
-    lam = np.append(0.0, 1 / (model.omega**2 + _expansion(model)))
-    masses = np.append(model.m0, model.m)
-    distances = abs(lam[:, None] - lam)
-    distances.flat[:: lam.size + 1] = 1.0
-    return lam, 2 * np.log(np.maximum(distances, np.finfo(float).tiny)).sum(axis=1) + np.log(masses)
-
-
-_rules: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictionary()
-
-
-def truncation_warning(model: object, assembly: Assembly, contact: int = 0, begin: int = 0) -> str:
-    """Warning that a Krylov model has too few anti-oscillators for a contact; "" if it has enough.
-
-    begin : the first mode of the model among those of all bodies.
-    """
-    if not isinstance(model, AntiOscillators):
-        return ""
-    share = truncation_share(model, assembly, contact, begin)
-    if share <= WARN_SHARE:
+    if error <= WARN_SHARE:
         return ""
     return (
-        f"The model's {model.n} anti-oscillators are too few for this contact: what they leave out"
-        f" may change the force by {percent(share)} (above {percent(WARN_SHARE)} neither peak force"
+        f"The model's {n} anti-oscillators are too few for this contact: what they leave out"
+        f" may change the force by {percent(error)} (above {percent(WARN_SHARE)} neither peak force"
         " nor contact time is known); extract more (n)."
     )
 
@@ -195,10 +66,14 @@ Run = Callable[[AntiOscillators, float], History]
 
 #: Factor of safety of the estimate.
 TRUNCATION_SAFETY = 2.0
-#: Factor of safety of the estimate between the two extremes of the Krylov method.
+#: Factor of safety of the estimate between the extremes of the Krylov method.
 TRUNCATION_SAFETY_RITZ = 4.0
+#: Least share of a value that is left on the model with half as many anti-oscillators.
+SMALL = 1e-3
 #: The lowest 1/omega^2 of a Gauss rule lies above this share of the one above it, but for rounding.
 SMALL_GAUSS_SHARE = 1e-6
+#: Directions of a block that are smaller than this share of its largest depend on those before.
+DEFLATED = 1e-10
 
 
 @dataclass(frozen=True)
@@ -249,7 +124,7 @@ def truncation_error(
     next_omega : float, optional
         First truncated frequency [rad/s]; by default extrapolated from the last two.
     tol : float
-        Time integration error of the two impacts.
+        Time integration error of the impacts.
     """
     _check(model, run)
     tol = checks.tolerance(tol)
@@ -260,12 +135,23 @@ def truncation_error(
     if model.stretch is not None:
         model = replace(model, stretch=None)
     raw = _checked_run(run(model, tol))
-    change = all_changes(raw, _checked_run(run(softest_model(model, next_omega), tol)))
-    ritz = next_omega is None and _unconverged(model)
-    safety = TRUNCATION_SAFETY_RITZ if ritz else TRUNCATION_SAFETY
-    errors = {name: safety * max(change - tol, 0.0) for name, change in change.items()}
-    if ritz:  # both runs may agree by chance
-        errors["peak_force"] = max(errors["peak_force"], truncation_share(model, raw.assembly))
+
+    def change(other: AntiOscillators) -> dict[str, float]:
+        """Relative changes of the quantities on another model, beyond the errors in time."""
+        changes = all_changes(raw, _checked_run(run(other, tol)))
+        return {name: max(share - tol, 0.0) for name, share in changes.items()}
+
+    softer = change(softest_model(model, next_omega))
+    if next_omega is not None or not _unconverged(model):
+        errors = {name: TRUNCATION_SAFETY * share for name, share in softer.items()}
+        return TruncationError(model.n, **with_floor(errors))
+
+    massless = change(replace(model, m0=0 * model.m0))
+    heavier = change(halved(model))
+    errors = {}
+    for name, share in heavier.items():
+        spike = share / max(1 - share, SMALL)  # over the smaller value
+        errors[name] = max(TRUNCATION_SAFETY_RITZ * max(softer[name], massless[name]), spike)
     return TruncationError(model.n, **with_floor(errors))
 
 
@@ -363,11 +249,90 @@ def _softest_coordinates(model: AntiOscillators, masses: Array, psi: Array) -> A
     return np.asarray(block_diag(1.0, modes, np.eye(model.hidden_count)))
 
 
+def halved(model: AntiOscillators) -> AntiOscillators:
+    """A model of the Krylov method, of one site or of several, with half of its Krylov space."""
+    if model.n < 2:
+        return model.truncated(0)
+
+    P = np.sqrt(model.m)[None] if model.P is None else model.P
+    modes, omega = _krylov(P, model.omega, _expansion(model), model.n // 2)
+    p = model.n_sites
+    rows = slice(p, p + model.n)
+    if not model.sites:
+        masses = (P @ modes)[0] ** 2
+        psi = np.sqrt(masses)[:, None] * modes.T / np.sqrt(model.m)
+        given = {"m0": model.m0 + float(model.m.sum() - masses.sum()), "m": masses}
+    else:
+        psi = modes.T
+        left_out = P - (P @ modes) @ modes.T  # of orthonormal modes
+        given = {"m0": model.m0 + left_out @ left_out.T, "P": P @ modes}
+
+    damping = model.damping
+    if isinstance(damping, DampingMatrix):
+        from scipy.linalg import block_diag  # takes as long to load as some impacts
+
+        damping = in_coordinates(damping, block_diag(np.eye(p), modes, np.eye(model.hidden_count)))
+
+    def fewer(values: Array) -> Array:
+        """Values of the motions in the new ones."""
+        return np.concatenate([values[:p], psi @ values[rows], values[rows.stop :]])
+
+    participation = model.participation
+    if participation is not None:
+        lumped = 0.0 if model.sites else participation[rows].sum()
+        participation = fewer(participation)
+        if not model.sites:
+            participation[0] += lumped - participation[p : p + len(psi)].sum()
+    return replace(
+        model,
+        **given,
+        omega=omega,
+        damping=damping,
+        participation=participation,
+        shapes=None,
+        inertia=model.inertia and model.inertia.along(fewer(model.inertia.momentum)),
+        strain_error=None,
+        strain_misfit=None,
+    )
+
+
+def _krylov(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Array]:
+    """(modes (n, k) of a Krylov space in those of a model, their frequencies), k <= count.
+
+    Lanczos' recurrence of 1/(omega^2 + point) in motions of unit stiffness.
+    """
+    highest = 1 / (omega[0] ** 2 + point)
+    lam = (omega[0] ** 2 + point) / (omega**2 + point)
+    basis = np.zeros((omega.size, 0))
+    block = np.sqrt(lam)[:, None] * P.T
+
+    while basis.shape[1] < count:
+        size = np.linalg.norm(block)
+        for _ in range(2):
+            block = block - basis @ (basis.T @ block)
+        directions, sizes, _ = np.linalg.svd(block, full_matrices=False)
+        new = directions[:, sizes > DEFLATED * size][:, : count - basis.shape[1]]
+        if not new.size:
+            break
+        basis = np.column_stack((basis, new))
+        block = lam[:, None] * new
+
+    values, turn = np.linalg.eigh(basis.T * lam @ basis)
+    values, turn = values[::-1], turn[:, ::-1]
+    modes = np.sqrt(lam)[:, None] * (basis @ turn) / np.sqrt(values)  # of unit mass
+    return modes, np.sqrt(1 / (highest * values) - point)
+
+
 def _unconverged(model: AntiOscillators) -> bool:
     """Whether the highest anti-oscillators have not converged, but represent the truncated
     modes.
     """
     return model.info.method == "krylov" and (model.info.converged or 0) < model.n
+
+
+def _expansion(model: AntiOscillators) -> float:
+    """The square [rad²/s²] of the expansion point of a model."""
+    return (2 * np.pi * (model.info.expansion or 0.0)) ** 2
 
 
 def _gauss(m: Array, omega: Array, point: float = 0.0) -> tuple[Array, Array, Array]:

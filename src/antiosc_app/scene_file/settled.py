@@ -86,7 +86,7 @@ def settled(
     messages: list[str] = list(scene.warnings)
     with warnings_to(messages.append):  # what was left out of the file
         structure = evaluate(scene.structure)
-    hardest = _hardest(document)
+    hardest = _hardest(document, scene)
     known = Known(structure, evaluation)
     told: list[str] = []
     choice = Choice(radius=_radius(structure, compiled(hardest), document))
@@ -145,7 +145,7 @@ def _radius(structure: Structure | None, scene: CompiledScene, document: Documen
     return None if striker is None else patch_radius(structure, site, striker, law or AUTO)
 
 
-def _hardest(document: Document) -> Document:
+def _hardest(document: Document, scene: CompiledScene) -> Document:
     """The document with the hardest values that [sweep] and [monte_carlo] have for the striker;
     itself without any.
     """
@@ -155,7 +155,27 @@ def _hardest(document: Document) -> Document:
         if isinstance(values, list) and all(isinstance(x, int | float) for x in values):
             largest[key] = max(values)
 
+    largest |= _largest_drawn(scene)
     if not largest:
         return document
     striker = {**document.data.get("impactor", {}), **largest}
     return replace(document, data={**document.data, "impactor": striker})
+
+
+#: Share of the studies in which a draw exceeds the value for which the patch is chosen.
+EXCEEDED = 0.01
+
+
+def _largest_drawn(scene: CompiledScene) -> dict[str, float]:
+    """Values of the striker that hardly any of the draws of [monte_carlo] exceeds."""
+    if scene.sample is None:
+        return {}
+
+    given = scene.sample.arguments
+    share = 1 - EXCEEDED / given.get("n", 1000)
+    section = "impactor."
+    return {
+        name.removeprefix(section): float(law.made.ppf(share))
+        for name, law in given["inputs"].items()
+        if hasattr(law.made, "ppf") and name.startswith(section) and name.count(".") == 1
+    }

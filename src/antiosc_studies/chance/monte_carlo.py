@@ -21,7 +21,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.progress import counting
 from antiosc.base.texts import STOPPED
-from antiosc_studies.chance.sample import QUANTILES, Sample, checked_levels
+from antiosc_studies.chance.sample import FAILED, QUANTILES, Sample, checked_levels
 
 #: Runs that are simulated together as one batch.
 TOGETHER = 100
@@ -297,8 +297,8 @@ def sample_of(what: str, drawn: dict[str, Array], rows: list[Row]) -> Sample:
         raise AntioscError(f"all {len(rows)} {what} failed, the first one so: {failed[0]}")
     if failed:
         warn(
-            f"{len(failed)} of {len(rows)} {what} failed and are left out of what is said of the"
-            f" others (see .failed); the first one: {next(iter(failed.values()))}",
+            f"{FAILED.format(len(failed), f'of {len(rows)} {what}')} (see .failed); the first one:"
+            f" {next(iter(failed.values()))}",
             AccuracyWarning,
         )
     names = list(dict.fromkeys(name for row in rows if not isinstance(row, str) for name in row))

@@ -27,6 +27,8 @@ RESAMPLES = 200
 CONFIDENCE = 0.95
 #: Shares of the results below the quantiles that are told, unless others are asked for.
 QUANTILES = (0.05, 0.5, 0.95)
+#: Note on runs that failed: their number, and of how many.
+FAILED = "{} {} failed and count as larger than all others"
 #: Least number of runs for indices of sensitivity.
 LEAST = 50
 
@@ -52,7 +54,8 @@ def quantile(sample: ArrayLike, q: float, confidence: float = 0.95) -> Quantile:
     """The quantile `q` of a sample, with its confidence interval between order statistics.
 
     The number of samples below the quantile is binomial, so that the interval holds for any
-    distribution (H. A. David, H. N. Nagaraja, Order Statistics, 3rd ed., section 7.1).
+    distribution (H. A. David, H. N. Nagaraja, Order Statistics, 3rd ed., section 7.1). Samples may
+    be infinite, as those of runs that failed.
     """
     from scipy.stats import binom
 
@@ -68,11 +71,19 @@ def quantile(sample: ArrayLike, q: float, confidence: float = 0.95) -> Quantile:
         f"{len(ordered)} results are too few for the {end} end of the bar, "
         f"{ceil(log(tail) / log(p))}"
         " have one"
-        for end, p, bound in (("lower", 1 - share, lower), ("upper", share, upper))
-        if np.isinf(bound)
+        for end, p, none in (("lower", 1 - share, low < 1), ("upper", share, high >= len(ordered)))
+        if none
     ]
-    value = float(np.quantile(ordered, share))
+    with np.errstate(invalid="ignore"):
+        value = float(np.quantile(ordered, share))
+    if np.isnan(value):  # beside or among infinite ones
+        value = float(ordered[ceil(share * (len(ordered) - 1))])
     return Quantile(value, float(lower), float(upper), "; ".join(lacking))
+
+
+def finite_or_none(estimate: Quantile) -> float | None:
+    """The value of a quantile as JSON has it: None where runs that failed decide on it."""
+    return estimate.value if np.isfinite(estimate.value) else None
 
 
 def probability(count: int, size: int, confidence: float = 0.95) -> Quantile:
@@ -144,7 +155,7 @@ class Sample(Result):
         return {
             "runs": len(self),
             **{
-                name: {text: self.quantile(name, q).value for text, q in levels.items()}
+                name: {text: finite_or_none(self.quantile(name, q)) for text, q in levels.items()}
                 for name in available
             },
             "status": self.status,
@@ -160,23 +171,35 @@ class Sample(Result):
         return results
 
     def quantile(self, quantity: str, q: float, confidence: float = CONFIDENCE) -> Quantile:
-        """The quantile `q` of a quantity with its confidence interval; see `sample.quantile`."""
-        return self._noted(quantity, quantile(self.finite(quantity), q, confidence))
+        """The quantile `q` of a quantity with its confidence interval; see `sample.quantile`.
+
+        A run that failed counts as larger than all others.
+        """
+        return self._noted(quantity, quantile(self._with_failed(quantity), q, confidence))
 
     def exceedance(self, quantity: str, limit: float, confidence: float = CONFIDENCE) -> Quantile:
-        """The probability that a quantity exceeds `limit`, with its confidence interval."""
-        results = self.finite(quantity)
+        """The probability that a quantity exceeds `limit`, with its confidence interval; runs that
+        failed exceed it.
+        """
+        results = self._with_failed(quantity)
         limit = checks.number("limit", limit)
         share = probability(int(np.sum(results > limit)), len(results), confidence)
         return self._noted(quantity, share)
 
+    def _with_failed(self, quantity: str) -> Array:
+        """(k,) finite results of a quantity, and an infinite one for each run that failed."""
+        return np.append(self.finite(quantity), np.full(len(self.failed), np.inf))
+
     def _noted(self, quantity: str, estimate: Quantile) -> Quantile:
-        """The quantile with a note on the runs that lack the quantity."""
-        lacking = len(self) - len(self.finite(quantity))
-        message = (
-            f"{lacking} of {len(self)} runs have no {quantity} and are left out" if lacking else ""
-        )
-        return replace(estimate, note="; ".join(filter(None, (estimate.note, message))))
+        """The quantile with notes on the runs that failed or lack the quantity."""
+        lacking = len(self) - len(self._with_failed(quantity))
+        of = f"of {len(self)} runs"
+        notes = [
+            estimate.note,
+            FAILED.format(len(self.failed), of) if self.failed else "",
+            f"{lacking} {of} have no {quantity} and are left out" if lacking else "",
+        ]
+        return replace(estimate, note="; ".join(filter(None, notes)))
 
     def sensitivity(self, quantity: str | None = None) -> Sensitivity:
         """Sobol's first-order index of each input: its share of the variance of a quantity.
@@ -220,6 +243,8 @@ class Sample(Result):
         axes.hist(results, bins="auto", color="tab:blue", alpha=0.6)
         for q in self.quantiles:
             estimate = self.quantile(name, q)
+            if not np.isfinite(estimate.value):
+                continue
             line = axes.axvline(estimate.value, color="black", linestyle="--" if q != 0.5 else "-")
             line.set_label(f"{100 * q:g} %: {estimate.value:.4g}")
             axes.axvspan(
@@ -240,7 +265,7 @@ class Sample(Result):
         facts = [("runs", f"{len(self)} of {', '.join(self.inputs)}; {len(self.failed)} failed")]
         for name in list(self.values)[:3]:
             values = ", ".join(f"{self.quantile(name, s).value:.4g}" for s in self.quantiles)
-            lacking = len(self) - len(self.finite(name))
+            lacking = len(self) - len(self._with_failed(name))
             note = f", without {lacking} runs" if lacking else ""
             facts.append((name, f"{values} at {levels_text(self.quantiles)}{note}"))
         return facts

@@ -18,7 +18,14 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.progress import counting
 from antiosc.base.texts import FieldsRepr, Result
 from antiosc_studies.chance.monte_carlo import rows_of_runs, sample_of
-from antiosc_studies.chance.sample import QUANTILES, Quantile, Sample, levels_text, quantile
+from antiosc_studies.chance.sample import (
+    QUANTILES,
+    Quantile,
+    Sample,
+    finite_or_none,
+    levels_text,
+    quantile,
+)
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
@@ -108,7 +115,7 @@ class Drops(Result):
         return {
             "falls": len(self),
             **{
-                name: {text: self.quantile(name, q).value for text, q in levels.items()}
+                name: {text: finite_or_none(self.quantile(name, q)) for text, q in levels.items()}
                 for name in self.values
             },
             "status": self.status,
@@ -138,12 +145,14 @@ class Drops(Result):
     ) -> Quantile:
         """The quantile q of the falls' largest values, with its confidence interval.
 
-        The interval is that between order statistics, for any distribution (binomial).
+        The interval is that between order statistics, for any distribution (binomial). A fall that
+        failed counts as larger than all others.
         """
         values = self.largest(quantity, impact)
         values = values[np.isfinite(values)]
         if not len(values):
             raise InputError("no fall has such an impact.")
+        values = np.append(values, np.full(len(self.failed), np.inf))
         return quantile(values, q, confidence)
 
     def _facts(self) -> list[tuple[str, str]]:

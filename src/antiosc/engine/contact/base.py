@@ -68,11 +68,12 @@ class ContactLaw(ABC):
         return float("inf")
 
     def without(self, compliance: float) -> ContactLaw:
-        """This law minus `compliance` [m/N]: F = f(delta + compliance F).
+        """This law minus `compliance` [m/N], where it counts the half-space of both bodies.
 
-        It is used for a structure whose compliance contains that of the half-space under its patch.
+        Hertz's law and those made from it count that indentation, which the compliance of a
+        structure with a patch contains as well. Any other law is taken as given: it returns itself.
         """
-        return ReducedLaw(self, compliance)
+        return self
 
     @abstractmethod
     def force(self, delta: float, rate: float, state: State) -> float:
@@ -211,89 +212,6 @@ class ContactLaw(ABC):
 
 #: Share of a law's own flexibility that the compliance of a patch may take.
 LARGEST_SHARE = 0.7
-
-
-class ReducedLaw(ContactLaw):
-    """A user's law with the compliance [m/N] of a patch subtracted; `rate` is that of delta.
-
-    Beyond `valid_force` a smaller compliance is subtracted, so that a run can complete.
-    """
-
-    def __init__(self, law: ContactLaw, compliance: float) -> None:
-        self.law = law
-        self.compliance = compliance
-        self.rate_dependent, self.has_memory = law.rate_dependent, law.has_memory  # type: ignore[misc]
-
-    def __repr__(self) -> str:
-        return f"{self.law!r}.without({self.compliance:g})"
-
-    def without(self, compliance: float) -> ReducedLaw:
-        return ReducedLaw(self.law, compliance)
-
-    @property
-    def theory(self) -> str:
-        return self.law.theory
-
-    @cached_property
-    def valid_force(self) -> float:
-        law = self.law
-        state = self.law.touch(0.0)
-        low = 1e-30
-        high = 1e30
-        for _ in range(80):
-            middle = (low * high) ** 0.5
-            if self.compliance * law.tangent(middle, 0.0, state)[0] <= LARGEST_SHARE:
-                low = middle
-            else:
-                high = middle
-        end = law.force(low, 0.0, state) if low < 1e29 else float("inf")
-        return min(law.valid_force, end)
-
-    def _whole(self, delta: float, rate: float, state: State) -> float:
-        """Indentation [m] of the law: delta plus the indentation that the patch contains."""
-        law = self.law
-        low = delta
-        share = 2 / 3 * LARGEST_SHARE  # of the depth beyond the origin
-        margin = share / (1 - share) * max(delta - law.origin(state), 0.0)
-        high = delta + margin
-        for _ in range(100):
-            middle = delta + min(self.compliance * law.force(low, rate, state), margin)
-            by_delta = self.compliance * law.tangent(low, rate, state)[0]
-            step = (middle - low) / (1 - by_delta) if by_delta < 1 else high - low
-            new = min(low + step, high)
-            if abs(new - low) <= 1e-15 * abs(new):
-                return new
-            low = new
-        return low
-
-    def force(self, delta: float, rate: float, state: State) -> float:
-        return self.law.force(self._whole(delta, rate, state), rate, state)
-
-    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
-        by_delta, by_rate = self.law.tangent(self._whole(delta, rate, state), rate, state)
-        share = max(1 - self.compliance * by_delta, 1 - LARGEST_SHARE)
-        return by_delta / share, by_rate / share
-
-    def energy(self, delta: float, state: State) -> float:
-        total = self._whole(delta, 0.0, state)
-        force = self.law.force(total, 0.0, state)
-        return self.law.energy(total, state) - 0.5 * force * (total - delta)
-
-    def touch(self, speed: float, state: State | None = None) -> State:
-        return self.law.touch(speed, state)
-
-    def advance(self, delta: float, rate: float, state: State) -> State:
-        return self.law.advance(self._whole(delta, rate, state), rate, state)
-
-    def origin(self, state: State) -> float:
-        return self.law.origin(state)
-
-    def lost(self, state: State) -> float:
-        return self.law.lost(state)
-
-    def damping(self, delta: float, rate: float, state: State) -> float:
-        return self.force(delta, rate, state) - self.force(delta, 0.0, state)
-
 
 _ThreeDoubles = c_double * 3
 

@@ -24,7 +24,6 @@ reloads from delta_p.
 from __future__ import annotations
 
 from abc import abstractmethod
-from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import atan, inf, log, log1p, pi, sqrt
@@ -77,7 +76,7 @@ class Patched(Compiled):
 
 
 @dataclass(frozen=True)
-class Power(Patched):
+class Power(Compiled):
     """F = stiffness * delta^exponent.
 
     Parameters
@@ -95,29 +94,12 @@ class Power(Patched):
 
 
 @dataclass(frozen=True)
-class Linear(Patched):
-    """F = stiffness * delta, a spring that can only push. `stiffness` in N/m.
-
-    The `compliance` of a patch must be at most 0.7 of 1/stiffness. If it would be more, `without`
-    does not subtract it.
-    """
+class Linear(Compiled):
+    """F = stiffness * delta, a spring that can only push. `stiffness` in N/m."""
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m"))
 
     kind: ClassVar[int] = library.LINEAR
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.compliance * self.stiffness > LARGEST_SHARE:
-            raise InputError(
-                f"compliance must not exceed {LARGEST_SHARE} of 1/stiffness:"
-                f" {LARGEST_SHARE / self.stiffness:g} m/N; got {self.compliance:g}."
-            )
-
-    def without(self, compliance: float) -> Self:
-        if compliance * self.stiffness > LARGEST_SHARE:
-            return self
-        return super().without(compliance)
 
 
 @dataclass(frozen=True)
@@ -211,6 +193,10 @@ def _checked_restitution(name: str, value: object) -> float:
     return e
 
 
+#: Exponent of Hertz's law.
+HERTZIAN = 1.5
+
+
 @dataclass(frozen=True)
 class _Damped(Patched):
     """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
@@ -227,7 +213,7 @@ class _Damped(Patched):
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
     restitution: float = field(metadata=checked_by(_checked_restitution))
-    exponent: float = field(default=1.5, metadata=checked_by(checked_exponent))
+    exponent: float = field(default=HERTZIAN, metadata=checked_by(checked_exponent))
     factor: float = field(init=False, repr=False, compare=False)
 
     kind: ClassVar[int] = library.DAMPED
@@ -238,6 +224,9 @@ class _Damped(Patched):
         super().__post_init__()
         factor = self._factor(self.restitution)
         checks.store(self, factor=factor, _parameters=[self.stiffness, self.exponent, factor])
+
+    def without(self, compliance: float) -> Self:
+        return super().without(compliance) if self.exponent == HERTZIAN else self
 
     @staticmethod
     @abstractmethod
@@ -619,15 +608,12 @@ class Tabulated(Hysteretic):
         if unloading is not None:
             self._check_loss(x)
 
+    def without(self, compliance: float) -> Self:
+        return self
+
     @cached_property
     def valid_force(self) -> float:
-        return min(self._end, super().valid_force)
-
-    def without(self, compliance: float) -> Self:
-        law = copy(self)
-        law.__dict__ = {**self.__getstate__(), "compliance": compliance}
-        law.__dict__.pop("valid_force", None)
-        return law
+        return self._end
 
     def _changed_fields(self) -> list[tuple[str, str]]:
         facts = [("points", str(self._points)), ("up to", self._reach)]
@@ -639,17 +625,10 @@ class Tabulated(Hysteretic):
         return f"Tabulated({', '.join(' '.join(fact) for fact in self._changed_fields())})"
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
-        if peak <= self._end:
-            return super().out_of_range(peak, radius)
         return (
             f"the peak force {peak:.4g} N exceeds the table's last point,"
             f" {self._end:.4g} N; measure or extrapolate the curve further"
         )
-
-    def enough_radius(self, peak: float, radius: float | None) -> float | None:
-        if peak <= self._end:
-            return super().enough_radius(peak, radius)
-        return None
 
     def _check_loss(self, depths: Array) -> None:
         for d in depths[1:]:
