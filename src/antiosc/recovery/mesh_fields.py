@@ -25,7 +25,6 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many, size_at
 from antiosc.fem.mesh.surface import kind_of_cells, outer_corners
 from antiosc.fem.platform import agree, compat
-from antiosc.fem.prestress import named_from
 from antiosc.fem.prestress.loaded_part import initial_strain
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
@@ -419,10 +418,8 @@ def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]
     assert preload is not None
     displaced = []
     for member, displacement in with_parts(structure).fields(preload.q[:, None], part):
-        names = named_from(f"{member.name}:", preload.initial) if member.name else preload.initial
-        strain = initial_strain(
-            member.part, {k: e for k, e in names.items() if k not in member.part.stiffeners}
-        )
+        of_cells = {k: e for k, e in preload.initial.items() if k not in member.part.stiffeners}
+        strain = initial_strain(member.part, of_cells)
         strained = replace(member.part, initial=np.array(strain.x.array))
         displaced.append((replace(member, part=strained), displacement))
     return displaced

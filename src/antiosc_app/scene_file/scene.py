@@ -272,8 +272,6 @@ def _assembly(build: Builder) -> Call | None:
     arguments |= {"joints": joints} | {
         name: value for name, value in extra_arguments.items() if value
     }
-    if "prestress" in build.data:
-        arguments["prestress"] = build.table("prestress")
     return build.table("assembly", always=True, given=arguments)
 
 

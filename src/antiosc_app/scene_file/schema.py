@@ -468,7 +468,7 @@ SECTIONS: dict[str, SceneSection] = {
     "at": SceneSection("named", "Placement", "where each part stands"),
     "points": SceneSection("table", "", "reference points of the assembly: name = [x, y, z]"),
     "assembly": SceneSection("table", "assemble", "options of the assembly",
-        "parts joints at points supports attached prestress"),
+        "parts joints at points supports attached"),
     "model": SceneSection("table", "AntiOscillators.load",
         "a reduced model that antiosc has saved"),
     "frf": SceneSection("table", "read_frf",

@@ -53,8 +53,6 @@ from antiosc.fem.assembly.parts import (
 from antiosc.fem.assembly.shares import Shares
 from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.platform import collective, on_root
-from antiosc.fem.prestress import Prestress
-from antiosc.fem.prestress.joined import with_prestress
 from antiosc.fem.structure import TURN, Placement
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.structure import Structure, holding
@@ -365,7 +363,6 @@ def assemble(
     supports: Sequence[Support] = (),
     attached: Sequence[Attachment] = (),
     solver: SolverChoice = "auto",
-    prestress: Prestress | None = None,
 ) -> Structure:
     """One structure of several parts, joined by linear constraints u = T q.
 
@@ -392,8 +389,6 @@ def assemble(
         more than points they act on its mean motion.
     solver : "auto", "direct" or "iterative"
         As for `Structure`.
-    prestress : Prestress, optional
-        Loads on the whole assembly: tensions of bolts by name, of groups "part:group".
 
     Returns
     -------
@@ -421,7 +416,6 @@ def assemble(
         supports=supports,
         attached=attached,
         solver=solver,
-        prestress=prestress,
     )
 
 
@@ -435,7 +429,6 @@ def assemble_checked(
     attached: Sequence[Attachment] = (),
     solver: SolverChoice = "auto",
     apart: bool = False,
-    prestress: Prestress | None = None,
 ) -> Structure:
     """`assemble` for checked joints; `apart` permits parts without a joint, if supports hold each
     part."""
@@ -476,8 +469,6 @@ def assemble_checked(
         local=local,
         constraints=constraints_on_root[0] if constraints_on_root else None,
     )
-    if prestress is not None:
-        matrices = with_prestress(matrices, prestress, joints)
     self = holding(matrices, start_time)
     self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
     return self

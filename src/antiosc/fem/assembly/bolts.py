@@ -118,30 +118,6 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
     return k, m
 
 
-def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
-    """(a (12,), B (12, 12)) of the elongation a·g + gᵀBg/2 of a beam with dofs g as in `element`.
-
-    B contains the squared slopes of the deflection, and the twist, which lengthens fibres off the
-    axis.
-    """
-    a = np.zeros(12)
-    B = np.zeros((12, 12))
-    a[[0, 6]] = -1.0, 1.0
-    bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    section = beam.section
-    radius2 = (section.I + section.side) / section.A
-    B[np.ix_((3, 9), (3, 9))] = radius2 / length * bar
-    x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    s = (x + 1) / 2
-    w = w / 2 * length
-    for plane, (dofs, sign) in enumerate(PLANES):
-        signs = np.array([1.0, sign, 1.0, sign])
-        slopes = _slopes(_shear_share(beam, plane, length), length, s)
-        product = np.einsum("iq,jq,q->ij", slopes, slopes, w)
-        B[np.ix_(dofs, dofs)] += product * np.outer(signs, signs)
-    return a, B
-
-
 def _shear_share(beam: Beam, plane: int, L: float) -> float:
     """Timoshenko's φ = 12 EI/(GκA L²); 0 for a beam without shear deformation."""
     if not beam.shear:

@@ -40,11 +40,6 @@ def _vectors(name: str, value: object) -> dict[str, tuple[float, ...]]:
     return {key: _vector(f"the {name} on {key!r}", item, "N") for key, item in _items(name, value)}
 
 
-def named_from(start: str, values: Mapping[str, T]) -> dict[str, T]:
-    """The entries whose names begin with `start`, keyed by the rest of their names."""
-    return {key[len(start) :]: item for key, item in values.items() if key.startswith(start)}
-
-
 def _items(name: str, value: object) -> list[tuple[str, object]]:
     """Items of a mapping with text keys; otherwise InputError."""
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
@@ -91,12 +86,10 @@ class Prestress(Checked):
         Group -> Pa. On faces of a solid (edges of a plane one) it acts inward; on cells of a sheet,
         along their normal toward the top. It follows the rotation of the surface.
     tension : dict
-        Name -> N, for a `Bolt` of an assembly, a group of cells of beams or bars, or a stiffener:
-        the force after all of them are tightened, before other loads act. Negative: compression.
+        Name -> N, for a group of cells of beams or bars, or a stiffener: the force after all of
+        them are tightened, before other loads act. Negative: compression.
     force : dict
         Group -> (x, y, z) N: the resultant of an even distribution; its direction is fixed.
-
-    In an assembly groups are named "part:group".
 
     Raises
     ------
@@ -116,21 +109,6 @@ class Prestress(Checked):
     force: Mapping[str, Sequence[float]] = field(
         default_factory=dict, metadata=checked_by(_vectors)
     )
-
-
-def loads_on_part(loads: Prestress, name: str, R: Array, about: Array) -> Prestress:
-    """Loads on the part `name` of an assembly, in the part's axes, without tensions.
-
-    R (3, 3) rotates the part into the assembly; `about` (3,) is the point of the spin axis in the
-    part's axes.
-    """
-    spin = loads.spin
-    if spin is not None:
-        spin = Spin(tuple(R.T @ spin.axis), spin.omega, tuple(about))
-    start = f"{name}:"
-    forces = {key: tuple(R.T @ vector) for key, vector in named_from(start, loads.force).items()}
-    pressure = named_from(start, loads.pressure)
-    return Prestress(spin, tuple(R.T @ loads.gravity), pressure, {}, forces)
 
 
 @dataclass(frozen=True, eq=False)
