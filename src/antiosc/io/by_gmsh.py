@@ -43,6 +43,8 @@ SHORTER = 0.5
 MOST_CELLS = 10_000_000
 #: Processor time [s] that a mesh may take, besides 2 ms a cell.
 TIME = 120.0
+#: Least size of elements by the curvature over the one that is asked for.
+LEAST_SIZE = 0.02
 #: Number of regular simplices with edges of length 1 per unit of length, area or volume.
 CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
@@ -65,6 +67,10 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
     if ask.size is not None:
         _check_size(gmsh, ask, dim, scale)
         gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size / scale)
+        # at the tip of a cone elements by the curvature would have no end
+        wanted = ask.sizes["sizes"] if ask.sizes else []
+        smallest = min([ask.size, *(local for _, local in ask.refine), *wanted])
+        gmsh.option.setNumber("Mesh.MeshSizeMin", LEAST_SIZE * smallest / scale)
     if of_cad:  # short edges of CAD would fill whole faces with small cells
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
     if ask.sizes is not None:

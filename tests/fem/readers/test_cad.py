@@ -208,3 +208,18 @@ def test_what_is_no_file_of_a_mesh_is_told(name):
     with pytest.raises(ao.MeshError) as told:
         ao.read_mesh(name, cells=3)
     str(told.value).encode()
+
+
+def test_the_tip_of_a_cone_has_few_cells(tmp_path):
+    """Elements by the curvature alone would have no end there."""
+    path = tmp_path / "cone.step"
+    with gmsh_session() as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.model.occ.addCone(0, 0, 0, 0, 0, 40, 20, 0)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    mesh = ao.read_mesh(path, size=8e-3, timeout=60)
+    assert mesh.n_cells < 5000
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(
+        7850 * np.pi * 0.02**2 * 0.04 / 3, rel=5e-3
+    )
