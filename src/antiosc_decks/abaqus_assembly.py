@@ -177,9 +177,7 @@ class Whole:
                 members.append(instance.numbered(keyword, _ranged(row)))
                 row.needs(
                     not (strict and not len(members[-1])),
-                    f"*{keyword} in the assembly "
-                    "selects nothing; name the instance of its numbers "
-                    "(INSTANCE=).",
+                    f"this *{keyword} selects nothing; name its INSTANCE=.",
                 )
                 continue
             for word in filter(None, row.fields):
@@ -231,7 +229,6 @@ def read(sources: Sources) -> Whole:
     cards = read_cards(sources)
     name = sources.name
     assembled = Whole(Deck(name), account_for(cards, name))
-    assembled.deck.remarks += assembled.account.unknown()
     top, parts, instances = _divided(cards, assembled.steps)
     alone = [] if instances else list(parts.values())  # without instances each part is its own
     if len(alone) == 1:  # and a single one a flat deck

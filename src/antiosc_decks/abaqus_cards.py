@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, DeckPlace, IntArray, Placed, real_number, whole_number
-from antiosc_decks.sources import BULK, UNKNOWN, Account, Fate, Sources, table
+from antiosc_decks.sources import BULK, Account, Fate, Sources, table
 
 #: Element rows from this number on stand for elements that are not cells (masses, springs).
 OTHER = 2**40
@@ -162,10 +162,7 @@ class Card(Placed):
         """Raise MeshError if the instance is rotated: the card's axes would be ambiguous."""
         unrotated = np.allclose(self.within.turn, np.eye(3), rtol=0, atol=1e-9)
         self.needs(
-            unrotated,
-            f"the instance {self.within.name!r} is rotated, and the axes of this "
-            f"{self.label} in its part may be those before or after; give it outside the "
-            "part, or by vectors (n1, *ORIENTATION).",
+            unrotated, f"{self.label} of a rotated instance is ambiguous: give it by vectors."
         )
 
 
@@ -300,8 +297,8 @@ REFUSED_OPTIONS = table(
         "a change of the place of the reference node": "RIGIDBODY,POSITION",
         "a part of another analysis": "INSTANCE,LIBRARY",
         "a change of the equations between steps": "EQUATION,REMOVE EQUATION,REMOVEALL",
-        "a sector (give the whole ring)": "TIE,CYCLICSYMMETRY TIE,MULTISTAGE TIE,FLUIDPERIODIC",
-        "in cylindrical axes (turn each node by its own)": "TRANSFORM,TYPE",
+        "a sector: give the whole ring": "TIE,CYCLICSYMMETRY TIE,MULTISTAGE TIE,FLUIDPERIODIC",
+        "in cylindrical axes: turn each node by its own": "TRANSFORM,TYPE",
         "a submodel": "BOUNDARY,SUBMODEL",
         "a nonlinear law": "SPRING,NONLINEAR DASHPOT,NONLINEAR",
     }
@@ -339,22 +336,11 @@ VALUESATINFINITY ELECTRICALCONDUCTIVITY MAGNETICPERMEABILITY DIELECTRIC PIEZOELE
 DEPVAR BOUNDARYF EQUATIONF TRANSFORMF SENSITIVITY OBJECTIVE DESIGNVARIABLES DESIGNRESPONSE
 CONSTRAINT FEASIBLEDIRECTION FILTER
 """
-_IGNORED = """
-INCLUDE STEP CLOAD DLOAD DSLOAD TEMPERATURE FIELD FILM SFILM RADIATE SRADIATE CFLUX DFLUX DSFLUX
-MASSFLOW INITIALCONDITIONS INITIALSTRAININCREASE BASEMOTION INERTIARELIEF CONNECTORLOAD
-CONNECTORMOTION DAMPING MODALDAMPING GLOBALDAMPING DAMPINGCONTROLS SLIDEDAMPING FIXEDMASSSCALING
-VARIABLEMASSSCALING EXPANSION NORMAL PLASTIC CREEP CYCLICHARDENING DEFORMATIONPLASTICITY
-RATEDEPENDENT HYPERELASTIC HYPERFOAM VISCOELASTIC HYSTERESIS MULLINSEFFECT LOWDENSITYFOAM
-USERMATERIAL NOCOMPRESSION NOTENSION CONCRETE TENSIONSTIFFENING POTENTIAL CAPPLASTICITY
-DRUCKERPRAGER DRUCKERPRAGERHARDENING MOHRCOULOMB MOHRCOULOMBHARDENING CONCRETEDAMAGEDPLASTICITY
-CONCRETECOMPRESSIONHARDENING CONCRETETENSIONSTIFFENING DAMAGEINITIATION DAMAGEEVOLUTION SHEARFAILURE
-TENSILEFAILURE CASTIRONPLASTICITY CHANGEPLASTIC SWELLING EOS
-"""
 _REFUSED = {
     "general contact": "CONTACT",
-    "a sector (give the whole ring)": "CYCLICSYMMETRYMODEL",
-    "a gap (join what touches)": "GAP",
-    "a nonstructural mass (raise the density)": "NONSTRUCTURALMASS",
+    "a sector: give the whole ring": "CYCLICSYMMETRYMODEL",
+    "a gap: join what touches": "GAP",
+    "a nonstructural mass: raise the density": "NONSTRUCTURALMASS",
     "a submodel": "SUBMODEL",
     "a change of the model between steps": "MODELCHANGE",
     "a connector": "CONNECTORSECTION",
@@ -373,7 +359,7 @@ _REFUSED = {
     "a model of another analysis": "IMPORT SYMMETRICMODELGENERATION",
     "a change of the sections between steps": "CHANGESOLIDSECTION",
     "a change of a material between steps": "CHANGEMATERIAL",
-    "an elastic foundation (use springs)": "FOUNDATION",
+    "an elastic foundation: use springs": "FOUNDATION",
     "a release of beams' ends": "RELEASE",
     "a distribution over elements": "DISTRIBUTION",
     "a change of the nodes' places": "IMPERFECTION",
@@ -381,10 +367,10 @@ _REFUSED = {
     "an adjustment of the mass": "MASSADJUST",
     "reinforcement": "REBAR REBARLAYER",
     "a stiffness against transverse shear": "TRANSVERSESHEARSTIFFNESS",
-    "a generator (write the nodes and elements out)": " ".join(GENERATORS),
+    "a generator: write the nodes and elements out": " ".join(GENERATORS),
 }
 
-CARDS = table(read=READ, harmless=_HARMLESS.split(), ignored=_IGNORED.split(), refused=_REFUSED)
+CARDS = table(read=READ, harmless=_HARMLESS.split(), refused=_REFUSED)
 CARDS["PRE-TENSIONSECTION"] = Fate("ignored", "whose bolt is whole, as it is once tightened,")
 
 
@@ -396,7 +382,7 @@ def account_for(cards: list[Card], name: str) -> Account:
     for card in cards:
         if card.keyword == "STEP":
             count, step = count + 1, count
-        fate = _at_step(card.keyword, CARDS.get(card.keyword, UNKNOWN), step)
+        fate = _at_step(card.keyword, CARDS.get(card.keyword, Fate()), step)
         account.cards.append((card.label, card.place, fate))
         if fate.kind == "read":
             for option in card.options:
@@ -425,4 +411,4 @@ def _option_fate(card: Card, option: str) -> Fate:
     value = "".join(card.option(option).split()).upper()
     if option in option_fates and (values == [""] or value in values):
         return Fate("read")
-    return REFUSED_OPTIONS.get(f"{card.keyword},{option}", UNKNOWN)
+    return REFUSED_OPTIONS.get(f"{card.keyword},{option}", Fate())

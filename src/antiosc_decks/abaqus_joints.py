@@ -14,7 +14,6 @@ from antiosc.io.neutral import CORNERS, EDGES, Term
 from antiosc_decks.abaqus_assembly import NONE, Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_sections import Orientations
-from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.constraints import DeckConstraints, Motions
 
 #: Corners of the faces S1, S2, … of solids.
@@ -34,13 +33,6 @@ class DeckFaces:
     faces: list[tuple[IntArray, IntArray]] = field(default_factory=list)
     #: arrays of rows of nodes; together all nodes of the surface
     node_tables: list[IntArray] = field(default_factory=list)
-    #: arrays of rows of elements with these faces
-    element_tables: list[IntArray] = field(default_factory=list)
-
-    @property
-    def elements(self) -> IntArray:
-        """Rows of the elements with these faces."""
-        return np.unique(np.concatenate([NONE, *self.element_tables]))
 
     @property
     def nodes(self) -> IntArray:
@@ -72,7 +64,6 @@ def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]
                 surface.node_tables.append(row.nodes())
                 continue
             elements = card.within.elements(row.word(0), row.place)
-            surface.element_tables.append(elements)
             side = row.word(1).upper()
             for block, _ in assembled.deck.blocks_of(elements):
                 faces = _faces(block, side, row.place)
@@ -105,7 +96,7 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
         number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
         place.needs(
             1 <= number <= len(sides),
-            f"{side or 'no side'!r} is no side of a {block.shape}; it must be S1 to S{len(sides)}.",
+            f"{side!r} is no side of a {block.shape}; it must be S1 to S{len(sides)}.",
         )
         corners = sides[number - 1]
     edges = [frozenset(edge) for edge in EDGES[block.shape]]
@@ -249,9 +240,9 @@ LONGEST_EQUATION = 1_000_000
 TEMPERATURE = "11"
 
 
-def read_joints(assembled: Whole, builder: ModelBuilder, cards: Sequence[Card]) -> None:
-    """Add the constraints of the cards to those of the builder; contact pairs come last."""
-    reader = _Joints(assembled, builder, surfaces_of(assembled, cards))
+def read_joints(assembled: Whole, joints: DeckConstraints, cards: Sequence[Card]) -> None:
+    """Add the constraints of the cards to `joints`; contact pairs come last."""
+    reader = _Joints(assembled, joints, surfaces_of(assembled, cards))
     for card in cards:
         if card.keyword in READERS:
             READERS[card.keyword](reader, card)
@@ -268,11 +259,10 @@ class _Joints:
     """Reads cards that join nodes: one method for each card."""
 
     def __init__(
-        self, assembled: Whole, builder: ModelBuilder, surfaces: dict[str, DeckFaces]
+        self, assembled: Whole, joints: DeckConstraints, surfaces: dict[str, DeckFaces]
     ) -> None:
         self.whole = assembled
-        self.builder = builder
-        self.joints = builder.joints
+        self.joints = joints
         self.surfaces = surfaces
         self.orientations = Orientations(assembled.cards)
         #: of the last *COUPLING: reference node, nodes, card
@@ -351,8 +341,6 @@ class _Joints:
         for one in tied:  # onto the face: at a distance from it no rotation would be free
             points[one.node] = one.weights @ points[one.leaders]
         lead(joints, tied, place)
-        for side in (first, second):
-            self.builder.touching |= set(self.builder.of_element[side.elements].tolist())
         return len(tied)
 
     def tell_contact(self) -> None:
@@ -397,9 +385,7 @@ class _Joints:
             place.needs(len(members), f"*EQUATION names {word!r}, a set without nodes.")
         is_single = len(nodes[0]) == 1 or sum(len(members) > 1 for members in nodes) == 1
         place.needs(
-            is_single,
-            "*EQUATION between several sets of nodes pairs them by their order, "
-            "which is not kept here; write one equation for each pair.",
+            is_single, "*EQUATION pairs them by their order, which is lost: write one each."
         )
         for k in range(len(nodes[0])):
             terms = []
@@ -537,9 +523,7 @@ class _Joints:
         """Let a reference node follow the weighted mean motion of nodes, along `axes`."""
         card.needs(
             node not in nodes,
-            f"the reference node of {card.label} is one of the nodes "
-            "whose mean motion it follows; give the coupling a node of its "
-            "own.",
+            f"{card.label} follows its own reference node; give it a node of its own.",
         )
         leader = self.joints.leader(node)
         self.joints.mean(leader, motions, nodes, weights, card.place, axes=axes)

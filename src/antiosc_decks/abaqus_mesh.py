@@ -122,8 +122,7 @@ def mesh_of(cards: list[Card], name: str) -> AbaqusMesh:
     for card in cards:
         card.needs(
             card.keyword not in GENERATORS,
-            f"{card.label} is not read here; write the "
-            "nodes and elements that it makes into the deck.",
+            f"{card.label} is not read: write the nodes and elements out.",
         )
     mesh = AbaqusMesh()
     _read_nodes(mesh, cards)
@@ -170,7 +169,7 @@ def _rectangular(card: Card, rows: Sequence[Row]) -> Array:
     system = card.option("SYSTEM", "R").upper()
     card.needs(
         system in ("R", "C"),
-        f"*NODE, SYSTEM={system} is not read here; give rectangular or cylindrical coordinates.",
+        f"*NODE, SYSTEM={system}: give rectangular or cylindrical coordinates.",
     )
     x = np.array([[row.real(k) for k in (1, 2, 3)] for row in rows]).reshape(-1, 3)
     if system == "C":

@@ -35,7 +35,6 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
     top = assembled.instances[""]
     first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
     assembled.account.refuse(("*CONTACT",), assembled.deck)
-    assembled.deck.remarks += assembled.account.unknown(options=True)
     builder = ModelBuilder(assembled.deck, units, unstated, bool(assembled.named("MASS")))
     sections = Sections(assembled, builder)
     builder.find_nodes()
@@ -52,7 +51,7 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
     for block in assembled.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane
             builder.fix(np.unique(block.corners), [2])
-    read_joints(assembled, builder, [*assembled.cards, *first])
+    read_joints(assembled, builder.joints, [*assembled.cards, *first])
     _add_points_and_links(assembled, builder, sections.orientations)
     builder.ignored += assembled.account.ignored()
     return finished(builder)
@@ -75,7 +74,7 @@ def _boundary(builder: ModelBuilder, card: Card) -> None:
                 continue
             row.needs(
                 1 <= first <= last <= 6,
-                f"*BOUNDARY fixes motions from {first} to {last}; they are counted from 1 to 6.",
+                f"*BOUNDARY fixes motions {first} to {last}; they are counted from 1 to 6.",
             )
             prescribed |= row.real(3) != 0
             motions = range(first - 1, last)
@@ -138,10 +137,7 @@ def _inertia(card: Card, row: Row) -> list[float]:
     card.needs(not any(values[3:]), "products of inertia are not supported.")
     if len({*values[:3]}) > 1:
         card.refuse_turned()
-        card.needs(
-            not card.option("ORIENTATION"),
-            "*ROTARY INERTIA in an orientation is not supported; give it in the axes of the deck.",
-        )
+        card.needs(not card.option("ORIENTATION"), "give *ROTARY INERTIA in the axes of the deck.")
     return values[:3]
 
 
@@ -162,9 +158,7 @@ def _link(
         terms = _along_motions(nodes, axes, values[0])
         values = values[1:]
     card.needs(
-        len(values) == 1,
-        f"{card.label} needs one {property_name} that does not depend on "
-        f"frequency or temperature; it has {len(values)}.",
+        len(values) == 1, f"{card.label} needs one constant {property_name}; it has {len(values)}."
     )
     value = real_number(values[0].word(0), values[0].place)
     place = values[0].place

@@ -164,10 +164,7 @@ def profile_of(card: Card) -> Profile:
     kind = card.option("SECTION", "RECT").upper()
     d = card.first().reals()
     section_kind = next((name for name in BEAM_SECTIONS if kind.startswith(name)), "")
-    card.needs(
-        section_kind,
-        f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or GENERAL.",
-    )
+    card.needs(section_kind, f"SECTION={kind} must be RECT, CIRC, PIPE, BOX or GENERAL.")
     number_count, positive, profile = BEAM_SECTIONS[section_kind]
     complete = len(d) >= number_count and min(d[:positive]) > 0
     card.needs(complete, f"SECTION={kind} needs {number_count} positive dimensions; got {d}.")
@@ -217,6 +214,9 @@ class Sections:
             return  # of springs, masses, or of a set that is empty
         blocks = [block for block, _ in self.whole.deck.blocks_of(elements)]
         roles = {block.role for block in blocks}
+        card.needs(
+            "axisymmetric" not in roles, "axisymmetric elements: revolve the part in your CAD."
+        )
         for kind in sorted({block.type for block in blocks if block.type.startswith("D")}):
             self.builder.tell_once(f"the heat transfer of {kind}, which carry forces here")
         for kind in sorted({block.type for block in blocks if block.type.startswith("M3D")}):
@@ -248,10 +248,7 @@ class Sections:
         given_nodes = np.flatnonzero(np.isfinite(self.thickness))
         nodal = any(np.isin(block.nodes, given_nodes).any() for block in blocks)
         of_card = not nodal and "NODALTHICKNESS" not in card.options
-        card.needs(
-            of_card,
-            "beams with *NODAL THICKNESS are not supported: give the dimensions in *BEAM SECTION.",
-        )
+        card.needs(of_card, "beams with *NODAL THICKNESS: give the dimensions in *BEAM SECTION.")
 
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
         """Raise the error of a section card that does not fit its elements."""
@@ -417,10 +414,7 @@ def _angle_between(axis: Array, direction: Array, normals: Array, place: DeckPla
     degrees = np.degrees(np.arctan2(sine, np.einsum("ni,ni->n", *flat)))
     varies = np.abs((degrees - degrees[0] + 90) % 180 - 90).max() > SAME_ANGLE
     place.needs(
-        not varies,
-        "the *ORIENTATION of this layer turns against that of the section, or "
-        "of the first layer, from element to element; give the layers angles "
-        "instead.",
+        not varies, "the *ORIENTATION of a layer turns from element to element; give angles."
     )
     return float(degrees[0])
 

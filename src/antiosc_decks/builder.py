@@ -61,6 +61,15 @@ class GroupSection(NamedTuple):
     place: DeckPlace
 
 
+def named(cards: Sequence[str]) -> str:
+    """The only one of some cards, or their number: "PSHELL 7", "11 PSHELL", "3 properties"."""
+    if len(cards) == 1:
+        return cards[0]
+    kinds = {card.split()[0] for card in cards}
+    what = kinds.pop() if len(kinds) == 1 else "cards"
+    return f"{len(cards)} {what}"
+
+
 class Unstated(NamedTuple):
     """What the materials get that a deck does not state."""
 
@@ -100,10 +109,10 @@ class ModelBuilder:
         self.truss = False
         #: nodes that are not merged with coincident nodes
         self.apart: list[int] = []
-        #: indices of the sections of parts in contact, of which a remark tells
-        self.touching: set[int] = set()
         #: what is ignored, in the deck's terms
         self.ignored: list[str] = []
+        #: what is told once -> of which cards or materials
+        self._told: dict[str, dict[str, None]] = {}
         #: motions that are fixed; before `hold`, along the local axes of nodes that have such axes
         self.fixed = np.zeros((nodes, 6), dtype=bool)
         #: nodes of chosen elements; of those with rotations; of elements not chosen alone
@@ -149,11 +158,10 @@ class ModelBuilder:
             return self.unstated.density
         material.needs(
             self.lumped,
-            f"the material {material.name!r} has no density, without which "
-            "nothing can be struck; add it to the deck, or give a density in "
-            "kg/m³.",
+            f"the material {material.name!r} has no density, without which nothing can be struck; "
+            "add it to the deck, or give a density in kg/m³.",
         )
-        self.tell_once(f"the mass of {material.name}, whose density is 0")
+        self.tell_once("the mass of {}, whose density is 0", material.name)
         return material.modulus * self.units.stress / MASSLESS_WAVE**2
 
     def isotropic(self, material: Material, what: str) -> Json:
@@ -167,15 +175,12 @@ class ModelBuilder:
         E, nu = material.isotropic or (0.0, 0.0)
         material.needs(
             material.isotropic,
-            f"the material {material.name!r} is not isotropic, but "
-            f"{what} must be; only layers of shells may be orthotropic.",
+            f"the material {material.name!r} is not isotropic, but {what} must be.",
         )
         if what in ("beams", "rods") and material.of_lines is not None:
             E, G = material.of_lines
             material.needs(
-                G > 0,
-                f"{material.name} needs G above 0 for {what}; it is {G:g}: leave "
-                "it blank, and it follows from E and NU.",
+                G > 0, f"{material.name} needs G above 0 for {what}, or a blank one; it is {G:g}."
             )
             nu = E / (2 * G) - 1
         return E * self.units.stress, nu
@@ -188,9 +193,7 @@ class ModelBuilder:
                 return None
             material.needs(
                 np.isfinite(material.constants).all(),
-                "the material "
-                f"{material.name!r} is given for layers alone, in plane "
-                "stress, and cannot fill solids; give all nine constants.",
+                f"{material.name!r} is for layers: solids need all nine constants.",
             )
             E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
             S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
@@ -250,10 +253,16 @@ class ModelBuilder:
                 )
         self.add(name, elements, family._replace(arguments=arguments))
 
-    def tell_once(self, ignored: str) -> None:
-        """Report an ignored property once for all elements that it concerns."""
-        if ignored not in self.ignored:
-            self.ignored.append(ignored)
+    def tell_once(self, ignored: str, of: str = "") -> None:
+        """Report an ignored property once; `of` are counted where "{}" stands in the text."""
+        self._told.setdefault(ignored, {})[of] = None
+
+    def told(self) -> list[str]:
+        """All that is ignored, in the deck's terms."""
+        return [
+            *self.ignored,
+            *(text.replace("{}", named([*of])) for text, of in self._told.items()),
+        ]
 
     def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
         """Fix motions (0 to 5) of nodes, unless the supports of the deck are left out."""

@@ -94,8 +94,7 @@ class DeckConstraints:
             has_motion = motion < 3 or not self._used(node) or self.has_rotations[node]
             place.needs(
                 has_motion,
-                "a constraint acts on a rotation of a node of solids, which have no "
-                "rotations; constrain displacements of several nodes.",
+                "nodes of solids do not rotate; constrain displacements of several nodes.",
             )
         if significant:
             self.equations.append(significant)
@@ -251,10 +250,7 @@ class DeckConstraints:
         unknown = np.abs(cross @ principal[:, ~resisted]).max(initial=0.0) > 1e-9 * np.abs(r).max()
         is_determined = resisted.all() or not any(c >= 3 or unknown for c in motions)
         place.needs(
-            is_determined,
-            "the nodes whose mean motion is taken lie on one line, so that their "
-            "rotation is not known; take more nodes, or displacements alone at their "
-            "centre.",
+            is_determined, "a mean rotation of nodes on one line is not known; take more nodes."
         )
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
         frame = self.frames.get(follower) if axes is None else axes

@@ -93,11 +93,6 @@ def _rod(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float
 Held = list[tuple[int, list[str]]]
 #: What may be joined in one structure.
 JOINED = {"solid", "shell", "beam"}
-#: Roles of elements that no model has -> why, and what to do.
-NOT_CARRIED = {
-    "other": "which no family here carries (solids, plane stress and strain, shells, beams)",
-    "axisymmetric": "which are axisymmetric: revolve the part in your CAD",
-}
 
 
 def finished(builder: ModelBuilder) -> Model:
@@ -115,9 +110,8 @@ def finished(builder: ModelBuilder) -> Model:
     roles = {block.role for block in builder.deck.blocks if len(block)}
     if len(roles) > 1 and not roles <= JOINED:
         raise MeshError(
-            f"{builder.deck.name} has {' and '.join(sorted(roles))} elements in one "
-            "structure; plane elements are read alone: give each kind a deck of its "
-            "own."
+            f"{builder.deck.name} has {' and '.join(sorted(roles))} elements in one structure; "
+            "plane elements are read alone: give each kind a deck of its own."
         )
     _hold_middles(builder)
     _drop_free_followers(builder)
@@ -151,7 +145,6 @@ def finished(builder: ModelBuilder) -> Model:
         (_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in point_springs
     ]
     groups: list[tuple[str, str, Json, str]] = []
-    touching: list[str] = []
     for number in np.unique(builder.of_element).tolist():
         name = builder.names[number]
         family = builder.families[number]
@@ -162,20 +155,18 @@ def finished(builder: ModelBuilder) -> Model:
             name = f"{name} {number}" if name in sets else name
             sets[name] = elements
         groups.append((name, family.kind, family.arguments, str(family.place)))
-        touching += [name] * (number in builder.touching)
     return {
         "families": groups,
         "supports": _supports(builder, count),
         "masses": [(_point(builder, n), mass, inertia) for n, _, mass, inertia in builder.masses],
         "springs": springs,
-        "ignored": builder.ignored,
+        "ignored": builder.told(),
         "gdim": 2 if count == 2 else 3,
         "halve": "beam" in roles and not stiffened,
         "joined": is_assembly,
         "mixed": mixed,
         "joints": builder.joints.finished(builder.units),
         "apart": builder.apart,
-        "touching": touching,
         "fixed_points": fixed_points,
         "pieces": pieces,
         "held": supported,
@@ -323,9 +314,10 @@ def _refuse_uncovered(builder: ModelBuilder) -> None:
     """Raise MeshError for elements without a section or without a family."""
     name = builder.deck.name
     for block, rows in builder.deck.numbered():
-        if block.role in NOT_CARRIED:
+        if block.role == "other":
             raise MeshError(
-                f"{name} has {len(block)} {block.type} elements, {NOT_CARRIED[block.role]}."
+                f"{name} has {len(block)} {block.type} elements, which no family here carries"
+                " (solids, plane stress and strain, shells, beams)."
             )
         if uncovered := int((builder.of_element[rows] < 0).sum()):
             raise MeshError(

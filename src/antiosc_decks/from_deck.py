@@ -302,19 +302,8 @@ def outline_of_deck(
     Nothing is assembled. `options` are those of `read_model`; the ones that reading does not need
     are ignored.
     """
-    option_names = (
-        "density",
-        "modulus",
-        "merge",
-        "parts",
-        "piece",
-        "contact",
-        "free",
-        "elements",
-        "root",
-        "timeout",
-    )
-    given_options = {name: options[name] for name in option_names if name in options}
+    known = signature(_reader).parameters
+    given_options = {name: value for name, value in options.items() if name in known}
     raws = _reader(checked_path("path", path), unit, **given_options)()
     names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
     if _model(next(iter(raws.values())))["joined"]:
@@ -375,6 +364,7 @@ def _reader(
 ) -> Callable[[], dict[str, RawMesh]]:
     """A function that reads the deck into cells by part; checks the caller's arguments."""
     units = UnitSystem.of(unit)
+
     merge, density, modulus, timeout = (
         None if value is None else positive(name, value, unit_name)
         for name, value, unit_name in (
@@ -385,12 +375,9 @@ def _reader(
         )
     )
     if parts is not None:
-        are_names = isinstance(parts, list | tuple) and all(
-            isinstance(name_of_part, str) for name_of_part in parts
-        )
-        if not are_names or not parts:
+        parts = list_of("parts", parts, str, "names of parts")
+        if not parts:
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
-        parts = list(parts)
     free = flag("free", free)
     contact = choice("contact", contact, CONTACT_CHOICES)
     numbered = numbered_elements(elements)

@@ -164,15 +164,11 @@ class BeamProfiles:
         entry = self.entry
         kind = entry.text(3).upper()
         entry.needs(
-            kind in SHAPES,
-            f"{entry.name} of the type {kind!r} is not supported; give its "
-            f"constants by PBAR, or take one of {', '.join(SHAPES)}.",
+            kind in SHAPES, f"{entry.name} of the type {kind!r}: give its constants by PBAR."
         )
         centred = entry.name != "PBEAML" or kind not in LOPSIDED
         entry.needs(
-            centred,
-            f"PBEAML of the type {kind!r} has its neutral axis off the shear "
-            "centre, which is not supported; give its constants by PBAR.",
+            centred, f"PBEAML {kind!r} has a neutral axis off its shear centre: give it by PBAR."
         )
         count = len(signature(SHAPES[kind]).parameters)
         first = self._dimensions(8, [None] * count)
@@ -386,8 +382,7 @@ def offsets_of(deck: NastranDeck, entry: Entry) -> Array:
     in_element_axes = not kind.isalpha() or not set(kind[1:]) & set("OE")
     entry.needs(
         in_element_axes,
-        f"{entry.name} with offsets in the element's system (OFFT = {kind}) is "
-        "not supported; give them in the displacement system (GGG).",
+        f"{entry.name}: give offsets in the displacement system, not OFFT = {kind}.",
     )
     frames = [deck.frame(deck.at(entry, k), entry.place) for k in (2, 3)]
     return np.stack([w @ frame for w, frame in zip(offsets, frames, strict=True)])

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import DeckPlace, Placed, real_number, whole_number
-from antiosc_decks.sources import UNKNOWN, Account, Fate, Sources, table
+from antiosc_decks.sources import Account, Fate, Sources, table
 
 #: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.
 PROPERTY_NAMES = (
@@ -421,16 +421,11 @@ DDVAL TOPVAR DMNCON GROUP DTPG AERO AEROS AECOMP AECOMPL AEFACT AELINK AELIST AE
 AESURFS AEDW AEFORCE AEPRESS CAERO1 CAERO2 CAERO3 CAERO4 CAERO5 CAERO7 PAERO1 PAERO2 PAERO3 PAERO4
 PAERO5 FLFACT FLUTTER MKAERO1 MKAERO2 SPLINE1 SPLINE2 SPLINE3 SPLINE4 SPLINE5 SPLINE6 SPLINE7 TRIM
 TRIM2 DIVERG UXVEC CSSCHD MONPNT1 MONPNT2 MONPNT3 MONDSP1 ROTORG ROTORD MAT4 MAT5 RADM RADBC RADCAV
-RADLST RADMTX RADSET VIEW VIEW3D CONV CONVM PCONV PCONVM PHBDY DMI DMIJ DMIJI DMIK BCPARA BCTPARA
-BCTPARM BCRPARA BFRIC BSURF BSURFS BCPROP BCPROPS BLSEG BCMATL BCRGSRF BCNURBS
-"""
-_IGNORED = """
-FORCE FORCE1 FORCE2 MOMENT MOMENT1 MOMENT2 PLOAD PLOAD1 PLOAD2 PLOAD4 PLOADX1 GRAV ACCEL ACCEL1
-RFORCE RFORCE1 SPCD SPCR SPCN LOAD CLOAD LOADCYN LOADCYH LOADCYT LOADT DLOAD SLOAD DEFORM TLOAD1
-TLOAD2 RLOAD1 RLOAD2 DAREA ACSRCE TIC TICD GUST CHBDYE CHBDYG CHBDYP CHBDY NOLIN1 NOLIN2 NOLIN3
-NOLIN4 EPOINT TEMP TEMPD TEMPP1 TEMPP3 TEMPRB TEMPB3 TEMPBC TEMPF TEMPG QBDY1 QBDY2 QBDY3 QHBDY
-QVECT QVOL BOLT BOLTFOR BOLTFRC BOLTLD BOLTSEQ MATS1 MATT1 MATT2 MATT3 MATT4 MATT5 MATT8 MATT9 CREEP
-MATDMG MATPLCY PELAST PBUSHT PDAMPT
+RADLST RADMTX RADSET VIEW VIEW3D CONV CONVM PCONV PCONVM PHBDY DMI DMIJ DMIJI DMIK
+PBEND PSHEAR PGAP PVISC PQUAD1 PQUAD2 PTRIA1 PTRIA2 PQDMEM PQDMEM1 PQDMEM2 PTRMEM PIHEX
+PFAST PWELD PSEAM PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE PLSOLID PCOMPLS PBCOMP PBMSECT
+PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
+BCPARA BCTPARA BCTPARM BCRPARA BFRIC BSURF BSURFS BCPROP BCPROPS BLSEG BCMATL BCRGSRF BCNURBS
 """
 #: Cards of contact, which are ignored when one piece of the deck is read alone.
 CONTACT = (
@@ -441,40 +436,35 @@ _REFUSED = {
     "contact": " ".join(CONTACT),
     "glue": "BGSET BGADD BGPARM",
     "a matrix": "DMIG DMIAX TF",
-    "a superelement (write the elements out)": "CSUPER CSUPEXT RELEASE SEMPLN SEELT SEBNDRY SEBULK "
+    "a superelement: write the elements out": "CSUPER CSUPEXT RELEASE SEMPLN SEELT SEBNDRY SEBULK "
     "SECONCT SELOC",
-    "an entry of NASTRAN of the 1970s (give it as that of today)": "CQUAD1 CQUAD2 CQDMEM CQDMEM1 "
+    "an entry of NASTRAN of the 1970s: give it as that of today": "CQUAD1 CQUAD2 CQDMEM CQDMEM1 "
     "CQDMEM2 CTRIA1 CTRIA2 CTRMEM CIHEX1 CIHEX2 CHEXA1 CHEXA2 CWEDGE CRIGD1 CRIGD2",
-    "a shear panel (give it as a thin CQUAD4)": "CSHEAR",
-    "a curved beam (give it as straight ones)": "CBEND",
-    "a gap (join what touches)": "CGAP",
-    "a nonstructural mass (give it in the property, or as CONM2)": "NSM NSM1 NSML NSML1 NSMADD",
-    "a matrix of masses (give it as CONM2)": "CONM1",
+    "a shear panel: give it as a thin CQUAD4": "CSHEAR",
+    "a curved beam: give it as straight ones": "CBEND",
+    "a gap: join what touches": "CGAP",
+    "a nonstructural mass: give it in the property, or as CONM2": "NSM NSM1 NSML NSML1 NSMADD",
+    "a matrix of masses: give it as CONM2": "CONM1",
     "a stiffness matrix": "GENEL",
     "the mass of a fluid": "MFLUID ELIST FLSYM FSLIST",
     "an axisymmetric model": "AXIC AXIF RINGAX RINGFL GRIDB CYAX CYJOIN CYSUP CYSYM SECTAX",
     "a support of edges or surfaces": "SPCAX GMSPC GMBC GMBNDC FEEDGE FEFACE",
     "a generator of nodes or elements": "CGEN GRIDG EGRID",
 }
-#: Properties and materials of refused elements; an element that is read and names one is an error.
-_OF_OTHERS = """
-PBEND PSHEAR PGAP PVISC PQUAD1 PQUAD2 PTRIA1 PTRIA2 PQDMEM PQDMEM1 PQDMEM2 PTRMEM PIHEX
-PFAST PWELD PSEAM PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE PLSOLID PCOMPLS PBCOMP PBMSECT
-PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
-"""
 
 #: Free in normal modes (SOL 103), fixed in those of a Craig–Bampton reduction.
 _SUPORT = Fate("ignored", "(what it supports stays free)")
 
 _READ_ALL = (*_READ.split(), *CELLS, *PROPERTIES, *BESIDE)
-_NOT_READ = {"harmless": (_HARMLESS + _OF_OTHERS).split(), "ignored": _IGNORED.split()}
-ENTRIES = table(read=_READ_ALL, refused=_REFUSED | {"": NO_COUNTERPART}, **_NOT_READ)
+ENTRIES = table(read=_READ_ALL, harmless=_HARMLESS.split(), refused=_REFUSED | {"": NO_COUNTERPART})
+#: Loads that begin as elements do.
+ENTRIES |= dict.fromkeys(("CLOAD", "CREEP", "CHBDY", "CHBDYE", "CHBDYG", "CHBDYP"), Fate())
 ENTRIES |= dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
 
 
 def fate_of(name: str) -> Fate:
-    """The fate of an entry: read, harmless, ignored, refused or unknown."""
-    return ENTRIES.get(name, Fate("refused") if name.startswith("C") else UNKNOWN)
+    """The fate of an entry; unknown elements are refused."""
+    return ENTRIES.get(name, Fate("refused") if name.startswith("C") else Fate())
 
 
 def is_other(name: str) -> bool:

@@ -6,7 +6,6 @@ Coordinate systems are CORD1 and CORD2, rectangular, cylindrical and spherical.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -232,8 +231,7 @@ class NastranDeck:
                 motion = entry.whole(k + 1, 0) - 1 if has_components else -1
                 exists = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
                 entry.needs(
-                    exists,
-                    f"{entry.name} acts on a component from 1 to 6 of a GRID, or a scalar point.",
+                    exists, f"{entry.name} acts on a component from 1 to 6, or a scalar point."
                 )
                 ends.append((row, max(motion, 0)))
         entry.needs(ends, f"{entry.name} acts on no node.")
@@ -249,9 +247,7 @@ class NastranDeck:
         """Axes of a rectangular system, as rows."""
         system = self.systems(number, entry.place)
         entry.needs(
-            system.kind == "R",
-            f"{entry.name} is read in rectangular systems; give the "
-            f"coordinate system {number} as CORD2R.",
+            system.kind == "R", f"{entry.name}: give the coordinate system {number} as CORD2R."
         )
         return system.axes
 
@@ -265,9 +261,10 @@ def read(sources: Sources) -> NastranDeck:
     bulk.entries = cards.separated(bulk.entries)
     cards.fill(bulk.entries)
     deck = _nodes(bulk, sources.name)
-    deck.deck.remarks += [*bulk.remarks, *deck.account.unknown()]
+    deck.deck.remarks += bulk.remarks
     _rods_of_bars(deck)
-    _without_fluids(deck)
+    for solid in deck.named("PSOLID"):
+        solid.needs(solid.text(6) in ("", "SMECH"), "PSOLID of a fluid: leave its elements out.")
     _elements(deck)
     deck.set_groups()
     return deck
@@ -358,26 +355,6 @@ def _rods_of_bars(deck: NastranDeck) -> None:
         entry.fields = [*entry.fields[:2], area, torsion, "", extra]
         message = "PBAR without I1 and I2, read as rods: bending, pins and offsets"
         deck.account.options.append((message, entry.place, Fate("ignored")))
-
-
-def _without_fluids(deck: NastranDeck) -> None:
-    """Drop the elements of a fluid PSOLID, and report it."""
-    fluids = {
-        solid.text(0): solid for solid in deck.named("PSOLID") if solid.text(6) not in ("", "SMECH")
-    }
-    solids = {name for name, cell in CELLS.items() if "PSOLID" in cell.properties}
-    blocks = []
-    count = Counter[str]()
-    for entry in deck.bulk.entries:
-        prop = entry.text(1) or entry.text(0)
-        if entry.name in solids and prop in fluids:
-            count[prop] += 1
-        else:
-            blocks.append(entry)
-    deck.bulk.entries = blocks
-    for prop, number in count.items():
-        message = f"PSOLID of a fluid (FCTN={fluids[prop].text(6)}) with its {number} elements"
-        deck.account.options.append((message, fluids[prop].place, Fate("ignored")))
 
 
 def _elements(deck: NastranDeck) -> None:

@@ -123,10 +123,7 @@ class NastranJoints:
                 message = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
                 self.builder.tell_once(message)
             is_mean = set(components) - set("456 ") == set("123")
-            entry.needs(
-                is_mean,
-                f"RBE3 is read where the independent nodes move by 123; got {components!r}.",
-            )
+            entry.needs(is_mean, f"independent nodes of RBE3 move by 123; got {components!r}.")
             start = k = k + 2
             while k < len(words) and "." not in words[k] and words[k][:1].isdigit():
                 k += 1
@@ -242,8 +239,7 @@ class NastranJoints:
                     empty = not kind and not prop.words(start + 2, start + 8)
                     prop.needs(
                         empty,
-                        "PBUSH is read with stiffnesses (K) and dampers (B) alone; its "
-                        f"line {kind or '(?)'} would change the result.",
+                        f"PBUSH has K and B alone here; its line {kind} would change the result.",
                     )
         return values["K"], values["B"]
 
@@ -260,10 +256,7 @@ class NastranJoints:
             return np.eye(3)
         has_axes = len(x) > 1 and (oriented or not acts_transversely)
         entry.needs(
-            has_axes,
-            f"{entry.name} needs the system CID at coincident nodes or to the "
-            "ground, and CID or an orientation between nodes apart, unless it acts along "
-            "their line alone.",
+            has_axes, f"{entry.name} needs the system CID, or an orientation between nodes apart."
         )
         line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
         v = np.eye(3)[int(np.argmin(np.abs(line)))]

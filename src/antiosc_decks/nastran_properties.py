@@ -126,8 +126,10 @@ class Properties:
     def _tell_extra(self, entry: Entry, extra: float) -> None:
         """Report that nonstructural mass is spread over the section."""
         if extra:
-            message = f"where the nonstructural mass of {entry.name} {entry.text(0)} lies"
-            self.builder.tell_once(f"{message}, it is spread over the section")
+            label = f"{entry.name} {entry.text(0)}"
+            self.builder.tell_once(
+                "the place of the nonstructural mass of {}, spread evenly", label
+            )
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the solids of a PSOLID entry."""
@@ -138,10 +140,7 @@ class Properties:
             family = GroupSection("Solid", self.builder.isotropic(material, "solids"), entry.place)
         else:
             entry.needs(
-                number not in ("", "-1"),
-                f"PSOLID with {material.name} has its directions "
-                "in each element's own system (CORDM); give CORDM = 0 or a rectangular "
-                "system.",
+                number not in ("", "-1"), f"PSOLID with {material.name} needs a rectangular CORDM."
             )
             axes = self.found.axes(entry, entry.whole(2))[:2].tolist()
             arguments = {"stiffness": stiffness, "rho": self.builder.rho(material), "axes": axes}
@@ -207,10 +206,7 @@ class Properties:
             height = np.array(key[:3])
             if section.angle:
                 entry.needs(
-                    not key[3],
-                    f"{entry.name} with I12 and with offsets of its elements "
-                    "is not supported; rotate the section to its principal "
-                    "axes.",
+                    not key[3], f"{entry.name} with I12 and offsets: turn it to principal axes."
                 )
                 side = np.cross(tangents[members[0]], height)
                 height = math.cos(section.angle) * height + math.sin(section.angle) * side
@@ -240,14 +236,10 @@ class Properties:
                 self.builder.tell_once(message)
         strained = entry.whole(3) == -1
         entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
-        entry.needs(
-            not entry.text(10),
-            "PSHELL with MID4, which couples stretching with bending, "
-            "is not supported; give the layers by PCOMP, or an offset.",
-        )
+        entry.needs(not entry.text(10), "PSHELL with MID4: give the layers by PCOMP, or an offset.")
         entry.needs(
             entry.whole(3) == entry.whole(1),
-            "PSHELL that bends by another material (MID2) is not supported; give PCOMP.",
+            "PSHELL that bends by another material (MID2): give PCOMP.",
         )
         material = self._material(entry, 1)
         plain = material.plane is None and entry.real(4, 1.0) == 1
@@ -297,8 +289,7 @@ class Properties:
             ]
             thick = min(values) >= 0 and max(values) > 0
             element_entry.needs(
-                thick,
-                f"{element_entry.name} {element_entry.text(0)} has no thickness, nor has {label}.",
+                thick, f"{element_entry.name} {element_entry.text(0)} has no thickness."
             )
             varying += max(values) - min(values) > 1e-9 * max(values)
             key = (float(np.round(np.mean(values), 12)), element_entry.real(cell.offset))
@@ -358,9 +349,7 @@ class Properties:
             element = self.found.elements[members[0]]
             unchanged = math.isclose(thickness_there, total, rel_tol=1e-9)
             element.needs(
-                unchanged,
-                f"{element.name} {element.text(0)} has thicknesses of its own, which do not "
-                f"apply to the plies of {entry.name}.",
+                unchanged, f"{element.name} {element.text(0)} has thicknesses beside its plies."
             )
             offset += own_offset if abs(own_offset) > 1e-9 * total else 0.0
             self._directed(entry, name, members, "Laminate", {"layers": layers}, offset)
@@ -371,9 +360,7 @@ class Properties:
             Q = _plane(material)
             uncoupled = np.abs(Q[:2, 2]).max() <= 1e-9 * np.abs(Q).max()
             material.needs(
-                uncoupled,
-                f"{material.name} couples stretching with shear, which plies "
-                "here do not; give the ply along its fibres by MAT8.",
+                uncoupled, f"{material.name} couples stretching with shear; give the ply by MAT8."
             )
             S = np.linalg.inv(Q)
             G = Q[2, 2]

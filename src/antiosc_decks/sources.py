@@ -1,7 +1,7 @@
 """Lines of a deck and of the files that it includes, and the treatment of each of its cards.
 
-The tables of the dialects say whether a card is read, harmless, ignored, refused or unknown.
-Ignored and unknown cards are reported with their count and lines.
+The tables of the dialects say whether a card is read, harmless or refused. All others are ignored,
+and reported with their count and lines.
 """
 
 from __future__ import annotations
@@ -93,11 +93,7 @@ class Sources:
             f"{named[:80]!r} lies outside the folder {folder!r}, from which "
             f"{self.name} may include files; name the folder that holds them all (root).",
         )
-        at.needs(
-            exists,
-            f"there is no file {named[:80]!r} beside {self.name}: put the file "
-            "that it includes there.",
-        )
+        at.needs(exists, f"there is no file {named[:80]!r}: put it beside {self.name}.")
         at.needs(path not in self._open, f"{named[:80]!r} includes itself.")
         shallow = len(self._open) < DEEPEST_INCLUDE
         at.needs(shallow, f"files include one another more than {DEEPEST_INCLUDE} deep.")
@@ -137,7 +133,7 @@ def _root(path: Path) -> Path:
     return folder
 
 
-Kind = Literal["read", "harmless", "ignored", "refused", "unknown"]
+Kind = Literal["read", "harmless", "ignored", "refused"]
 #: Largest number of lines that are listed for a card.
 MOST_LINES = 4
 
@@ -145,15 +141,12 @@ MOST_LINES = 4
 class Fate(NamedTuple):
     """Treatment of a card: its kind, and a text on a refused card, or a remark."""
 
-    kind: Kind
+    kind: Kind = "ignored"
     what: str = ""
 
 
-UNKNOWN = Fate("unknown")
-
-
 def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fate]:
-    """Name of a card -> fate; `refused`: text on refused cards ("" for none) -> their names."""
+    """Name of a card -> fate; `refused`: text on refused cards ("what: remedy") -> their names."""
     fates: dict[str, Fate] = {}
     for kind, names_of_kind in names.items():  # read, harmless, ignored
         fates |= dict.fromkeys(names_of_kind, Fate(kind))  # type: ignore[arg-type]
@@ -193,13 +186,14 @@ class Account:
                 left.append((name, place, Fate("refused")))
                 continue
 
-            what = f" is {fate.what}, which" if fate.what else ""
-            message = f"{place}: {name}{what} is not supported here and would change the result;"
+            what, _, remedy = fate.what.partition(": ")
+            remedy = remedy or "remove it from the deck, or model the part without it"
+            what = f" is {what}, which" if what else ""
+            message = f"{place}: {name}{what} is not supported here and would change the result"
             if between:
-                raise PiecesError(
-                    f'{message} leave contact out (contact "apart"), or read one piece (piece 1).'
-                )
-            raise MeshError(f"{message} remove it from the deck, or model the part without it.")
+                remedy = 'leave contact out (contact "apart"), or read one piece (piece 1)'
+                raise PiecesError(f"{message}; {remedy}.")
+            raise MeshError(f"{message}; {remedy}.")
 
         pairs = [entry for entry in self.cards if entry[0] == "*CONTACT PAIR" and deck.apart]
         pairs = [(name, place, Fate("refused")) for name, place, _ in pairs]
@@ -209,19 +203,6 @@ class Account:
     def ignored(self) -> list[str]:
         """Count, name and lines of the cards and options that are ignored."""
         return _counted([*self.cards, *self.options], "ignored")
-
-    def unknown(self, options: bool = False) -> list[str]:
-        """A sentence (in a list) on unknown cards, or on unknown options; [] if there are none."""
-        names = ", ".join(_counted(self.options if options else self.cards, "unknown"))
-        fault = f"options of {self.name} are not read"
-        return (
-            [
-                f"{fault if options else f'cards of {self.name} are unknown here and ignored'}: "
-                f"{names}."
-            ]
-            if names
-            else []
-        )
 
 
 def _counted(entries: Iterable[tuple[str, DeckPlace, Fate]], kind: Kind) -> list[str]:

@@ -134,7 +134,6 @@ class Model(TypedDict):
     joined: bool  # whether the structure is an assembly
     mixed: bool  # whether its triangles stay apart from its quadrilaterals
     apart: list[int]  # nodes that stay apart from others in their place
-    touching: NotRequired[list[str]]  # groups of elements that touch others, of which it tells
     pieces: int  # that nothing joins
     held: bool  # whether they are several and each is held
 

@@ -93,12 +93,6 @@ def test_one_warning_tells_how_bodies_of_a_pair_hold_together(tmp_path, contact)
     assert len(elastic(part)) == 6
 
 
-def test_bodies_of_a_tied_pair_that_overlap_a_little_are_told_once(tmp_path):
-    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), gap=-0.1)
-    _, told = read(path)
-    assert len(told) == 1, told
-
-
 def test_a_crack_within_a_body_of_a_pair_is_told(tmp_path):
     path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), shared=True)
     lines = path.read_text().replace("*STEP", "").split("\n")

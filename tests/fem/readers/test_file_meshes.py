@@ -425,7 +425,7 @@ def test_decks_are_found_in_sources_that_are_not_installed(tmp_path):
     here = [entry.name for group in GROUPS for entry in request.registered(group)]
     assert sorted(set(done.stdout.split())) == sorted(here)
     assert {"inp", "bdf", "op4", "dmig", "harwell-boeing"} <= set(here)
-    assert deck_endings() == [".bdf", ".cdb", ".fem", ".inp", ".nas"]
+    assert deck_endings() == [".bdf", ".fem", ".inp", ".nas"]
 
 
 def test_readers_of_decks_know_the_neutral_model_alone():

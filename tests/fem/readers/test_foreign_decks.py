@@ -49,31 +49,9 @@ SAME = [
     *((PLATE + "PSHELL,7,1,.4,1,,1\n", PLATE + f"PSHELL,7{given}\n", "PSHELL 7")
       for given in (",1,.4,,,1", ",,.4,1,,1")),
     (SPRING + "SPOINT,77,78\n", SPRING, ""),
-    (BLOCK, BLOCK + "CTETRA,2,8,1,2,3,5\nPSOLID,8,1,,,,,PFLUID\n", "1 elements"),
     (BLOCK + "CBUSH,9,3,1,3\nPBUSH,3,K,4.\n", BLOCK + "CBUSH1D,9,3,1,3\nPBUSH1D,3,4.\n", ""),
     (PLANE + SECTION.format("SOLID"), PLANE + SECTION.format("SHELL"), ""),
 ]  # fmt: skip
-#: Elements of older versions, and those of today.
-OLDER = [
-    ("CQUAD2,1,7,1,2,3,4\nPQUAD2,7,1,.4\n", "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.4,1,,1\n"),
-    (
-        "CQUAD1,1,7,1,2,3,4\nPQUAD1,7,1,.5,1,.02,1,.4,.3\n",
-        "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.5,1,1.92,1,.8,.3\n",
-    ),
-    ("CTRIA1,1,7,1,2,3\nPTRIA1,7,,,1,.018\n", "CTRIA3,1,7,1,2,3\nPSHELL,7,,.6,1\n"),
-    (
-        bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nCRIGD2,5,9,1,123,2,3\n",
-        bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nRBE2,5,9,123,1\nRBE2,5,9,3,2\n",
-    ),
-    ("CTRIA2,1,9,1,2,3\nPTRIA2,7,1,.4,,9,1,.3\n", "CTRIA3,1,9,1,2,3\nPSHELL,9,1,.3,1,,1\n"),
-    ("CHEXA1,1,1,1,2,3,4,5,6,\n,7,8\n", "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\nPSOLID,1,1\n"),
-    ("CWEDGE,1,1,1,2,3,5,6,7\n", "CPENTA,1,1,1,2,3,5,6,7\nPSOLID,1,1\n"),
-    (
-        bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nCRIGD1,5,9,1,2\n",
-        bdf.HEXA + "PSOLID,7,1\nGRID,9,,0.,0.,0.\nRBE2,5,9,123456,1,2\n",
-    ),
-]
-SAME += [(bdf.GRIDS + bdf.MAT1 + new, bdf.GRIDS + bdf.MAT1 + old, "") for old, new in OLDER]
 
 
 @pytest.mark.parametrize(("plain", "other", "told"), SAME, ids=range(len(SAME)))
@@ -155,27 +133,6 @@ def test_bulk_data_by_the_name_of_an_abaqus_deck_are_called_so(tmp_path):
         inp.read(tmp_path, BLOCK)
 
 
-def test_shear_panels(tmp_path):
-    """The energy of pure shear, γ² G t A / 2, in a parallelogram too; none of rigid motions."""
-    grids = "GRID,1,,0.,0.,0.\nGRID,2,,30.,0.,0.\nGRID,3,,40.,20.,0.\nGRID,4,,10.,20.,0.\n"
-    deck = "CSHEAR,1,8,1,2,3,4\nPSHEAR,8,1,.5\nCBAR,2,7,1,2,0.,1.,0.\nPBAR,7,1,1.,1.,1.,1.\n"
-    model, found = bdf.read(tmp_path, grids + deck + bdf.MAT1)
-    ((terms, k),) = model["joints"]["springs"]
-    points = [0, *range(-1, -len(model["joints"]["points"]) - 1, -1)]
-    x = {n: found.points[n] for n in (0, 1)}
-    x |= {n: np.array(model["joints"]["points"][-1 - n]) * 1e3 for n in points[1:]}
-    G, t, area, skew = bdf.E / 2.6, 0.5e-3, 600e-6, 0.5
-
-    def stretch(field) -> float:
-        return sum(c * field(x[n])[m] for n, m, c in terms if m < 3)
-
-    assert stretch(lambda p: (1.0, 2.0, 3.0)) == pytest.approx(0, abs=1e-12)
-    assert stretch(lambda p: np.cross((1.0, 2.0, 3.0), p)) == pytest.approx(0, abs=1e-10)
-    # u_x = γ y does the work of the shear flow q along the sides: q = γ G t / (1 + 2 tan²θ/(1+ν))
-    energy = k * stretch(lambda p: (1e-3 * p[1], 0.0, 0.0)) ** 2 / 2
-    assert energy == pytest.approx(G * t * area / (1 + 2 * skew**2 / 1.3) / 2)
-
-
 def test_copies_of_shells_add_up(tmp_path):
     """Their nodes follow those of the first; a triangle copies the half of a quadrilateral."""
     plate = PLATE + "PSHELL,7,1,.4,1,,1\nSPC1,1,123456,1\n"
@@ -188,22 +145,6 @@ def test_copies_of_shells_add_up(tmp_path):
         assert np.array_equal(deck.points[own], deck.points[node])
     assert len(model["joints"]["equations"]) == 6 * 7
     assert any("repeat" in text for text in deck.remarks)
-
-
-def test_superelements_that_divide_a_deck(tmp_path):
-    """Parts by BEGIN SUPER are read as the whole; pairs of SECONCT are one node."""
-    grids = bdf.GRIDS.splitlines(keepends=True)
-    lines = "CBAR,1,7,1,2,0.,0.,1.\nPBAR,7,1,1.,1.,1.,1.\n" + bdf.MAT1
-    other = "CBAR,2,7,{},3,0.,0.,1.\n"
-    whole = "".join(grids[:3]) + lines + other.format(2)
-    parts = "SEBULK,1,PRIMARY,,MANUAL\nSECONCT,1,0,,NO\n,2,2\n" + "".join(grids[:2]) + lines
-    parts += "BEGIN SUPER=1\n" + "".join(grids[1:3]) + other.format(2)
-    same(bdf.read(tmp_path, whole)[0], bdf.read(tmp_path, parts)[0])
-    apart = parts.replace(",2,2\n", ",9,2\n").replace(other.format(2), other.format(9))
-    model, _ = bdf.read(tmp_path, apart + "GRID,9,,20.,0.,0.\n")
-    assert len(model["joints"]["equations"]) == 6
-    with pytest.raises(MeshError, match="MIRROR"):
-        bdf.read(tmp_path, parts.replace("PRIMARY", "MIRROR"))
 
 
 def test_materials_without_density_beside_masses(tmp_path):
@@ -426,83 +367,8 @@ def test_the_displacement_of_nodes_on_a_line_is_their_mean(tmp_path):
     assert {n: c for n, m, c in terms if m == 0} == pytest.approx({1: 1.0, 0: -0.5, 8: -0.5})
 
 
-CYLINDER = """*NODE
-1, 5., 0., 0.
-2, 0., 5., 0.
-3, 0., 5., 2.
-4, 5., 0., 2.
-*ELEMENT, TYPE=S4, ELSET=ALL
-1, 1, 2, 3, 4
-*MATERIAL, NAME=M
-*ELASTIC, TYPE=LAMINA
-2e5, 1e4, .3, 5e3, 5e3, 4e3
-*DENSITY
-1e-9
-*ORIENTATION, NAME=AROUND, SYSTEM=CYLINDRICAL
-0., 0., 0., 0., 0., 1.
-1, {}
-*SHELL SECTION, ELSET=ALL, MATERIAL=M, ORIENTATION=AROUND
-0.1
-"""
-
-
-def test_a_cylindrical_orientation_that_calculix_reads_otherwise_is_told(tmp_path):
-    """Constants of a solid: CalculiX has the first along the radius."""
-    nine = "TYPE=ENGINEERING CONSTANTS\n2e5, 1e4, 1e4, .3, .3, .3, 5e3, 5e3\n4e3"
-    text = CYLINDER.format(0).replace("TYPE=LAMINA\n2e5, 1e4, .3, 5e3, 5e3, 4e3", nine)
-    model, _ = inp.read(tmp_path, text)
-    assert any("CalculiX" in text for text in model["ignored"])
-
-
-def test_layers_turn_against_each_other_by_their_cylindrical_orientations(tmp_path):
-    """Axes in the plane of a flat shell at ±45° to x: first directions across them."""
-    rows = "*SHELL SECTION, ELSET=ALL, COMPOSITE\n.1,, M, A\n.1,, M, B\n.1,, M, A\n"
-    for name, y in (("A", 1), ("B", -1)):
-        rows += f"*ORIENTATION, NAME={name}, SYSTEM=CYLINDRICAL\n0, 0, 0, 1, {y}, 0\n"
-    nodes = "1, 9, 0, 0\n2, 20, 0, 0\n3, 20, 5, 0\n4, 9, 5, 0\n5, 30, 0, 0\n6, 30, 5, 0\n"
-    material = CYLINDER.partition("*MATERIAL")[2]
-    element = "*ELEMENT, TYPE=S4, ELSET=ALL\n1, 1, 2, 3, 4\n2, 2, 5, 6, 3\n*MATERIAL"
-    text = f"*NODE\n{nodes}{element}{material.partition('*ORIENTATION')[0]}{rows}"
-    model, _ = inp.read(tmp_path, text)
-    ((_, _, arguments, _),) = model["families"]
-    assert np.abs(np.array(arguments["axis"]) @ [1, 1, 0]) < 1e-12
-    angles = [layer["angle"] % 180 for layer in arguments["layers"]]
-    assert angles == pytest.approx([0, 90, 0], abs=1e-9)
-
-
-@pytest.mark.parametrize(("gap", "springs"), [(0.0, 1), (0.1, 0)])
-def test_a_gap_stays_as_it_is_at_first(tmp_path, gap, springs):
-    """Closed it is a spring along its nodes, open it is none; both are told."""
-    text = (
-        RODDED
-        + PBAR
-        + f"GRID,10,,60.,0.,0.\nCBAR,2,7,2,10,0.,1.,0.\nPGAP,3,{gap},,5.\nCGAP,9,3,1,10\n"
-    )
-    model, _ = bdf.read(tmp_path, text)
-    assert len(model["joints"]["springs"]) == springs
-    assert any("CGAP" in sentence for sentence in model["ignored"])
-
-
 def test_a_file_of_loads_may_be_missing(tmp_path):
     """The loads are not read either; it is told."""
     loads = "*STEP\n*STATIC\n*DLOAD\n*INCLUDE, INPUT=pressure.dlo\n*END STEP\n"
-    model, _ = inp.read(tmp_path, CYLINDER.format(0) + loads)
+    model, _ = inp.read(tmp_path, inp.CUBE + inp.SOLID + inp.STEEL + loads)
     assert any("*INCLUDE" in sentence for sentence in model["ignored"])
-
-
-@pytest.mark.parametrize(("degrees", "axis"), [(0, (-1, 1, 0)), (90, (0, 0, 1))])
-def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis):
-    """Where the radius is the normal of a shell, the first direction is that around the axis."""
-    model, _ = inp.read(tmp_path, CYLINDER.format(degrees))
-    ((_, _, arguments, _),) = model["families"]
-    expected = np.array(axis) / np.linalg.norm(axis)
-    np.testing.assert_allclose(arguments["axis"], expected, atol=1e-12)
-    assert not any("CalculiX" in text for text in model["ignored"])
-
-
-def test_rods_and_shear_panels_alone_are_a_truss(tmp_path):
-    grids = "GRID,1,,0.,0.,0.\nGRID,2,,30.,0.,0.\nGRID,3,,30.,20.,0.\nGRID,4,,0.,20.,0.\n"
-    rods = "".join(f"CROD,{k},7,{k},{k % 4 + 1}\n" for k in range(1, 5)) + "PROD,7,1,2.,3.\n"
-    model, _ = bdf.read(tmp_path, grids + rods + "CSHEAR,9,8,1,2,3,4\nPSHEAR,8,1,.5\n" + bdf.MAT1)
-    assert [family[1] for family in model["families"]] == ["Truss"]
-    assert len(model["joints"]["springs"]) == 1

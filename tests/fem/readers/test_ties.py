@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Deck, DeckPlace
 from antiosc_decks import abaqus_assembly, abaqus_joints as ties
 from antiosc_decks.abaqus_joints import read_joints, surfaces_of
-from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.constraints import DeckConstraints
 from antiosc_decks.sources import Sources
 from motions import rigid, row_of
@@ -36,7 +33,7 @@ def joints_of(folder, x: np.ndarray, text: str, turning: bool = False):
     """(the constraints that the cards make, what is told)."""
     whole, cards = deck_of(folder, x, text)
     joints = DeckConstraints(whole.deck, np.ones(len(x), dtype=bool), np.full(len(x), turning))
-    read_joints(whole, cast(ModelBuilder, SimpleNamespace(joints=joints)), cards)
+    read_joints(whole, joints, cards)
     return joints, whole.deck.remarks
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from antiosc.base._types import Array, BoolArray
+from antiosc.base._types import Array
 from antiosc.base.checks import point_text
 from antiosc.base.errors import MeshError, UnmeshableError, warn
 from antiosc.fem.mesh.flat_cells import without_flat, without_short_edges
@@ -92,12 +92,8 @@ def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) ->
     return np.unique(np.flatnonzero(is_corner) % len(cells))
 
 
-def overlapping(
-    points: Array, cells: IntArray, kind: CellKind, body: IntArray | None = None
-) -> IntArray:
+def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
     """Numbers of overlapping cells (n, vertices), at least one of each pair.
-
-    `body` (n,): number of the body of each cell, −1: of any; different bodies may overlap.
 
     For cells that fill their space: facets with both cells on one side, and outer facets inside a
     cell. For sheets or lines in space: cells that lie on another cell.
@@ -105,8 +101,7 @@ def overlapping(
     if kind.dim < points.shape[1]:
         askew = _inner_points(points, cells)
         hanging, cell = _on_sides(points, cells, kind.shape, askew)
-        met = (hanging != cell) & _of_one(body, hanging, cell)
-        return np.unique(hanging[met])
+        return np.unique(hanging[hanging != cell])
     facets, owner = _facets(cells, kind)
     first, second, outer = _matched(facets)
     a, b = (_sides_of_cells(points, facets[first], cells[owner[k]]) for k in (first, second))
@@ -116,8 +111,7 @@ def overlapping(
     for simplex in _SIMPLICES.get(kind.shape, [tuple(range(kind.vertices))]):
         corners = points[cells[:, list(simplex)]]
         for point, cell in _pairs_near(askew, corners):
-            own = owner[outer[point]]
-            is_foreign = (own != cell) & _of_one(body, own, cell)
+            is_foreign = owner[outer[point]] != cell
             point = point[is_foreign]
             cell = cell[is_foreign]
             in_face = _barycentric(corners[cell], askew[point])[0].min(axis=1) > INSIDE_FACE
@@ -125,29 +119,15 @@ def overlapping(
     return np.unique(np.concatenate(numbers))
 
 
-def _of_one(body: IntArray | None, first: IntArray, second: IntArray) -> BoolArray:
-    """Whether the cells of pairs are of one body, or of any."""
-    if body is None:
-        return np.ones(len(first), dtype=bool)
-    a, b = body[first], body[second]
-    return np.asarray((a == b) | (a < 0) | (b < 0))
-
-
-def unjoined(
-    points: Array, cells: IntArray, kind: CellKind, body: IntArray | None = None
-) -> IntArray:
+def unjoined(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
     """Nodes that lie on a side of a cell without being its vertex, as at cracks and hanging nodes.
-
-    `body`: as of `overlapping`; different bodies may touch.
 
     For cells (n, vertices) that fill their space: outer nodes on outer facets. For sheets and
     lines: nodes at free edges and ends on cells.
     """
-    facets, owner = _facets(cells, kind)
+    facets, _ = _facets(cells, kind)
     _, _, outer = _matched(facets)
-    nodes, at = np.unique(facets[outer], return_index=True)
-    owner = owner[outer]
-    owner_of_node = owner[at // facets.shape[1]]
+    nodes = np.unique(facets[outer])
     shape = kind.shape
     sides = cells
     if kind.dim == points.shape[1]:
@@ -155,8 +135,6 @@ def unjoined(
         shape = {2: "interval", 3: "triangle", 4: "quadrilateral"}[sides.shape[1]]
     point, side = _on_sides(points, sides, shape, points[nodes])
     foreign = (sides[side] != nodes[point][:, None]).all(axis=1)
-    of_sides = side if sides is cells else owner[side]
-    foreign &= _of_one(body, owner_of_node[point], of_sides)
     return np.unique(nodes[point[foreign]])
 
 
@@ -386,8 +364,7 @@ def sound(
             fault = f"are one layer, curved by more than {MOST_BENT} of its thickness"
             warn(message(locked, fault, remedy))
     if not made_here:
-        body = _bodies(raw)
-        overlapping_cells = overlapping(raw.points, vertices, kind, body)
+        overlapping_cells = overlapping(raw.points, vertices, kind)
         if len(overlapping_cells):
             remedy = (
                 "mass and stiffness count twice there; mesh the parts as one (in gmsh: "
@@ -395,25 +372,8 @@ def sound(
             )
             warn(message(overlapping_cells, "overlap others", remedy))
         if not pieces:
-            _tell_cracks(raw, vertices, name, body)
+            _tell_cracks(raw, vertices, name)
     return raw
-
-
-def _bodies(raw: RawMesh) -> IntArray | None:
-    """Number of the body of each cell that is in contact with others, −1 of the others; None
-    without contact, or if the deck has told of none.
-    """
-    touching = raw.model.get("touching", []) if raw.model else []
-    if not touching:
-        return None
-    cells = keys(raw.cells[:, : raw.kind.vertices])
-    section = np.full(len(cells), -1)
-    for k, group in enumerate(touching):
-        members = raw.groups.get(group, {}).get(raw.kind.dim)
-        if members is not None:
-            section[np.isin(cells, keys(members))] = k
-    bodies = section * (int(piece_of_cells(raw).max()) + 1) + piece_of_cells(raw)
-    return np.where(section < 0, -1, bodies)
 
 
 def _collapsed_of(raw: RawMesh) -> IntArray:
@@ -435,9 +395,9 @@ def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
         )
 
 
-def _tell_cracks(raw: RawMesh, vertices: IntArray, name: str, body: IntArray | None) -> None:
+def _tell_cracks(raw: RawMesh, vertices: IntArray, name: str) -> None:
     """Warn of cracks and hanging nodes of the mesh."""
-    loose = unjoined(raw.points, vertices, raw.kind, body)
+    loose = unjoined(raw.points, vertices, raw.kind)
     if len(loose):
         warn(
             f"{len(loose)} nodes of {name} lie on cells that they do not belong to, one at "
