@@ -170,3 +170,20 @@ def test_the_nearest_argument_is_named(call, says):
 def test_brackets_are_counted_before_a_parser_recurses(text, depth):
     assert not checks.nests_deeper(text, depth)
     assert checks.nests_deeper(text, depth - 1)
+
+
+@pytest.mark.parametrize("value", [np.timedelta64(5, "s"), np.timedelta64(5)])
+def test_a_span_of_time_is_no_number(value) -> None:
+    for call in (
+        lambda: ao.RigidMass(value, 1.0),
+        lambda: ao.AntiOscillators(0.1, 1e6, [value], [1]),
+    ):
+        with pytest.raises(ao.InputError, match="number"):
+            call()
+
+
+def test_a_list_that_contains_itself_is_no_array() -> None:
+    endless: list[object] = [1.0]
+    endless += [endless, endless]
+    with pytest.raises(ao.InputError, match="array of real numbers"):
+        ao.AntiOscillators(0.1, 1e6, endless, [1e3])

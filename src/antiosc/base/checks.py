@@ -47,6 +47,10 @@ LARGEST_WHOLE = 2**53
 LONGEST_NAME = 200
 
 _TRUTH = (bool, np.bool_)
+#: What Python or NumPy takes for a number, and what is none.
+_NO_NUMBERS = (*_TRUTH, np.timedelta64)
+#: Most brackets of an array, as NumPy has it.
+DEEPEST = 32
 
 
 class _Required:
@@ -86,7 +90,7 @@ def _as_float(name: str, value: object, unit: str) -> float:
     """A real number of any type as a float; inf if it is too large for a float."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
-    if isinstance(value, _TRUTH) or not isinstance(value, Real):
+    if isinstance(value, _NO_NUMBERS) or not isinstance(value, Real):
         raise InputError(f"{name} must be a number{_unit_text(unit)}; got {shown(value)}.")
     try:
         return float(value)
@@ -121,7 +125,7 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
         value = value[()]
     sound = type(value) is int or (
         isinstance(value, Real)
-        and not isinstance(value, _TRUTH)
+        and not isinstance(value, _NO_NUMBERS)
         and (value.denominator == 1 if isinstance(value, Rational) else float(value).is_integer())
     )
     if not sound or (result := int(value)) < least:  # type: ignore[call-overload]
@@ -455,11 +459,13 @@ def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     return result
 
 
-def _holds_non_numbers(value: object) -> bool:
-    """Whether NumPy would convert an entry that is not a number into a number."""
+def _holds_non_numbers(value: object, depth: int = 0) -> bool:
+    """Whether NumPy would convert an entry that is not a number into a number; also of lists that
+    are nested too deeply, as one that contains itself.
+    """
     if isinstance(value, list | tuple):
-        return any(_holds_non_numbers(entry) for entry in value)
-    return _masked(value) or isinstance(value, (*_TRUTH, str, bytes))
+        return depth > DEEPEST or any(_holds_non_numbers(entry, depth + 1) for entry in value)
+    return _masked(value) or isinstance(value, (*_NO_NUMBERS, str, bytes))
 
 
 def _masked(value: object) -> bool:

@@ -136,12 +136,13 @@ class _BelowWarning(logging.Filter):
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Context for imports of packages: outside the working folder, and with a home folder.
+    """Context for imports of packages: outside the working folder, with a home folder, and with
+    arguments in UTF-8, which dolfinx passes on as it is loaded.
 
     It changes the working folder of the whole process, and is meant for imports only.
     """
     _give_home()
-    with _lock:
+    with _lock, _readable_arguments():
         try:
             working_folder = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
         except OSError:  # nothing can be read there
@@ -153,6 +154,17 @@ def loading() -> Iterator[None]:
         finally:
             os.fchdir(working_folder)
             os.close(working_folder)
+
+
+@contextmanager
+def _readable_arguments() -> Iterator[None]:
+    """Replace bytes of the arguments of the process that are not UTF-8 meanwhile."""
+    arguments = sys.argv
+    sys.argv = [text.encode(errors="replace").decode() for text in arguments]
+    try:
+        yield
+    finally:
+        sys.argv = arguments
 
 
 def _give_home() -> None:

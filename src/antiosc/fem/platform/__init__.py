@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import functools
 import pickle
+import sys
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from operator import attrgetter
+from types import TracebackType
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -73,6 +75,17 @@ except ImportError:  # given matrices need none
 
 #: Communicators of all processes, and of this process.
 WORLD, ALONE = (SERIAL, SERIAL) if MPI is None else (MPI.COMM_WORLD, MPI.COMM_SELF)
+
+
+def end_all_ranks(kind: type[BaseException], error: BaseException, trace: TracebackType) -> None:
+    """Print an error that nobody catches and end all ranks: the others would wait for this one."""
+    sys.__excepthook__(kind, error, trace)
+    sys.stderr.flush()
+    WORLD.Abort(1)
+
+
+if WORLD.size > 1 and sys.excepthook is sys.__excepthook__:
+    sys.excepthook = end_all_ranks
 
 #: Lock for PETSc, SLEPc and dolfinx, which only one thread may use; SciPy's matrices need none.
 _packages = threading.RLock()
