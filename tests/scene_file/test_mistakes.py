@@ -19,7 +19,6 @@ from antiosc_app.scene_file.document import (
     Document,
     Problems,
     SceneFileError,
-    lines_of,
     read,
 )
 from antiosc_app.scene_file.scene import CompiledScene
@@ -37,7 +36,6 @@ from scene_files import (
     MATRICES,
     MESH,
     MODEL,
-    SCENES,
     SITE,
     antiosc,
     written,
@@ -218,32 +216,7 @@ def test_many_mistakes_are_not_all_told(tmp_path, capsys, line):
     assert antiosc("check", path) == 1
     *told, last = capsys.readouterr().err.splitlines()
     assert len(told) == 100
-    assert last.endswith("and 900 more, or still more.")
-
-
-@pytest.mark.fem
-def test_a_deck_is_read_for_its_groups(tmp_path, capsys):
-    """Names of supports, sites and probes; and a deck that cannot be read."""
-    deck = written(tmp_path, (SCENES / "bar.inp").read_text(), "bar.inp")
-    right = (SCENES / "deck.toml").read_text()
-    assert antiosc("check", written(tmp_path, right)) == 0
-    assert "no mistakes" in capsys.readouterr().out
-    text = right.replace("point = [0.3, 0.0, 0.0]", 'point = "fixed xx"')
-    text += '[[supports]]\nwhere = "bar"\n[probes.b]\npoint = "fixed y"\n'
-    found = dict(sentences(written(tmp_path, text), capsys))
-    lines = text.splitlines()
-    for key, near in {'point = "fixed xx"': "fixed x", 'where = "bar"': "BAR"}.items():
-        assert f"'{near}'" in found.pop(lines.index(key) + 1)
-    assert not found
-    for name, told in (("glass, soda-lime", "has no yield strength"), ("steal S235", "is not in")):
-        text = right.replace('unit = "mm"', f'unit = "mm"\nyield_strength = "{name}"')
-        ((_, sentence),) = sentences(written(tmp_path, text), capsys)
-        assert sentence.startswith("deck.yield_strength: ")
-        assert told in sentence
-    deck.write_text(deck.read_text().replace("TYPE=B31", "TYPE=B77"))
-    ((line, sentence),) = sentences(written(tmp_path, right), capsys)
-    assert line == right.splitlines().index("[deck]") + 1
-    assert "bar.inp cannot be read: bar.inp has 10 B77 elements" in sentence
+    assert last.endswith("and 900 more.")
 
 
 @pytest.mark.fem
@@ -415,12 +388,6 @@ def test_every_public_class_of_a_section_is_in_its_list():
     }
     for names, kinds in found.items():
         assert set(kinds) == set(names.split()) - {"named_impactor", "material"}
-
-
-def test_a_text_with_the_key_of_the_lines_has_no_lines():
-    text = 'y = 1\n[a]\n"\\u0000line" = 1\n'
-    assert tomllib.loads(text)
-    assert lines_of(text, [("a",)]) == [1]
 
 
 def test_mistakes_are_told_once_in_the_order_of_the_file():

@@ -7,7 +7,8 @@ import os
 import re
 import stat
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -27,10 +28,8 @@ Table: TypeAlias = Mapping[str, Any]
 LARGEST_FILE = 4_000_000
 #: Deepest brackets within each other.
 DEEPEST = 32
-#: Most sentences of one report.
-MOST_SHOWN = 100
-#: Number of mistakes after which no further ones are looked for.
-MOST_FOUND = 1000
+#: Most sentences of one report, and mistakes after which no further ones are looked for.
+MOST_SHOWN, MOST_FOUND = 100, 1000
 #: Control characters, line ends among them.
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
@@ -62,7 +61,7 @@ class Problems:
     origins: Mapping[Place, Place] = field(default_factory=dict)
 
     def add(self, place: Place, sentence: str) -> None:
-        """Note a mistake at a place of the file; SceneFileError once there are MOST_FOUND."""
+        """Note a mistake at a place of the file."""
         sentence = " ".join(sentence.split())
         if self.origins and (place, sentence) in self.found:
             return  # the scene has this mistake for all values
@@ -90,8 +89,7 @@ class Problems:
         sentences = sorted({(n, text) for n, (_, text) in zip(lines, self.found, strict=True)})
         sentences_shown = [f"{self.name}:{line}: {text}" for line, text in sentences[:MOST_SHOWN]]
         if len(sentences) > MOST_SHOWN:
-            or_more = ", or still more" if len(self.found) >= MOST_FOUND else ""
-            sentences_shown.append(f"{self.name}: and {len(sentences) - MOST_SHOWN} more{or_more}.")
+            sentences_shown.append(f"{self.name}: and {len(sentences) - MOST_SHOWN} more.")
         raise SceneFileError("\n".join(sentences_shown))
 
 
@@ -172,84 +170,52 @@ def _inner(place: Place, value: object, problems: Problems) -> Iterator[tuple[Pl
 
 # -- lines, which `tomllib` does not give
 
-_TOKEN = re.compile(
-    r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\])*"|\'[^\']*\''  # strings
-    r'|#[^\n]*|\n|[ \t\r]+|[\[\]{},=.]|[^\s\[\]{},=.#"\']+',
-    re.DOTALL,
-)
-#: The key that holds the line of a table; no file may have it, because of its control character.
-_MARK = "\0line"
+#: A heading: "[a.b]" or "[[a]]"; a name in it.
+_HEADING = re.compile(r"\s*(\[\[?)([^\[\]]+)\]")
+_NAME = re.compile(r'"([^"]*)"|\'([^\']*)\'|([^\s."\']+)')
 
 
 def lines_of(text: str, places: Iterable[Place]) -> list[int]:
-    """The line of each place of a valid TOML text, or of the closest table around it."""
-    try:
-        tree: object = tomllib.loads(_numbered(text))
-    except tomllib.TOMLDecodeError:  # a text that has the key of the lines itself
-        tree = {}
-    return [_line(tree, place) for place in places]
+    """The line of the key of each place of a TOML text, or of the table around it."""
+    rows = text.split("\n")
+    headings = _headings(rows)
+    exact: dict[Place, int] = {}
+    within: dict[Place, int] = {}
+    for number, (row, place) in enumerate(headings):
+        exact.setdefault(place, number)
+        for length in range(1, len(place) + 1):
+            within.setdefault(place[:length], row)
+
+    def line(place: Place) -> int:
+        around = next(n for n in range(len(place), -1, -1) if place[:n] in exact)
+        number = exact[place[:around]]
+        start = headings[number][0]
+        if around < len(place):
+            end = headings[number + 1][0] if number + 1 < len(headings) else len(rows)
+            key = re.escape(str(place[around]))
+            for row in range(start + 1, end):
+                if re.match(rf"\s*[\"\']?{key}[\"\']?\s*[.=]", rows[row]):
+                    return row + 1
+            start = within.get(place, start)
+        return max(start + 1, 1)
+
+    return [line(place) for place in places]
 
 
-def _numbered(text: str) -> str:
-    """The text with the line of each value in its place; tables and arrays get an entry for it."""
-    rows: list[str] = []
-    open_brackets = ""
-    header = False
-    state = "key"
-    line = 1
-    for token in _TOKEN.findall(text + "\n"):
-        if token == "\n" and not open_brackets:
-            rows.append(f'\n"\\u0000line" = {line}\n' if header else "\n")
-            header = False
-            state = "key"
-        elif token[0] in " \t\r\n#":
-            pass
-        elif header or (token == "[" and state == "key"):  # [table] and [[table]]
-            header = True
-            rows.append(token)
-        elif token in "[{" and state == "value":
-            rows.append(f"[{line}, " if token == "[" else f'{{"\\u0000line" = {line}, ')
-            open_brackets += token
-            state = "value" if token == "[" else "key"
-        elif token in "]}" and open_brackets:
-            rows[-1] = rows[-1].removesuffix(", ")  # of a table or array without entries
-            rows.append(token)
-            open_brackets = open_brackets[:-1]
-            state = "past"
-        elif token == "," and open_brackets:
-            rows.append(token)
-            state = "value" if open_brackets[-1] == "[" else "key"
-        elif state == "key":
-            rows.append(token)
-            state = "value" if token == "=" else "key"
-        elif state == "value":
-            rows.append(str(line))
-            state = "past"
-        line += token.count("\n")
-    return "".join(rows)
-
-
-def _line(tree: object, place: Place) -> int:
-    line = 1
-    for part in place:
-        if isinstance(tree, list) and isinstance(part, int):
-            part += isinstance(tree[0], int)  # the line of an array in brackets stands first
-            tree = tree[part] if part < len(tree) else None
-        else:
-            tree = tree.get(part) if isinstance(tree, dict) else None
-        if tree is None:
-            break
-        line = _first(tree) or line
-    return line
-
-
-def _first(tree: object) -> int:
-    """The line at which a table, an array or a value begins."""
-    if isinstance(tree, dict):
-        return _first(tree.get(_MARK) or next(iter(tree.values()), 0))
-    if isinstance(tree, list):
-        return _first(tree[0])
-    return int(str(tree))
+def _headings(rows: Sequence[str]) -> list[tuple[int, Place]]:
+    """(index of its row, place) of each heading, after that of the top of the file."""
+    counts: Counter[Place] = Counter()
+    headings: list[tuple[int, Place]] = [(-1, ())]
+    for number, row in enumerate(rows):
+        found = _HEADING.match(row)
+        if found is None:
+            continue
+        place: Place = tuple(next(filter(None, name)) for name in _NAME.findall(found[2]))
+        if found[1] == "[[":
+            counts[place] += 1
+            place = (*place, counts[place] - 1)
+        headings.append((number, place))
+    return headings
 
 
 # -- words of messages
@@ -261,39 +227,11 @@ def label(place: Place) -> str:
     return "".join(parts).removeprefix(".") or "the scene"
 
 
-#: Words that a file may have in place of a class.
-SYNONYMS = {
-    word: name
-    for name, words in {
-        "Sphere": "ball bead bullet projectile",
-        "RigidMass": "mass hammer striker block rigid",
-        "Obstacle": "wall floor stop ground",
-        "Shell": "plate sheet membrane",
-        "Laminate": "composite layers sandwich stack",
-        "Solid": "volume steel isotropic elastic",
-        "AnisotropicSolid": "orthotropic wood crystal",
-        "Truss": "rod bar cable",
-        "Linear": "spring penalty stiffness",
-        "Tabulated": "table measured curve",
-        "Tie": "glue bond bonded tied",
-        "Bolt": "screw rivet",
-    }.items()
-    for word in words.split()
-}
-
-
 def closest_name(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
-    """The known name that is probably meant: a synonym, or the most similar one, or None.
-
-    `least`: smallest similarity, from 0 to 1 (difflib).
-    """
+    """The most similar of the known names, or None; `least`: smallest similarity, from 0 to 1."""
     lowered = {entry.lower(): entry for entry in known}
-    synonym = SYNONYMS.get(name.lower(), "").lower()
-    matches = [synonym] if synonym in lowered else []
-    matches = matches or difflib.get_close_matches(name.lower(), lowered, 1, least)
-    if matches:
-        return lowered[matches[0]]
-    return None
+    matches = difflib.get_close_matches(name.lower(), lowered, 1, least)
+    return lowered[matches[0]] if matches else None
 
 
 def suggestion(name: object, known: Iterable[str]) -> str:
