@@ -9,13 +9,12 @@ from scipy.spatial import cKDTree
 
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
-from antiosc.base.cfc import SHOCK_FILTER
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, percent, plain, point_text
-from antiosc_app.headline import WIDE, Headline, margin_bar, stress_sentences
+from antiosc_app.cards import bar_of_fall
+from antiosc_app.headline import WIDE, Headline, stress_sentences
 from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry, surface
-from antiosc_app.results import bar_of_fall
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.impacts import force_of
 from antiosc_studies.drops.pictures import at, surface_of
@@ -56,29 +55,10 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
             "places": np.array([state.centre for state in states], dtype=np.float32),
             "turns": np.array([state.R for state in states], dtype=np.float32),
             "impacts": [_impact(fall, k, times) for k in range(len(fall.impacts))],
-            "stresses": _stresses(fall, worst),
-            "stressed": None if worst is None else _stressed(worst),
             "most": None if worst is None else _legend(worst),
             "what": "" if worst is None else f"largest {worst.label} in all impacts",
         }
     }
-
-
-def _stresses(fall: Fall, worst: WorstField | None) -> list[Data]:
-    """The judged stress [Pa] of each impact with its bar; [] where none is judged by yield."""
-    if worst is None or worst.exposure is None or worst.margin().criterion != "yield":
-        return []
-    told = []
-    for span in worst.margin().spans:
-        known = fall.impacts[span.impact - 1].law_error is not None
-        bar = margin_bar(span, worst.mesh_error is not None and span.mesh_error > 0)
-        told.append({"stress": span.stress, "bar": bar if known else None})
-    return told
-
-
-def _stressed(worst: WorstField) -> list[float]:
-    """Coordinates of the largest stress, around which *Finer mesh here* refines too."""
-    return [float(x) for x in worst.points[worst.judged]]
 
 
 def _top(worst: WorstField) -> float:
@@ -116,14 +96,17 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     impact = fall.impacts[k]
     body = fall.body
     touch = at(fall, fall.impacts[k].time)
+    bar = f" ± {percent(impact.law_error)}" if impact.law_error else ""
     time, force = force_of([fall.episodes[i] for i in fall.groups[k]])
     samples = np.linspace(0.0, float(time[-1]), CURVE)
     return {
         **{name: getattr(impact, name) for name, _ in NUMBERS},
         "bar": impact.law_error or 0.0,
-        "told": f"the centre of mass has {plain(fall.shocks[k].g, 3)} g through {SHOCK_FILTER}",
-        "touches": impact.touches,
-        "contact_time_note": impact.contact_time_note,
+        "shown": [
+            f"{engineering(impact.peak_force, 'N')}{bar}",
+            engineering(impact.contact_time, "s"),
+            f"{plain(fall.shocks[k].g, 3)} g",
+        ],
         "time": impact.time,
         "at": point_text(impact.place),
         "point": impact.place.tolist(),

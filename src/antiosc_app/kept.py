@@ -1,19 +1,24 @@
-"""Caches of `antiosc open`: results by the text of their inputs, and free modes."""
+"""What `antiosc open` keeps between answers: meshes, structures, models, and free modes."""
 
 from __future__ import annotations
 
+import contextlib
+import json
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from antiosc import AntiOscillators, from_free_modes
 from antiosc.base._types import Array
-from antiosc.base.errors import warn, warnings_to
+from antiosc.base.errors import AntioscError, warn, warnings_to
 from antiosc.models.body import ModelInfo
-from antiosc_app.set_up import COUNT
+from antiosc_app.scene_file.build import Call, Evaluation
+from antiosc_app.scene_file.document import Document
+from antiosc_app.scene_file.scene import CompiledScene
 
 if TYPE_CHECKING:
     from antiosc import Site, Structure
@@ -22,8 +27,15 @@ T = TypeVar("T")
 
 #: Number of free modes after each round of the search, which runs between calls of the page.
 MODE_ROUNDS = (10, 20, 40)
-#: Number of models in the cache.
-MOST_MODELS = 50
+#: Anti-oscillators of a model from free modes.
+COUNT = 20
+#: Number of meshes, structures and models that are kept: with its shapes a model of 77 000 dofs has
+#: 85 MB, and Undo finds it again.
+MESHES, STRUCTURES, MODELS = 4, 2, 8
+#: Sections of a scene on which a mesh depends, a structure, and a model.
+OF_MESH = ("geometry",)
+OF_STRUCTURE = ("geometry", "deck", "material", "supports")
+OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
 
 
 class ResultCache(OrderedDict[str, T]):
@@ -50,49 +62,116 @@ class ResultCache(OrderedDict[str, T]):
         return self[key]
 
 
-class FreeModeCache:
+class Kept:
+    """Meshes, structures, models and free modes of the scenes of one part.
+
+    `structure`: the one of all scenes, where it was given.
+    """
+
+    def __init__(self, structure: Structure | None = None) -> None:
+        self._given = structure
+        self._meshes: ResultCache[object] = ResultCache(MESHES)
+        self._structures: ResultCache[object] = ResultCache(STRUCTURES)
+        self._models: ResultCache[object] = ResultCache(MODELS)
+        self._modes: ResultCache[FreeModes] = ResultCache(STRUCTURES)
+
+    def evaluation(self, document: Document) -> KeepingEvaluation:
+        """The evaluation of a scene that takes what is kept."""
+        return KeepingEvaluation(self, document)
+
+    def made(self, data: dict[str, Any], call: Call, make: Callable[[], object]) -> object:
+        """The object of a call of a scene, from what is kept."""
+        if call.name in ("Structure", "read_model"):
+            if self._given is not None:
+                return self._given
+            return self._structures.of(key_of(data, OF_STRUCTURE), make)
+        if call.name == "extract":
+            return self._models.of(key_of(data, OF_MODEL), make)
+        if call.name == "read_mesh":
+            return self._meshes.of(key_of(data, OF_MESH), make)
+        return make()
+
+    def from_modes(self, scene: CompiledScene) -> tuple[Structure, AntiOscillators] | None:
+        """(structure, model from its free modes) of a scene, perhaps on the cells of another site;
+        None if these modes are unknown, or the model was extracted.
+        """
+        data = scene.document.data
+        modes = self._modes.get(key_of(coarse(data), OF_STRUCTURE))
+        if modes is None or scene.model is None or key_of(data, OF_MODEL) in self._models:
+            return None
+        model = modes.model(scene.model.arguments["site"].made)
+        return None if model is None else (modes.structure, model)
+
+    def search_modes(self, structure: Structure, data: dict[str, Any]) -> bool:
+        """Compute a round of free modes of the structure of a scene; returns whether there are
+        more.
+        """
+        key = key_of(coarse(data), OF_STRUCTURE)
+        with contextlib.suppress(AntioscError):  # without them every click is extracted
+            return self._modes.of(key, lambda: FreeModes(structure)).search()
+        return False
+
+
+def coarse(data: dict[str, Any]) -> dict[str, Any]:
+    """A scene without the smaller cells at its site."""
+    read = {key: value for key, value in data.get("geometry", {}).items() if key != "refine"}
+    return {**data, "geometry": read}
+
+
+class KeepingEvaluation(Evaluation):
+    """An evaluation of a scene that takes what is kept."""
+
+    def __init__(self, kept: Kept, document: Document) -> None:
+        super().__init__(document)
+        self._kept = kept
+
+    def _object(self, call: Call) -> object:
+        make = partial(super()._object, call)
+        if call.made is not None or call in self._made:
+            return make()
+        return self._kept.made(self.document.data, call, make)
+
+
+def key_of(data: dict[str, Any], sections: tuple[str, ...]) -> str:
+    """Text of the sections that an object depends on."""
+    return json.dumps({name: data[name] for name in sections if name in data}, sort_keys=True)
+
+
+class FreeModes:
     """Free modes of a structure, computed in rounds, and models at any site from them."""
 
     def __init__(self, structure: Structure) -> None:
         from antiosc.extension import ModeSolver
 
         structure.factorize(np.inf)  # a click is one solve
-        self._structure = structure
+        self.structure = structure
         self._solver = ModeSolver(structure)
         #: numbers of modes of the remaining rounds
         self.left = list(MODE_ROUNDS)
         self._known: tuple[Array, Array] | None = None
-        self._models: ResultCache[AntiOscillators] = ResultCache(MOST_MODELS)
 
     def search(self) -> bool:
         """Compute one more round of modes; return whether another round is needed."""
+        if not self.left:
+            return False
         count = self.left[0]
         try:
             modes = self._solver.lowest(count)
         finally:
             self.left.pop(0)
-        rigid = self._structure.rigid_modes
+        rigid = self.structure.rigid_modes
         omega = np.concatenate([np.zeros(rigid.shape[1]), modes.omega])
         self._known = omega, np.column_stack([rigid, modes.phi])
-        self._models.clear()
         return bool(self.left) and not modes.complete
 
-    def model(self, key: str, site: Site) -> AntiOscillators | None:
-        """The model of a site, without mode shapes and error bars; None before the first round.
-
-        `key`: the text of the inputs that determine the site.
-        """
-        if self._known is None:
-            return None
-        return self._models.of(key, lambda: self._computed_model(site))
-
-    def _computed_model(self, site: Site) -> AntiOscillators:
-        """The model of a site, by one solve."""
+    def model(self, site: Site) -> AntiOscillators | None:
+        """The model of a site by one solve, without bars; None before the first round."""
         from antiosc.fem.linalg.algebra import multiply
         from antiosc.reduce.site import functional, surfaces
 
-        assert self._known is not None
-        structure = self._structure
+        if self._known is None:
+            return None
+        structure = self.structure
         omega, phi = self._known
         load = functional(structure, site)
         y = structure.factorize().solve_block(load.b[:, None])[:, 0]

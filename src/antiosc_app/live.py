@@ -19,7 +19,6 @@ import numpy as np
 from antiosc import (
     ContactLaw,
     Damping,
-    ElasticPlastic,
     History,
     LinearBody,
     ModalBody,
@@ -28,20 +27,10 @@ from antiosc import (
 from antiosc.base._types import Array
 from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
-from antiosc.engine.contact.cracking import SMALL, name_of
-from antiosc.engine.contact.dent import RIM
-from antiosc.engine.contact.laws import Hysteretic
-from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import (
     DEFLECTION,
     QUANTITIES,
     ErrorBudget,
-    brittle_sides,
-    by_hertz,
-    contact_time_note,
-    softest_model,
-    unknown_dent,
-    weaker_side,
 )
 from antiosc.models.body import info_of, site_points
 
@@ -50,7 +39,7 @@ Data: TypeAlias = dict[str, Any]
 
 FOLDER = Path(__file__).with_name("page")
 #: Scripts of the page in the order of their dependence.
-SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "verdict", "page", "fall")
+SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page", "fall")
 #: Starting scripts: of a report, which contains its data, and of `antiosc open`.
 REPORT = "start"
 OPEN = "open"
@@ -154,26 +143,14 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     common_data = impact_data(
         law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed
     )
-    law_data = common_data["law"]
-    if law_data["yields"] is not None:
-        law_data["yields"] |= {"side": weaker_side(hit), "unknown": unknown_dent(hit)}
-    law_data["brittle"] = [_brittle(matter) for matter in brittle_sides(hit)]
-    if plain := by_hertz(hit):
-        law_data["hertz"] = plain._asdict()
     return {
         **common_data,
         "ratio": _ratio(hit.model),
         "gap": float(system.offsets[0, 0]),
         "duration": float(hit.run.time[-1]),
         "body": {**modal_data(body.modes, body.start, loads[0], local), "stretch": _stretch(hit)},
-        "bars": _bars(hit, bars, local),
         "computed": _computed(hit, bars),
     }
-
-
-def _brittle(matter: Matter) -> Data:
-    """What the sentence on a material that cracks needs."""
-    return {"name": name_of(matter), "nu": matter.nu, "bounds": matter.tensile, "small": SMALL}
 
 
 def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
@@ -196,7 +173,6 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
             "unit": "N/m"
             if exponent == 1
             else f"N/m{format(exponent, 'g').translate(SUPERSCRIPTS)}",
-            "yields": _yielding(law),
         },
         "striker": striker,
         "mass": 1 / float(striker["b"][0] ** 2) if rigid else None,
@@ -204,18 +180,6 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
         "speed": speed or None,
         "stiffness": None if law.kind == library.TABLE else values[0],
     }
-
-
-def _yielding(law: ContactLaw) -> Data | None:
-    """Data of a contact that can yield; None for a law without a dent.
-
-    strength : yield strength [Pa]; radius : radius of the sphere [m]; rim : rim of `Dent`.
-    """
-    if not isinstance(law, Hysteretic):
-        return None
-    if not isinstance(law, ElasticPlastic):
-        return {}
-    return {"strength": law.yield_strength, "radius": law.radius, "rim": RIM}
 
 
 def finite_parameters(law: ContactLaw) -> list[float]:
@@ -270,36 +234,6 @@ def _ratio(model: LinearBody) -> float | None:
     return None
 
 
-def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
-    """Relative errors by quantity and cause, and modified bodies for mesh and truncation errors.
-
-    On the page such an error bar is scaled by the difference that its modified body makes there.
-    `unknown` says why a quantity has none, `condition` ends the others, `rebounds` whether the
-    impulse is m v (1 + e).
-    """
-    none: Data = {"shares": {}, "variants": {}, "unknown": {}, "rebounds": False}
-    if not budget:
-        return none
-    causes = budget.causes
-    barred = {name: bar for name, bar in budget.items() if name not in budget.unbarred}
-    shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in barred.items()}
-    if not np.isfinite([v for by_cause in shares.values() for v in by_cause.values()]).all():
-        return none
-    model = hit.model
-    variants = {}
-    starts_moving = hit.assembly.bodies["structure"].start.any()
-    linear = not hit.assembly.stretched
-    if shares and linear and not starts_moving and getattr(model, "strain_error", None) is not None:
-        bodies = {"mesh": model.corrected(), "truncation": softest_model(model)}
-        variants = {
-            cause: modal_data(variant.modal(), local=local) for cause, variant in bodies.items()
-        }
-    rebounds = budget.rebound is not None
-    bodies_and_bars = {"shares": shares, "variants": variants, "rebounds": rebounds}
-    told = {"condition": budget.condition, "footnote": budget.footnote, "unknown": budget.unbarred}
-    return bodies_and_bars | told
-
-
 def _computed(hit: History, budget: ErrorBudget | None) -> Data:
     """The curve and the numbers of the computed case, which stay on the page."""
     time = hit.time
@@ -307,17 +241,25 @@ def _computed(hit: History, budget: ErrorBudget | None) -> Data:
     if time.size > CURVE:
         time = np.linspace(0.0, float(time[-1]), CURVE)
         force = hit.force_at(time)
-    numbers = {name: float(getattr(hit, name)) for name in QUANTITIES}
-    counts = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
-    counts["dent"] = 0.0 if hit.dent is None else hit.dent.depth
+    numbers: Data = {name: float(getattr(hit, name)) for name in QUANTITIES}
+    numbers |= {"restitution": hit.restitution, "contacts": len(hit.contacts)}
+    numbers["dent"] = 0.0 if hit.dent is None else hit.dent.depth
+    if (motion := hit.site_motion) is not None:  # None of a part that moves on as a whole
+        numbers["site_deflection"] = motion.largest
     last = hit.contacts[-1][1] if hit.contacts else 0.0
     ends = {"last": last, "touching": bool(last >= hit.run.time[-1])}
-    told: Data = {"contact_time_note": contact_time_note(hit)}
-    if (motion := hit.site_motion) is not None:  # None of a part that moves on as a whole
-        known = budget is not None and budget.deflection is not None and not budget.no_bar
-        bar = budget.sides(DEFLECTION) if known and budget is not None else None
-        told |= {"site_deflection": motion.largest, "site": {"bar": bar, "told": "within the run"}}
-    return {"time": time, "force": force, **numbers, **counts, **ends, **told}
+    return {"time": time, "force": force, **numbers, **ends, **_shown(hit, budget)}
+
+
+def _shown(hit: History, budget: ErrorBudget | None) -> Data:
+    """Texts of the computed numbers with their bars, and the bar of the force for the chart."""
+    if budget is None:
+        return {"shown": {}}
+    shown = {name: budget.shown(name, 3) for name in QUANTITIES}
+    shown["restitution"] = budget.shown_restitution(hit.restitution)
+    if budget.deflection is not None:
+        shown["site_deflection"] = budget.shown(DEFLECTION, 3)
+    return {"shown": shown, "bar": budget["peak_force"].known}
 
 
 #: A striker of unknown size is drawn as a ball of this density [kg/m^3].

@@ -17,7 +17,6 @@ from antiosc import History, ImpactMap, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
-from antiosc.base.texts import engineering, point_text
 from antiosc.engine.contact.base import is_compiled
 from antiosc.extension import (
     MAP_QUANTITIES,
@@ -69,11 +68,7 @@ def of_structure(structure: Structure, hit: History, edges: bool = False) -> Dat
     page["held"] = _held(displacements).astype(np.uint8)
     motion = displacements @ to_shapes
     page["motion"] = fields(motion, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1))
-    if hit.assembly.bodies["structure"].omega.all():  # a free part moves on as a whole
-        page["deflection"] = _deflection(motion, skin.points[used_nodes], hit)
-    if isinstance(stress, str):
-        page["no_stress"] = stress
-    else:
+    if not isinstance(stress, str):
         stress_fields = [field[node] @ to_shapes for field in stress]
         page["stress"] = [fields(field, x, MOST_FIELDS[1], _equivalent) for field in stress_fields]
     return page
@@ -299,31 +294,6 @@ def _equivalent(stress: Array) -> Array:
 
 #: Place of a largest displacement in words, where it is that of the site.
 SITE = "the site"
-
-
-def _deflection(motion: Array, points: Array, hit: History) -> Data:
-    """The largest displacement in the run: value [m], and place and time in words.
-
-    `motion` (P, 3, J + 1). The point is that of some times, while the bodies touch and after; its
-    largest is looked for between these.
-    """
-    end = float(hit.run.time[-1])
-    touched = hit.contacts[-1][1] if hit.contacts else end
-    times = np.union1d(np.linspace(0.0, end, TIMES), np.linspace(0.0, touched, TIMES))
-    moved = np.linalg.norm(motion @ _coordinates(hit, times).T, axis=1)
-    i, k = divmod(int(moved.argmax()), times.size)
-    near = np.linspace(times[max(k - 1, 0)], times[min(k + 1, times.size - 1)], TIMES)
-    sizes = np.linalg.norm(motion[i] @ _coordinates(hit, near).T, axis=0)
-    time = float(near[sizes.argmax()])
-    value = float(sizes.max())
-    place = point_text(points[i])
-    at_site = hit.site_motion
-    if at_site is not None and at_site.largest > value:  # between the nodes of a coarse mesh
-        value, time, place = at_site.largest, at_site.time, SITE
-    told = f"at {place}, {engineering(time, 's')}"
-    if time >= end:
-        told += " (end of the run)"
-    return {"value": value, "told": told, "at_site": place == SITE}
 
 
 #: Largest number of sites on a page.

@@ -37,6 +37,16 @@ from antiosc.base.errors import (
 from antiosc.base.process import loading
 from antiosc.base.texts import capitalised, piece_told
 from antiosc_app import info, live, live_data
+from antiosc_app.cards import (
+    FAR,
+    FORCE,
+    MOST_CAUTIONS,
+    STRESS,
+    Card,
+    cards_of_fall,
+    cards_of_history,
+    cautions,
+)
 from antiosc_app.headline import (
     Headline,
     force_bar,
@@ -150,6 +160,8 @@ def write_output(results: SceneResults, parts: Sequence[Presentation], target: P
     return [*written, *paths]
 
 
+#: Answer -> name of its number on the live page.
+KEYS = {FORCE: "peak_force", FAR: "site_deflection", STRESS: "stress"}
 #: Headings of the pictures that replace the live view in print and without scripts.
 STILLS = ("Deformed structure", "Map")
 
@@ -253,12 +265,13 @@ def write_page(results: SceneResults, parts: Sequence[Presentation], path: Path)
 
 def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The HTML text of the page."""
-    data, headline = _live(results)
+    data, headline, answers = _live(results)
     one_view = data is not None and data.get("part") is not None
-    if headline is not None:
-        for part_shown in parts:
-            headline = headline._replace(numbers=[*headline.numbers, *part_shown.asked])
-    warnings = by_weight(results.warnings)
+    asked = [Card(*fact) for part_shown in parts for fact in part_shown.asked]
+    first = "" if headline is None else headline.caution
+    told = cautions(first, results.warnings)
+    notes = [one for one in by_weight(results.warnings) if weight(one) == NOTE]
+    more = [*told[MOST_CAUTIONS:], *map(capitalised, notes)]
     program = f"antiosc {info.version()}"
     date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     python = f"Python {platform.python_version()}, NumPy {np.__version__}"
@@ -283,9 +296,10 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         Path(__file__).with_name("page") / "report.html",
         title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
-        first=[capitalised(one) for one in warnings if not weight(one)],
-        warnings=[capitalised(one) for one in warnings if 0 < weight(one) < NOTE],
-        choices=[capitalised(one) for one in warnings if weight(one) == NOTE],
+        cards=[*answers, *asked],
+        keys=KEYS,
+        cautions=told[:MOST_CAUTIONS],
+        more=more,
         headline=headline,
         sections=[section for part_shown in parts for section in part_shown.sections.items()],
         details=[(n, [advice_of(results), *blocks]) for n, blocks in model.sections.items()],
@@ -308,25 +322,29 @@ def _uncommented(scene: str) -> str:
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip() + "\n"
 
 
-def _live(results: SceneResults) -> tuple[Data | None, Headline | None]:
-    """(data of the live page, headline); None for scenes and sweeps."""
+def _live(results: SceneResults) -> tuple[Data | None, Headline | None, list[Card]]:
+    """(data of the live page, headline, answers); without data for scenes and sweeps."""
     fall = results.fall
     if fall is not None and hasattr(fall, "episodes"):
         from antiosc_app import falls  # it may need the finite-element packages
 
-        return falls.data_of_fall(fall, results.worst), falls.headline_of_fall(fall, results.worst)
+        headline = falls.headline_of_fall(fall, results.worst)
+        answers = cards_of_fall(fall, results.worst)
+        return falls.data_of_fall(fall, results.worst), headline, answers
     if results.map is not None:
         headline = headline_of_map(results.map, results.structure, _file_of(results))
-        return live_data.data_of_map(results.map, results.structure), headline
+        answers = [Card(*fact) for fact in headline.numbers]
+        return live_data.data_of_map(results.map, results.structure), headline, answers
     hit = results.history
     if hit is None or isinstance(hit, SceneHistory):
-        return None, None
+        return None, None, []
     budget = error_budget(hit)
     data = live_data.data_of_history(hit, results.structure, budget)
     stresses = results.stresses or {}
     if data is not None:
         data |= largest_stress(stresses, force_bar(budget))
-    return data, headline_of_history(hit, results.structure, budget, stresses, _file_of(results))
+    headline = headline_of_history(hit, results.structure, budget, stresses, _file_of(results))
+    return data, headline, cards_of_history(hit, budget, stresses)
 
 
 def _file_of(results: SceneResults) -> str:

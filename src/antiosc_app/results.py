@@ -35,6 +35,7 @@ from antiosc.extension import (
 from antiosc.models.body import info_of, site_points
 from antiosc.plot.charts import legend_beside, plot_force, plot_model, plot_motion
 from antiosc.plotting import plot_deformed, plot_map
+from antiosc_app.cards import bar_of_fall, cards_of_fall, cards_of_history
 from antiosc_app.headline import (
     caution_of,
     force_bar,
@@ -64,7 +65,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from antiosc import Drops, Fall, PeakField, Sample, Structure
-    from antiosc_studies.drops.fall import WorstField
 
 #: Views of a part in space: name -> (elevation, azimuth) in degrees; None: the default view.
 VIEWS = {"": None, ", from behind": (24.0, 128.0), ", from above": (75.0, -52.0)}
@@ -193,9 +193,11 @@ def _impact(results: SceneResults) -> Presentation:
         summary = "\n".join(row for row in summary.splitlines() if shares not in row)
     accuracy = "\n".join(filter(None, (str(budget or ""), largest_share(budget))))
     single = not isinstance(hit, SceneHistory)
+    cards = [card[:2] for card in cards_of_history(hit, budget, peaks)] if single else []
     shocks = [probe.shock for probe in probes if probe.shock is not None]
     return Presentation(
         text=[
+            format_rows(cards),
             caution_of(hit, budget),
             summary,
             accuracy,
@@ -406,7 +408,11 @@ def _fall(results: SceneResults) -> Presentation:
         caption = "The largest value at each node over all impacts."
         pictures.append(Picture("Largest stress", caption, worst.plot))
     return Presentation(
-        text=[fall.summary() if single else format_columns(table), format_rows(rows)],
+        text=[
+            format_rows([card[:2] for card in cards_of_fall(fall, worst)] if single else []),
+            fall.summary() if single else format_columns(table),
+            format_rows(rows),
+        ],
         tables={"fall.csv": table},
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},
@@ -422,12 +428,6 @@ def fall_table(fall: Fall) -> Columns:
     columns: Columns = {"impact": np.arange(1, len(fall.impacts) + 1), **fall.impacts.columns()}
     columns["± by law (%)"] = 100 * fall.impacts.column("law_error")
     return columns | {"dent (m)": fall.dents, f"centre of mass in g, {SHOCK_FILTER}": shocks}
-
-
-def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
-    """The relative error by its law of the force of the impact with the judged stress."""
-    number = 0 if worst.exposure is None else worst.margin().impact
-    return fall.impacts[number - 1 if number else int(worst.impact[worst.judged])].law_error
 
 
 # -- studies
@@ -668,9 +668,10 @@ def presentations(results: SceneResults) -> list[Presentation]:
 
 
 def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
-    """Text of title, warnings that question the numbers, structure, model and results."""
+    """Text of title, warnings that question the numbers, results, structure and model."""
     title = str(results.compiled.document.data.get("title", ""))
     title = ", ".join(filter(None, (title, piece_told(results.warnings))))
     warnings = (f"warning: {one}" for one in by_weight(results.warnings) if not weight(one))
-    pieces = [title, *warnings, *(piece for part in parts for piece in part.text)]
+    model, *answers = parts  # the answers stand first
+    pieces = [title, *warnings, *(piece for part in (*answers, model) for piece in part.text)]
     return "\n\n".join(filter(None, pieces))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 import tomllib
 
@@ -10,16 +9,11 @@ import meshio
 import numpy as np
 import pytest
 
-import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.fem.mesh.halving import halvings
 from antiosc_app.cli import main
-from antiosc_app.inspecting import inspect_part
 from antiosc_app.opened import ALL, ANOTHER, Opened
-from antiosc_app.set_up import read, scene_of, toml
 from antiosc_app.view import View
 from contact_decks import SIDES as BLOCK, cut_block
-from quick_pages import quick
 from webdriver import MISSING, Browser
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -104,16 +98,15 @@ def test_each_piece_is_opened_by_its_rank_with_its_own_scene(apart):
     other = apart.calls["look"]({})
     assert (other["piece"], other["pieces"]) == (2, first["pieces"])
     assert box_of(other) == pytest.approx(SMALL, abs=0.01)
-    assert other["size"] < first["size"] or apart._path.suffix == ".inp"
-    setup = json.loads(json.dumps(other["setup"])) | {"duration": 2e-4, "n": 5}
-    asked = {"tab": "a", "turn": 1, "setup": setup}
+    told = apart.calls["edit"]({"set": {"simulate.duration": 2e-4, "extract.n": 5}})
+    asked = {"turn": told["turn"]}
     assert apart.calls["settle"](asked)["blow"]["computed"]["peak_force"] > 0
-    names = apart.calls["save"](asked)["names"]
+    names = apart.calls["names"]({})["names"]
     apart.calls["write"]({**asked, "agreed": names})
     scene = tomllib.loads(apart._path.with_name(names[0]).read_text())
     assert scene.get("deck", scene.get("geometry"))["piece"] == 2
-    with pytest.raises(InputError, match=ANOTHER):  # a tab with the piece before
-        apart.calls["settle"]({**asked, "opening": first["opening"]})
+    with pytest.raises(InputError, match=ANOTHER):  # a page with the piece before
+        apart.calls["edit"]({"undo": True, "opening": first["opening"]})
 
 
 def test_a_piece_that_there_is_not_leaves_the_one_that_is_open(apart):
@@ -157,9 +150,7 @@ def test_a_deck_is_opened_with_its_contact_tied_or_left_out(tmp_path):
         other = one.calls["look"]({})
         assert (other["contact"], other["piece"], len(other["pieces"])) == ("apart", 1, 2)
         assert box_of(other) == pytest.approx(BLOCK * (1, 1, 0.5), abs=0.01)
-        setup = json.loads(json.dumps(other["setup"]))
-        scene = toml(scene_of(one._source, read(setup), 1e-3))
-        assert tomllib.loads(scene)["deck"]["contact"] == "apart"
+        assert other["scene"]["deck"]["contact"] == "apart"
         with pytest.raises(InputError, match="contact"):
             one.calls["take"]({"contact": "glued"})
         one.calls["take"]({"contact": "tied"})
@@ -178,55 +169,13 @@ def test_the_command_writes_a_scene_of_one_piece(tmp_path, capsys):
     assert "no piece 3" in capsys.readouterr().err
 
 
-def test_cell_sizes_that_are_offered_halve_a_deck_once_and_twice(tmp_path):
-    """What lies a little below half of the longest cell means two halvings, and is asked for."""
-    path = tmp_path / "two.inp"
-    as_deck(path, APART)
-    one = Opened(path)
-    try:
-        look = one.calls["look"]({})
-        longest = 1e-3 * np.linalg.norm([20, 12, 10])
-        sizes = [size for size, _ in look["sizes"]]
-        assert [halvings(longest, size) for size in sizes] == [1, 2, 3, 4]
-        made = [ao.read_model(path, "mm", piece=1, size=size) for size in sizes[:2]]
-        assert [part.mesh.n_cells for part in made] == [2 * 8, 2 * 64]
-        assert [text.split(" cells")[0] for _, text in look["sizes"][:2]] == ["16", "130"]
-        setup = json.loads(json.dumps(look["setup"]))
-        asked = {size: one.calls["forecast"]({"setup": setup | {"size": size}})
-                 for size in (sizes[0], 0.49 * longest)}  # fmt: skip
-        assert asked[sizes[0]]["question"] == ""
-        below = asked[0.49 * longest]
-        assert "halved 2 times" in below["question"]
-        assert below["larger"] == sizes[0]
-    finally:
-        one.close()
-
-
-@pytest.mark.slow
-def test_cell_sizes_that_are_offered_for_a_geometry_are_smaller_by_steps(tmp_path):
-    as_step(tmp_path / "two.step", APART)
-    one = Opened(tmp_path / "two.step")
-    try:
-        look = one.calls["look"]({})
-        sizes = np.array([look["size"], *(size for size, _ in look["sizes"])])
-        assert sizes[:-1] / sizes[1:] == pytest.approx(np.full(4, 1.5), rel=0.05)
-        count = float(look["sizes"][1][1].split()[0])
-        made = inspect_part(tmp_path / "two.step", size=sizes[2], piece=1)
-        assert made.n_cells / 2 < count < 2 * made.n_cells
-    finally:
-        one.close()
-
-
 STATE = """
 const at = globalThis.bench && bench.facts ? bench : {facts: {}, turn: -1};
-return {piece: at.facts.piece, 
+return {piece: at.facts.piece,
   complete: Number(document.documentElement.dataset.complete) === at.turn,
   failed: document.documentElement.dataset.failed || "",
-  listed: [...document.querySelectorAll("#pieces option")].map((one) => one.textContent),
-  sizes: [...document.querySelectorAll("#part .row button")].map((one) => one.textContent),
-  told: document.getElementById("written").textContent,
+  listed: [...document.querySelectorAll("[name=piece] option")].map((one) => one.textContent),
   undo: document.getElementById("undo").disabled,
-  below: document.getElementById("stage").contains(document.getElementById("verdict")),
   width: document.documentElement.scrollWidth};
 """
 
@@ -244,24 +193,22 @@ def until(browser, is_so):
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
 def test_a_page_takes_another_piece_as_a_new_part(tmp_path):
     as_step(tmp_path / "two.step", APART)
-    page = View(quick(Opened(tmp_path / "two.step", size=4e-3), 2e-4), "two.step", "'none'")
+    page = View(Opened(tmp_path / "two.step", size=4e-3), "two.step", "'none'")
+    choose = (
+        "const s = document.querySelector('[name=piece]'); s.value = 2;"
+        "s.dispatchEvent(new Event('change'));"
+    )
     try:
         with Browser() as browser:
-            browser.address(page.address, 1300)
+            browser.address(page.address, 390)
             first = until(browser, lambda state: state["piece"] == 1)
             assert not first["failed"]
             assert [text[:2] for text in first["listed"]] == ["1:", "2:"]
-            assert sum("mm" in text for text in first["sizes"]) >= 2
-            assert first["below"]  # the sentences beside the numbers
-            browser.run("const s = document.querySelector('#pieces select'); s.value = 2;"
-                        "s.dispatchEvent(new Event('change'));")  # fmt: skip
+            assert first["width"] <= 390
+            browser.run(choose)
             other = until(browser, lambda state: state["piece"] == 2)
             assert not other["failed"]
-            assert "new part" in other["told"]
             assert other["undo"]
-            browser.address(page.address, 390)
-            narrow = until(browser, lambda state: state["piece"] == 2)
-            assert (narrow["below"], narrow["width"]) == (False, 390)
             assert browser.said() == []
     finally:
         page.close()

@@ -68,12 +68,6 @@ class Chart {
     pen.lineWidth = dense(c.now, right - left) ? 0.7 : 2;
     pen.strokeStyle = "#1f77b4";
     line(pen, points(c.now, x, y, 1));
-    if (c.now.contacts > 1 && c.now.main) {
-      const [from, to] = c.now.main;
-      pen.lineWidth = 5;
-      pen.strokeStyle = ink("--ink");
-      line(pen, [[x(from), bottom - 2], [x(to), bottom - 2]]);
-    }
     if (c.at !== null) {
       pen.lineWidth = 1;
       pen.strokeStyle = "#d62728";

@@ -1,6 +1,7 @@
 // The page of a fall: the part on its path, and its impacts, each of which can be chosen.
 
 const VIEWS = [["near", "the part"], ["whole", "the whole fall"]];
+const SHOCK = "CFC1000"; // filter of the acceleration of the centre of mass
 const PATH = 0.008, DOT = 0.04; // radii of the path and of an impact over half of what is framed
 
 class FallPage {
@@ -9,8 +10,8 @@ class FallPage {
     find("live").hidden = false;
     document.body.classList.add("live");
     document.body.classList.toggle("flat", !view);
-    for (const id of ["again", "site", "footnote", "legend", "doubtful", "without"]) find(id).hidden = true;
-    find("site").parentElement.hidden = true;
+    for (const id of ["again", "legend", "doubtful", "without"]) find(id).hidden = true;
+    find("site-number").parentElement.hidden = true;
     find("sliders").replaceChildren();
     const { part, impacts } = data;
     this.rest = Float32Array.from(part.points, (x, i) => part.middle[i % 3] + x * part.half / 32767);
@@ -28,27 +29,13 @@ class FallPage {
   }
 
   make_table() {
+    find("heads").hidden = false;
     [find("now").textContent, find("compared").textContent] = ["peak force", "contact time"];
+    Object.assign(find("third"), { hidden: false, textContent: `shock (${SHOCK})` });
     find("numbers").replaceChildren();
-    const { stresses } = this.data;
-    find("stressed").hidden = !stresses.length;
     this.rows = this.data.impacts.map((one, k) => {
       const row = made("tr", find("numbers")), head = made("th", row);
-      const bar = one.bar ? [`± ${percent(one.bar)}`] : [];
-      unbroken(made("td", row), [engineering(one.peak_force, "N"), ...bar]).dataset.value = one.peak_force;
-      unbroken(made("td", row), [engineering(one.contact_time, "s")]);
-      if (stresses.length) {
-        const { stress, bar } = stresses[k];
-        const cell = unbroken(made("td", row), [engineering(stress, "Pa")]);
-        cell.dataset.value = stress;
-        if (bar) {
-          cell.append(" ");
-          unbroken(made("span", cell, "", { className: "sides" }), plus_minus(bar).split(/ (?=−)/));
-        }
-      }
-      const below = (className, text) => made("td", made("tr", find("numbers"), "", { className }), text, { colSpan: 4 });
-      below("note done", one.told);
-      if (one.contact_time_note) below("note", `${one.touches} touches: the contact time is that ${one.contact_time_note}`);
+      for (const text of one.shown) made("td", row, text);
       return made("button", head, `impact ${k + 1}`, { type: "button", onclick: () => this.choose(k) });
     });
   }

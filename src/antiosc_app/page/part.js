@@ -5,7 +5,6 @@ const USUAL = 0.995, SPIKE = 1.5; // quantile of the points that ends the colour
 const GLASS = 0.15; // cover of each side of the striker over colours of the part, which it hides otherwise
 const HIDES = 0.25; // radius of the striker over half the size of the part from which on it is seen through at rest too
 const ARROW = 0.5; // length of the arrow over half the size of the part
-const NEAR = 1e-6; // m, between crossings that are one
 const LEAVES = 1; // largest way of the striker off the part over the same: with it the view grows
 const PLAIN = -1, DARK = -2, LINE = -2.4, BALL = -3, MARK = -4, FLOOR = -5, DOUBTFUL = -6; // colours of view.js
 const NAMES = { motion: ["displacement", "m"], stress: ["von Mises stress", "Pa"] };
@@ -157,33 +156,6 @@ function outward(points, faces, point, direction) {
   if (!found.length) return d.map((x) => -x);
   const { normal } = found.reduce((a, b) => (Math.abs(b.at) < Math.abs(a.at) ? b : a));
   return dot(normal, d) > 0 ? normal.map((x) => -x) : normal;
-}
-
-// The direction into the surface at the triangle next to a point: into a solid, or on the side of a
-// direction through a sheet.
-function normal_at(points, faces, point, through) {
-  let [least, normal, foot] = [Infinity, null, point];
-  for (let f = 0; f < faces.length; f += 3) {
-    const corners = [0, 1, 2].map((i) => Array.from(points.slice(3 * faces[f + i], 3 * faces[f + i] + 3)));
-    const own = unit(cross(less(corners[1], corners[0]), less(corners[2], corners[0]))), at = foot_on(corners, own, point), far = Math.hypot(...less(at, point));
-    if (far < least && Math.hypot(...own)) [least, normal, foot] = [far, own, at];
-  }
-  if (!normal) return null;
-  const crossed = new Set(crossings(points, faces, foot, normal).map(({ at }) => Math.round(at / NEAR))); // an edge of two triangles counts once
-  const leaves = [...crossed].filter((at) => at > 1).length; // a solid once more than it enters it
-  return (through ? dot(normal, through) > 0 : leaves % 2) ? normal : normal.map((x) => -x);
-}
-
-// The point of a triangle next to a point.
-function foot_on(corners, normal, point) {
-  const off = dot(less(point, corners[0]), normal), inside = point.map((x, i) => x - off * normal[i]);
-  const sides = corners.map((a, k) => [a, less(corners[(k + 1) % 3], a)]);
-  if (sides.every(([a, along]) => dot(cross(along, less(inside, a)), normal) >= 0)) return inside;
-  const on_sides = sides.map(([a, along]) => {
-    const share = Math.min(Math.max(dot(less(point, a), along) / (dot(along, along) || 1), 0), 1);
-    return a.map((x, i) => x + share * along[i]);
-  });
-  return on_sides.reduce((a, b) => (Math.hypot(...less(b, point)) < Math.hypot(...less(a, point)) ? b : a));
 }
 
 function nearest(points, point) {

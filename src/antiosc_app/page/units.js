@@ -17,16 +17,7 @@ function engineering(value, unit = "", digits = 3) {
   return `${shown} ${PREFIXES[power + 5]}${unit}`.trim();
 }
 
-// What a negative coefficient of restitution means.
-function approaching(e) { return e < 0 ? ", still approaching" : ""; }
-
 function percent(share) {
   if (Math.abs(share) < 1e-5) return "0 %";
   return Number.isFinite(share) ? `${Number((100 * share).toPrecision(2))} %` : "unknown";
-}
-
-// An error bar as text, whose sides [below, above] may differ: "± 12 %" or "+13 % −79 %".
-function plus_minus(bar, text = percent) {
-  const [below, above] = [bar].flat().map(text);
-  return !above || below === above ? `± ${below}` : `+${above} −${below}`;
 }

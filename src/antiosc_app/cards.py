@@ -1,0 +1,207 @@
+"""The four answers of an impact: does the part break, how hard, how far, and where is it stressed.
+
+They stand first on the terminal, on the page and in the report, in the same words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from antiosc import Fall, History
+from antiosc.base.errors import NOTE, by_weight, weight
+from antiosc.base.texts import (
+    capitalised,
+    engineering,
+    percent,
+    plain,
+    point_text,
+    restitution_text,
+)
+from antiosc.extension import DEFLECTION, QUANTITIES, ErrorBudget, by_hertz
+from antiosc_app.headline import force_bar, with_force
+from antiosc_app.presentation import Rows
+
+if TYPE_CHECKING:
+    from antiosc import Margin, PeakField
+    from antiosc_studies.drops.fall import WorstField
+
+#: What a verdict is, from which its colour follows.
+SAFE, DENT, BENDS, UNKNOWN = "safe", "dent", "bends", "unknown"
+#: What happens beyond a strength, for certain and perhaps; BREAKING of all others than yield.
+FAILS = {"yield": ("bends for good", "bend for good")}
+BREAKING = "breaks", "break"
+#: The questions in the order in which they are answered.
+BREAKS = "does it break"
+FORCE = "largest force"
+FAR = "deflection"
+STRESS = "largest stress"
+#: Most rows below the answers, and most cautions below these.
+MOST_ROWS, MOST_CAUTIONS = 8, 3
+
+
+class Card(NamedTuple):
+    """An answer: the question, the text, and of a verdict its kind."""
+
+    name: str
+    text: str
+    tone: str = ""
+
+
+def cards_of_history(
+    hit: History, budget: ErrorBudget | None, fields: Mapping[str, PeakField] | None
+) -> list[Card]:
+    """The answers of an impact of two bodies; `fields`: its `PeakField`s by quantity, None as long
+    as they are computed.
+    """
+    force = force_bar(budget)
+    hard = Card(FORCE, _shown(hit, budget, "peak_force"))
+    far = Card(FAR, deflection_text(hit, budget))
+    if fields is None:
+        return [Card(BREAKS, "…"), hard, far, Card(STRESS, "…")]
+    margins = [
+        with_force(peak.worst_point, force)
+        for peak in fields.values()
+        if peak.worst_point is not None and peak.exposure is not None
+    ]
+    told = [peak.worst_point for peak in fields.values() if peak.worst_point is not None]
+    stress = stress_text([with_force(one, force) for one in told], has_bar=force is not None)
+    return [
+        verdict(margins, dent_of(hit), has_bar=force is not None),
+        hard,
+        far,
+        Card(STRESS, stress),
+    ]
+
+
+def cards_of_fall(fall: Fall, worst: WorstField | None) -> list[Card]:
+    """The answers of a fall."""
+    hardest = fall.hardest
+    if hardest is None:
+        return [Card(BREAKS, f"{capitalised(fall.message)}.", SAFE)]
+    impact = fall.impacts[hardest]
+    force = engineering(impact.peak_force, "N")
+    bar = f" ± {percent(impact.law_error)}" if impact.law_error else " (no error bar)"
+    shock = max(one.g for one in fall.shocks)
+
+    judged = worst is not None and worst.exposure is not None
+    error = bar_of_fall(fall, worst) if worst is not None and judged else None
+    margins = [with_force(worst.margin(), error)] if worst is not None and judged else []
+    dent = float(max(fall.dents, default=0.0))
+    return [
+        verdict(margins, dent, has_bar=error is not None),
+        Card(FORCE, f"{force}{bar}, impact {hardest + 1} of {len(fall.impacts)}"),
+        Card("largest shock", f"{plain(shock, 3)} g of the centre of mass"),
+        Card(STRESS, stress_text(margins, has_bar=error is not None)),
+    ]
+
+
+def dent_of(hit: History) -> float | None:
+    """Depth of the dent [m]; None if it is not known whether the contact yields."""
+    if hit.dent is not None:
+        return float(hit.dent.depth)
+    elastic = by_hertz(hit)
+    if elastic is None or elastic.unknown or elastic.limit is None:
+        return None
+    return 0.0 if hit.peak_force <= elastic.limit else None
+
+
+def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> Card:
+    """Whether the part breaks, in one sentence.
+
+    A stress whose bar comes from the cells and holds the strength says nothing: finer cells do.
+    """
+    if not margins:
+        return Card(BREAKS, "Cannot say: no strength or no stress of the part is known.", UNKNOWN)
+    worst = max(margins, key=lambda margin: margin.bounds[1])
+    told = judged_text(worst)
+    certain, possible = FAILS.get(worst.criterion, BREAKING)
+    if worst.bounds[0] >= 1:
+        return Card(BREAKS, f"It {certain}: {told}.", BENDS)
+    if worst.bounds[1] >= 1 and worst.is_of_cells and worst.exposure < 1:
+        return Card(BREAKS, f"Cannot say: the mesh is too coarse, {told}.", UNKNOWN)
+    if worst.bounds[1] >= 1:
+        return Card(BREAKS, f"It may {possible}: {told}.", BENDS)
+    if not has_bar:
+        return Card(BREAKS, f"Cannot say: the stress has no error bar, {told}.", UNKNOWN)
+    if dent is None:
+        text = f"It stays elastic away from the contact, {told}; of a dent nothing is known."
+        return Card(BREAKS, text, UNKNOWN)
+    if dent > 0:
+        text = f"A dent of {engineering(dent, 'm')} remains; elsewhere it stays elastic, {told}."
+        return Card(BREAKS, text, DENT)
+    return Card(BREAKS, f"It stays elastic: {told}.", SAFE)
+
+
+def judged_text(margin: Margin) -> str:
+    """The judged stress with its range, beside the strength: "121 MPa (79 to 169) of 235 MPa"."""
+    if not margin.is_stress:
+        low, high = margin.bounds
+        return f"exposure {low:.2g} to {high:.2g}, failure from 1"
+    strength = engineering(margin.strength, "Pa")
+    return f"{engineering(margin.stress, 'Pa')} ({range_of(margin)}) of {strength}"
+
+
+def range_of(margin: Margin) -> str:
+    """The least and the largest stress within the bar."""
+    low, high = (max(end, 0.0) for end in margin.stresses)
+    return f"{engineering(low, 'Pa')} to {engineering(high, 'Pa')}"
+
+
+def stress_text(margins: Sequence[Margin], *, has_bar: bool) -> str:
+    """The largest stress of some margins, its range and its place."""
+    stresses = [margin for margin in margins if margin.is_stress]
+    if not stresses:
+        return "not known"
+    worst = max(stresses, key=lambda margin: margin.exposure)
+    place = "beside the contact" if worst.at_edge else f"at {point_text(worst.point)}"
+    bar = range_of(worst) if has_bar else "no error bar"
+    return f"{engineering(worst.stress, 'Pa')} ({bar}) {place}"
+
+
+def deflection_text(hit: History, budget: ErrorBudget | None) -> str:
+    """The largest deflection of the site, with its bar."""
+    if budget is not None and budget.deflection is not None:
+        return budget.shown(DEFLECTION, 3)
+    motion = hit.site_motion
+    return "the part moves on" if motion is None else f"{engineering(motion.largest, 'm')} (no bar)"
+
+
+def rows_of_history(hit: History, budget: ErrorBudget | None) -> Rows:
+    """The rows below the answers of an impact."""
+    e = hit.restitution
+    rebound = "not defined" if e is None else restitution_text(e)
+    rows = [
+        ("contact time", _shown(hit, budget, "contact_time")),
+        ("contacts", hit.count_text),
+        ("restitution", budget.shown_restitution(e) if budget else rebound),
+        ("impulse", _shown(hit, budget, "impulse")),
+    ]
+    if dent := dent_of(hit):
+        rows.append(("dent", engineering(dent, "m")))
+    return rows
+
+
+def rows_of_fall(fall: Fall) -> Rows:
+    """The rows below the answers of a fall."""
+    lost = float(fall.impacts.column("lost").sum()) if len(fall.impacts) else 0.0
+    return [("impacts", f"{len(fall.impacts)}"), ("lost in all", engineering(lost, "J"))]
+
+
+def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
+    """The relative error by its law of the force of the impact with the judged stress."""
+    number = 0 if worst.exposure is None else worst.margin().impact
+    return fall.impacts[number - 1 if number else int(worst.impact[worst.judged])].law_error
+
+
+def cautions(first: str, warnings: Iterable[str]) -> list[str]:
+    """What qualifies the answers, the heaviest first, each once; `first` is the heaviest."""
+    told = [capitalised(str(one)) for one in by_weight(list(warnings)) if weight(one) < NOTE]
+    return [one for one in dict.fromkeys([first, *told]) if one]
+
+
+def _shown(hit: History, budget: ErrorBudget | None, name: str) -> str:
+    """A quantity with its bar, as text."""
+    if budget:
+        return budget.shown(name, 3)
+    return f"{engineering(getattr(hit, name), QUANTITIES[name])} (no error bar)"

@@ -1,0 +1,378 @@
+"""The scene of `antiosc open`: what a click or a field changes, and what Undo takes back.
+
+The page holds no set-up of its own: it sends changes of this scene, which begins as that of
+`antiosc new`.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from antiosc import IMPACTORS
+from antiosc.base import checks, materials
+from antiosc.base.errors import InputError
+from antiosc.base.texts import rounded_up
+from antiosc.models.auto_contact import AUTO
+from antiosc_app import new
+from antiosc_app.inspection import Inspection
+from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.document import Document, Problems
+from antiosc_app.scene_file.schema import KIND
+
+#: A table of a scene.
+Table = dict[str, Any]
+
+#: Kinds of strikers on the page; the floor is that of a fall.
+BALL, MASS, HAMMER, FLOOR = "ball", "mass", "hammer", "floor"
+STRIKERS = {BALL: "Sphere", MASS: "RigidMass", HAMMER: "named_impactor"}
+#: Hammers of IEC 60068-2-75 with a tip of steel.
+HAMMERS = tuple(name for name, impactor in IMPACTORS.items() if name[:2] == "IK" and impactor.steel)
+#: Names of isotropic materials, and the choice of one that is not among them.
+MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
+OWN = "own material"
+#: Floors: rigid, or a half-space of a material.
+RIGID_FLOOR = "rigid"
+FLOORS = (RIGID_FLOOR, *MATERIALS)
+#: Soft layers on a floor: name -> modulus [Pa] and loss factor. Typical of what is sold, whose
+#: modulus may be 0.4 to 2 times as large (recalled, no source could be read).
+LAYERS: dict[str, Table] = {
+    "none": {},
+    "cork": {"E": 12e6, "loss": 0.15},
+    "rubber granulate": {"E": 1.5e6, "loss": 0.15},
+    "polyethylene foam": {"E": 0.4e6, "loss": 0.2},
+}
+#: First thickness of a layer [m].
+LAYER = 0.02
+#: Keys that fields of the page change, by section; no other is taken, and none names a file.
+EDITABLE: dict[str, frozenset[str]] = {
+    "geometry": frozenset({"size"}),
+    "deck": frozenset({"size", "yield_strength", "yield_range", "density", "modulus"}),
+    "material": frozenset(
+        {"E", "nu", "rho", "yield_strength", "yield_range", "thickness", "section.d"}
+    ),
+    "sites": frozenset({"point", "direction", "radius"}),
+    "extract": frozenset({"n", "damping"}),
+    "impactor": frozenset(
+        {"radius", "tip_radius", "mass", "velocity", "name", "E", "nu", "rho", "yield_strength"}
+    ),
+    "simulate": frozenset({"duration"}),
+    "drop": frozenset(
+        {"height", "tilt", "toward", "corner_radius", "damping", "floor.friction"}
+        | {"floor.layer.thickness", "floor.layer.E"}
+    ),
+}
+#: Keys without a value that a scene takes as "auto".
+AUTOMATIC = {"sites": "radius", "extract": "n", "simulate": "duration"}
+#: How many times smaller the cells of a finer mesh are.
+FINER = 3.0
+#: Largest number of set-ups that Undo keeps.
+MOST_UNDO = 50
+
+
+class State(NamedTuple):
+    """A scene of an impact and one of a fall, which of both is computed, and the held faces."""
+
+    impact: Table
+    fall: Table
+    falls: bool
+    held: tuple[str, ...]
+
+
+class EditedScene:
+    """A scene that the page edits; `faces`: name -> table of the support that fixes it."""
+
+    def __init__(
+        self,
+        path: Path,
+        look: Inspection,
+        faces: Mapping[str, Mapping[str, Any]],
+        held: Sequence[str],
+    ) -> None:
+        self._path = path.with_suffix(".toml")
+        self._look = look
+        self._faces = faces
+        impact, fall = (_first(path, look, drop) for drop in (False, True))
+        self._state = State(impact, fall, False, tuple(held))
+        if held:
+            self._hold(impact)
+        self._past: list[State] = []
+        self._future: list[State] = []
+
+    @property
+    def falls(self) -> bool:
+        """Whether the scene is that of a fall."""
+        return self._state.falls
+
+    @property
+    def sections(self) -> Table:
+        """The sections of the scene."""
+        return self._state.fall if self.falls else self._state.impact
+
+    def document(self, more: Table | None = None) -> Document:
+        """The scene as if it were read from its file, with `more` sections."""
+        text = toml(self.sections | (more or {}))
+        return Document(self._path, tomllib.loads(text), Problems(self._path.name, text))
+
+    def told(self) -> Table:
+        """The scene for the page."""
+        sections = dict(self.sections)
+        if not self.falls:
+            sections["sites"] = self.site
+        return {
+            "scene": sections,
+            "held": list(self._state.held),
+            "falls": self.falls,
+            "undo": bool(self._past),
+            "redo": bool(self._future),
+        }
+
+    @property
+    def site(self) -> Table:
+        """The table of the site that is struck."""
+        site: Table = next(iter(self._state.impact["sites"].values()))
+        return site
+
+    # -- what changes it
+
+    def undo(self) -> None:
+        """Go one change back."""
+        self._go(self._past, self._future)
+
+    def redo(self) -> None:
+        """Take the change that was undone."""
+        self._go(self._future, self._past)
+
+    def _go(self, source: list[State], target: list[State]) -> None:
+        """Take the last state of a list; the present one goes to the other."""
+        if source:
+            target.append(self._state)
+            self._state = source.pop()
+
+    def change(self, values: Table, stressed: Sequence[float] = (), cells: float = 0.0) -> None:
+        """Take a change of the page; InputError if the scene would have a mistake: it stays as it
+        was.
+
+        `stressed`, `cells`: place of the largest stress and size of the cells at the site, of the
+        last answer, for a finer mesh.
+        """
+        before = self._state
+        self._state = copy.deepcopy(before)
+        try:
+            for name, value in values.items():
+                self._take(name, value, stressed, cells)
+            compiled(self.document())
+        except BaseException:
+            self._state = before
+            raise
+        self._past = [*self._past, before][-MOST_UNDO:]
+        self._future = []
+
+    def _take(self, name: str, value: Any, stressed: Sequence[float], cells: float) -> None:
+        """One change by its name."""
+        if name == "set":
+            for place, entry in _pairs(value):
+                self._set(place, entry)
+        elif name == "hold":
+            self._toggle(value)
+        elif name == "striker":
+            self._strike_with(checks.choice("the striker", value, (*STRIKERS, FLOOR)))
+        elif name == "material":
+            self._make_of("material", value)
+        elif name == "of":
+            self._make_of("impactor", value)
+        elif name == "onto":
+            floor = self._state.fall["drop"].setdefault("floor", {})
+            floor.pop("layer", None)
+            _put(floor, "material", None if value == RIGID_FLOOR else _one_of(value, MATERIALS))
+        elif name == "layer":
+            floor = self._state.fall["drop"].setdefault("floor", {})
+            layer = LAYERS[_one_of(value, LAYERS)]
+            if layer:  # it takes the place of the material
+                floor.pop("material", None)
+            _put(floor, "layer", {"thickness": LAYER, **layer} if layer else None)
+        elif name == "finer":
+            self._refine(stressed, cells)
+        else:
+            raise InputError(f"the page has no change {checks.shown(name)}.")
+
+    def _set(self, place: str, value: Any) -> None:
+        """Set a key, "section.key"; None takes it away, or leaves it to the run."""
+        section, _, key = place.partition(".")
+        if key not in EDITABLE.get(section, ()):
+            raise InputError(f"the page does not change {checks.shown(place)}.")
+        if value is None and AUTOMATIC.get(section) == key and self._chooses(section):
+            value = AUTO
+        for table in self._tables(section):
+            *inner, last = key.split(".")
+            for name in inner:
+                table = table.setdefault(name, {})
+            _put(table, last, value)
+        if place == "sites.point" and "refine" in self._state.impact.get("geometry", {}):
+            refine = self._state.impact["geometry"]["refine"]  # the fine cells follow the site
+            self._state.impact["geometry"]["refine"] = [[list(value), refine[0][1]]]
+
+    def _chooses(self, section: str) -> bool:
+        """Whether a run chooses a missing key of a section: beams and sheets have no patch."""
+        return section != "sites" or self._look.family == "Solid"
+
+    def _tables(self, section: str) -> list[Table]:
+        """The tables of a section, of impact and fall, which share the part."""
+        if section == "sites":
+            return [self.site]
+        scenes = [self._state.impact, self._state.fall]
+        tables = [scene[section] for scene in scenes if section in scene]
+        if not tables:
+            raise InputError(f"this scene has no [{section}].")
+        return tables
+
+    def _toggle(self, face: object) -> None:
+        """Hold a face, or free it."""
+        if not isinstance(face, str) or face not in self._faces:
+            raise InputError(f"the part has no face {checks.shown(face)}.")
+        held = self._state.held
+        held = tuple(one for one in held if one != face) if face in held else (*held, face)
+        self._state = self._state._replace(held=held)
+        self._hold(self._state.impact)
+
+    def _hold(self, scene: Table) -> None:
+        """Give a scene the supports of the held faces."""
+        supports = [dict(self._faces[name]) for name in self._state.held]
+        _put(scene, "supports", supports or None)
+
+    def _strike_with(self, kind: str) -> None:
+        """Another kind of striker, with values of the one before as far as it has them."""
+        self._state = self._state._replace(falls=kind == FLOOR)
+        if kind == FLOOR or self._state.impact["impactor"].get(KIND) == STRIKERS[kind]:
+            return
+        before = self._state.impact["impactor"]
+        radius = before.get("radius") or before.get("tip_radius") or self._look.ball
+        common = {"velocity": before.get("velocity", 1.0)}
+        common["material"] = before.get("material", MATERIALS[0])
+        tables: dict[str, Table] = {
+            BALL: {"radius": radius, **common},
+            MASS: {"mass": self._look.heaviest_striker(0.5), "tip_radius": radius, **common},
+            HAMMER: {"name": HAMMERS[0]},
+        }
+        self._state.impact["impactor"] = {KIND: STRIKERS[kind], **tables[kind]}
+        self._state.impact["contact"] = {KIND: AUTO}
+
+    def _make_of(self, section: str, name: object) -> None:
+        """Another material of the part or of the striker; an own one begins as the one before."""
+        _one_of(name, (*MATERIALS, OWN))
+        for table in self._tables(section):
+            before = table.get("name" if section == "material" else "material", MATERIALS[0])
+            shape = {key: table[key] for key in ("thickness", "section") if key in table}
+            own = self._constants(before, section)
+            if section == "material":
+                table.clear()
+                table |= shape | (own if name == OWN else {"name": name})
+                continue
+            for key in (*own, "material"):
+                if key != KIND:
+                    table.pop(key, None)
+            table |= own if name == OWN else {"material": name}
+
+    def _constants(self, name: str, section: str) -> Table:
+        """The constants of a material, as a material of one's own begins."""
+        record = materials.record(name)
+        constants: Table = {"E": record.E, "nu": record.nu, "rho": record.rho}
+        if record.yield_strength is not None:
+            constants["yield_strength"] = record.yield_strength
+        if section == "impactor":
+            if self._state.impact["impactor"].get(KIND) == STRIKERS[MASS]:
+                del constants["rho"]
+            return constants
+        if record.yield_range is not None:
+            constants["yield_range"] = list(record.yield_range)
+        return {KIND: self._look.family, **constants}
+
+    def _refine(self, stressed: Sequence[float], cells: float) -> None:
+        """Smaller cells at the site and at the largest stress; of solids of a finished mesh all."""
+        look = self._look
+        for scene in (self._state.impact, self._state.fall):
+            read = scene.get("geometry") or scene["deck"]
+            if not (look.meshed or look.divides):
+                read["size"] = rounded_up(read.get("size", look.largest) / 2)
+                continue
+            point = list(self.site["point"])
+            known = read.get("refine", [])
+            size = rounded_up((known[0][1] if known else cells or look.size) / FINER)
+            places = [point, *([list(stressed)] if len(stressed) else [])]
+            read["refine"] = [[place, size] for place in places]
+
+
+def _first(path: Path, look: Inspection, drop: bool) -> Table:
+    """The scene that `antiosc new` writes."""
+    text = new.text(path.with_suffix(".toml").name, path.name, look, drop)
+    sections = tomllib.loads(text)
+    if drop and look.of_deck:
+        sections["deck"]["free"] = True
+    return sections
+
+
+def _pairs(value: object) -> list[tuple[str, Any]]:
+    """The places and values of a change."""
+    if not isinstance(value, dict) or not all(isinstance(place, str) for place in value):
+        raise InputError("a change is a table of places and values.")
+    return list(value.items())
+
+
+def _one_of(value: object, names: Any) -> str:
+    """A name among some."""
+    if not isinstance(value, str) or value not in names:
+        raise InputError(
+            f"the choice must be one of {', '.join(names)}; got {checks.shown(value)}."
+        )
+    return value
+
+
+def _put(table: Table, key: str, value: Any) -> None:
+    """Set a key, or take it away where the value is None."""
+    if value is None:
+        table.pop(key, None)
+    else:
+        table[key] = value
+
+
+# -- as text
+
+
+def toml(sections: Mapping[str, Any]) -> str:
+    """Sections as TOML: top-level keys first, then [x], [x.NAME] and [[x]]."""
+    lines = [f"{name} = {_value(value)}" for name, value in sections.items() if _plain(value)]
+    for name, value in sections.items():
+        if _plain(value):
+            continue
+        if isinstance(value, list):
+            for table in value:
+                lines += ["", f"[[{name}]]", *_lines(table)]
+        elif value and all(isinstance(table, Mapping) for table in value.values()):
+            for key, table in value.items():
+                lines += ["", f"[{name}.{key}]", *_lines(table)]
+        else:
+            lines += ["", f"[{name}]", *_lines(value)]
+    return "\n".join([*lines, ""])
+
+
+def _plain(value: object) -> bool:
+    """Whether a value is not a section."""
+    return not isinstance(value, Mapping | list)
+
+
+def _lines(table: Mapping[str, Any]) -> list[str]:
+    """A table as lines "key = value"."""
+    return [f"{key} = {_value(value)}" for key, value in table.items()]
+
+
+def _value(value: object) -> str:
+    """A value in TOML, which writes texts, flags and lists like JSON."""
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(_lines(value))} }}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return f"[{', '.join(map(_value, value))}]"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

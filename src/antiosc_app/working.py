@@ -1,0 +1,95 @@
+"""The one thread that computes for a page; the latest set-up wins."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from typing import Any
+
+from antiosc.base import progress
+
+#: What a page is told whose work was overtaken.
+STALE: dict[str, Any] = {"stale": True}
+
+
+class Overtaken(BaseException):
+    """The page no longer waits for the work.
+
+    It is no Exception, so that no computation catches it as one of its errors.
+    """
+
+
+class Worker:
+    """Computes one thing after the other; work of an earlier turn ends at its next step.
+
+    Attributes
+    ----------
+    turn : number of the present set-up.
+    """
+
+    def __init__(self) -> None:
+        self.turn = 0
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="antiosc")
+        self._lock = threading.Lock()
+        self._waiting = 0
+        self._closed = False
+        self._doing = ""
+        self._began = time.monotonic()
+
+    def next_turn(self) -> int:
+        """Begin another turn; returns its number."""
+        with self._lock:
+            self.turn += 1
+        return self.turn
+
+    def close(self) -> None:
+        """Accept no further work; what is being computed ends at its next step."""
+        self._closed = True
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+    def progress(self) -> dict[str, Any]:
+        """What is done, and for how long [s] the answer is computed."""
+        return {"doing": self._doing, "lasted": time.monotonic() - self._began}
+
+    def compute(self, work: Callable[[], dict[str, Any]], turn: int | None = None) -> Any:
+        """The result of `work`; STALE if a later turn has begun before its end. None: of all."""
+
+        def stop_if_asked(doing: str) -> None:
+            self._doing = doing
+            if doing and (self._closed or turn not in (None, self.turn)):
+                raise Overtaken
+
+        def run_work() -> dict[str, Any]:
+            with self._lock:
+                self._waiting -= 1
+            if turn not in (None, self.turn):
+                return STALE
+            self._began = time.monotonic()
+            try:
+                with progress.following(stop_if_asked):
+                    return work()
+            except Overtaken:
+                return STALE
+
+        with self._lock:
+            self._waiting += 1
+        try:
+            return self._thread.submit(run_work).result()
+        except CancelledError:  # the program ends
+            return STALE
+
+    def afterwards(self, work: Callable[[], bool]) -> None:
+        """Do `work` again and again while it returns True and nobody waits."""
+
+        def run_work() -> None:
+            if self._waiting or self._closed:
+                return
+            with progress.following(lambda doing: setattr(self, "_doing", doing)):
+                again = work()
+            if again and not self._closed:
+                self._thread.submit(run_work)
+
+        if not self._closed:
+            self._thread.submit(run_work)
