@@ -37,12 +37,11 @@ from antiosc_app.inspection import CONTACT_TEXTS, Inspection
 from antiosc_app.kept import Kept
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
-from antiosc_app.scene_file.automatic import with_values
+from antiosc_app.scene_file.automatic import Choice, with_values
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, SceneFileError, read, without_line
 from antiosc_app.scene_file.scene import STUDIES
 from antiosc_app.scene_file.settled import Settled, settled
-from antiosc_app.until_parted import Choice
 from antiosc_app.working import Worker
 
 if TYPE_CHECKING:
@@ -299,16 +298,16 @@ class Opened:
         hit = None if self._answer is None else self._answer.results.history
         if self._edited.falls or hit is None:
             return {}
-        choice = Choice(hit.model.patch_radius, float(hit.time[-1]), n=hit.model.n)
+        choice = Choice(hit.model.patch_radius, hit.model.n, float(hit.time[-1]))
         scene = compiled(with_values(self._edited.document(), choice))
-        quick = self._kept.from_modes(scene)
-        if quick is None or scene.structure is None or scene.model is None:
-            return {}
-        structure, model = quick
-        evaluate = self._kept.evaluation(scene.document)
-        evaluate.register(scene.structure, structure)
-        evaluate.register(scene.model, model)
         with without_warnings():  # those of the answer follow
+            quick = self._kept.from_modes(scene)
+            if quick is None or scene.structure is None or scene.model is None:
+                return {}
+            structure, model = quick
+            evaluate = self._kept.evaluation(scene.document)
+            evaluate.register(scene.structure, structure)
+            evaluate.register(scene.model, model)
             hit = evaluate(scene.history)
         return {"force": f"about {engineering(hit.peak_force, 'N', 2)}"}
 

@@ -396,7 +396,9 @@ def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
     both = np.union1d(mesh.groups["-z"][2], mesh.groups["+z"][2]).astype(np.int32)
     one = replace(mesh, groups={"both": {2: both}})
     part = ao.Structure(one, ao.material("steel S235"), [])
-    assert skin(part, inspecting._inspect_mesh(one, {}, None)).held == ["side -z of the box, below"]
+    assert skin(part, inspecting._inspected(one, {}, None, False)).held == [
+        "side -z of the box, below"
+    ]
 
 
 def test_a_face_of_more_than_half_of_the_surface_is_told():
@@ -407,7 +409,7 @@ def test_a_face_of_more_than_half_of_the_surface_is_told():
     sides = [mesh.groups[name][2] for name in ("-y", "+y", "-z", "+z")]
     large = replace(mesh, groups={**mesh.groups, "large": {2: np.sort(np.concatenate(sides))}})
     part = ao.Structure(large, ao.material("steel S235"), [])
-    shown = skin(part, inspecting._inspect_mesh(large, {}, None))
+    shown = skin(part, inspecting._inspected(large, {}, None, False))
     told = over_half(shown.data, list(shown.faces))
     assert told == {"large": "large is 74 % of the surface: it holds most of the part."}
     where = places(shown.data, list(shown.faces))
@@ -423,7 +425,7 @@ def test_a_group_without_parts_is_no_face_to_be_held():
     mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
     with_gone = replace(mesh, groups={**mesh.groups, "gone": {}})
     part = ao.Structure(with_gone, ao.material("steel S235"), [])
-    faces = skin(part, inspecting._inspect_mesh(with_gone, {}, None)).faces
+    faces = skin(part, inspecting._inspected(with_gone, {}, None, False)).faces
     assert {"-x", "+z"} <= {*faces}
     assert "gone" not in faces
 
@@ -515,16 +517,16 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         assert undone["scene"] == held["scene"]
         assert undone["cards"] == held["cards"]
 
-        field = "document.querySelector('#setup input[name=\"impactor.velocity\"]')"
+        field = "document.querySelector('#setup input[name=\"impactor.radius\"]')"
         typed = f"const one = {field}; one.value = arguments[0];"
         browser.run(typed + "one.dispatchEvent(new Event('change'))", "-3")
         time.sleep(1)
         told = browser.run(f"return [{field}.getAttribute('aria-invalid'), {field}.value]")
         assert told == ["true", "-3"]  # it stays to be mended
         assert browser.run(READ)["scene"] == held["scene"]
-        browser.run(typed + "one.dispatchEvent(new Event('change'))", "1.5")
+        browser.run(typed + "one.dispatchEvent(new Event('change'))", "8")
         faster = reached(browser, 5)
-        assert faster["scene"]["impactor"]["velocity"] == 1.5
+        assert faster["scene"]["impactor"]["radius"] == 0.008
 
         browser.resize(1300)
         browser.run("save.click()")

@@ -193,7 +193,7 @@ def until(browser, is_so):
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
 def test_a_page_takes_another_piece_as_a_new_part(tmp_path):
     as_step(tmp_path / "two.step", APART)
-    page = View(Opened(tmp_path / "two.step", size=4e-3), "two.step", "'none'")
+    page = View(Opened(tmp_path / "two.step"), "two.step", "'none'")
     choose = (
         "const s = document.querySelector('[name=piece]'); s.value = 2;"
         "s.dispatchEvent(new Event('change'));"
