@@ -31,8 +31,8 @@ import pictures_drawn
 
 #: A program of a page, and what it prints.
 BLOCK = re.compile(r"```python\n(.*?)```\n(?:\n```text\n(.*?)```\n)?", re.DOTALL)
-#: The guide shows what `make demo` prints; the program of `matrices` reads files of another one.
-SILENT = {"guide", *pages.UNRUN}
+#: The program of `matrices` reads files of another one.
+SILENT = {*pages.UNRUN}
 #: Programs of these pages call all that is public, with numbers of no part.
 REFERENCE = "api/"
 #: Longer lines are wrapped, unless they are rows of a table; so many blanks begin what goes on.
@@ -61,15 +61,12 @@ def printed(name: str, folder: Path) -> list[str]:
     name : of the page, such as "howto/map"
     folder : the working folder of this process
     """
-    blocks = pages.blocks_of(pages.pages()[name])
-    order = range(len(blocks))[:: -1 if name in pages.BACKWARDS else 1]
     names: dict[str, Any] = {}
-    for before in pages.blocks_before(name):
-        _, names = said(before, folder, names)
-    found = dict.fromkeys(order, "")
-    for i in order:
-        found[i], names = said(blocks[i], folder, names)
-    return [found[i] for i in range(len(blocks))]
+    found = []
+    for block in pages.blocks_of(pages.pages()[name]):
+        text, names = said(block, folder, names)
+        found.append(text)
+    return found
 
 
 def said(program: str, folder: Path, names: dict[str, Any]) -> tuple[str, dict[str, Any]]:

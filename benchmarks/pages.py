@@ -58,12 +58,8 @@ VARIANTS = {
     "the least yield strength": Variant(strength="least"),
     "the largest yield strength": Variant(strength="largest"),
 }
-#: The program of this page reads what the second one makes.
-BACKWARDS = {"howto/measured"}
 #: Pages whose program reads files of another one; `tests/matrix_files` writes them and runs it.
-UNRUN = {"matrices"}
-#: The programs of a page that go on from those of another one.
-GOES_ON = {"several": "guide"}
+UNRUN = {"howto/matrices"}
 QUANTITIES = ("peak_force", "impulse", "contact_time")
 
 
@@ -272,7 +268,7 @@ def programs() -> dict[str, Callable[[Path], str]]:
     for name, page in pages().items():
         if name in UNRUN:
             continue
-        blocks = blocks_before(name) + blocks_of(page)[:: -1 if name in BACKWARDS else 1]
+        blocks = blocks_of(page)
         found[name] = functools.partial(write_program, "\n".join(blocks))
     for script in sorted((ROOT / "demos").glob("*.py")):
         found[f"demos/{script.stem}"] = functools.partial(copy_demos, f"demos/{script.name}")
@@ -292,11 +288,6 @@ def pages() -> dict[str, Path]:
 def blocks_of(page: Path) -> list[str]:
     """The programs of a page, in their order."""
     return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-
-
-def blocks_before(name: str) -> list[str]:
-    """The programs of another page from which those of this one go on."""
-    return blocks_of(ROOT / f"docs/{GOES_ON[name]}.md") if name in GOES_ON else []
 
 
 def write_program(text: str, folder: Path) -> str:

@@ -66,7 +66,7 @@ def _lists(app: Any, name: str, source: list[str]) -> None:
         source[0] = generated.with_lists(source[0], generated.api_pages())
     elif name == "index":
         source[0] = generated.with_other_pages(source[0])
-    elif name == "live":
+    elif name == "howto/report":
         source[0] = source[0].replace("%REPORT", generated.embedded(app.outdir))
     source[0] = generated.with_words(name, source[0])
     if not name.startswith("demos/"):

@@ -285,10 +285,10 @@ def test_supports_are_a_dict_of_nodes():
         rows_of([10], rows)
 
 
-# --- The program of docs/matrices.md runs as it stands there --------------------------------------
+# --- The program of docs/howto/matrices.md runs as it stands there ---------------------------
 
 
-PAGE = Path(__file__).parents[2] / "docs/matrices.md"
+PAGE = Path(__file__).parents[2] / "docs/howto/matrices.md"
 
 
 def test_the_program_of_the_page(tmp_path, monkeypatch, capsys):
@@ -345,7 +345,7 @@ def test_nodes_below_the_surface_take_no_load():
 
 
 def test_matrices_on_a_shaken_ground():
-    """With the participation of docs/howto/shaking.md the tip moves as all 50 dofs by DOP853."""
+    """With its participation in the motion of the ground the tip moves as all 50 dofs by DOP853."""
     K = scipy.sparse.diags([-1e6, 2e6, -1e6], [-1, 0, 1], shape=(50, 50)).tolil()
     K[49, 49] = 1e6
     M = scipy.sparse.diags(np.full(50, 0.02)).tocsr()

@@ -2,7 +2,7 @@
 
 The shapes of the model are evaluated once at the point (for instance their strains), and combined
 with the coordinates of the model at all times. The static shape has the stress near the site;
-points far from it, and accelerations, need more anti-oscillators than the force (docs/results.md).
+points far from it, and accelerations, need more anti-oscillators than the force.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ AGREE = 2
 RAN_AWAY = 2.0
 BY_CHANCE = 0.05
 #: Error of the force over the product of its energies of third and fourth order: 0.2 to 2.2 of nine
-#: random pieces of tubes (docs/howto/thin_sheets.md), less of shallow caps.
+#: random pieces of tubes, less of shallow caps.
 BEYOND = 2.0
 #: Times up to the peak of a force at which energies are compared.
 SAMPLES = 200

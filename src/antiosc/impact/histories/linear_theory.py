@@ -170,7 +170,7 @@ def unstretched_text(history: RunHistory, is_sheet: bool = False) -> str:
 
 
 #: Largest share by which forces of a sheet that nothing stretches are larger where it bends in two
-#: directions at once, up to a deflection of so many thicknesses (docs/howto/thin_sheets.md).
+#: directions at once, up to a deflection of so many thicknesses.
 BENT_TWICE = ((0.5, "2.3 %"), (1.0, "9 %"), (2.0, "17 %"))
 
 

@@ -1,6 +1,6 @@
 """Structures with exact solutions: beams, Zener's impact, the patch of a plate.
 
-`docs/closed_forms.md` lists them with their theory, sources and an example. The anti-oscillators
+The anti-oscillators
 and modes of a beam are known to rounding. Timoshenko's beam, or Euler-Bernoulli's
 (`UniformBeam.euler_bernoulli`), on any supports of its two ends and struck at any point, is a
 `StruckBeam`; the functions below name the usual ones.
