@@ -47,8 +47,7 @@ CASES = {
 }
 #: What the table says of the machine of its figures.
 NOTE = (
-    "The machine had other work: ratios tell more than seconds. Algebraic multigrid on such "
-    "parts is slower by far: [multigrid](multigrid.md)."
+    "The machine had other work: ratios tell more than seconds."
 )
 #: kinds of solver -> the choice of a structure
 KINDS: dict[str, SolverChoice] = {"direct": "direct", "two levels": "iterative", "auto": "auto"}

@@ -52,7 +52,7 @@ class Products:
     finer: float = 15.0
 
 
-#: From the entries; their number is that of A (multigrid: benchmarks/multigrid.py).
+#: From the entries; their number is that of A.
 ENTRIES = Products(math.nan, 6.0, 20.0, 8e-9)
 #: From straight isotropic tetrahedra (by aggregation a trace at 2.25 million dofs), from
 #: anisotropic ones, from hexahedra. Finer: 12 to 19 from plates to compact blocks of tetrahedra,

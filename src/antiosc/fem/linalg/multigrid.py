@@ -10,7 +10,7 @@ find beside the solution, bound the difference from the true error, and are used
 of a model. The compliance bᵀA⁻¹b has about the square of it as its relative error, for the error of
 conjugate gradients is orthogonal to the solution in energy; the Krylov recurrence of
 anti-oscillators takes products with A anew, and is a Galerkin model for any vectors. The errors of
-Z are listed in benchmarks/speed/multigrid.md and large_parts.md.
+Z are listed in benchmarks/speed/large_parts.md.
 """
 
 from __future__ import annotations
