@@ -46,9 +46,7 @@ CASES = {
     "plate, t = h/4": ((40, 40, 1), (0.2, 0.2, 0.00125), "tetrahedron", 0.3, True),
 }
 #: What the table says of the machine of its figures.
-NOTE = (
-    "The machine had other work: ratios tell more than seconds."
-)
+NOTE = "The machine had other work: ratios tell more than seconds."
 #: kinds of solver -> the choice of a structure
 KINDS: dict[str, SolverChoice] = {"direct": "direct", "two levels": "iterative", "auto": "auto"}
 
