@@ -23,7 +23,7 @@ import antiosc as ao
 assert "site-packages" in ao.__file__, ao.__file__
 model = ao.AntiOscillators(m0=0.02, k0=1e6, m=[0.1], omega=[2000.0])
 print(ao.simulate(model, ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e9), duration=3e-3).summary())
-print(*model.to_matrices().save("blow.op4"))  # by a registered format
+print(*model.to_matrices().save("blow.mtx"))
 ao.export("blow.c", model, ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e9))
 """
 

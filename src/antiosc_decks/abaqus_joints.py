@@ -78,9 +78,7 @@ def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]
 
 
 def _edge(block: Block, side: str, place: DeckPlace) -> int | None:
-    """Index of the edge that a side label of a flat element means; None if it means the face.
-    The labels are S3, … for shells, S1, … for plane elements, and E1, … for both.
-    """
+    """Index of the edge that S3 … (of plane elements S1 …) or E1 … means; None: a face."""
     if block.shape not in ("triangle", "quad") or not side[1:].isdigit():
         return None
     edge = int(side[1:]) - (1 if side[0] == "E" or block.role.startswith("plane") else 3)
@@ -163,9 +161,7 @@ def mean_edge(joints: DeckConstraints, surface: DeckFaces) -> float:
 
 
 def lead(joints: DeckConstraints, tied: Sequence[TiedNode], place: DeckPlace) -> None:
-    """Let nodes follow the faces at which they lie, by displacements and, where both have them,
-    rotations.
-    """
+    """Let nodes follow the faces at which they lie, also by rotations where both have them."""
     for node, leaders, weights in tied:
         with_rotations = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
         followers = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
@@ -203,9 +199,7 @@ def _projected(x: Array, point: Array) -> Array:
 
 
 def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
-    """Values (count,) and derivatives (count, 2) of a face's shape functions at `xi`.
-    `count` is its number of nodes: a triangle has 3 or 6, a serendipity quadrilateral 4 or 8.
-    """
+    """Values (n,) and derivatives (n, 2) of the functions of a face of n nodes at `xi`."""
     r, s = xi
     if count in (3, 6):
         L = np.array([1 - r - s, r, s])

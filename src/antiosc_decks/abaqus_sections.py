@@ -332,9 +332,7 @@ class Sections:
     def _by_thickness(
         self, elements: IntArray, section_thickness: float
     ) -> Iterator[tuple[float, IntArray]]:
-        """Yields (thickness, elements), the thickness being the mean of *NODAL THICKNESS.
-        As in CalculiX, nodal values count even if the section card does not ask for them.
-        """
+        """Yield (thickness, elements) by the mean of *NODAL THICKNESS, as in CalculiX."""
         if not len(self.thickness):
             yield section_thickness, elements
             return

@@ -316,9 +316,7 @@ class ModelBuilder:
             self.joints.masses.append(([aliased], np.array([[value * unit]]), mass * unit))
 
     def sprung(self, terms: Sequence[Term], stiffness: float) -> None:
-        """Add a spring on a sum of terms, in the deck's units; terms of fixed motions are left
-        out.
-        """
+        """Add a spring on a sum of terms, in the deck's units; fixed motions are left out."""
         free_terms = self._moving(terms)
         if len(free_terms) == 1:
             ((node, motion, coefficient),) = free_terms
@@ -328,9 +326,7 @@ class ModelBuilder:
             self.joints.springs.append((free_terms, stiffness))
 
     def damped(self, terms: Sequence[Term], damping: float) -> None:
-        """Add a damper on a sum of terms, in the deck's units; terms of fixed motions are left
-        out.
-        """
+        """Add a damper on a sum of terms, in the deck's units; fixed motions are left out."""
         free_terms = self._moving(terms)
         if free_terms and damping:
             self.joints.dampers.append((free_terms, damping))

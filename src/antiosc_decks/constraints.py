@@ -123,9 +123,7 @@ class DeckConstraints:
     def elongation(
         self, a: int, b: int, place: DeckPlace, first: int = 0
     ) -> tuple[list[Term], float]:
-        """(terms of the elongation of a line from a to b, its length); the twist if `first`
-        is 3.
-        """
+        """(terms of the elongation of a line, its length); of its twist if `first` is 3."""
         line = self.place(b) - self.place(a)
         length = float(np.linalg.norm(line))
         place.needs(length != 0, "the ends of an element coincide, so that it has no direction.")
@@ -155,9 +153,7 @@ class DeckConstraints:
         return len(self.deck.points) + len(self.more) - 1
 
     def leader(self, node: int, rotation_node: int | None = None) -> int:
-        """Number of a point with six motions at a node; `rotation_node` gives its rotations as
-        displacements.
-        """
+        """A point with six motions at a node; `rotation_node` moves as it rotates."""
         point = self.leaders.get(node, node)
         if point == node and self._used(node) and not self.has_rotations[node]:
             self.leaders[node] = point = self.point(self.place(node))
@@ -277,9 +273,7 @@ class DeckConstraints:
         return count_before - len(self.every())
 
     def loose(self) -> list[int]:
-        """Numbers of the nodes without elements, and of added points, on which constraints or
-        springs act.
-        """
+        """The nodes without elements and the added points on which constraints or springs act."""
         return sorted({n for terms in self.every() for n, _, _ in terms if not self._used(n)})
 
     def every(self, dampers: bool = True) -> list[list[Term]]:
@@ -340,9 +334,7 @@ MOST_PIECES, MOST_TOLD, MOST_SETS = 40, 6, 3
 
 
 def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
-    """Mask of the chosen elements in the piece number `deck.piece`, the largest piece being 1; a
-    remark tells the others. `length`: metres per unit of the deck.
-    """
+    """Mask of the chosen elements in the piece `deck.piece`; `length`: m per unit."""
     from antiosc.io.reading import described_pieces  # with scipy, for pieces alone
 
     tables = [block.corners[chosen[rows]] for block, rows in deck.numbered()]

@@ -492,9 +492,7 @@ def _told_of_strength(raws: Iterable[RawMesh], strength: Strength, name: str) ->
 
 
 def _of_one_material(kind: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """(family, arguments) of a layered shell: those of a `Shell` if its layers are of one isotropic
-    material, which then has a yield strength and a contact that yields.
-    """
+    """(family, arguments) of layers: a `Shell` if they are of one isotropic material."""
     first, *others = (replace(layer, thickness=1.0, angle=0.0) for layer in values["layers"])
     plain = Layer.isotropic(first.E1, first.nu12, first.rho, 1.0)
     moduli, wanted = ([entry.E2, entry.G12, entry.G13, entry.G23] for entry in (first, plain))

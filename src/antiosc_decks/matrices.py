@@ -20,18 +20,15 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-import scipy.sparse
 from numpy.typing import NDArray
 
-from antiosc.base._types import Array, Matrix
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.io.matrices import (
     Entries,
-    Labels,
     MatrixFile,
     MatrixFormat,
     fortran,
@@ -93,9 +90,7 @@ def _form(source: MatrixFile, number: int, name: str, fields: list[str]) -> int:
 
 
 def _cards(source: MatrixFile) -> Iterator[tuple[int, list[str]]]:
-    """Yields (line, fields) of each DMIG card with its continuations; the name is the first
-    field.
-    """
+    """Yields (line, fields) of each DMIG card with its continuations, its name first."""
     card: list[str] = []
     start = 0
     for number, raw in enumerate(source.lines(), 1):
@@ -136,39 +131,7 @@ def _number(source: MatrixFile, number: int, text: str) -> float:
         raise source.error(number, f"a number is expected; got {text!r}.") from None
 
 
-def write_dmig(path: Path, matrices: dict[str, Matrix], labels: Labels) -> None:
-    """Write symmetric matrices by name, rows by their labels (n, 2): large fields, one triangle."""
-    with path.open("w") as stream:
-        for name, matrix in matrices.items():
-            stream.writelines(_written(name, scipy.sparse.csc_matrix(matrix), labels))
-
-
-def _written(name: str, matrix: scipy.sparse.csc_matrix, labels: Labels) -> Iterator[str]:
-    """Lines of one matrix as DMIG cards."""
-    size = matrix.shape[0]
-    yield f"{'DMIG':<8}{name:<8}{0:>8}{SYMMETRIC_FORM:>8}{2:>8}{0:>8}{'':>16}{size:>8}\n"
-    lower = scipy.sparse.tril(matrix).tocsc()
-    for column, (grid, component) in enumerate(labels):
-        part = slice(lower.indptr[column], lower.indptr[column + 1])
-        if part.start == part.stop:
-            continue
-        yield f"{'DMIG*':<8}{name:<16}{grid:>16}{component:>16}\n"
-        for row, value in zip(lower.indices[part], lower.data[part], strict=True):
-            row_label = f"{labels[row][0]:>16}{labels[row][1]:>16}"
-            yield f"{'*':<8}{row_label}{_large(float(value)):>16}\n"
-
-
-def _large(value: float) -> str:
-    """A number in at most 16 characters, with 12 to 15 digits, as near to `value` as possible."""
-    mantissa, exponent = f"{value:.16e}".split("e")
-    power = f"{int(exponent):+d}"
-    texts = [f"{float(mantissa):.{digits}f}{power}" for digits in range(13)]
-    texts += [f"{value:.{digits}f}" for digits in range(1, 16)]
-    fitting = [text for text in texts if len(text) <= 16 and "." in text]
-    return min(fitting, key=lambda text: abs(float(fortran(text.encode())) - value))
-
-
-DMIG = MatrixFormat(is_dmig, read_dmig, write_dmig, (".pch", ".dmig", ".bdf"), labelled=True)
+DMIG = MatrixFormat(is_dmig, read_dmig)
 
 
 #: A Fortran format of one kind of number: (10I8), (1P,4E20.12), (3D25.16).
@@ -244,9 +207,7 @@ def _format(source: MatrixFile, text: bytes) -> tuple[int, int]:
 def _fields(
     source: MatrixFile, lines: list[bytes], first: int, form: tuple[int, int], wanted: int
 ) -> Array:
-    """Read `wanted` numbers from line `first` on; `form` is (numbers in a line, width of a
-    number).
-    """
+    """Read `wanted` numbers from line `first` on; `form`: numbers in a line, width of one."""
     per_line, width = form
     line_count = -(-wanted // per_line)
     remaining = len(lines) - first
@@ -278,8 +239,6 @@ S = TypeVar("S", bound=np.generic)
 #: From this number of rows on, one word cannot hold length and row of a string.
 BIGMAT_ROWS = 65536
 NO_ROWS = np.zeros(0, dtype=np.int64)
-#: Type of real numbers in double precision.
-DOUBLE = 2
 
 
 @dataclass(frozen=True)
@@ -513,35 +472,4 @@ class _Binary:
         return self._source.at_byte(self._start, f"{text}.")
 
 
-def write_op4(path: Path, matrices: dict[str, Matrix], labels: Labels) -> None:
-    """Write symmetric matrices: binary, double precision, little-endian, BIGMAT."""
-    with path.open("wb") as stream:
-        for name, matrix in matrices.items():
-            stream.writelines(_records(name, scipy.sparse.csc_matrix(matrix)))
-
-
-def _records(name: str, columns: scipy.sparse.csc_matrix) -> Iterator[bytes]:
-    """Bytes of one matrix, column by column."""
-    size = columns.shape[0]
-    label = name.upper()[:8].ljust(8).encode("ascii")
-    yield struct.pack("<5i8si", 24, size, -size, SYMMETRIC_FORM, DOUBLE, label, 24)
-    for column in range(size):
-        span = slice(columns.indptr[column], columns.indptr[column + 1])
-        row = columns.indices[span]
-        value = columns.data[span]
-        if not len(row):
-            continue
-        # strings of neighbouring rows
-        cuts = np.flatnonzero(np.diff(row) != 1) + 1
-        strings = zip(np.split(row, cuts), np.split(value, cuts), strict=True)
-        words = (
-            (struct.pack("<2i", 2 * len(v) + 1, r[0] + 1), v.astype("<f8")) for r, v in strings
-        )
-        content = b"".join(prefix + v.tobytes() for prefix, v in words)
-        length = 12 + len(content)
-        yield struct.pack("<4i", length, column + 1, 0, len(content) // 4) + content
-        yield struct.pack("<i", length)
-    yield struct.pack("<4idi", 20, size + 1, 1, 2, 1.0, 20)
-
-
-OP4 = MatrixFormat(is_op4, read_op4, write_op4, (".op4",))
+OP4 = MatrixFormat(is_op4, read_op4)

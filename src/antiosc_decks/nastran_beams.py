@@ -347,9 +347,7 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
 def _ends_of(
     deck: NastranDeck, entry: Entry, nodes: list[int], neutral: Array
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
-    """End (0, 1) of a beam with its own node -> (place, motions that follow the grid point,
-    axes).
-    """
+    """End (0, 1) of a beam with its own node -> (place, motions that follow the grid, axes)."""
     pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
     offsets = offsets_of(deck, entry)
     if not any(pins) and not offsets.any() and not neutral.any():
@@ -399,9 +397,7 @@ def orientation(deck: NastranDeck, entry: Entry, tangent: Array) -> Array:
 
 
 def _vector(deck: NastranDeck, entry: Entry) -> Array:
-    """Orientation vector of an element: fields 5 to 7, or from its first node to that in
-    field 5.
-    """
+    """Orientation vector of an element: fields 5 to 7, or to the node in field 5."""
     a = deck.at(entry, 2)
     if entry.text(4) and not entry.text(5) and not entry.text(6) and "." not in entry.text(4):
         return np.asarray(deck.deck.points[deck.at(entry, 4)] - deck.deck.points[a])

@@ -93,9 +93,7 @@ def motions_of(text: str, place: DeckPlace) -> list[int]:
 
 
 class Continuations:
-    """Finds the entry that a continuation line continues: by its mark, or else by the order of
-    lines.
-    """
+    """Finds the entry that a continuation line continues: by its mark, or by the order of lines."""
 
     def __init__(self) -> None:
         #: mark -> entries whose last line ends with it, by identity

@@ -79,9 +79,7 @@ Triangle = Callable[[int], tuple[IntArray, IntArray]]
 
 
 def symmetric(values: Sequence[float] | Array, triangle: Triangle = np.tril_indices) -> Array:
-    """A symmetric matrix from the rows of its lower triangle, or of its upper
-    (`np.triu_indices`).
-    """
+    """A symmetric matrix from the rows of its lower (or upper) triangle."""
     size = int(math.sqrt(2 * len(values)))
     C = np.zeros((size, size))
     C[triangle(size)] = values
@@ -251,9 +249,7 @@ def unit(v: Array) -> Array:
 
 
 def axes_of(first: Array, second: Array) -> Array:
-    """Unit vectors (3, 3) as rows: along `first`, towards `second`, normal to both; the last two
-    are 0 if these are parallel.
-    """
+    """Unit vectors as rows: along `first`, towards `second` (0: parallel), normal to both."""
     x, z = unit(np.stack([first, np.cross(first, second)]))
     return np.stack([x, np.cross(z, x), z])
 
@@ -293,9 +289,7 @@ def curved(deck: Deck, elements: IntArray) -> bool:
 
 
 def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) -> Everywhere:
-    """Each element's vector at its centre [m], and at the centres of a quadrilateral's
-    triangles.
-    """
+    """Each element's vector at its centre [m], and at those of a quadrilateral's triangles."""
     places = []
     directions = []
     for x, vector in zip(corners_of(deck, elements), vectors.tolist(), strict=True):

@@ -132,9 +132,7 @@ class Nodes:
         self.fixed = np.zeros(layout.count, dtype=bool)
 
     def _owner(self, number: int, rotations: bool) -> tuple[int, int, int]:
-        """(part, cell, index in the cell) of a node; a part with rotations if these are asked
-        for.
-        """
+        """(part, cell, index in the cell) of a node, of a part that rotates if needed."""
         for index, mesh in enumerate(self.meshes):
             if number in mesh.at_cell and (mesh.member.has_rotations or not rotations):
                 return index, *mesh.at_cell[number]
@@ -264,9 +262,7 @@ class CoincidentNodes:
     def _place(
         self, numbers: Sequence[int], weights: Array, motion: int, rows: Mapping[int, int]
     ) -> tuple[int, int, Array] | None:
-        """(part, cell, reference point) of the weighted mean place of some nodes, or None if they
-        are not all tied to one cell.
-        """
+        """(part, cell, reference point) of the mean place of nodes tied to one cell."""
         if not all(number in rows for number in numbers):
             return None
         positions = np.array([self._position(number) for number in numbers])

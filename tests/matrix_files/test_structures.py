@@ -308,7 +308,7 @@ def test_the_program_of_the_page(tmp_path, monkeypatch, capsys):
     b = np.eye(len(K))[5]
     assert abs(found["model"].k0 * (b @ np.linalg.solve(K, b)) - 1) < 1e-9
     assert found["tip"].shape == (len(found["hit"].time), 3)
-    again = ao.Structure.from_files("reduced.pch", "reduced.pch")
+    again = ao.Structure.from_files("reduced_K.mtx", "reduced_M.mtx", map="reduced.map")
     read = ao.extract(again, ao.Site(node=20, dof="z"), n=3)
     assert read.k0 == pytest.approx(found["model"].k0, rel=1e-9)
 

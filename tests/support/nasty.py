@@ -322,7 +322,7 @@ def scene_history() -> Any:
 
 @functools.cache
 def matrix_file() -> str:
-    path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.op4")
+    path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.mtx")
     return str(model().to_matrices().save(path)[0])
 
 
@@ -580,7 +580,7 @@ OWN: dict[str, dict[str, Any]] = {
     "write_report": {"path": "report.html", "result": history, "structure": None},
     "Structure.from_matrices": {}, "ReducedMatrices": {"labels": [[1, 0], [2, 0], [3, 0]]},
     "Structure.from_files": {"K": matrix_file, "M": matrix_file},
-    "ReducedMatrices.save": {"path": "reduced.op4"}, "ModalBody": {"r": 1e-9},
+    "ReducedMatrices.save": {"path": "reduced.mtx"}, "ModalBody": {"r": 1e-9},
     "ModalBody.coordinates": {"force": 1.0}, "ModalBody.rigid_motion": {"velocity": 0.0},
     "SiteModes.rigid_motion": {"velocity": 0.0},
     "ModalBody.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},

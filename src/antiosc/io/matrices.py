@@ -211,18 +211,12 @@ def checked(entries: Entries) -> Entries:
 
 
 class MatrixFormat(NamedTuple):
-    """A file format of matrices: how to recognise, read and write it."""
+    """A file format of matrices: how to recognise and read it."""
 
     #: whether a file with this content is of the format
     matches: Callable[[bytes], bool]
     #: the matrix of a file, or several by their names
     read: Callable[[MatrixFile], Entries | dict[str, Entries]]
-    #: writes symmetric matrices by their names, with node and dof of each row
-    write: Callable[[Path, dict[str, Matrix], Labels], None] | None = None
-    #: of the files that are written
-    endings: tuple[str, ...] = ()
-    #: whether the files hold node and dof of each row
-    labelled: bool = False
 
 
 def matrix_formats() -> list[MatrixFormat]:

@@ -36,7 +36,7 @@ from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.damping import DampingMatrix, from_factors
 from antiosc.io.dof_map import component_of
-from antiosc.io.matrices import matrix_formats, write_matrix_market
+from antiosc.io.matrices import write_matrix_market
 from antiosc.models.body import ModelInfo
 from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia
@@ -263,10 +263,6 @@ def _inertia(arrays: Arrays) -> Inertia | None:
     return None
 
 
-#: Names of K and M in OP4 and DMIG files.
-NAMES = ("KAA", "MAA")
-
-
 @dataclass(frozen=True, eq=False)
 class ReducedMatrices(FieldsRepr):
     """K and M of a reduced model.
@@ -294,11 +290,9 @@ class ReducedMatrices(FieldsRepr):
         checks.store(self, labels=checks.read_only(labels.astype(np.int64)))
 
     def save(self, path: str | os.PathLike[str]) -> list[Path]:
-        """Write K and M in the format that the ending of `path` names.
+        """Write K and M as Matrix Market, two files `<name>_K.mtx` and `<name>_M.mtx`.
 
-        `.op4`: Nastran OUTPUT4, binary, matrices KAA and MAA; `.pch`, `.dmig` or `.bdf`: DMIG cards
-        (12 to 15 digits); `.mtx`: Matrix Market, two files `<name>_K.mtx` and `<name>_M.mtx`.
-        Beside OP4 and Matrix Market `<name>.map` lists node and dof of each row, which
+        `path`: `<name>.mtx`. Beside them `<name>.map` lists node and dof of each row, which
         `Structure.from_files(K, M, map=…)` reads.
 
         Returns
@@ -312,19 +306,9 @@ class ReducedMatrices(FieldsRepr):
             Another ending, or a file that cannot be written.
         """
         target = checks.path("path", path)
-        ending = target.suffix.lower()
-        matrices = dict(zip(NAMES, (self.K, self.M), strict=True))
-        formats = {file: form for form in matrix_formats() for file in form.endings}
-        if (form := formats.get(ending)) and form.write:
-            with files.atomic_file(target, "the matrices") as part:
-                form.write(part, matrices, self.labels)
-            if form.labelled:
-                return [target]
-            return [target, self._map(target)]
-        if ending != ".mtx":
-            raise InputError(
-                f"matrices are written to {', '.join(['.mtx', *formats])}; got {target.name!r}."
-            )
+        if target.suffix.lower() != ".mtx":
+            raise InputError(f"matrices are written to .mtx; got {target.name!r}.")
+
         written = []
         for letter, matrix in (("K", self.K), ("M", self.M)):
             file = target.with_name(f"{target.stem}_{letter}.mtx")
