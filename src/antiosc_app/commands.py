@@ -6,9 +6,7 @@ import sys
 import time
 import traceback
 from argparse import Namespace
-from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +25,7 @@ from antiosc_app.scene_file.scene import STUDIES, CompiledScene, place_of
 from antiosc_app.scene_file.settled import Settled, settled
 
 if TYPE_CHECKING:
-    from antiosc.extension import Tradeoff, TradeoffMember
+    from antiosc.extension import TradeoffMember
 
 
 def guarded(options: Namespace) -> int:
@@ -148,16 +146,11 @@ def _tradeoff(options: Namespace) -> int:
     page = _page(options)
     scene = compiled(to_a_tolerance(settled(read(options.file)).scene.document))
     arguments = {**one_impact(scene, options.file)}
-    if options.tol is not None:
-        arguments["tol"] = options.tol
-    if options.compare is not None:
-        arguments["compare"] = options.compare
-    if options.limit is not None:
-        arguments["limit"] = options.limit
+    given = {name: getattr(options, name) for name in ("tol", "compare", "limit")}
+    arguments |= {name: value for name, value in given.items() if value is not None}
     from antiosc.extension import line_of  # needs dolfinx
 
     finished: list[TradeoffMember] = []
-    chosen = time.perf_counter()
 
     def ready(member: TradeoffMember) -> None:
         if not finished:
@@ -172,7 +165,6 @@ def _tradeoff(options: Namespace) -> int:
     except (KeyboardInterrupt, SystemExit):
         print_text(ENDED.format(len(finished)))
         raise
-    compared = time.perf_counter()
     print_text(f"\n{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
     for sentence in scene.warnings:
         print_text(labelled(sentence), sys.stderr)
@@ -180,24 +172,10 @@ def _tradeoff(options: Namespace) -> int:
         print_text(f"wrote {tradeoff.plot(options.chart)}")
     if page is not None:
         print_text(f"wrote {report.write_report_of(scene, tradeoff, page)}")
-    print_text(_took(tradeoff, (start, chosen, compared, time.perf_counter())))
+    methods = sum(member.seconds for member in (*tradeoff.table, *tradeoff.others))
+    whole = plain(time.perf_counter() - start, 3)
+    print_text(f"In all {whole} s, of which the methods took {plain(methods, 3)} s.")
     return 0
-
-
-def _took(tradeoff: Tradeoff, times: Sequence[float]) -> str:
-    """What a trade-off took; `times` [s]: of its start, of that and the end of its methods, and of
-    its end.
-    """
-    before, methods, written = (plain(end - start, 3) for start, end in pairwise(times))
-    whole = plain(times[-1] - times[0], 3)
-    members = sum(member.seconds for member in (*tradeoff.table, *tradeoff.others))
-    return (
-        f"In all {whole} s: {before} s to read the part and to choose what the scene leaves open"
-        f" (patch, duration), {methods} s for the methods, {written} s for picture and report."
-        f" The lines of the methods add to {plain(members, 3)} s, each with the factorization of"
-        f" its mesh and without the {plain(tradeoff.compilation)} s in which finite elements were"
-        " compiled or loaded, and without making the meshes."
-    )
 
 
 def to_a_tolerance(document: Document) -> Document:

@@ -395,7 +395,7 @@ def test_a_new_parameter_is_taken_by_itself(tmp_path, capsys, monkeypatch):
         text = BEAM.replace("n = 6", 'n = 6\npurity = "high"')
         assert antiosc("check", written(tmp_path, text)) == 1
         told = capsys.readouterr().err
-        assert "extract.purity must be a number (How pure the model is); got 'high'" in told
+        assert "extract.purity must be a number; got 'high'" in told
     finally:
         parameters.cache_clear()
 

@@ -363,10 +363,8 @@ class Builder:
         }
         for parameter in missing_keys:
             if parameter.name not in meant_keys:  # a key that does not exist means it
-                key_text = (
-                    f"{parameter.name!r}, {words(parameter.kinds)}{_meaning(parameter.about)}"
-                )
-                self.note(place, f"{label(place)} lacks {key_text}.")
+                kinds = words(parameter.kinds)
+                self.note(place, f"{label(place)} lacks {parameter.name!r}, {kinds}.")
         return values, complete and not missing_keys
 
     def _no_key(
@@ -377,12 +375,9 @@ class Builder:
         if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
             self._wrong(key_place, f"{label(key_place)} has no place in a file: {WITHHELD[key]}.")
         similar = closest_name(key, known)
-        meaning = f": {known[similar].about}" if similar and known[similar].about else ""
-        hint = (
-            f"; did you mean {similar!r} ({words(known[similar].kinds)}{meaning})?"
-            if similar
-            else "."
-        )
+        hint = "."
+        if similar:
+            hint = f"; did you mean {similar!r} ({words(known[similar].kinds)})?"
         keys = f"It takes {listed(known)}." if known else "It takes no keys."
         self._wrong(key_place, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
 
@@ -406,7 +401,7 @@ class Builder:
 
     def value(self, parameter: Parameter, value: object, place: Place) -> object:
         """The value converted to an argument; notes an invalid one and raises Mistake."""
-        converted = self._converted(parameter.kinds, value, place, parameter.about)
+        converted = self._converted(parameter.kinds, value, place)
         if parameter.check is not None and not any(calls_in(converted)):
             try:
                 parameter.check(parameter.name, converted)
@@ -414,12 +409,10 @@ class Builder:
                 self._wrong(place, f"{label(place)}: {error}")
         return converted
 
-    def _converted(
-        self, kinds: Sequence[ValueKind], value: object, place: Place, about: str
-    ) -> object:
+    def _converted(self, kinds: Sequence[ValueKind], value: object, place: Place) -> object:
         fitting = [kind for kind in kinds if kind.fits(value)]
         for kind in [kind for kind in fitting if kind.first_entry_fits(value)] or fitting:
-            return self._of_kind(kind, value, place, about)
+            return self._of_kind(kind, value, place)
         hint = "."
         if isinstance(value, str):
             choices = [option for kind in kinds if kind.name == "choice" for option in kind.options]
@@ -431,10 +424,10 @@ class Builder:
             hint = f"; the list has {len(value)} entries."
         shown_value = str(value).lower() if isinstance(value, bool) else checks.shown(value)
         shown_value = "a table" if isinstance(value, dict) else shown_value
-        rule = f"{label(place)} must be {words(kinds)}{_meaning(about)}"
+        rule = f"{label(place)} must be {words(kinds)}"
         self._wrong(place, f"{rule}; got {shown_value}{hint}")
 
-    def _of_kind(self, kind: ValueKind, value: Any, place: Place, about: str) -> object:
+    def _of_kind(self, kind: ValueKind, value: Any, place: Place) -> object:
         if isinstance(value, list) and len(value) > LONGEST_LIST:
             self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
         if kind.name == "path":
@@ -442,7 +435,7 @@ class Builder:
         if isinstance(value, list):
             items = (kind,) if kind.name == "data" else kind.items
             pairs = enumerate(zip(kind.each or (items,) * len(value), value, strict=True))
-            return tuple(self._converted(k, v, (*place, i), about) for i, (k, v) in pairs)
+            return tuple(self._converted(k, v, (*place, i)) for i, (k, v) in pairs)
         if kind.name == "table":
             nodes = kind.kind is int
             for key in value if nodes else ():
@@ -450,7 +443,7 @@ class Builder:
                     sentence = f"{label(place)} has node numbers as keys; got {key!r}."
                     self._wrong((*place, key), sentence)
             return {
-                int(key) if nodes else key: self._converted(kind.items, entry, (*place, key), about)
+                int(key) if nodes else key: self._converted(kind.items, entry, (*place, key))
                 for key, entry in value.items()
             }
         if kind.name == "object":
@@ -493,7 +486,3 @@ class Builder:
     def _wrong(self, place: Place, sentence: str) -> NoReturn:
         self.note(place, sentence)
         raise Mistake
-
-
-def _meaning(text: str) -> str:
-    return f" ({text})" if text else ""

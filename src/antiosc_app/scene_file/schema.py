@@ -1,7 +1,7 @@
 """Content of a scene file: its sections, the objects that they make, and the keys of each.
 
-The keys of a section are read from the signature and the docstring of the object that it makes, so
-that a new parameter becomes a key without changes here.
+The keys of a section are read from the signature of the object that it makes, so that a new
+parameter becomes a key without changes here.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import functools
 import inspect
 import os
 import pkgutil
-import re
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
@@ -197,33 +196,22 @@ Check = Callable[[str, Any], object]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One key of a section: permitted kinds, whether it is required, meaning, and check."""
+    """One key of a section: permitted kinds, whether it is required, and check."""
 
     name: str
     kinds: tuple[ValueKind, ...]
     needed: bool = True
-    default: object = None
-    about: str = ""
     check: Check | None = None
 
 
 #: Function -> keys of its section that only scenes have.
-FURTHER = {
-    "probe": (
-        Parameter(
-            "srs", (FLAG, NUMBER, NUMBERS), False, False,
-            "whether the shock response spectrum (Q = 10) of an acceleration or velocity is added; "
-            "a frequency in Hz, or several: with its values there",
-        ),
-    ),
-}  # fmt: skip
+FURTHER = {"probe": (Parameter("srs", (FLAG, NUMBER, NUMBERS), needed=False),)}
 
 
 @functools.cache
 def parameters(function: str) -> Mapping[str, Parameter]:
     """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii"."""
     call = resolved(function)
-    described = descriptions(call)
     inner = inspect.unwrap(call.__init__ if inspect.isclass(call) else call)
     names = _Names(getattr(inner, "__func__", inner).__globals__)
     # fields of dataclasses have checks; the values of a batch are lists
@@ -243,11 +231,8 @@ def parameters(function: str) -> Mapping[str, Parameter]:
             kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
         if kinds and name not in WITHHELD and parameter.kind is not parameter.VAR_KEYWORD:
             required = parameter.default in (parameter.empty, checks.REQUIRED)
-            default = None if required else parameter.default
             check = CHECKS.get(full, field_checks.get(name))
-            by_name[name] = Parameter(
-                name, kinds, required, default, described.get(name, ""), check
-            )
+            by_name[name] = Parameter(name, kinds, required, check)
     return by_name | {parameter.name: parameter for parameter in FURTHER.get(function, ())}
 
 
@@ -262,29 +247,6 @@ def only_checks(function: str) -> bool:
     """Whether a call only checks and stores values, so that it can be made without a run."""
     class_name = function.partition(".")[0]
     return function in LIGHT or (inspect.isclass(resolved(class_name)) and class_name not in HEAVY)
-
-
-def descriptions(call: object) -> dict[str, str]:
-    """Name -> first sentence of the docstring's section "Parameters"."""
-    text = inspect.getdoc(call) or ""
-    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+\n|\Z)", text, re.M | re.S)
-    texts: dict[str, str] = {}
-    for entry in re.split(r"\n(?=\S)", section.group(1)) if section else ():
-        head, _, body = entry.partition("\n")
-        names, _, first_line = head.partition(" : ")
-        # the text after the colon is a type, or says more than that
-        names_text = (
-            first_line if len(first_line.split()) > 6 and "optional" not in first_line else ""
-        )
-        description = " ".join(f"{names_text} {body}".split())
-        description = re.split(r"(?<=[a-z\])’'”\"])[.;:](?:\s|$)", description, maxsplit=1)[
-            0
-        ].rstrip(".")
-        description = (
-            description if len(description) <= 160 else f"{description[:157].rsplit(' ', 1)[0]} …"
-        )
-        texts |= {name.strip(): description for name in names.split(",")}
-    return texts
 
 
 def _choice_check(name: str) -> Check:
