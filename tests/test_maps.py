@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import re
-import time
 import warnings
 from types import SimpleNamespace
 
@@ -32,7 +31,6 @@ from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import Resolved, number_of_sites, sites_of, surface, thinned
 from antiosc.reduce.site.sites import located
 from antiosc.strikes import impact_map as maps, map_results, map_stresses
-from antiosc.strikes.map_forecast import foreseen_map
 from antiosc.strikes.map_results import hardest, low_band
 from antiosc_app import headline, live_meshes as sites
 from antiosc_app.headline import headline_of_map
@@ -595,28 +593,6 @@ def test_stresses_of_a_map_leave_out_held_faces_as_those_of_an_impact_do():
         assert found.stress_points[i] == pytest.approx(margin.point, abs=1e-9)
 
 
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")  # many modes of few cells
-@pytest.mark.parametrize(("modes", "duration"), [(50, 5e-3), (12, 4e-4)])
-@pytest.mark.slow
-def test_the_seconds_of_stresses_are_forecast_within_a_factor_of_2(modes, duration, monkeypatch):
-    """With 50 modes over 5 ms they took four times what was promised."""
-    monkeypatch.setattr(time, "perf_counter", time.process_time)  # whatever else the machine does
-    mesh = ao.box_mesh((0.15, 0.1, 0.003), size=0.012)
-    plane = ((0, 0, 0), (1, 0, 0))
-    part = ao.Structure(
-        mesh, ao.Solid(**parts.STEEL, yield_strength=250e6), [ao.Support(plane=plane)]
-    )
-    points = [(x, y, 0.003) for x in np.linspace(0.03, 0.14, 8) for y in np.linspace(0.01, 0.09, 6)]
-    found = ao.impact_map(
-        part, points, STEEL_BALL, ao.Hertz(1e9), duration, direction=(0, 0, -1), modes=modes, n=10
-    )
-    before, at_site = map_stresses.stress_seconds(part, found)
-    start = time.process_time()
-    maps.with_stresses(part, found, None)
-    took = time.process_time() - start
-    assert 0.5 < took / (before + at_site * len(found)) < 2
-
-
 def test_stresses_are_those_of_sound_sites_and_of_no_more_than_asked_for():
     _, found, _ = finely(stress=5)
     sought = np.isfinite(found.peak_stress)
@@ -733,27 +709,11 @@ def test_the_sites_of_a_map_are_counted_before_it(steel):
         found = ao.impact_map(steel, where, n=4, modes=10, radius="facets", most_sites=most)
         counted = number_of_sites(matrices, where, Resolved(), most)
         assert counted == len(found) + found.skipped
-        assert foreseen_map(steel, where, None, "facets", most).sites == counted
     everywhere = ao.impact_map(steel, "top", n=4, modes=10, radius=0.02)
     few = ao.impact_map(steel, "top", n=4, modes=10, radius=0.02, most_sites=9)
     alike = cKDTree(everywhere.points).query(few.points)[1]
     np.testing.assert_allclose(few.points, everywhere.points[alike], atol=1e-12)
     np.testing.assert_allclose(few.models.k0, everywhere.models.k0[alike], rtol=1e-9)
-
-
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-@pytest.mark.slow
-def test_the_seconds_of_a_map_are_between_the_ends_of_its_forecast(monkeypatch):
-    """Within a factor of 2, by the clock of this process."""
-    monkeypatch.setattr(time, "perf_counter", time.process_time)  # whatever else the machine does
-    part = block((12, 8, 4), cell="tetrahedron")
-    ball = ao.Sphere(radius=0.01, material="steel S235", velocity=1.0)
-    given = {"duration": 1e-3, "radius": 0.02, "modes": 20}
-    ao.impact_map(part, "top", ball, **given, most_sites=5)  # what is loaded once
-    least, most = foreseen_map(part, "top", None, 0.02, modes=20).ends
-    start = time.process_time()
-    ao.impact_map(part, "top", ball, **given)
-    assert least / 2 < time.process_time() - start < 2 * most
 
 
 def test_a_small_patch_does_not_depend_on_a_large_one_beside_it():

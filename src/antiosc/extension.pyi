@@ -22,12 +22,6 @@ from antiosc.fem.elements.weak_form import (
 from antiosc.fem.linalg import (
     cholmod as cholmod,
 )
-from antiosc.fem.linalg.forecast import (
-    before_meshing as before_meshing,
-)
-from antiosc.fem.linalg.solver_choice import (
-    foreseen as foreseen,
-)
 from antiosc.fem.mesh import (
     distributed as distributed,
 )
@@ -38,29 +32,20 @@ from antiosc.fem.mesh.curvature import (
     curvature as curvature,
 )
 from antiosc.fem.mesh.halving import (
-    halvings as halvings,
     longest_cell as longest_cell,
 )
 from antiosc.fem.mesh.reading import (
     flattened as flattened,
     numbered_elements as numbered_elements,
 )
-from antiosc.fem.mesh.room import (
-    largest_ball as largest_ball,
-)
 from antiosc.fem.mesh.soundness import (
     sound as sound,
 )
 from antiosc.fem.mesh.surface import (
-    SAME_FACE as SAME_FACE,
     Faces as Faces,
 )
 from antiosc.fem.reach import (
-    SNAP_SHARE as SNAP_SHARE,
     Reach as Reach,
-)
-from antiosc.fem.structure import (
-    placement as placement,
 )
 from antiosc.fem.structure.attachments import (
     Attachment as Attachment,
@@ -115,39 +100,23 @@ from antiosc.impact.histories.bars import (
     OF_ALL_CONTACTS as OF_ALL_CONTACTS,
     QUANTITIES as QUANTITIES,
     ErrorBudget as ErrorBudget,
-    contact_time_note as contact_time_note,
 )
 from antiosc.impact.histories.energy import (
     energy_gain as energy_gain,
     impulses as impulses,
 )
-from antiosc.impact.histories.linear_theory import (
-    is_far as is_far,
-    may_stretch as may_stretch,
-    taken_as_linear as taken_as_linear,
-)
 from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,
     open_contacts as open_contacts,
 )
-from antiosc.impact.histories.site_motion import (
-    out_of_reach as out_of_reach,
-)
 from antiosc.impact.histories.verdict import (
     YieldingZone as YieldingZone,
-    brittle_sides as brittle_sides,
     by_hertz as by_hertz,
-    unknown_dent as unknown_dent,
-    weaker_side as weaker_side,
-    yield_share as yield_share,
 )
-from antiosc.impact.law_error import enough_radius as enough_radius
 from antiosc.impact.reference import (
-    FIRST_STEPS as FIRST_STEPS,
     Settings as Settings,
 )
 from antiosc.impact.scene import (
-    DEFAULT_TOL as DEFAULT_TOL,
     check_range as check_range,
     integrate as integrate,
     integrate_exact as integrate_exact,
@@ -162,7 +131,6 @@ from antiosc.impact.truncation import (
     softest_model as softest_model,
 )
 from antiosc.impact.two_bodies import (
-    BAND_OVER_PULSE as BAND_OVER_PULSE,
     Impact as Impact,
     assemble_pair as assemble_pair,
 )
@@ -179,9 +147,6 @@ from antiosc.recovery.place import (
 )
 
 # Sites and extraction.
-from antiosc.reduce.error.division import (
-    added_cells as added_cells,
-)
 from antiosc.reduce.error.model_errors import (
     ModelErrors as ModelErrors,
 )
@@ -190,9 +155,6 @@ from antiosc.reduce.extraction.eigenmodes import (
 )
 from antiosc.reduce.extraction.model import (
     info_of_places as info_of_places,
-)
-from antiosc.reduce.extraction.oscillators import (
-    DEFAULT_COUNT as DEFAULT_COUNT,
 )
 
 # Defaults.
@@ -210,11 +172,6 @@ from antiosc.strikes.defaults import (
 # Maps, and blows with a stretch.
 from antiosc.strikes.impact_map import (
     on_plane as on_plane,
-    with_stresses as with_stresses,
-)
-from antiosc.strikes.map_forecast import (
-    MapForecast as MapForecast,
-    foreseen_map as foreseen_map,
 )
 from antiosc.strikes.map_results import (
     doubts_text as doubts_text,
@@ -225,7 +182,6 @@ from antiosc.strikes.map_results import (
 )
 from antiosc.strikes.map_stresses import (
     sides as sides,
-    stress_seconds as stress_seconds,
 )
 from antiosc.strikes.second_order import (
     simulated as simulated,

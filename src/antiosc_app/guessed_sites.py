@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import combinations
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -193,32 +193,3 @@ def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int
     points = np.concatenate([x[ends[:, 0]], x[ends].mean(axis=1), x[ends[:, 1]]])
     of_side = np.tile(np.where(at_edge, side[owner], -1), 3)
     return side, {int(s): points[of_side == s] for s in np.unique(side)}
-
-
-#: Radius of a patch over the size of the faces there.
-RESOLVED = 1.05
-
-
-def facet_size_at(x: Array, faces: IntArray, point: Sequence[float] | Array) -> float:
-    """Size [m] of the facets under the patch that they resolve at a point, as a site measures it:
-    the largest mean side of the facets within its radius that face alike.
-    """
-    from antiosc.extension import SAME_FACE
-
-    corners = x[faces]
-    centres = corners.mean(axis=1)
-    away = np.linalg.norm(centres - point, axis=1)
-    gap = away - np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-    nearest = int(np.argmin(away))
-    alike = np.ones(len(corners), dtype=bool)
-    if corners.shape[1] > 2:
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        alike = normals @ normals[nearest] > SAME_FACE
-    sizes = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-    size = 0.0
-    largest = float(sizes[nearest])
-    while largest > size:
-        size = largest
-        largest = float(sizes[alike & (gap <= RESOLVED * size)].max(initial=size))
-    return size

@@ -7,19 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
-from math import floor, log, log10, pi
-from typing import TYPE_CHECKING, NamedTuple
+from math import floor, log10, pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc import Sphere, impact_band
-from antiosc.base import materials, progress
+from antiosc import Sphere
+from antiosc.base import materials
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.process import free_memory
-from antiosc.base.texts import count_text, engineering, plain, rounded_down, rounded_up
+from antiosc.base.texts import engineering, rounded_down
 from antiosc.io.reading import HOW_MADE
 from antiosc_app.foreign import STEEL, Read
-from antiosc_app.until_parted import counts_from
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -47,13 +45,6 @@ THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
 CONTACT_TEXTS = {"tied": "tied where closed", "apart": "left out"}
 #: Dimension of the cells of a family.
 DIMENSIONS = {"Beam": 1, "Shell": 2, "Solid": 3}
-
-
-#: Of forecasts.
-CELLS_IN_CUBE = 7.5
-CELLS_AT_SITE, CELLS_OF_GRADING = 1440, 955
-LONG, LARGE = 20.0, 0.5
-ANSWER = {1: 3.0, 2: 4.7, 3: 3.0}
 
 
 @dataclass(frozen=True)
@@ -306,63 +297,6 @@ class Inspection:
         groups = f"{', '.join(brief(self.on_plane))}: " if self.on_plane else ""
         return f"{groups}the nodes on {self.plane_text()}"
 
-    # -- until the page needs no forecasts
-
-    dofs = 0
-    plate = False
-
-    @property
-    def kept(self) -> str:
-        """What a deck does with its elements; "" of other files."""
-        return "keeps its elements" if self.of_deck else ""
-
-    @property
-    def finest(self) -> float | None:
-        """The size of the cells at the site."""
-        return self.cell
-
-    @property
-    def duration(self) -> float:
-        """The longest run [s]."""
-        return 0.032
-
-    def halved(self, count: int) -> float:
-        """The cell size [m] that halves the cells of a finished mesh so many times."""
-        return rounded_up(self.largest / 2**count)
-
-    def forecast(
-        self,
-        size: float | None = None,
-        n: int | None = None,
-        grows: bool = False,
-        near: Sequence[tuple[Sequence[float], float]] = (),
-    ) -> Forecast:
-        """Forecast of a model of `n` anti-oscillators with cells of another size [m]; `grows`: and
-        of those with more that the force may need; `near`: (point, size) of smaller cells.
-
-        Those of a finished mesh are halved, all of them; a geometry is meshed again, and has
-        smaller cells near the points too.
-        """
-        from antiosc.extension import added_cells, halvings
-
-        dim = DIMENSIONS[self.family]
-        cells = float(self.n_cells)
-        if size is not None and self.meshed and dim == 3:
-            cubes, first = (self.measure / length**3 for length in (size, self.size))
-            cells += CELLS_IN_CUBE * max(cubes - first, 0.0)
-        elif size is not None:
-            finer = self.size / size if self.meshed else 2.0 ** halvings(self.largest, size)
-            cells *= finer**dim
-        if near and self.structure is not None:
-            cells += added_cells(self.structure, near)
-        elif self.meshed and dim == 3:
-            cells += sum(_cells_at_site((size or self.size) / local) for _, local in near)
-        n = n or self.count
-        one = forecast_of(self.shape, dim, cells, [n], self.dofs / self.n_cells)
-        if not grows:
-            return one
-        return forecast_of(self.shape, dim, cells, counts_from(n, one.dofs), one.dofs / cells)
-
 
 #: The number at the end of a name, such as "face 12" or "hole 6 mm (1)"; names of one run that
 #: differ in it alone are shortened if there are more than this many.
@@ -376,92 +310,6 @@ def brief(names: Sequence[str]) -> list[str]:
         [f"{run[0]} … {run[-1]} ({len(run)})"] if len(run) > MOST_OF_RUN else run for run in runs
     )
     return [name for run in shortened for name in run]
-
-
-class Forecast(NamedTuple):
-    """Rough numbers of cells and dofs of a mesh, and the cost of models on it, one after the other
-    until the force has enough anti-oscillators.
-
-    counts : number of anti-oscillators of each model, those after the first where the force needs
-        more.
-    ends : seconds until the end of each model.
-    bytes, iterative : memory of the last model, and whether the solver iterates.
-    answer : seconds until the page has shown all, or a run has written it.
-    """
-
-    counts: Sequence[int]
-    cells: float
-    dofs: float
-    ends: Array
-    bytes: float
-    iterative: bool
-    answer: float
-
-    @property
-    def seconds(self) -> float:
-        """Seconds of all models."""
-        return float(self.ends[-1])
-
-    @property
-    def is_long(self) -> bool:
-        """Whether a model takes long, or much of the memory that is free."""
-        return self.seconds > LONG or self.bytes > LARGE * free_memory()
-
-    @property
-    def fits(self) -> bool:
-        """Whether a model has room in the memory that is free."""
-        return self.bytes < free_memory()
-
-    @property
-    def memory(self) -> str:
-        """The memory of a model, and that which is free."""
-        return f"{plain(self.bytes / 1e9)} GB of memory ({plain(free_memory() / 1e9)} GB are free)"
-
-    def lasting(self, seconds: float) -> str:
-        """The shares of `seconds` in which the models end, in words: one of them is the time."""
-        return progress.range_text([*(seconds / self.seconds * self.ends)])
-
-    def told(self, seconds: float) -> Sequence[float]:
-        """These shares, the shortest first; none of what does not take long."""
-        return [*(seconds / self.seconds * self.ends)] if seconds > LONG else []
-
-    def brief(self) -> str:
-        """Cells, seconds of the whole answer, and memory in few words."""
-        seconds = self.lasting(self.answer)
-        solver = " (iterative solver)" if self.iterative else ""
-        cells = float(f"{self.cells:.2g}")
-        return f"{cells:.0f} cells, {seconds}, {plain(self.bytes / 1e9)} GB{solver}"
-
-    def text(self) -> str:
-        """The numbers in words."""
-        models = "a model takes"
-        if len(self.counts) > 1:
-            numbers = ", ".join(map(str, self.counts))
-            models = f"models of {numbers} anti-oscillators, until the force has enough, take"
-        return (
-            f"some {count_text(float(plain(self.dofs)))} dofs: {models} about"
-            f" {self.lasting(self.seconds)} and {self.memory}; with mesh, error bars, stresses and"
-            f" picture it is about {self.lasting(self.answer)}, and second-order forces come on top"
-        )
-
-
-def forecast_of(
-    shape: str, dim: int, cells: float, counts: Sequence[int], of_cell: float
-) -> Forecast:
-    """Forecast of models in turn; the arguments are those of `before_meshing`."""
-    from antiosc.extension import before_meshing
-
-    until = [counts[: k + 1] for k in range(len(counts))]
-    costs = [before_meshing(shape, dim, cells, some, of_cell) for some in until]
-    dofs, cost = costs[-1]
-    ends = np.array([cost.seconds for _, cost in costs])
-    answer = ANSWER[dim] * float(ends[-1])
-    return Forecast(counts, cells, dofs, ends, cost.bytes, cost.iterative, answer)
-
-
-def _cells_at_site(finer: float) -> float:
-    """Cells that a site on a face adds whose cells are `finer` times smaller; 0 of no smaller."""
-    return CELLS_AT_SITE + CELLS_OF_GRADING * log(finer) if finer > 1 else 0.0
 
 
 def _in_mm(length: float) -> str:
@@ -479,9 +327,3 @@ def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
 def rounded_to(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
     """Numbers rounded to a hundred-thousandth of a size."""
     return [float(c) + 0.0 for c in np.round(values, 5 - floor(log10(size)))]
-
-
-def impact_frequency(radius: float) -> float:
-    """Highest frequency [Hz] that the impact of the scene excites, to two digits."""
-    ball = Sphere(radius=radius, **STEEL, velocity=1.0)
-    return float(f"{impact_band(ball, ball.hertz(STEEL['E'], STEEL['nu'])):.1e}")

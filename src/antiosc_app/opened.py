@@ -192,7 +192,7 @@ class Opened:
             "layers": list(LAYERS),
             "family": look.family,
             "of_deck": look.of_deck and not own,
-            "refines": look.meshed or (not look.kept and not own),
+            "refines": look.meshed or not own,
             "strengths": [] if own else look.strengths,
             "saves": not own,
             "engine": live.engine(),

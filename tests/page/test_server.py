@@ -9,17 +9,14 @@ import socket
 import time
 import urllib.request
 from pathlib import Path
-from types import SimpleNamespace
 from urllib.parse import urlsplit
 
-import numpy as np
 import pytest
 
 from antiosc.base.errors import InputError, RangeError
 from antiosc_app import server, view
 from antiosc_app.live import policy, script
 from antiosc_app.server import TOKEN, Server
-from antiosc_app.until_parted import parted
 from paths import ROOT
 
 OK, NO = b"200", b"403"
@@ -288,16 +285,3 @@ def test_a_request_waits_while_a_solver_holds_the_interpreter(served, monkeypatc
         time.sleep(0.3)
         line.sendall(whole[40:])
         assert status(line.recv(65536)) == OK
-
-
-def test_a_striker_that_leaves_a_sheet_slowly_has_not_parted_from_it():
-    def run(restitution: float, end: float = 1e-4) -> SimpleNamespace:
-        return SimpleNamespace(
-            contacts=[(0.0, end)], time=np.array([0.0, 2e-4]), restitution=restitution
-        )
-
-    assert parted(run(0.0))
-    assert not parted(run(-0.1))  # they approach
-    assert not parted(run(0.5, end=2e-4))  # they touch
-    assert not parted(run(0.19), least=0.2)
-    assert parted(run(0.21), least=0.2)

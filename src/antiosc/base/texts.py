@@ -49,11 +49,6 @@ def piece_told(sentences: Iterable[str]) -> str:
     return next((match[1] for match in found), "")
 
 
-def on_page(text: str) -> str:
-    """The text."""
-    return text
-
-
 #: Arguments that make cells smaller, and that of a patch.
 SMALLER_CELLS = "refine or size"
 PATCH_RADIUS = "radius"

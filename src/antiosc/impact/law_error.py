@@ -121,30 +121,6 @@ def by_other_laws(hit: History, tol: float) -> list[list[History]]:
     return [[hit.by_law(law, tol) for law in cause] for cause in changed]
 
 
-def enough_radius(hit: History) -> float | None:
-    """Radius [m] of a patch that carries the peak force by the lowest yield strength of its range
-    too; None if the present one does, or there is no range.
-
-    By a law that its patch does not carry, the error of the law comes out too large.
-    """
-    law = hit.law
-    choice = choice_of(law, hit.model, hit.impactor)
-    if choice is None or choice.soft is None or not hit.contacts:
-        return None
-    if not isinstance(law, ElasticPlastic):
-        return None
-    local = hit.assembly.laws[0].compliance
-    radius = hit.assembly.bodies["structure"].patch_radius
-    others = other_strengths(law, choice.soft, hit.peak_force, strain_rate(law, hit))
-    reduced = [other.without(local) for other in others if local]
-    wanted = [
-        one.enough_radius(hit.peak_force, radius)
-        for one in reduced
-        if hit.peak_force > one.valid_force
-    ]
-    return max(filter(None, wanted), default=None)
-
-
 def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
     """The laws for the smallest and the largest possible curvatures of the surfaces."""
     pair = [body.surface() for body in (raw.model, raw.impactor) if isinstance(body, Body)]

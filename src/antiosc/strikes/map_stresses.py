@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
-from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,7 +20,7 @@ from antiosc.recovery.place import NodeTensors, Place, place
 from antiosc.strikes.free_sites import FreeSites
 
 if TYPE_CHECKING:
-    from antiosc.strikes.map_results import ImpactMap
+    pass
 
 #: Sites whose static deflections are solved for together.
 AT_ONCE = 16
@@ -122,46 +120,6 @@ def _at_sites(values: Array, which: IntArray, count: int) -> Array:
     of_all = np.full((count, *values.shape[1:]), np.nan)
     of_all[which] = values
     return of_all
-
-
-def stress_seconds(structure: Structure, struck: ImpactMap) -> tuple[float, float]:
-    """Seconds that the largest stresses for blows of a map will take before the first site, and at
-    each site.
-
-    The search over nodes and times is done here at a few sites of the map, so that its time is that
-    of this machine, busy as it is. The modes' shapes times their frequencies stand for their
-    stresses, of which the bounds of the search leave out a like share.
-    """
-    assert struck.durations is not None
-    assert struck.forces is not None
-    assert struck.free_sites is not None
-    sites = struck.free_sites
-    which = np.unique(np.linspace(0, len(struck) - 1, AT_ONCE).astype(int))
-    places = sides(structure)
-    start_time = time.perf_counter()
-    of_one = _recovered(structure, sites.phi[:, -1:], places)
-    recovery = RECOVERY * (time.perf_counter() - start_time)
-    shape = *of_one.modes.shape[:2], len(sites.omega)
-    modes = np.resize(sites.phi * sites.omega, shape).astype("f4")
-    rest = np.zeros((*shape[:2], len(which)), "f4")
-    start_time = time.perf_counter()
-    found = _of_sites(
-        of_one._replace(modes=modes),
-        of_one._replace(modes=rest),
-        sites.omega,
-        sites.b[which],
-        [struck.forces[i] for i in which],
-        struck.durations[which],
-        np.column_stack([struck.points, np.zeros(len(struck))])[which],
-    )
-    next(found)
-    begun = time.perf_counter()
-    timed = len([*islice(found, TIMED)])
-    searched = time.perf_counter()
-    search = (searched - begun) / max(timed, 1)
-    moved = (begun - start_time - search) / len(which)
-    solves = struck.info["seconds"]["deflections"] / struck.info["sites"]
-    return recovery * shape[2], search + moved + solves + recovery
 
 
 def sample_count(highest: float, duration: float) -> int:

@@ -25,10 +25,10 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
     HOPELESS,
-    asks_for_stretch,
     hopeless_text,
     is_far,
     large_deflection_message,
+    may_stretch,
     run_away_text,
     stretch_estimate,
 )
@@ -63,7 +63,7 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     """
     with _collected_warnings() as warnings:
         linear = run(model)
-    if model.stretch is None and asks_for_stretch(linear):
+    if model.stretch is None and may_stretch(linear):
         energy = energy_of_solid(structure, linear)
         of_any = energy if energy < inf or not is_far(linear) else _energy(structure, linear)
         if energy <= SLIGHT_ENERGY:

@@ -14,7 +14,6 @@ import antiosc
 from antiosc.base import progress
 from antiosc.base.errors import (
     AntioscError,
-    InputError,
     by_weight,
     finite_element_packages,
     labelled,
@@ -256,18 +255,6 @@ def error_budget(history: Any) -> ErrorBudget | None:
     except AntioscError:  # the model was not extracted for it
         return None
     return budget if isinstance(budget, ErrorBudget) else None
-
-
-def has_sheets(structure: Structure | None) -> bool:
-    """Whether a part of the structure is a sheet."""
-    from antiosc.extension import with_parts
-
-    if structure is None:
-        return False
-    try:
-        return any(member.part.kind.sheet for member in with_parts(structure).members())
-    except (AttributeError, InputError):  # matrices of other programs have no parts
-        return False
 
 
 def coarse_cells(hit: History | None) -> str:

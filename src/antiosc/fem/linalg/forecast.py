@@ -9,7 +9,6 @@ takes within 20 % of the iterations of the loads of a model (measured).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from antiosc.base.texts import plain
@@ -96,44 +95,14 @@ def _factored(entries: float) -> float:
     return ASSEMBLED * entries + FACTORED * entries**1.5
 
 
-#: Dofs for each cell of a mesh by the shape of its cells: quadratic elements, shells with their
-#: rotations, cubic beams.
-DOFS_OF_CELL = {"interval": 6, "triangle": 27, "quadrilateral": 24, "tetrahedron": 5}
-DOFS_OF_OTHERS = 24
 #: (c, p) by the dimension of the cells: a factor has some c dofs^p entries. A bottle of 12 000 to
 #: 198 000 dofs (c = 52 to 54), a block of 9000 to 96 000 (21 to 26; a plate of 22 000: 11).
 FILL = {1: (20.0, 1.0), 2: (53.0, 1.15), 3: (22.0, 4 / 3)}
-#: Seconds of a model for each dof, and for each dof and anti-oscillator: the bottle took 3.1e-4 to
-#: 4.5e-4 s for each dof with 150, the block 1.1e-4 to 1.6e-4 s with 20 (on a busy machine).
-EACH_DOF, EACH_STEP = 1e-4, 1.8e-6
 #: Bytes for each dof and anti-oscillator: the bottle took 6 GB with 792 000 dofs.
 EACH_SHAPE = 16.0
 #: Bytes for each dof of a structure of shells: K, M and their assembly. A printed carriage of
 #: 142 000 dofs took 0.38 GB before, and 0.94 GB with 20 anti-oscillators (1.09 GB with 150).
 OF_SHELLS = 2700.0
-#: Dofs from which solids are solved by two levels.
-TWO_LEVELS = 3e5
-
-
-def before_meshing(
-    shape: str, dim: int, cells: float, counts: Sequence[int], of_cell: float = 0.0
-) -> tuple[float, Cost]:
-    """(dofs, cost) of models in turn on a mesh that is not made yet, roughly.
-
-    counts : number of anti-oscillators of each; one factor serves all, and the last one is kept.
-    shape, dim : of its cells; of_cell : dofs for each of them, as counted on a like mesh; 0: as in
-        one of many cells in all directions.
-    """
-    dofs = (of_cell or DOFS_OF_CELL.get(shape, DOFS_OF_OTHERS)) * cells
-    entries = _entries(dim, dofs)
-    of_solver = BYTES * entries
-    iterative = dim == 3 and dofs > TWO_LEVELS
-    if iterative:
-        of_solver = LevelSizes(TETRAHEDRA.row * dofs, TETRAHEDRA, entries).bytes
-    if dim == 2:
-        of_solver += OF_SHELLS * dofs
-    seconds = (EACH_DOF + EACH_STEP * sum(counts)) * dofs
-    return dofs, Cost(of_solver + EACH_SHAPE * max(counts) * dofs, seconds, iterative)
 
 
 def of_sheet(dofs: float, n: int) -> float:

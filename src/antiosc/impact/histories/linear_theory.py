@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -198,25 +196,6 @@ HINGED = 1.85
 #: the thickness that may make it.
 SLIGHT_CHANGE = 3e-3
 SLIGHT_DEFLECTION = 0.04
-
-
-#: Whether the runs of a context are taken as linear, whatever they deflect.
-_linear: ContextVar[bool] = ContextVar("_linear", default=False)
-
-
-@contextmanager
-def taken_as_linear() -> Iterator[None]:
-    """Context whose runs have no second-order forces but those of their own models."""
-    token = _linear.set(True)
-    try:
-        yield
-    finally:
-        _linear.reset(token)
-
-
-def asks_for_stretch(history: RunHistory) -> bool:
-    """Whether a linear run is to be repeated with second-order forces."""
-    return not _linear.get() and may_stretch(history)
 
 
 def may_stretch(history: RunHistory) -> bool:

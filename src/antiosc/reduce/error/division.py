@@ -10,7 +10,6 @@ square, where a patch smaller than the cells is loaded.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 from weakref import WeakKeyDictionary
@@ -29,13 +28,11 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.forecast import OF_SHELLS, of_sheet
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.halving import halved, scheme
-from antiosc.fem.mesh.thirds import with_cells_near
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, holding, on_mesh
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.neutral import KINDS, RawMesh
-from antiosc.io.request import Refinement
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.reduce.error.bisection import gathered
 from antiosc.reduce.site import Site, functional
@@ -211,17 +208,6 @@ def _raw(mesh: Mesh) -> RawMesh:
     cells = pieces.cells[:, order].astype(np.int64)
     numbers = np.arange(len(pieces.points))
     return RawMesh(pieces.points, cells, kind, "gmsh", groups, numbers=numbers)
-
-
-def added_cells(structure: Structure, refine: Sequence[Refinement]) -> int:
-    """Number of cells by which those of the sheets and lines of a structure, on one rank, become
-    more with `refine`.
-    """
-    count = 0
-    for member in with_parts(structure).members():
-        raw = _raw(replace(member.part.mesh, groups={}))
-        count += len(with_cells_near(refine, [raw], raw.kind.shape)[0].cells) - len(raw.cells)
-    return count
 
 
 def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
