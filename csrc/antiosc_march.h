@@ -50,7 +50,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 10 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 11 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -72,7 +72,7 @@ typedef enum aom_status {
     AOM_DONE = 0,          /* the end is reached */
     AOM_FULL,              /* the record is full: empty it and go on */
     AOM_TOO_MANY_CONTACTS, /* more touches than options.max_contacts */
-    AOM_TOO_MANY_STEPS,    /* more attempted steps than options.max_steps; of aom_gradient: long ones */
+    AOM_TOO_MANY_STEPS,    /* more attempted steps than options.max_steps */
     AOM_GREW,              /* the bodies gained energy: unstable, use a smaller rel_tol or step */
     AOM_STUCK,             /* no step is small enough for the contact forces */
     AOM_PAUSED,            /* the time `until` or the number of attempts asked for is reached: go on */
@@ -214,8 +214,8 @@ typedef struct aom_system {
     const double *q, *v;             /* [n_modes] state at the start */
     double stored;                   /* energy that the contacts hold at the start [J] */
     const double *gamma;             /* [n_rows][n_modes] or NULL; with it each row of loads has
-                                        2 n_modes numbers, load and drive. Without aom_gradient,
-                                        aom_state_at, and energies of aom_energies. */
+                                        2 n_modes numbers, load and drive. Without aom_state_at,
+                                        and energies of aom_energies. */
     int n_stretch;                   /* of the last rows, whose forces are polynomials; 0 with gamma */
     const double *quadratic, *cubic; /* [m][m][m], [m][m][m][m] of these, symmetric in all indices */
 } aom_system;
@@ -244,16 +244,6 @@ typedef struct aom_event {
     double speed;   /* closing speed [m/s] */
 } aom_event;
 
-/* A contact goes over to another branch of its law, at the start of a step: what aom_gradient needs. */
-typedef struct aom_exit {
-    double step;    /* that begins there */
-    double contact; /* its number */
-    double bound;   /* of the branch that was met (internal.h) */
-    double kind;    /* 1: the step before ends here because of it, 2: a touch at once in flight, else 0 */
-    double speed;   /* closing speed [m/s] */
-    double before[4], after[4]; /* the branch, and the first three numbers that its law remembers */
-} aom_exit;
-
 typedef struct aom_record {
     int64_t max_nodes, max_states, max_events; /* room; >= 3, 1 (0 without states), n_contacts+2 */
     int64_t n_nodes, n_states, n_events;       /* written so far */
@@ -263,8 +253,6 @@ typedef struct aom_record {
     double *depth;                             /* [max_nodes][n_rows] indentations, tangential ways */
     double *states;    /* [max_states][2][n_modes] q, v at the start of steps; may be NULL */
     aom_event *events; /* [max_events] */
-    int64_t max_exits, n_exits; /* room and number of the exits */
-    aom_exit *exits;            /* [max_exits]; may be NULL */
 } aom_record;
 
 /* ---- The stepper ----------------------------------------------------------------------------- */
@@ -337,60 +325,6 @@ AOM_API void aom_modal_state(const aom_stepper *stepper, double *state);
 AOM_API size_t aom_snapshot_size(const aom_stepper *stepper);
 AOM_API void aom_save(const aom_stepper *stepper, void *snapshot);
 AOM_API void aom_restore(aom_stepper *stepper, const void *snapshot);
-
-/* ---- Gradients ------------------------------------------------------------------------------- */
-
-/* A value that a goal reads from the motion within a step. */
-typedef struct aom_reading {
-    int64_t step;
-    double at;      /* the time since its start, over its length */
-    int64_t stays;  /* 1: it stays at this share of the step, 0: at this time of the run */
-} aom_reading;
-
-/* The derivatives of a goal by what a run wrote down. */
-typedef struct aom_goal {
-    int64_t n_readings;
-    const aom_reading *readings; /* [n_readings], ascending in their steps */
-    const double *weights;       /* [n_readings][2 n_modes + n_rows] by q, v and the forces there */
-    const double *force;         /* [n_nodes][n_rows] by the forces at the nodes */
-    const double *time;          /* [n_nodes / 2 + 1] by the times at which steps begin and end */
-} aom_goal;
-
-/* Numbers of a law with derivatives: its first parameters, not of a table; then the compliance of a
- * patch, of Hertz's law as well. */
-#define AOM_LAW_SLOPES 4
-
-#ifndef AOM_RUN_ONLY
-/* The derivatives of a goal by the numbers of a system; arrays of the caller's that are added to. */
-typedef struct aom_slopes {
-    double *square, *decay;    /* [n_modes] by omega^2; by the decay, NULL: not wanted */
-    double *beta;              /* [n_rows][n_modes] */
-    double *residual;          /* [n_rows][n_rows] */
-    double *loads, *offsets;   /* [n_breaks][n_modes], [n_breaks][n_rows] */
-    double *laws;              /* [n_contacts][AOM_LAW_SLOPES]; those of AOM_HERTZ by k and c in all */
-    double *friction;          /* [n_contacts][2] by its coefficient, by the tangential stiffness */
-    double *q, *v;             /* [n_modes] */
-    double *preload;           /* [n_contacts] by the forces at the start, all else given */
-    double *gamma;             /* [n_rows][n_modes], of systems with gamma, whose loads have the
-                                * width 2 n_modes; NULL else */
-    double grazing; /* the least speed at which a contact touches or parts, over its largest */
-} aom_slopes;
-
-/* Bytes that aom_gradient works in. */
-AOM_API size_t aom_gradient_size(const aom_stepper *stepper);
-
-/* The exact derivatives of the steps of a run: its levels of steps stay, and what ends a step earlier
- * (a contact that leaves its branch, a break of the loads) goes on ending it. The record has the
- * states of every step, that of the end behind them, and its exits. After aom_start with the system
- * and the options of the run. AOM_BAD_LAW with laws of the caller's. The preloads are inputs of their
- * own: how they follow from the rest is the caller's. Friction in two directions takes their couplings
- * as equal. */
-AOM_API int aom_gradient(aom_stepper *stepper, const aom_record *run, const aom_goal *goal,
-                         aom_slopes *out, void *memory, size_t bytes);
-
-/* Derivatives of the force of a new contact at rest by the first parameters of its law, into out. */
-AOM_API void aom_law_slopes(const aom_law *law, double delta, double out[AOM_LAW_SLOPES]);
-#endif
 
 /* ---- Reading runs ---------------------------------------------------------------------------- */
 

@@ -212,12 +212,6 @@ static void push(const aom_stepper *st, const double *response, const row_span *
           const double f[3], double *q, double *v);
 static void give(aom_stepper *st, double h);
 
-#ifndef AOM_RUN_ONLY
-/* ---- response_slopes.c */
-static void response_slopes(int n, const double *omega, const double *decay, double t,
-                     const double *response, bool by_decay, double *out);
-#endif
-
 /* ---- laws.c */
 #define SLOWEST 0.01 /* share of the fastest approach that a damped law's speed is held above */
 /* Unloading or reloading by the whole indentation: from `low` over `width` to `force` by a power,
@@ -259,19 +253,6 @@ static void user_advance(aom_stepper *st, const aom_user_law *user, double delta
 /* ---- expected.c */
 /* Give the only contact of a system the scales that are expected of it. */
 static aom_expected scale_contact(const aom_system *s, aom_contact *only, double duration);
-
-/* ---- law_slopes.c */
-
-/* Derivatives by the first parameters of a law, and by the first numbers that it remembers. */
-typedef struct law_slopes {
-    double params[AOM_LAW_SLOPES], memory[2];
-} law_slopes;
-
-static law_slopes force_slopes(const aom_law *law, int branch, double delta, double rate,
-                        const double *memory);
-static law_slopes bound_slopes(const aom_law *law, int branch, bound exit, const double *memory);
-static void undo_branch(const aom_law *law, const aom_exit *e, double slowest, law_slopes *by,
-                 double *depth, double *rate);
 #endif
 
 /* ---- forces.c */

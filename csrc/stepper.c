@@ -188,25 +188,16 @@ static void free_rows(aom_stepper *st, int i) {
 }
 
 /* The contact of the exit goes over to its next branch; `active`: others touch. */
-static void enter_branch(aom_stepper *st, aom_record *out, bool active, bool at_once) {
+static void enter_branch(aom_stepper *st, aom_record *out, bool active) {
     int c = st->exit_contact;
     const aom_contact *contact = st->system.contacts + c;
     contact_state *state = st->contacts + c;
     int before = state->branch;
     st->now.smooth = false;
     st->now.lasting = 0;
-    aom_exit left = {(double)st->now.steps, c, st->exit_bound, at_once ? (active ? 0 : 2) : 1, 0.0,
-                     {before}, {0.0}};
-    memcpy(left.before + 1, state->memory, 3 * sizeof(double));
     double rate = larger(st->rows[c].rate, contact->slowest);
     state->branch = next_branch(st, &contact->law, before, st->exit_bound, st->rows[c].depth, rate,
                                 state->memory);
-    if (out->exits != NULL) {
-        left.speed = st->rows[c].rate;
-        left.after[0] = state->branch;
-        memcpy(left.after + 1, state->memory, 3 * sizeof(double));
-        out->exits[out->n_exits++] = left;
-    }
     for (int k = 0; k < 1 + contact->n_tangential; k++) {
         int i = row_of_contact(contact, c, k);
         row_state *row = st->rows + i;
@@ -246,8 +237,7 @@ static bool grew(aom_stepper *st) {
 
 static bool full(const aom_record *out) {
     return out->n_nodes + 2 > out->max_nodes || out->n_events + 1 > out->max_events ||
-           (out->states != NULL && out->n_states + 1 > out->max_states) ||
-           (out->exits != NULL && out->n_exits + 1 > out->max_exits);
+           (out->states != NULL && out->n_states + 1 > out->max_states);
 }
 
 /* Write the present time and motion as the next node. */
@@ -328,7 +318,7 @@ static int one_step(aom_stepper *st, aom_record *out) {
         else if (touch && now->touches >= st->options.max_contacts)
             return AOM_TOO_MANY_CONTACTS;
         else
-            enter_branch(st, out, touches, index == AT_ONCE);
+            enter_branch(st, out, touches);
     }
     if (st->law_failed)
         return AOM_LAW_FAILED;
@@ -362,7 +352,7 @@ int aom_integrate(aom_stepper *st, aom_record *out, double until, int64_t max_at
 }
 
 void aom_clear(aom_record *record) {
-    record->n_nodes = record->n_states = record->n_events = record->n_exits = 0;
+    record->n_nodes = record->n_states = record->n_events = 0;
     record->every = 1;
 }
 

@@ -40,10 +40,6 @@ def blow(x: Any) -> tuple[Any, ...]:
     return MODEL, ao.RigidMass(0.2, 1.0), ao.Hertz(1e8 * x[0]), 5e-3
 
 
-def least(constraint: Any) -> Any:
-    return ao.minimize(blow, "peak_force", [1.0], constraints={"type": "ineq", "fun": constraint})
-
-
 def drawn(found: Any) -> Any:
     return ao.monte_carlo(lambda k: k, {"k": Drawn(found)}, n=4)
 
@@ -51,9 +47,6 @@ def drawn(found: Any) -> Any:
 @pytest.mark.parametrize(
     ("call", "word"),
     [
-        (lambda: ao.minimize(lambda: 1, "peak_force", [1.0]), "function of x"),
-        (lambda: least(lambda x: "text"), "constraint returns"),
-        (lambda: least(lambda: 1.0), "function of x"),
         (lambda: truncation_error(MODEL, lambda: 1), "run"),
         (lambda: drawn("text"), "ppf of k"),
         (lambda: drawn(np.zeros((2, 2))), "shape"),

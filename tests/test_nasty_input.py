@@ -32,7 +32,7 @@ DEAR = {
     *("assemble", "choose_n", "truncation_error", "probe", "strain_gauge", "write_series"),
     *("write_report", "from_frf", "save_fields", "read_mesh", "read_model", "peak_field"),
     "box_mesh",
-    *("reactions", "strike", "tradeoff", "export", "find_impact", "drop", "nearby", "design_map"),
+    *("reactions", "strike", "tradeoff", "export", "find_impact", "drop", "design_map"),
     "contact_between",
     *("StructureModes.write", "History.to_dataframe"),
 }

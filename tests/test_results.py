@@ -11,7 +11,7 @@ import antiosc as ao
 
 FAMILY = {
     *("Batch", "DesignMap", "Drops", "Fall", "ForceComparison", "FoundImpact", "Gradient"),
-    *("History", "ImpactMap", "Optimum", "PeakField", "Sample", "SceneHistory", "Sensitivity"),
+    *("History", "ImpactMap", "PeakField", "Sample", "SceneHistory", "Sensitivity"),
     "ShockSpectrum",
 }
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.2], omega=[2e3, 7e3])
@@ -26,20 +26,12 @@ def spread():
     return ao.monte_carlo(run, {"velocity": ao.normal(1.0, 0.05)}, n=60, seed=3)
 
 
-def least():
-    def build(x):
-        return MODEL, ao.RigidMass(float(x[0]), 1.0), LAW, DURATION
-
-    return ao.minimize(build, "peak_force", [0.2], bounds=[(0.1, 0.3)])
-
-
 RESULTS = {
     "History": lambda: ao.simulate(MODEL, BALL, LAW, DURATION),
     "Batch": lambda: ao.simulate_many(MODEL, [BALL, ao.RigidMass(0.1, 2.0)], LAW, DURATION),
     "Sample": spread,
     "Sensitivity": lambda: spread().sensitivity("peak_force"),
     "Gradient": lambda: ao.gradient(ao.simulate(MODEL, BALL, LAW, DURATION), "peak_force"),
-    "Optimum": least,
 }
 
 

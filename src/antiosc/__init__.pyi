@@ -285,10 +285,6 @@ from antiosc_studies.chance.monte_carlo import (
     normal as normal,
     uniform as uniform,
 )
-from antiosc_studies.chance.nearby import (
-    NearbyModels as NearbyModels,
-    nearby as nearby,
-)
 from antiosc_studies.chance.sample import (
     Quantile as Quantile,
     Sample as Sample,
@@ -322,11 +318,7 @@ from antiosc_studies.gradients.gradient import (
     Gradient as Gradient,
     gradient as gradient,
 )
-from antiosc_studies.gradients.minimize import (
-    Optimum as Optimum,
-    minimize as minimize,
-)
-from antiosc_studies.gradients.of_part import (
+from antiosc_studies.gradients.per_cell import (
     DesignMap as DesignMap,
     design_map as design_map,
 )

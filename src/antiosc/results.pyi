@@ -78,9 +78,6 @@ from antiosc.strikes.map_results import (
 from antiosc_app.view import (
     View as View,
 )
-from antiosc_studies.chance.nearby import (
-    NearbyModels as NearbyModels,
-)
 from antiosc_studies.chance.sample import (
     Quantile as Quantile,
     Sample as Sample,
@@ -101,10 +98,7 @@ from antiosc_studies.find import (
 from antiosc_studies.gradients.gradient import (
     Gradient as Gradient,
 )
-from antiosc_studies.gradients.minimize import (
-    Optimum as Optimum,
-)
-from antiosc_studies.gradients.of_part import (
+from antiosc_studies.gradients.per_cell import (
     DesignMap as DesignMap,
 )
 from antiosc_studies.measured.compare import (

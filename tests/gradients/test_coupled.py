@@ -148,8 +148,8 @@ def test_free_model_and_massless_site() -> None:
             for a, b in ((run(0.3 * (1 - STEP)), run(0.3 * (1 + STEP))),
                          (run(0.3, 1 - STEP), run(0.3, 1 + STEP)))
         )  # fmt: skip
-        assert g.m[0] * 0.3 == pytest.approx(by_m, abs=1e-7 * abs(g.value))
-        assert g.damping == pytest.approx(by_damping, abs=1e-7 * abs(g.value))
+        assert g.m[0] * 0.3 == pytest.approx(by_m, abs=5e-6 * abs(g.value))
+        assert g.damping == pytest.approx(by_damping, abs=5e-6 * abs(g.value))
         assert g.m0 is None
         assert g.k0 is None
 
@@ -174,6 +174,6 @@ def test_gravity_and_initial_velocity(k0: float, speed: float, gravity: float) -
             (getattr(run(*step), goal) - getattr(run(*-step), goal)) / (2 * STEP)
             for step in STEP * np.eye(2)
         )
-        assert g.m[1] * 0.2 == pytest.approx(by_m, abs=1e-7 * g.value)
+        assert g.m[1] * 0.2 == pytest.approx(by_m, abs=5e-6 * g.value)
         found = g.bodies["structure"].get("initial_velocity", 0.0)
-        assert speed * found == pytest.approx(by_speed, abs=1e-7 * g.value)
+        assert speed * found == pytest.approx(by_speed, abs=5e-6 * g.value)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from decimal import Decimal, localcontext
 from math import inf
 from types import SimpleNamespace
 
@@ -45,7 +44,7 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
 
 @pytest.mark.slow
 def test_the_structures_have_the_sizes_of_the_librarys() -> None:
-    sizes = (ctypes.c_size_t * 19)()
+    sizes = (ctypes.c_size_t * 15)()
     built().part_sizes(sizes)
     mirrored = (library.UserLaw, library.CLaw, library.CContact, library.CSystem)
     mirrored += (
@@ -56,8 +55,6 @@ def test_the_structures_have_the_sizes_of_the_librarys() -> None:
         library.CSolution,
     )
     expected = [ctypes.sizeof(each) for each in mirrored]
-    expected += [8 * library.EXIT, library.READING.itemsize]
-    expected += map(ctypes.sizeof, (library.CGoal, library.CSlopes))
     expected += [library.TOUCH.itemsize]
     batches = (
         library.CNumbers,
@@ -67,67 +64,6 @@ def test_the_structures_have_the_sizes_of_the_librarys() -> None:
         library.CPulseNodes,
     )
     assert list(sizes) == [*expected, *map(ctypes.sizeof, batches)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ratio", [0.0, 0.01, 0.5, 0.999999999999, 1.1, 30.0])
-@pytest.mark.parametrize("t", [1e-3, 0.04, 1.3])
-def test_slopes_of_responses(ratio: float, t: float) -> None:
-    """S, J0, J1, J2 by omega^2 and by the decay, against differences."""
-    omega = np.array([1e-3, 0.3, 0.7, 0.8, 2.0, 7.0, 40.0])
-    decay, steps = ratio * omega, np.full(omega.size, t)
-    at, found = library.responses(omega, decay, steps), np.empty((8, omega.size))
-    arrays = (each.ctypes.data_as(ctypes.c_void_p) for each in (omega, decay, at, found))
-    one, two, response, out = arrays
-    built().part_response_slopes(omega.size, one, two, ctypes.c_double(t), response, out)
-    given = omega**2, decay
-    for k in range(2):
-        if k == 1 and ratio == 0.0:
-            continue  # a decay is not negative
-        h = 1e-3 * given[k]
-        total = np.zeros((4, omega.size))
-        for shift, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1)):
-            x, d = (each + (shift * h if i == k else 0.0) for i, each in enumerate(given))
-            total += weight * library.responses(np.sqrt(x), d, steps)[2:]
-        expected = total / (12 * h)
-        scale = np.array([t ** (n + 3 - k) for n in (0, 1, 2, 3)])[:, None]
-        # differences of the responses lose what they have in common
-        loss = 1e-13 * np.abs(at[2:]) / h
-        off = np.abs(found[4 * k : 4 * k + 4] - expected)
-        assert np.all(off <= 1e-7 * np.abs(expected) + 1e-9 * scale + loss), (k, off / scale)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ratio", [1.5, 30.0, 2e4])
-@pytest.mark.parametrize("phase", [0.1, 3.0, 300.0])
-def test_slopes_of_over_damped_responses(ratio: float, phase: float) -> None:
-    """Their relative error, against differences of their two poles in 60 digits."""
-    t, omega = 1e-3, phase / 1e-3
-
-    def exact(x: Decimal, d: Decimal) -> list[Decimal]:
-        r, span = (d * d - x).sqrt(), Decimal(t)
-        both = []
-        for p in (r - d, -r - d):
-            power, values = Decimal(1), [(p * span).exp()]
-            for k in (1, 2, 3):
-                values.append((values[-1] - power) / p)
-                power *= span / k
-            both.append(values)
-        return [(slow - fast) / (2 * r) for slow, fast in zip(*both, strict=True)]
-
-    given = np.array([omega]), np.array([ratio * omega])
-    at, found = library.responses(*given, np.array([t])), np.empty((8, 1))
-    arrays = (each.ctypes.data_as(ctypes.c_void_p) for each in (*given, at, found))
-    one, two, response, out = arrays
-    built().part_response_slopes(1, one, two, ctypes.c_double(t), response, out)
-    with localcontext() as context:
-        context.prec = 60
-        x, d, h = Decimal(omega) ** 2, Decimal(ratio * omega), Decimal("1e-20")
-        ends = [(exact(x * (1 + e), d), exact(x, d * (1 + e))) for e in (-h, h)]
-        low, high = (np.array([[*a], [*b]], dtype=object) for a, b in ends)
-        slopes = (high - low) / (2 * h) / np.array([[x], [d]], dtype=object)
-    expected = slopes.astype(float).ravel()
-    assert found[:, 0] == pytest.approx(expected, rel=1e-6, abs=1e-30 * abs(expected[0]))
 
 
 @pytest.mark.slow

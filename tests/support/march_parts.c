@@ -50,18 +50,12 @@ AOM_API int part_next_branch(const aom_law *law, int branch, int exit, double de
     return next_branch(NULL, law, branch, (bound)exit, delta, rate, memory);
 }
 
-AOM_API void part_response_slopes(int n, const double *omega, const double *decay, double t,
-                                  const double *response, double *out) {
-    response_slopes(n, omega, decay, t, response, true, out);
-}
-
 /* Bytes of the structures that Python mirrors. */
 AOM_API void part_sizes(size_t *out) {
     const size_t sizes[] = {sizeof(aom_user_law), sizeof(aom_law),    sizeof(aom_contact),
                             sizeof(aom_system),   sizeof(aom_options), sizeof(aom_record),
                             sizeof(aom_summary),  sizeof(aom_difference), sizeof(aom_solution),
-                            sizeof(aom_exit),     sizeof(aom_reading), sizeof(aom_goal),
-                            sizeof(aom_slopes),   sizeof(aom_touch),   sizeof(aom_numbers),
+                            sizeof(aom_touch),    sizeof(aom_numbers),
                             sizeof(aom_impact),   sizeof(aom_expected), sizeof(aom_outcome),
                             sizeof(aom_pulse_nodes)};
     memcpy(out, sizes, sizeof sizes);

@@ -75,8 +75,8 @@ RESULTS = {
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ProbeSpectra", "ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
-    *("ForceComparison", "FoundImpact", "Gradient", "Optimum", "Margin", "DesignMap"),
-    *("Sample", "Sensitivity", "Quantile", "NearbyModels", "Peak", "View", "Dent"),
+    *("ForceComparison", "FoundImpact", "Gradient", "Margin", "DesignMap"),
+    *("Sample", "Sensitivity", "Quantile", "Peak", "View", "Dent"),
     "Hysteretic",  # a base of laws
 }
 #: Where NaN stands for "no such number", as the documentation says.
@@ -254,14 +254,6 @@ def loaded_part() -> Any:
     held = [ao.Support(lambda x: x[0] < 1e-9)]
     loads = ao.Prestress(gravity=(0, 0, -9.81))
     return ao.Structure(mesh(), ao.Solid(70e9, 0.3, 2700.0), held, prestress=loads)
-
-
-@functools.cache
-def least() -> Any:
-    def build(x: Any) -> Any:
-        return model(), ao.RigidMass(float(x[0]), 1.0), ao.Hertz(1e9), 1e-3
-
-    return ao.minimize(build, "peak_force", [0.1], bounds=[(0.05, 0.2)])
 
 
 def frf_values() -> Any:
@@ -502,10 +494,6 @@ OWN: dict[str, dict[str, Any]] = {
     "srs": {"t": [0.0, 1e-3, 2e-3], "a": [0.0, 1.0, 0.0], "frequencies": [1e2, 1e3]},
     "spectrum": {"t": [0.0, 1e-3, 2e-3], "x": [0.0, 1.0, 0.0]},
     "strain_gauge": {"point": (0.05, 0.05, 0.02), "direction": (1, 0, 0), "length": 0.01},
-    "minimize": {
-        "build": lambda: pushed, "goal": "impulse", "x0": [0.1, 1.0],
-        "bounds": [(0.05, 0.2), (0.5, 1.5)], "constraints": (),
-    },
     "design_map": {"part": part, "hit": struck_part, "goal": "impulse", "by": "rho"},
     "DesignMap.plot": {"self": design, "path": "design.png"},
     "gradient": {
@@ -545,10 +533,6 @@ OWN: dict[str, dict[str, Any]] = {
     "Tilts": {"sigma": 2.0},
     "cfc_filter": {"step": 1e-5, "signal": [0.0, 1.0, 0.0], "name": "CFC180"},
     "monte_carlo": {"run": lambda: square, "inputs": lambda: {"x": ao.normal(0.0, 1.0)}, "n": 5},
-    "nearby": {
-        "build": lambda: two_masses, "site": lambda: ao.Site(dof=1), "n": 1,
-        "ranges": lambda: {"k": (0.9, 1.1)},
-    },
     "normal": {"mean": 0.0, "sigma": 1.0}, "lognormal": {"mean": 1.0, "variation": 0.1},
     "uniform": {"low": 0.0, "high": 1.0}, "Sample.finite": {"quantity": "value"},
     "Sample.sensitivity": {"quantity": "value"}, "Sample.quantile": {"quantity": "value", "q": 0.5},
@@ -618,7 +602,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "FoundImpact": found_blow,
     "Batch": lambda: ao.simulate_many(model(), sphere(), ao.Hertz(1e9), [1e-3, 2e-3]),
     "Gradient": lambda: ao.gradient(history(), "peak_force"),
-    "Optimum": least, "DesignMap": lambda: design(),
+    "DesignMap": lambda: design(),
     "SavedHistory": lambda: ao.History.load(saved_history()),
     "NamedImpactor": lambda: ao.IMPACTORS["tennis ball"],
     "SavedFields": lambda: ao.SavedFields.load(saved_fields()),

@@ -32,19 +32,14 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 10
+VERSION = 11
 #: numbers that a contact may remember
 MEMORY = 8
-#: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
-EXIT = 13
-LAW_SLOPES = 4
 #: `aom_touch`
 TOUCH = np.dtype(
     [*((name, float) for name in ("start", "end", "speed", "impulse", "peak")),
      *((name, np.int64) for name in ("first", "last"))]
 )  # fmt: skip
-#: `aom_reading`
-READING = np.dtype([("step", np.int64), ("at", float), ("stays", np.int64)])
 
 # statuses
 DONE, FULL, TOO_MANY_CONTACTS, TOO_MANY_STEPS, GREW, STUCK, PAUSED, LAW_FAILED = range(8)
@@ -125,23 +120,7 @@ class CRecord(Structure):
 
     _fields_ = [
         *_fields("int64 max_nodes, max_states, max_events, n_nodes, n_states, n_events, every"),
-        *_fields("pointer time, force, depth, states, events; int64 max_exits, n_exits"),
-        *_fields("pointer exits"),
-    ]
-
-
-class CGoal(Structure):
-    """The C structure `aom_goal`."""
-
-    _fields_ = _fields("int64 n_readings; pointer readings, weights, force, time")
-
-
-class CSlopes(Structure):
-    """The C structure `aom_slopes`."""
-
-    _fields_ = [
-        *_fields("pointer square, decay, beta, residual, loads, offsets, laws, friction, q, v"),
-        *_fields("pointer preload, gamma; double grazing"),
+        *_fields("pointer time, force, depth, states, events"),
     ]
 
 
@@ -241,9 +220,6 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_start": (c_int, c_void_p, c_void_p, c_void_p),
     "aom_integrate": (c_int, c_void_p, c_void_p, c_double, c_int64),
     "aom_solve": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64),
-    "aom_law_slopes": (None, c_void_p, c_double, c_void_p),
-    "aom_gradient_size": (c_size_t, c_void_p),
-    "aom_gradient": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_size_t),
     "aom_summarize": (CSummary, c_void_p),
     "aom_modal_state": (None, c_void_p, c_void_p),
     "aom_responses": (None, c_int64, c_void_p, c_void_p, c_void_p, c_int, c_void_p),
@@ -272,7 +248,7 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
-_LONG = ("aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve")
+_LONG = ("aom_integrate", "aom_solve", "aom_batch_solve")
 
 
 def source_hash(folder: Path) -> str:

@@ -38,8 +38,6 @@ class Run:
     states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
         kept. `antiosc.impact.states` finds those in between.
     events : (., 4) time, contact, branch that begins, closing speed.
-    exits : (., 13) `aom_exit`, for gradients: when contacts change their branch; stored with the
-        states.
     answer : status of the C library: why the march stopped.
     steps : number of steps taken.
     attempts : number of steps tried, including those given up for shorter ones.
@@ -62,7 +60,6 @@ class Run:
     gained: float = 0.0
     work: float = 0.0
     every: int = 1
-    exits: Array | None = None
 
     def contact_states(self, system: System, t: float) -> list[ContactState | None]:
         """States (p) of the contacts at t [s], from which a run can continue; None: no touch."""
@@ -111,26 +108,23 @@ class Buffers:
         self.nbytes = 0
 
     def keep(self, states: bool) -> None:
-        """Choose whether states and exits are written; arrays without room for them are made
-        anew.
-        """
+        """Choose whether states are written; arrays without room for them are made anew."""
         r = self.record
         if states == (r.states is not None):
             return
         allocated = states and self.arrays and len(self.arrays[3])
-        r.states = r.exits = None
+        r.states = None
         if allocated:
-            r.states, r.exits = map(library.address, self.arrays[3::2])
+            r.states = library.address(self.arrays[3])
         elif states:
             r.max_nodes = 0
 
     def enlarge(self, keep: bool) -> None:
-        """Enlarge the arrays; `keep`: states and exits too. Too many states are thinned out."""
+        """Enlarge the arrays; `keep`: states too. Too many states are thinned out."""
         r = self.record
         p, m, size = self.shape
         nodes = r.max_nodes
-        full = r.n_events + 1 > r.max_events or (keep and r.n_exits + 1 > r.max_exits)
-        if r.n_nodes + 2 > nodes or full:
+        if r.n_nodes + 2 > nodes or r.n_events + 1 > r.max_events:
             nodes = max(4 * nodes, _FIRST)
         limit = max(STATES // (16 * max(size, 1)), 4)
         if keep and self.arrays and r.n_states >= limit - 2:
@@ -143,20 +137,18 @@ class Buffers:
             np.empty((nodes, m)),
             np.empty((min(nodes // 2 + 2, limit) if keep else 0, 2, size)),
             np.empty((nodes + p + 1, 4)),
-            np.empty((nodes // 2 + p + 1 if keep else 0, library.EXIT)),
         )
-        written = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events, r.n_exits
+        written = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events
         for new_array, old_array, count in zip(arrays, self.arrays, written, strict=False):
             new_array[:count] = old_array[:count]
         self.arrays = arrays
         self.nbytes = sum([array.nbytes for array in arrays])
         r.max_nodes = nodes
         r.max_events = len(arrays[4])
-        r.max_exits = len(arrays[5])
         r.max_states = len(arrays[3]) - 1  # and the state of the end
-        r.time, r.force, r.depth, r.states, r.events, r.exits = map(library.address, arrays)
+        r.time, r.force, r.depth, r.states, r.events = map(library.address, arrays)
         if not keep:
-            r.states = r.exits = None
+            r.states = None
 
     def thin(self) -> None:
         """Keep every other one of the stored states."""
@@ -168,9 +160,9 @@ class Buffers:
         r.every = 2 * r.every
 
     def run(self, answer: int, summary: library.CSummary, keep: bool) -> Run:
-        """The run that was written, as a copy; `keep`: with states and exits."""
+        """The run that was written, as a copy; `keep`: with states."""
         r = self.record
-        time, force, depth, states, events, exits = self.arrays
+        time, force, depth, states, events = self.arrays
         while keep and 16 * r.n_states * self.shape[2] > STATES:
             self.thin()
         nodes = r.n_nodes
@@ -189,7 +181,6 @@ class Buffers:
             gained=summary.gained,
             work=summary.work,
             every=r.every,
-            exits=exits[: r.n_exits].copy() if keep else None,
         )
 
 
@@ -209,15 +200,13 @@ class Workspace:
         self.stepper = c_void_p()
         self.records = _RECORDS()
         self.buffers = [Buffers(record, *self.shape) for record in self.records]
-        self.work: Array | None = None  # of gradients
         self.renew(packed)
         _spaces.add(self)
 
     @property
     def nbytes(self) -> int:
         """Total memory in bytes."""
-        work = 0 if self.work is None else self.work.nbytes
-        return self.memory.nbytes + work + sum([buffers.nbytes for buffers in self.buffers])
+        return self.memory.nbytes + sum([buffers.nbytes for buffers in self.buffers])
 
     def fits(self, packed: PackedSystem) -> bool:
         """Whether another system has as many modes and rows, and needs no more memory."""

@@ -1,53 +1,49 @@
-"""`gradient`: the derivatives of a result by all parameters of an impact."""
+"""`gradient`: the derivatives of a result by all parameters of an impact.
+
+Each is the central difference of two runs; its distance from that of two coarser runs further apart
+is its error.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import ContactLaw
+from antiosc import AntiOscillators, History
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.base.texts import Completed, value_text
-from antiosc.engine import adjoint, library
+from antiosc.extension import SAFETY, TRUNCATION_SAFETY, softest_model
+from antiosc.impact.assembly import Assembly
 from antiosc.plot.charts import figure_or_path, panels
-from antiosc_studies.gradients.changes import (
-    Taken,
-    Values,
-    bar,
-    by_body,
-    by_coupled,
-    by_springs,
-    changed_model,
-    compared_runs,
-    leading,
-)
-from antiosc_studies.gradients.goals import Recorded, Sampled, Seeds
-from antiosc_studies.gradients.of_run import (
-    by_modes,
-    contact_ends,
-    derived,
-    model_name,
-    second_peak,
-    settled,
-    shown_goal,
-)
+from antiosc_studies.gradients.goals import TOL, Goal, Sampled, Values, goal_of, values_of
+from antiosc_studies.gradients.numbers import Number, Struck, filled, of_body, of_contact
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Relative step of a law's field in differences of its parameters.
-CHANGE = 1e-6
-#: Attributes of a gradient that hold derivatives.
-_PARTS = ("bodies", "contacts")
+#: Relative step of a number, and what it becomes where a touch appears or vanishes within it.
+STEPS = (1e-4, 1e-5)
+#: Of the second difference, whose distance is the error: its step and tolerance over those of the
+#: first. Without changes of the order of steps runs are smooth to 1e-14; to 1e-7 their derivatives
+#: are within some 1e-5, to 1e-9 within some 1e-6 of the goal over the number.
+WIDER, COARSER = 2.0, 100.0
+#: Steps of a difference, and its weights there and in the given run; on one side where the other is
+#: out of range.
+SCHEMES = ((-1, 1), (-0.5, 0.5, 0.0)), ((1, 2), (2.0, -0.5, -1.5))
+#: Least error of a derivative, over the goal by the number.
+FLOOR = 1e-8
+#: Share of the anti-oscillators that the comparison run for the truncation error omits.
+FEWER = 0.25
+
+Tree = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,8 +58,9 @@ class Gradient(Completed):
         Name of a body -> {parameter: derivative}, arrays (N,) for `m` and `omega`.
     contacts : dict
         Ends (a, b) of a contact -> {parameter of its law, or gap: derivative}.
-    error : Gradient or None
-        The error bars of all these numbers, >= 0; None: not requested, or unknown.
+    error : Gradient
+        The error bars of all these numbers, >= 0: of the differences; with `error="estimate"` also
+        of the model. None: unknown.
     reach : Gradient or None
         For "peak_force", if there is a second peak (`reach.value`) less than 10 % smaller: under
         the same names, for each parameter the change (signed) at which the second peak becomes the
@@ -76,8 +73,8 @@ class Gradient(Completed):
 
     goal: str
     value: float
-    bodies: dict[str, Values]
-    contacts: dict[tuple[str, str], Values]
+    bodies: dict[str, Tree]
+    contacts: dict[tuple[str, str], Tree]
     error: Gradient | None = None
     reach: Gradient | None = None
 
@@ -165,20 +162,19 @@ def gradient(
 ) -> Gradient:
     """Derivatives of a result by masses, speeds, stiffnesses, gaps and the model's parameters.
 
-    They are the exact derivatives of the run's steps (a discrete adjoint: one backward pass gives
-    all of them), through touches, releases and the turning points of laws with memory. They
-    converge with `tol` like the result.
+    They are differences of runs of the engine, four for each number, and do not depend on the
+    tolerance of `hit`.
 
     Parameters
     ----------
     hit : History or SceneHistory
-        The history of `simulate` or `Scene.run` with method="exact".
+        The history of `simulate` or `Scene.run`.
     goal : str or callable
         "peak_force" [N], "impulse" [N s], "contact_time" [s], "restitution", "peak_displacement"
         [m] of the first end of the contact (the structure of `simulate`); "force" [N] and
         "displacement" [m] of that end at a `time`. Or a function that returns a number from the
         run's values at its nodes, the arrays `time`, `force`, `displacement`, `velocity`,
-        `impactor_displacement` and `impactor_velocity` of a `Sampled`; it is called some 1e4 times.
+        `impactor_displacement` and `impactor_velocity` of a `Sampled`.
     contact : (str, str), optional
         Ends of the contact, if a scene has several.
     time : float, optional
@@ -187,203 +183,174 @@ def gradient(
         A structure from which the model was extracted: adds `g.E`, `g.nu`, `g.rho`, `g.thickness`
         and derivatives by the other numbers of its material and of a beam's section; for a
         laminate's layers arrays `thickness` and `angle` [1/degree]; for several materials {group:
-        derivative}. For a part on supports the Krylov recurrence is repeated with twice as many
-        vectors (one more extraction); otherwise the shapes of the model are kept. Or a function of
-        `x` (n,) that builds the structure or its model: adds `g.x` (n,), by anything that x
-        changes, including nodes, with two extractions for each entry of x. The contact law is kept,
-        and so are a structure's site and patch radius.
+        derivative}. Or a function of `x` (n,) that builds the structure or its model: adds `g.x`
+        (n,), by anything that x changes, including nodes. The model is extracted once, and four
+        times more for each number. The contact law is kept, and so are a structure's site and patch
+        radius.
     x : array_like, shape (n,), optional
         The argument of `part`, if that is a function.
     error : "estimate", optional
-        Adds `g.error`, the error bars of all derivatives by the same names and in their units. A
-        bar is the sum of the change by finer steps; twice the change by a quarter fewer
+        `g.error` also has the errors of the model: twice the change by a quarter fewer
         anti-oscillators, or by the residual mass on a spring; and, for a model extracted with
-        error="estimate", twice the change by its `corrected()`. It takes three or four more runs,
-        and works for runs of `simulate` only.
+        error="estimate", twice the change by its `corrected()`. It takes as many runs again for
+        each, and works for runs of `simulate` only.
 
     Returns
     -------
     Gradient
         `g.mass`, `g.velocity` of the impactor, `g.m0`, `g.k0`, `g.m`, `g.omega` of the model,
-        `g.stiffness` and the other parameters of the contact law by their names, `g.gap`.
+        `g.stiffness` and the other parameters of the contact law by their names, `g.gap`;
+        `g.error` has their errors.
 
     Raises
     ------
     InputError
-        For a history without its run, an unknown goal, a user-defined law, and a part that the
-        model does not come from.
+        For a part of a fall, a body that stretched, an unknown goal, and a part that the model does
+        not come from.
     NotDifferentiableError
-        If the result has no derivative: two equal peaks, a grazing contact, or no contact.
+        If the result has no derivative: two equal peaks, no contact, or a touch that appears or
+        vanishes within the step of a number.
     """
     if error is not None:
         checks.choice("error", error, ("estimate",))
     if x is not None and (part is None or not callable(part)):
         raise InputError("x is for a part that is a function of x: give part=, or leave out x.")
-    runs = [(hit, lambda run_of: run_of), *(compared_runs(hit) if error is not None else ())]
-    derivatives = [derived(run, goal, contact, time) for run, _ in runs]
-    second = second_peak(derivatives[0][0], contact) if goal == "peak_force" else None
-    if second is not None:
-        derivatives = [*derivatives, second]
-        runs = [*runs, runs[0]]
-    bodies = [_bodies(run_of, *run) for (run_of, _), run in zip(runs, derivatives, strict=True)]
+
+    struck = Struck(hit)
+    turns = _turns(hit) if error is not None else []
+    models = None
     if part is not None:
-        body = model_name(derivatives[0][0])
-        models = [model_of_run for _, model_of_run in runs]
-        for body_values, values in zip(
-            bodies, _part_derivatives(hit, derivatives, models, body, part, x), strict=True
-        ):
-            body_values[body] = body_values.get(body, {}) | values
-    group_values = []
-    for (run_of, _), body_values, (record, seeds_of_goal, slopes) in zip(
-        runs, bodies, derivatives, strict=True
-    ):
-        contacts = _contacts(record, settled(record, slopes))
-        by_springs(run_of, slopes, body_values, contacts)
-        group_values.append(Gradient(shown_goal(goal), seeds_of_goal.value, body_values, contacts))
-    reach = None if second is None else overtaken(group_values[0], group_values.pop())
-    return replace(
-        group_values[0], error=None if error is None else bars(group_values), reach=reach
-    )
+        from antiosc_studies.gradients.of_part import Models  # loads dolfinx
+
+        models = Models(part, x, hit)
+    all_struck = [struck, *(Struck(hit, turn) for turn in turns)]
+    goals = [goal_of(goal, hit, one.base, contact, time) for one in all_struck]
+    found = [_derivatives(one, its, models) for one, its in zip(all_struck, goals, strict=True)]
+    asked, fine = goals[0], found[0][0]
+
+    def result(value: float, pick: Callable[..., Any], *others: Any, name: str = asked.name) -> Any:
+        trees = (_merged(pick, *(tree[i] for tree in (found[0], *others))) for i in (1, 2))
+        return Gradient(name, value, *trees)
+
+    value_error = abs(float(fine[0]) - asked.value) + TOL * abs(asked.value)
+    bars = result(value_error, _bar, *found[1:])
+    g = result(asked.value, lambda slope, *_: _single(slope[..., 0, 0]))
+    margin = float(fine[0] - fine[-1])
+    reach = None
+    if fine.size > 1:
+        reach = result(float(fine[1]), lambda slope: _overtaken(margin, slope))
+    return Gradient(g.goal, g.value, g.bodies, g.contacts, bars, reach)
 
 
-def overtaken(largest: Gradient, second: Gradient) -> Gradient:
-    """The changes of parameters at which the second peak exceeds the largest."""
-    margin = largest.value - second.value
-
-    def change(a: Any, b: Any) -> Any:
-        if isinstance(a, dict):
-            return {name: change(a[name], b[name]) for name in a}
-        if a is None or b is None:
-            return None
-        faster = np.asarray(b) - np.asarray(a)
-        ratio = np.divide(margin, faster, out=np.full(faster.shape, np.inf), where=faster != 0)
-        if ratio.ndim:
-            return ratio
-        return float(ratio)
-
-    bodies, contacts = (change(getattr(largest, n), getattr(second, n)) for n in _PARTS)
-    return Gradient(second.goal, second.value, bodies, contacts)
-
-
-def bars(gradients: list[Gradient]) -> Gradient:
-    """The error bars of the first gradient; the others are those of `compared_runs`."""
-    value, bodies, contacts = (
-        bar([getattr(gradient, name) for gradient in gradients]) for name in ("value", *_PARTS)
-    )
-    return Gradient(gradients[0].goal, value, bodies, contacts)
-
-
-def _part_derivatives(
-    hit: Any, derivatives: list[Taken], models: list[Any], name: str, part: Any, x: Any
-) -> list[Values]:
-    """Derivatives by the parameters of a part, or by the argument x of a function that builds
-    it.
+def _turns(hit: History) -> list[Callable[[AntiOscillators], AntiOscillators]]:
+    """Changes of the model whose effect is its error: fewer anti-oscillators, the residual mass on
+    its softest spring, and the model corrected for its mesh.
     """
-    from antiosc.extension import checked_shapes  # loads dolfinx
-    from antiosc_studies.gradients.of_part import (
-        SAME_PART,
-        SHRUNK,
-        Structure,
-        by_part,
-        by_shape,
-        held,
-        part_chain,
-        recurrence,
-    )
-
-    bodies = [record.model(name) for record, _, _ in derivatives]
-    if isinstance(part, Structure):
-        checked_shapes(part, hit, name, SAME_PART)
-        chains = {
-            k: None if derivatives[k][0].coupled(name) else part_chain(*derivatives[k], name=name)
-            for k, body in enumerate(bodies)
-            if body.shapes is not None
-        }
-        kept_shapes = chains and not any(end and end.motions for end in chains.values())
-        nearby_models = recurrence(bodies[0], part) if kept_shapes else None
-
-        def change(which: int, *ends: Structure) -> float:
-            chain_of = chains[which]
-            body = bodies[which]
-            if chain_of is None:
-                models_held = [held(body, end) for end in ends]
-            elif nearby_models is None:
-                return chain_of.change(*ends)
-            else:
-                models_held = [models[which](end) for end in nearby_models(*ends)]
-            share = 1.0 if chain_of is None else SHRUNK
-            return changed_model(hit, derivatives[which], name, *models_held) / share
-
-        change_by = {name: partial(change, name) for name in chains}
-        of_body = dict(zip(change_by, by_part(list(change_by.values()), part), strict=True))
-        return [of_body.get(k, {}) for k in range(len(derivatives))]
-    checks.function("part", part, "a Structure, or a function of x that builds one", 1)
-    if x is None:
-        raise InputError("part is a function of x: give the x at which the run was made.")
-    changes = [
-        lambda *ends, of_body=of_body, turned=model_of_run: changed_model(
-            hit, of_body, name, *map(turned, ends)
+    model = hit.assembly.scene.bodies.get("structure") if hit.rerun is not None else None
+    if not isinstance(model, AntiOscillators) or not model.n:
+        raise InputError(
+            "bars of a gradient need a run of simulate on anti-oscillators, one or more; leave"
+            " error= out."
         )
-        for of_body, model_of_run in zip(derivatives, models, strict=True)
-    ]
-    return by_shape(part, checks.column("x", x), bodies[0], changes)
+    left_out = max(1, round(FEWER * model.n))
+    turns = [lambda one: one.truncated(one.n - left_out), softest_model]
+    return turns + ([AntiOscillators.corrected] if model.strain_error is not None else [])
 
 
-def _bodies(hit: Any, record: Recorded, seeds: Seeds, slopes: adjoint.Slopes) -> dict[str, Values]:
-    """Derivatives by the parameters of bodies with one site; empty under loads or ground motion."""
-    result: dict[str, Values] = {}
-    for name, body in record.bodies.items():
-        if record.coupled(name):
-            closing = _closing(record, name)
-            change = partial(changed_model, hit, (record, seeds, slopes), name)
-            values = by_coupled(record, slopes, name, closing, change)
-            if values:
-                result[name] = values
-            continue
-        mode_derivatives = by_modes(record, seeds, settled(record, slopes), name)
-        if mode_derivatives is not None:
-            result[name] = by_body(body.body, mode_derivatives, _closing(record, name))
-    return result
+def _derivatives(struck: Struck, goal: Goal, models: Any) -> tuple[Array, Tree, dict[Any, Tree]]:
+    """The goal, and its derivatives with their errors by bodies and contacts.
+
+    Each derivative is (..., 2, k): slope and error of the k numbers that the goal reads.
+    """
+    derive = _differences(goal, struck.base)
+    bodies = {name: filled(of_body(struck, name), derive) for name in struck.scene.bodies}
+    if models is not None:
+        again = _differences(goal, models.posed(struck))
+        bodies[models.name] |= filled(models.numbers(struck), again)
+    contacts = {
+        (contact.a, contact.b): filled(of_contact(struck, i), derive)
+        for i, contact in enumerate(struck.scene.contacts)
+    }
+    bodies = {name: tree for name, tree in bodies.items() if tree}
+    return values_of(goal, struck.base, TOL).goal, bodies, contacts
 
 
-def _closing(record: Recorded, name: str) -> float:
-    """Initial closing speed [m/s] of a body with one site."""
-    span = record.spans[name]
-    touching = record.G[:, record.columns[name].start] != 0
-    rows = record.system.beta[touching][:, span]
-    if len(rows):
-        return float(rows[0] @ record.system.v[span])
-    return 0.0
+def _differences(goal: Goal, base: Assembly) -> Callable[[str, Number], Array]:
+    """A function of the name of a number and the number: slope and error (2, k) of the goal."""
+    fine, coarse = (values_of(goal, base, tol) for tol in (TOL, COARSER * TOL))
+
+    def derive(name: str, number: Number) -> Array:
+        for step in STEPS:
+            h = step * number.size
+            slope = _difference(number, h, goal, fine, TOL)
+            other = _difference(number, WIDER * h, goal, coarse, COARSER * TOL)
+            if slope is not None and other is not None:
+                return np.array(
+                    [slope, np.abs(slope - other) + FLOOR * np.abs(fine.goal) / number.size]
+                )
+        raise NotDifferentiableError(
+            f"a touch appears or vanishes where {name} changes by {STEPS[-1]:g} of its value: the"
+            " goal has no derivative there; change an input slightly."
+        )
+
+    return derive
 
 
-def _contacts(record: Recorded, slopes: adjoint.Slopes) -> dict[tuple[str, str], Values]:
-    """Derivatives by the parameters of each contact."""
-    result: dict[tuple[str, str], Values] = {}
-    for c, (pair, law) in enumerate(zip(contact_ends(record), record.laws, strict=True)):
-        values = _law_derivatives(law, slopes.laws[c])
-        values["gap"] = float(slopes.offsets[:, c].sum())
-        if record.system.tangents[c, 1] > 0:
-            values["friction"] = float(slopes.friction[c, 0])
-        result[pair] = values
-    return result
+def _difference(number: Number, h: float, goal: Goal, base: Values, tol: float) -> Array | None:
+    """Slope (k,) of a goal by a number; None where a touch appears or vanishes."""
+    refused: InputError | None = None
+    for points, weights in SCHEMES:
+        for side in (h, -h):
+            try:
+                posed = [number.posed(number.value + side * k) for k in points]
+            except InputError as error:
+                refused = refused or error
+                continue
+            values = [*(values_of(goal, one, tol) for one in posed), base]
+            if any(one.touches != base.touches for one in values):
+                return None
+            return np.array(weights) @ [one.goal for one in values] / side
+    assert refused is not None
+    raise refused
 
 
-def _law_derivatives(law: ContactLaw, by: Array) -> Values:
-    """Derivatives by the parameters of a law, by name; a table has none."""
-    if law.kernel[0].kind == library.TABLE:  # type: ignore[attr-defined]
-        return {}
-    names = [parameter.name for parameter in fields(law) if parameter.init]  # type: ignore[arg-type]
-    values = {name: float(by @ _by_field(law, name)) for name in names if name != "compliance"}
-    return {**values, "compliance": float(by[-1])}
+# -- trees of derivatives
 
 
-def _by_field(law: ContactLaw, name: str) -> Array:
-    """Derivatives of a law's leading parameters by one of its fields."""
-    value = getattr(law, name)
-    margin = {"restitution": min(value, 1 - value), "exponent": value - 1}.get(name, value)
-    # at the end of its range a parameter changes to one side
-    change = CHANGE * margin or (-CHANGE if name == "restitution" and value else CHANGE)
-    low = value - change if margin > 0 else value
-    high = value + change
-    ends = [leading(replace(law, **{name: end})) for end in (low, high)]  # type: ignore[type-var]
-    return (ends[1] - ends[0]) / (high - low)
+def _merged(pick: Callable[..., Any], first: Any, *others: Any) -> Any:
+    """A tree of what `pick` makes of the derivatives at the same place of some trees."""
+    if isinstance(first, Mapping):
+        trees = [tree if isinstance(tree, Mapping) else {} for tree in others]
+        return {
+            name: _merged(pick, value, *(tree.get(name) for tree in trees))
+            for name, value in first.items()
+        }
+    return None if first is None else pick(first, *others)
+
+
+def _single(value: Array) -> Any:
+    """A number, or an array of them."""
+    return value if np.ndim(value) else float(value)
+
+
+def _bar(slope: Array, *others: Array | None) -> Any:
+    """The error of a derivative by its differences, and those of the changed models."""
+    total = slope[..., 1, 0]
+    if others:
+        changes = [
+            None if other is None or other.shape != slope.shape else abs(other - slope)[..., 0, 0]
+            for other in others
+        ]
+        of_truncation = [change for change in changes[:2] if change is not None]
+        if not of_truncation:
+            return None  # m and omega of models of different sizes cannot be compared
+        total = total + TRUNCATION_SAFETY * np.max(of_truncation, axis=0)
+        if changes[2:]:
+            total = total + SAFETY * (0.0 if changes[2] is None else changes[2])
+    return _single(total)
+
+
+def _overtaken(margin: float, slope: Array) -> Any:
+    """The change of a number at which the second peak exceeds the largest."""
+    faster = np.asarray(slope[..., 0, 1] - slope[..., 0, 0])
+    return _single(np.divide(margin, faster, out=np.full(faster.shape, np.inf), where=faster != 0))

@@ -1,0 +1,268 @@
+"""`design_map`: the derivative of a result by the thickness, E or rho of every cell of a part.
+
+The derivatives by a model's parameters are those by its matrices, which are those of the part on
+its shapes V: the contribution of a cell to V'(dK/dp)V is an energy of the cell. The derivatives by
+V'KV are a quadratic form of the shapes; in its principal axes a few shapes suffice.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import ufl
+
+from antiosc import AntiOscillators, DampingMatrix, History, Structure
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.process import one_thread
+from antiosc.base.texts import Completed, percent
+from antiosc.extension import checked_shapes, measure, on_mesh
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.reduce.site.sites import located
+from antiosc_studies.gradients.goals import Sampled
+from antiosc_studies.gradients.gradient import Gradient, gradient
+from antiosc_studies.gradients.of_part import model_name, site_of, values_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Relative step of a thickness for the change of K and M.
+CHANGE = 1e-3
+#: Largest ratios of stiffness and of mass of a part and a model that belong to each other.
+SAME_PART = 1 + 1e-4, 1 + 1e-4
+#: Parameters of a design map, and their units.
+BY = {"thickness": "m", "E": "Pa", "rho": "kg/m³"}
+#: Quadrature degree of energies in cells: exact for strains of cubic elements; kinetic energies of
+#: these then have errors of some 1e-4.
+DEGREE = 4
+#: Largest sum of the shares of neglected principal shapes over the sum of all shares' magnitudes.
+LEFT_OUT = 1e-6
+
+
+class ByMatrices(NamedTuple):
+    """Derivatives by the matrices K and M of a model on its shapes, both symmetric (C, C)."""
+
+    K: Array
+    M: Array
+
+
+def by_matrices(model: AntiOscillators, by: Mapping[str, Any]) -> ByMatrices:
+    """Derivatives by K and M on the shapes from those by m0, k0, m and omega.
+
+    A change of both turns the static shape by -dK_0j/omega_j^2 and shape i by
+    (dK_ij - omega_i^2 dM_ij)/(omega_i^2 - omega_j^2) of the shapes j, all of unit mass; m_i is the
+    square of p_i = phi_0' M phi_i, and m0 = phi_0' M phi_0 less the sum of them.
+    """
+    p, x = np.sqrt(model.m), model.omega**2
+    by_x = by["omega"] / (2 * model.omega)
+    by_p = 2 * p * (by["m"] - by["m0"])
+
+    differences = x[:, None] - x
+    np.fill_diagonal(differences, 1.0)
+    turn = by_p[:, None] * p / differences
+    np.fill_diagonal(turn, by_x)
+    K, M = np.zeros((2, model.n + 1, model.n + 1))
+    K[1:, 1:] = turn
+    M[1:, 1:] = -x[:, None] * turn - np.diag(by_p * p / 2)
+    K[0, 1:] = -(by_p + 2 * by["m0"] * p) / x
+    M[0, 1:] = by_p
+    K[0, 0], M[0, 0] = by["k0"] or 0.0, by["m0"]
+
+    scale = 1 / np.append(1.0, p)  # from shapes of unit mass to those of the model
+    K, M = (scale[:, None] * matrix * scale for matrix in (K, M))
+    return ByMatrices((K + K.T) / 2, (M + M.T) / 2)
+
+
+def reduced_matrices(model: AntiOscillators) -> ByMatrices:
+    """K and M of the part on the shapes of its model."""
+    K = np.diag(np.append(model.k0, model.k))
+    M = np.diag(np.append(model.m_st, model.m))
+    M[0, 1:] = M[1:, 0] = model.m
+    return ByMatrices(K, M)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignMap(Completed):
+    """The result of `design_map`.
+
+    Attributes
+    ----------
+    goal : the result; value : its value in the run; by : the parameter.
+    slopes : (cells of this rank,) derivative by the parameter of each cell alone; NaN for cells
+        whose material does not have it.
+    per_mass : (cells of this rank,) change by one more kilogram there [unit of the goal/kg]; by E:
+        change by doubling the modulus of one kilogram.
+    meshed : the mesh of the part with its data.
+    """
+
+    goal: str
+    value: float
+    by: str
+    slopes: Array
+    per_mass: Array
+    meshed: MeshedStructure
+
+    def _facts(self) -> list[tuple[str, str]]:
+        lowers = float(np.mean(self.slopes < 0))
+        return [
+            (self.goal, f"{self.value:.6g}"),
+            (f"d/d {self.by}", f"{np.nansum(self.slopes):.6g} of all {self.slopes.size} cells"),
+            ("cells where more lowers it", f"{percent(lowers)}"),
+        ]
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """`per_mass` drawn on the part; all ranks call it.
+
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
+        material lowers the goal; red: it raises it.
+        """
+        from antiosc.plot.surfaces import draw_design
+
+        faces = self.meshed.faces
+        gather = self.meshed.comm.allgather
+        corners = np.concatenate(gather(faces.corners))
+        value = np.concatenate(gather(self.per_mass[faces.cells]))
+        return draw_design(corners, value, f"d {self.goal} / kg of {self.by}", path)
+
+
+@one_thread()
+def design_map(
+    part: Structure,
+    hit: Any,
+    goal: str | Callable[[Sampled], float],
+    by: str = "thickness",
+    *,
+    contact: tuple[str, str] | None = None,
+    time: float | None = None,
+) -> DesignMap:
+    """Derivative of a result by the thickness of every cell: it shows where material is useful.
+
+    For E, the compliance of the contact's patch is attributed to the cells under the patch.
+
+    Parameters
+    ----------
+    part : Structure
+        Structure of one mesh, from which the run's model was extracted.
+    hit, goal, contact, time
+        As for `gradient`.
+    by : "thickness", "E" or "rho"
+        Parameter of the cells' materials; stiffeners of a sheet are left out.
+
+    Raises
+    ------
+    InputError
+        For a part that is not the run's, or whose materials do not have `by`; or that `gradient`
+        refuses.
+    NotDifferentiableError
+        As for `gradient`.
+    """
+    checks.choice("by", by, tuple(BY))
+    checks.instance("part", part, Structure, "a Structure")
+    meshed = on_mesh(part)
+    name = model_name(hit)
+    checked_shapes(part, hit, name, SAME_PART)
+    model: Any = hit.assembly.scene.bodies[name]
+    g = gradient(hit, goal, contact=contact, time=time)
+    by_model = g.bodies.get(name, {})
+    if by_model.get("m0") is None or isinstance(model.damping, DampingMatrix):
+        raise InputError(
+            "a design map needs a model of one site with a mass there, whose damping does not"
+            " couple its modes: give gradient a function of x that builds the part, and x."
+        )
+    by_cell = [float(values_of(material).get(by, np.nan)) for material, _ in meshed.parts]
+    if not np.isfinite(by_cell).any():
+        raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
+    relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
+    changes = _relative(part, meshed, by)
+    matrices = by_matrices(model, by_model), reduced_matrices(model)
+    for change, by_reduced, reduced in zip(changes, *matrices, strict=True):
+        if change:
+            shares, combination = _principal(by_reduced, reduced)
+            vectors = model.shapes @ combination
+            relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
+    by_local = _by_local(hit, g)
+    if by == "E" and by_local:
+        relative += by_local * _patch_share(meshed, model, relative.size)
+    size = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
+    per_mass = np.where(np.isfinite(size), relative / _masses(meshed), np.nan)
+    return DesignMap(g.goal, g.value, by, relative / size, per_mass, meshed)
+
+
+def _relative(
+    part: Structure, meshed: MeshedStructure, by: str
+) -> tuple[Sequence[ufl.Form], Sequence[ufl.Form]]:
+    """UFL forms of the changes of K and M by a relative change of a parameter."""
+    if by != "thickness":  # to which they are proportional
+        if by == "E":
+            return (meshed.form.stiffness, [])
+        return ([], meshed.form.mass)
+    assert part.made_of is not None
+    K = []
+    M = []
+    for sign in (1, -1):
+        changed_parts: list[Any] = []
+        for material, cells in meshed.parts:
+            value = values_of(material).get(by)
+            scaled = {} if value is None else {by: value * (1 + sign * CHANGE)}
+            changed_parts.append((replace(material, **scaled), cells))
+        form = changed_parts[0][0].weak_form(meshed.mesh, changed_parts, part.made_of[2]["order"])
+        factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
+        K += [factor * part_form for part_form in form.stiffness]
+        M += [factor * part_form for part_form in form.mass]
+    return K, M
+
+
+def _by_local(hit: History, g: Gradient) -> float:
+    """Derivative by the compliance of the site's patch, which the laws of its contacts lack."""
+    a = hit.assembly
+    contacts = zip(a.scene.contacts, a.laws, strict=True)
+    return sum(
+        float(g.contacts[contact.a, contact.b]["compliance"])
+        for contact, law in contacts
+        if law is not contact.law
+    )
+
+
+def _patch_share(meshed: MeshedStructure, model: AntiOscillators, cells: int) -> Array:
+    """(cells,) change of the patch's compliance by a relative change of E of each cell under it."""
+    site = site_of(model)
+    point = np.array([site.point])
+    d = np.array([site.direction], dtype=float)
+    found_at = located(meshed, point, d / np.linalg.norm(d), np.array([site.radius]))
+    assert found_at.weighted is not None
+    on_rank = found_at.weighted.cell < cells
+    shares = np.bincount(found_at.weighted.cell[on_rank], found_at.weighted.weight[on_rank], cells)
+    return np.asarray(-found_at.local[0] * shares)
+
+
+def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:
+    """Weights w (R,) and shapes C (C, R) with C diag(w) Cᵀ = `by` and Cᵀ `reduced` C = 1.
+
+    The smallest are omitted: together at most `LEFT_OUT` of the sum of absolute weights.
+    """
+    values, vectors = np.linalg.eigh(reduced)
+    nonzero = values > 1e-14 * values[-1]
+    root = vectors[:, nonzero] * np.sqrt(values[nonzero])
+    shares, directions = np.linalg.eigh(root.T @ by @ root)
+    order = np.argsort(-np.abs(shares))
+    neglected = 1 - np.cumsum(np.abs(shares[order])) / np.abs(shares).sum()
+    largest = order[: 1 + int(np.argmax(neglected <= LEFT_OUT))]
+    return shares[largest], (vectors[:, nonzero] / np.sqrt(values[nonzero])) @ directions[
+        :, largest
+    ]
+
+
+def _masses(meshed: MeshedStructure) -> Array:
+    """Mass [kg] of each cell of this rank."""
+    cell = compat.cellwise(meshed.mesh.dolfinx)
+    q = ufl.TestFunction(cell.function_space)
+    return compat.assemble_functional(
+        meshed.form.density * q * measure(meshed.mesh, 5), cell.function_space
+    )
