@@ -135,12 +135,14 @@ class Whole:
         deck.points = np.vstack([deck.points, mesh.points @ instance.turn.T + instance.shift])
         for block in mesh.blocks:
             deck.blocks.append(block.mapped(lambda table: np.where(table >= 0, table + nodes, -1)))
+
         for kind, row in mesh.others:
             deck.left[kind] += 1
             self.others.append((kind, row, instance))
         deck.remarks += [sentence for sentence in mesh.remarks if sentence not in deck.remarks]
         for keyword, label, rows in mesh.sets:
             self._extend(keyword, label, instance, [instance.placed(keyword, rows)])
+
         if name:
             top = self.instances[""]
             self._extend("ELSET", name, top, [np.arange(start, deck.n_elements)])
@@ -160,6 +162,7 @@ class Whole:
             message = f"there is no instance {instance_name!r}."
             instance = card.place.found(self.instances, instance_name.upper(), message)
         members = [NONE]
+
         absent = []
         count = 0
         if keyword == "NSET" and (elements := card.option("ELSET")):
@@ -172,6 +175,7 @@ class Whole:
         strict = len(self.instances) > 1 and not scope.name
         numbers = self._all_numbers(card, instance)
         members += [] if numbers is None else [numbers]
+
         for row in card.rows() if numbers is None else ():
             if "GENERATE" in card.options:
                 members.append(instance.numbered(keyword, _ranged(row)))
@@ -191,6 +195,7 @@ class Whole:
                     absent.append(word)
                 else:
                     members.append(rows)
+
         if absent:
             message = (
                 f"{card.place}: {len(absent)} of {count} members of *{keyword} {name} do not exist"
@@ -236,6 +241,7 @@ def read(sources: Sources) -> Whole:
     assembled.add(Instance("", np.eye(3), np.zeros(3), assembled, top, mesh_of(top, name)))
     meshes: dict[str, AbaqusMesh] = {}
     used_parts = {card.option("PART").upper() for card, _ in instances}
+
     for part, (spelled, _) in parts.items():
         if instances and part not in used_parts:
             assembled.deck.remarks.append(
@@ -244,6 +250,7 @@ def read(sources: Sources) -> Whole:
     for spelled, part_cards in alone:
         mesh = mesh_of(part_cards, spelled)
         assembled.add(Instance(spelled, np.eye(3), np.zeros(3), assembled, part_cards, mesh))
+
     for card, placement_rows in instances:
         assembled.add(_instance_of(assembled, card, placement_rows, parts, meshes))
     for card in sorted(assembled.named(*NOUNS), key=lambda card: not card.within.name):
@@ -253,6 +260,7 @@ def read(sources: Sources) -> Whole:
         cells = rows[rows < OTHER]
         if len(cells) or not len(rows):
             sets_by_keyword[keyword][assembled.spelling[label]] = cells
+
     if not len(assembled.deck.points):
         raise MeshError(f"{name} defines no nodes (*NODE): give the deck that includes this file.")
     return assembled
@@ -290,6 +298,7 @@ def _divided(
         else:
             in_model = not in_step or card.keyword in NOUNS
             (current if in_model else steps[-1]).append(card)
+
     return top, parts, instances
 
 
@@ -317,6 +326,7 @@ def _instance_of(
     rows = card.rows()
     if rows:
         shift = np.array(rows[0].reals(3))
+
     for row in rows[1:2]:  # Rodrigues' matrix of a rotation about an axis
         row.needs(len(row.fields) >= 7, "the rotation of an instance is two points and an angle.")
         a, b = np.reshape(row.reals(6), (2, 3))
@@ -326,4 +336,5 @@ def _instance_of(
         K = -lever((b - a) / length)
         rotation = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
         shift = a + rotation @ (shift - a)
+
     return Instance(name, rotation, shift, assembled, cards, mesh)

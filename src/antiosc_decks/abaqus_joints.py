@@ -74,6 +74,7 @@ def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]
                 else:
                     ends = block.corners[:, list(EDGES[block.shape][edge])]
                     surface.node_tables += [ends.ravel(), block.mids[:, edge : edge + 1].ravel()]
+
     return surfaces
 
 
@@ -225,6 +226,7 @@ def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
     dmids = np.stack([by_r, by_s], axis=1)
     values -= (mids + np.roll(mids, 1)) / 2
     slopes -= (dmids + np.roll(dmids, 1, axis=0)) / 2
+
     return np.concatenate([values, mids]), np.vstack([slopes, dmids])
 
 

@@ -149,6 +149,7 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
             continue
         if name:
             mesh.sets.append(("NSET", name, np.array(labels[start:], dtype=np.int64)))
+
     numbers = np.array(labels, dtype=np.int64)
     # later definitions replace earlier ones
     last = np.sort(len(numbers) - 1 - np.unique(numbers[::-1], return_index=True)[1])
@@ -157,6 +158,7 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
     mesh.nodes = Numbering(numbers[last])
     distances = np.abs(mesh.points[mesh.nodes.rows(numbers)] - coordinates).max(axis=1)
     redefined = distances > 1e-9 * np.abs(coordinates).max(initial=0.0)
+
     if redefined.any():
         count = int(redefined.sum())
         message = f"the node {numbers[redefined][0]} is defined at several places ({count} such"
@@ -287,6 +289,7 @@ def _numbers(
             rows.append(current[:fewest])
             places.append(start)
             current = []
+
     if current:
         raise _short(start, current[0], kind, len(current) - 1, width)
     if longer:

@@ -35,18 +35,22 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
     top = assembled.instances[""]
     first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
     assembled.account.refuse(("*CONTACT",), assembled.deck)
+
     builder = ModelBuilder(assembled.deck, units, unstated, bool(assembled.named("MASS")))
     sections = Sections(assembled, builder)
     builder.find_nodes()
     for card in assembled.named("TRANSFORM"):
         _transform(builder, card)
+
     for card in assembled.named("BOUNDARY"):
         _boundary(builder, card)
+
     boundaries = [card for card in first if card.keyword == "BOUNDARY"]
     if any(card.option("OP").upper() == "NEW" for card in boundaries):
         builder.fixed[:] = False  # those of the model end
     for card in boundaries:
         _boundary(builder, card)
+
     builder.hold()
     for block in assembled.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane
@@ -54,6 +58,7 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
     read_joints(assembled, builder.joints, [*assembled.cards, *first])
     _add_points_and_links(assembled, builder, sections.orientations)
     builder.ignored += assembled.account.ignored()
+
     return finished(builder)
 
 
@@ -79,6 +84,7 @@ def _boundary(builder: ModelBuilder, card: Card) -> None:
             prescribed |= row.real(3) != 0
             motions = range(first - 1, last)
         builder.fix(nodes, motions)
+
     if prescribed:
         builder.ignored.append(f"the motion of *BOUNDARY ({card.place}), fixed instead")
     if no_motion:
@@ -112,6 +118,7 @@ def _add_points_and_links(
                 builder.mass(nodes[0], 0.0, _inertia(card, rows[0]), card.place)
             else:
                 _link(builder, orientations, card, kind, nodes)
+
     counts["MASS"] += counts.pop("ROTARYINERTIA")
     skipped = assembled.deck.left
     for keyword, number in counts.items():
@@ -123,6 +130,7 @@ def _add_points_and_links(
                 f"{assembled.deck.name} has {count} {names} elements, but *{keyword} cards "
                 f"give values to {number} of them."
             )
+
     if skipped:
         kind = next(iter(skipped))
         raise MeshError(

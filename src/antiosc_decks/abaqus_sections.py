@@ -60,6 +60,7 @@ def _elastic(material: Material, card: Card) -> str:
     card.needs(len(values) >= count, f"*ELASTIC needs {count} constants; it has {len(values)}.")
     v = np.array(values[:count])
     material.place = card.place
+
     if kind == "ISO" and not v[0]:
         material.constants = None  # thermal analyses state a modulus of 0
     elif kind == "ISO":
@@ -79,6 +80,7 @@ def _elastic(material: Material, card: Card) -> str:
             raise card.place.error(
                 "the stiffness of *ELASTIC is singular: give moduli above 0 in all directions."
             ) from None
+
     return kind
 
 
@@ -219,6 +221,7 @@ class Sections:
         )
         for kind in sorted({block.type for block in blocks if block.type.startswith("D")}):
             self.builder.tell_once(f"the heat transfer of {kind}, which carry forces here")
+
         for kind in sorted({block.type for block in blocks if block.type.startswith("M3D")}):
             self.builder.tell_once(f"that {kind} do not bend: they are shells of their thickness")
         composite = "COMPOSITE" in card.options
@@ -226,6 +229,7 @@ class Sections:
         if card.keyword in OF_SHELLS and roles == {"shell"}:
             self._shells(card, name, elements)
             return
+
         if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
             area = _positive(card, "area of rods") * self.builder.units.length**2
             arguments_of_rod = {**self._isotropic(card, "solids"), "area": area, "torsion": 0.0}
@@ -385,12 +389,14 @@ class Sections:
         first_axis = np.array([0.0, 0.0, -1.0])
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         rows = card.rows()
+
         if len(rows) > 1:
             first_axis = card.within.turn @ rows[1].reals(3)
         elif profile.I_side != profile.I or any(shares):
             card.refuse_turned()
         offset = shares[0] * profile.height
         card.needs(not all(shares), "a beam off its nodes in both directions is not supported.")
+
         if shares[1]:
             tangents = geometry.tangents_of(self.whole.deck, elements)
             tangent = geometry.common_direction(tangents, least=1 - 1e-9)
@@ -402,6 +408,7 @@ class Sections:
             profile = profile.rotated()
         length = self.builder.units.length
         arguments["section"] = profile.section(length)
+
         return "Beam", {**arguments, "orientation": first_axis.tolist(), "offset": offset * length}
 
 

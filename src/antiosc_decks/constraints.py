@@ -225,6 +225,7 @@ class DeckConstraints:
         J = np.einsum("p,pi,pj->ij", w, r, r)
         J = np.trace(J) * np.eye(3) - J
         spins = np.zeros(len(nodes))
+
         if turning is not None:
             mean_distance = np.linalg.norm(x - self.place(follower), axis=1).mean()
             spins = w * np.where(turning, mean_distance**2 or 1.0, 0.0)
@@ -250,6 +251,7 @@ class DeckConstraints:
         )
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
         frame = self.frames.get(follower) if axes is None else axes
+
         for first, table, rotation_table in (
             (0, displacements, lever_of_rotation),
             (3, rotations, by_rotation),
@@ -397,6 +399,7 @@ def held_apart(
     norms, resisted = (
         _gram(mask, r, piece, count) for mask in (acting_moves, acting_moves & fixed)
     )
+
     for terms in filter(None, rows):
         nodes, motions, c = (np.array(column) for column in zip(*terms, strict=True))
         row = (c / np.abs(c).max()) @ _motion(r[nodes], motions)
@@ -406,6 +409,7 @@ def held_apart(
         free = vectors[:, values <= UNHELD * max(values[-1], 1.0)]
         if np.trace(free.T @ motion @ free) > UNHELD * np.trace(motion):
             return count, False
+
     return count, True
 
 

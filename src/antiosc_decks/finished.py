@@ -108,21 +108,25 @@ def finished(builder: ModelBuilder) -> Model:
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
     _keep_elements(builder, ~join_rods(builder))
     roles = {block.role for block in builder.deck.blocks if len(block)}
+
     if len(roles) > 1 and not roles <= JOINED:
         raise MeshError(
             f"{builder.deck.name} has {' and '.join(sorted(roles))} elements in one structure; "
             "plane elements are read alone: give each kind a deck of its own."
         )
+
     _hold_middles(builder)
     _drop_free_followers(builder)
     _drop_alone(builder)
     joints = builder.joints
     grounded = [element for element in joints.springs if len(element[0]) == 1]
     joins_nodes = len(joints.every()) > len(grounded)  # anything that joins nodes
+
     mixed = "shell" in roles and kept_apart(builder.deck)
     stiffened = roles == {"shell", "beam"} and not mixed and not joins_nodes
     stiffened = stiffened and _on_edges(builder)
     has_parts = mixed or (len(roles) > 1 and not stiffened)
+
     attached = [element[0] for element in builder.masses] + [terms[0][0] for terms, _ in grounded]
     off_elements = any(not builder.used[node] for node in attached)
     is_assembly = has_parts or off_elements or joins_nodes
@@ -130,12 +134,14 @@ def finished(builder: ModelBuilder) -> Model:
         _attach(builder)
     if stiffened:
         _shear_with_shells(builder)
+
     plane = not builder.truss and not roles <= JOINED
     count = 2 if plane else 3 if builder.truss or roles == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
     pieces, supported = _pieces_and_supports(builder, count, fixed_points)
     if not is_assembly:
         joints.springs = []
+
     # N/m, and N m of rotations
     size = builder.units.length
     force = builder.units.force
@@ -144,6 +150,7 @@ def finished(builder: ModelBuilder) -> Model:
     springs = [
         (_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in point_springs
     ]
+
     groups: list[tuple[str, str, Json, str]] = []
     for number in np.unique(builder.of_element).tolist():
         name = builder.names[number]
@@ -155,6 +162,7 @@ def finished(builder: ModelBuilder) -> Model:
             name = f"{name} {number}" if name in sets else name
             sets[name] = elements
         groups.append((name, family.kind, family.arguments, str(family.place)))
+
     return {
         "families": groups,
         "supports": _supports(builder, count),
@@ -207,6 +215,7 @@ def _drop_free_followers(builder: ModelBuilder) -> None:
         alone = len(points) == 1 and nodes.isdisjoint(builder.apart)  # ends of beams have releases
         for point in points:
             equations.setdefault(point, []).append(terms if alone else [])
+
     dropped: list[list[Term]] = []
     for point, rows in equations.items():
         C = np.zeros((len(rows), 6))
@@ -215,6 +224,7 @@ def _drop_free_followers(builder: ModelBuilder) -> None:
                 row[m] += c * (n == point)
         if C.any(axis=1).all() and len(rows) == np.linalg.matrix_rank(C) < C.any(axis=0).sum():
             dropped += rows
+
     if dropped:
         joints.equations = [terms for terms in joints.equations if terms not in dropped]
 

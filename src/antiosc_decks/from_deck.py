@@ -114,13 +114,16 @@ def joined(
     ]
     if len(parts) > 1:
         deck_joints.insert(0, SharedNodes(numbers))
+
     point_supports = [Support(point_name(point), fix) for point, fix in model["fixed_points"]]
+
     for name, part in parts.items():
         point_supports += [
             Support(f"{name}:{group}", fix)
             for group, fix in model["supports"]
             if part.mesh.groups.get(group) and set(fix) <= set(part.form.components)
         ]
+
     return assemble_checked(
         parts,
         deck_joints,
@@ -270,6 +273,7 @@ def read_model(
         root=root,
         timeout=timeout,
     )
+
     strength = Strength.given(yield_strength, yield_range)
     added_supports = list_of("supports", supports, Support, "Support objects")
     added_attachments = attachments_of(attached)
@@ -278,6 +282,7 @@ def read_model(
     model = _model(first)
     for sentence in first.remarks:
         warn(comm, sentence)
+
     if model["ignored"]:
         ignored = ", ".join(model["ignored"])
         warn(comm, f"of {file.name} are not taken: {ignored}.", NotTakenWarning)
@@ -291,6 +296,7 @@ def read_model(
     if not model["joined"]:
         return next(iter(structures.values()))
     numbers = {name: raw.numbers for name, raw in raws.items()}
+
     return joined(structures, numbers, model, added_supports, added_attachments, solver)
 
 
@@ -303,6 +309,7 @@ def outline_of_deck(
     are ignored.
     """
     known = signature(_reader).parameters
+
     given_options = {name: value for name, value in options.items() if name in known}
     raws = _reader(checked_path("path", path), unit, **given_options)()
     names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
@@ -374,15 +381,18 @@ def _reader(
             ("timeout", timeout, "s"),
         )
     )
+
     if parts is not None:
         parts = list_of("parts", parts, str, "names of parts")
         if not parts:
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
+
     free = flag("free", free)
     contact = choice("contact", contact, CONTACT_CHOICES)
     numbered = numbered_elements(elements)
     if piece is not None:
         piece = whole("piece", piece, least=1)
+
     if root is not None:
         folder = Path(checked_path("root", root)).resolve()
         if not os.path.isdir(folder):
@@ -397,6 +407,7 @@ def _reader(
         by_shape = read_parts(
             file, unit=units, merge=merge, timeout=timeout, model=options, elements=numbered
         )
+
         for raw in by_shape.values():
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
@@ -411,6 +422,7 @@ def _reader(
             pieces = model["joined"] or model["held"]
             part = TRIANGLES if PARTS[raw.kind.dim] in meshes else PARTS[raw.kind.dim]
             meshes[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
+
         return meshes
 
     return work

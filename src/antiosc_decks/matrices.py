@@ -66,6 +66,7 @@ def read_dmig(source: MatrixFile) -> dict[str, Entries]:
             if any(group):
                 value = _number(source, number, group[2] if len(group) > 2 else "")
                 tables[name].append((*_label(source, number, group[:2]), *column, value))
+
     source.needs(tables, 1, "the file has no DMIG card.")
     source.needs(any(tables.values()), 1, f"the DMIG matrices {', '.join(tables)} have no entries.")
     return {
@@ -167,6 +168,7 @@ def read_harwell_boeing(source: MatrixFile) -> Entries:
     )
     formats = [_format(source, lines[3][a:b]) for a, b in ((0, 16), (16, 32), (32, 52))]
     first = 5 if len(cards) > 4 and cards[4] > 0 else 4  # a line on the right-hand sides
+
     blocks: list[Array] = []
     for form, number_count in zip(formats, (columns + 1, count, count), strict=True):
         blocks.append(_fields(source, lines, first, form, number_count))
@@ -180,6 +182,7 @@ def read_harwell_boeing(source: MatrixFile) -> Entries:
         raise source.error(first, f"row indices are 1 to {rows}; got {index[invalid][0]:g}.")
     column = np.repeat(np.arange(columns), starts.astype(np.int64))
     row = index.astype(np.int64) - 1
+
     return Entries(source.name, row, column, value, rows, triangle=kind[1] == "S")
 
 
@@ -291,6 +294,7 @@ def read_op4(source: MatrixFile) -> dict[str, Entries]:
         entries = np.concatenate([np.zeros(0), *values])
         name = f"{source.name} ({header.name})"
         matrices[header.name] = Entries(name, all_rows, all_columns, entries, size, triangle=False)
+
     return matrices
 
 

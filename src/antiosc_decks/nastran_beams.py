@@ -111,6 +111,7 @@ class BeamProfiles:
         values = [entry.real(k) if k > 0 else 0.0 for k in fields]
         values[0] = entry.real(2, None)
         rows = {0.0: values}
+
         if entry.name == "PBEAM":
             start = self._along(rows)
             # blank at the second end: as at the first
@@ -138,6 +139,7 @@ class BeamProfiles:
             self.remarks.append(f"how I12 of {label} couples shear in planes 1 and 2 (K1, K2)")
         if not values[4]:
             self.remarks.append(f"the missing torsion constant J of {label}, (I1 + I2)/2 is taken")
+
         return rows
 
     def _along(self, rows: dict[float, Station]) -> int:
@@ -172,12 +174,14 @@ class BeamProfiles:
         )
         count = len(signature(SHAPES[kind]).parameters)
         first = self._dimensions(8, [None] * count)
+
         if entry.name == "PBEAML" and kind == "L":
             middle = np.array([first[2], first[3]]) / 2
             self.neutral[:] = profiles.centroid(_angle(*first)) - middle
         extra = entry.real(8 + count)
         stations = {0.0: self._shape(kind, first, extra)}
         start = 9 + count
+
         while entry.name == "PBEAML" and entry.words(start, start + 2):
             dimensions = self._dimensions(start + 2, first)
             extra_there = entry.real(start + 2 + count, extra)
@@ -189,6 +193,7 @@ class BeamProfiles:
             )
             message = f"the shear coefficients and {message}, {profiles.THIN:g}"
             self.remarks.append(f"{message} and that of thin walls are taken")
+
         return stations
 
     def _dimensions(self, start: int, blank: Sequence[float | None]) -> list[float]:

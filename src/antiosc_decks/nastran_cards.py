@@ -232,6 +232,7 @@ class Bulk:
         self._continued = "," in line and line.endswith(",")
         if continued and words[0][0].isdigit() and "," in line:
             line = "," + line
+
         if words[0].startswith(TEXTS):
             self._begin(Entry(words[0][:6], place))
             return
@@ -240,6 +241,7 @@ class Bulk:
         name, fields, large, mark = fields_of(line)
         is_long = (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:]))
         fault = place.error(LONG_LINE) if is_long else None
+
         if name[:1] == "=":
             self._copy(words[0].split(",")[0], fields, place)
         elif name[:1] in ("", "+", "*"):

@@ -158,6 +158,7 @@ class NastranDeck:
             return numbers
         first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
         sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
+
         selected = set() if first is None else {first}
         if first in sums:
             words = sums[first].words(1)
@@ -165,6 +166,7 @@ class NastranDeck:
             selected = {whole_number(word, place) for word in words} | selected & numbers
         missing_sets = selected - numbers
         unselected = (numbers | set(sums)) - selected - {first}
+
         if missing_sets == selected and what == "SPC" and selected:
             message = f"the case control of {name} selects SPC = {first}"
             raise MeshError(f"{message}, which is not there.")
@@ -172,6 +174,7 @@ class NastranDeck:
             self.deck.remarks.append(
                 f"{what} = {first} of {name} needs the {_sets(missing_sets)}, not there."
             )
+
         if unselected:
             message = f"not used of {name}: {what} {_sets(unselected)}"
             self.deck.remarks.append(f"{message}, which the first subcase does not select.")
@@ -306,6 +309,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     rows = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
     account = cards.account_for(bulk.entries, name)
     deck_read = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
+
     for row, grid in enumerate(grids):
         number = grid.whole(5, 0)
         if number:
@@ -375,6 +379,7 @@ def _elements(deck: NastranDeck) -> None:
         entry.needs(label not in used_numbers, f"the element {label} is defined more than once.")
         used_numbers.add(label)
         groups.setdefault((entry.name, any(nodes[corners:])), []).append((entry, nodes))
+
     for (name, curved), members in groups.items():
         cell = CELLS[name]
         corners = CORNERS[cell.shape]

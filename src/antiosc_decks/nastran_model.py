@@ -114,6 +114,7 @@ class NastranJoints:
         weights: list[float] = []
         turning: list[bool] = []
         words = entry.words(4)
+
         k = 0
         while k < len(words) and words[k].upper() not in ("UM", "ALPHA"):
             weight = real_number(words[k], entry.place)
@@ -135,6 +136,7 @@ class NastranJoints:
             turning += [
                 with_rotations and joints.used[n] and joints.has_rotations[n] for n in nodes
             ]
+
         entry.needs(rows and sum(weights) > 0, "RBE3 names no nodes with weights.")
         entry.needs(reference not in rows, "a GRID of RBE3 cannot follow itself.")
         joints = self.builder.joints
@@ -194,11 +196,13 @@ class NastranJoints:
         is_active = [bool(k or c) for k, c in zip(*constants, strict=True)]
         rows = [self.found.at(entry, k) for k in (2, 3) if entry.text(k)]
         entry.needs(rows, f"{entry.name} acts on no node.")
+
         x = self.found.deck.points[rows]
         distant = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
         is_bush = entry.name == "CBUSH"
         share = entry.real(8, 0.5) if is_bush else 0.5
         place = x[0] + share * (x[1] - x[0]) if distant else x[0]
+
         if is_bush and entry.whole(9, -1) >= 0:
             offset = np.array(entry.reals(10, 13))
             place = self.found.systems(entry.whole(9), entry.place).point(offset)
@@ -274,6 +278,7 @@ class NastranJoints:
         J = symmetric(np.array(entry.reals(8, 14)) * self.factor)
         J = 2 * np.diag(np.diag(J)) - J
         number = entry.whole(2, 0)
+
         if number == -1:  # the place of the mass
             offset = offset - self.found.deck.points[row] if entry.words(4, 7) else np.zeros(3)
         elif number:
@@ -283,6 +288,7 @@ class NastranJoints:
         negative = mass < 0 or np.linalg.eigvalsh(J).min() < -INERTIA_ROUNDING * np.abs(J).max()
         entry.needs(not negative, "the mass or the inertia of CONM2 is negative.")
         is_simple = not offset.any() and not (J - np.diag(np.diag(J))).any()
+
         if is_simple and (self.builder.has_rotations[row] or not J.any()):
             if mass or J.any():
                 self.builder.mass(row, mass, np.diag(J).tolist(), entry.place)
@@ -310,12 +316,14 @@ def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
     tell_damping(deck.account, deck.bulk.entries)
     weight_to_mass = deck.parameter("WTMASS")
     factor = weight_to_mass.real(1, None) if weight_to_mass else 1.0
+
     ends = beams.own_ends(deck)
     builder = ModelBuilder(deck.deck, units, unstated, lumped=bool(deck.named(*MASSES)))
     deck.set_groups()
     Properties(deck, builder, factor).read()
     builder.find_nodes()
     _supports(deck, builder)
+
     joints = NastranJoints(deck, builder, factor)
     joints.read()
     beams.join(builder, ends)

@@ -109,6 +109,7 @@ class Properties:
             nan = np.nan
             material.constants = np.array([E1, E2, nan, n12, nan, nan, G12, G13, G23])
         self.builder.complete(material)
+
         return material
 
     def _material(self, entry: Entry, k: int) -> Material:
@@ -190,6 +191,7 @@ class Properties:
         density = self.builder.rho(material)
         length = self.builder.units.length
         tangents = geometry.tangents_of(self.found.deck, elements)
+
         groups: dict[tuple[float, ...], list[int]] = {}
         for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
             entry_of = self.found.elements[element]
@@ -234,6 +236,7 @@ class Properties:
                 message = f"that PSHELL {number} has no stiffness against {action} (no MID"
                 message += f"{(k + 1) // 2}), that of its other material is taken"
                 self.builder.tell_once(message)
+
         strained = entry.whole(3) == -1
         entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
         entry.needs(not entry.text(10), "PSHELL with MID4: give the layers by PCOMP, or an offset.")
@@ -245,6 +248,7 @@ class Properties:
         plain = material.plane is None and entry.real(4, 1.0) == 1
         plain &= entry.text(5) in ("", entry.text(1))
         share = entry.real(6, 5 / 6)
+
         if not entry.text(5):
             share = 5 / 6
             message = f"the rigid transverse shear of PSHELL {number} (no MID3), its material's"
@@ -252,6 +256,7 @@ class Properties:
         plain &= abs(share - 5 / 6) <= 1e-3
         self._tell_extra(entry, entry.real(7))
         length = self.builder.units.length
+
         for thickness, offset, members in self._by_thickness(elements, entry.real(2), entry):
             offset += entry.real(12)
             extra = self._extra_density(entry.real(7), thickness)
@@ -294,6 +299,7 @@ class Properties:
             varying += max(values) - min(values) > 1e-9 * max(values)
             key = (float(np.round(np.mean(values), 12)), element_entry.real(cell.offset))
             groups.setdefault(key, []).append(int(element))
+
         if varying:
             message = f"the variation of the thickness within {varying} elements of {label}"
             self.builder.tell_once(f"{message}, the mean of the corners is taken in each")
@@ -333,6 +339,7 @@ class Properties:
             thickness = entry.text(k + 1) or thickness
             ply = Entry(entry.name, entry.place, [material, thickness, entry.text(k + 2)])
             plies.append((self._material(ply, 0), ply.real(1, None), ply.real(2)))
+
         lam_option = entry.text(7).upper()
         fault = f"LAM={lam_option}" if plies else "no plies"
         read = lam_option in ("", "SYM") and plies
@@ -345,6 +352,7 @@ class Properties:
         self._tell_extra(entry, extra)
         for layer in layers:
             layer["rho"] += extra
+
         for thickness_there, offset, members in self._by_thickness(elements, total, entry):
             element = self.found.elements[members[0]]
             unchanged = math.isclose(thickness_there, total, rel_tol=1e-9)

@@ -38,6 +38,7 @@ def _reader(
             deck.apart = deck.piece is not None or options.get("contact") == "apart"
             unstated = Unstated(*options["unstated"])
             deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), unstated)
+
         if not deck.n_elements:
             remarks = f": it has {listed(deck.left)}" if deck.left else ""
             raise MeshError(
@@ -45,6 +46,7 @@ def _reader(
                 "deck that holds the part itself; the matrices of springs and masses alone go to "
                 "Structure.from_matrices."
             )
+
         return as_mesh(deck, halve_lines=bool(deck.model and deck.model["halve"]))
 
     return reader

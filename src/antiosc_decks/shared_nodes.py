@@ -160,6 +160,7 @@ class Nodes:
             groups.setdefault((k, rotations), []).append(
                 (row, cell, local, motion % 3, coefficient)
             )
+
         if rows:
             result = layout.matrix(np.array(rows), np.array(columns), np.array(values), count)
         for (k, rotations), terms in groups.items():
@@ -173,6 +174,7 @@ class Nodes:
                 shape=(count, 3 * len(terms)),
             )
             result = result + selection @ motions
+
         return result.tocsr()
 
     def dof(self, term: Term) -> int:
@@ -280,6 +282,7 @@ class CoincidentNodes:
                 return None
             for n, share in shares.items():
                 total[n] = total.get(n, 0.0) + weight * share
+
         cells_around = [self.cells.get(n, set()) for n in total]
         common = set.intersection(*cells_around)
         names = ROTATIONS if motion >= 3 else DISPLACEMENTS
@@ -290,6 +293,7 @@ class CoincidentNodes:
             positions = mesh.numbers[cell].tolist()
             X = sum(w * mesh.reference_points[positions.index(n)] for n, w in total.items())
             return k, cell, np.asarray(X)
+
         return None
 
     def _position(self, number: int) -> Array:
@@ -321,6 +325,7 @@ def between_nodes(
             sliding.setdefault(3 * (motion // 3), {}).setdefault(number, []).append(direction)
         else:
             dependent.setdefault(motion, {}).setdefault(number, row)
+
     rows_found: list[Row] = []
     coincident = CoincidentNodes(nodes, equations)
     for mesh in nodes.meshes:
@@ -330,6 +335,7 @@ def between_nodes(
             )
         for first, directions in sliding.items():
             rows_found += _sliders(nodes, mesh, first, directions, among)
+
     if not rows_found:
         return nodes.layout.nothing(0)
     rows = np.repeat(np.arange(len(rows_found)), [len(columns) for columns, _ in rows_found])
@@ -358,6 +364,7 @@ def _dofs(
     weights = np.asarray(mesh.cell_map.tabulate(0, X))[0, :, :, 0]
     columns_of_rows = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
     dofs = compat.cell_dofs(space, path, touching)
+
     used: set[int] = set()
     for position, cell in enumerate(touching):
         for d, members in enumerate(columns_of_rows):
@@ -401,6 +408,7 @@ def _followers(
     ]
     means = [] if beam else [(numbers, weights) for _, numbers, weights in following_dofs]
     tied_motions = tied.displacements(means, motion, rows)
+
     for index, (column, numbers, weights) in enumerate(following_dofs):
         terms = [(np.array([column]), np.ones(1))]
         if index in tied_motions:
@@ -563,6 +571,7 @@ def _shared(follower: NumberedMesh, leader: NumberedMesh, followed: set[int]) ->
     common = np.isin(follower.vertices, leader.vertices)
     touching = np.flatnonzero(common.any(axis=1))
     nodes = compat.cell_dofs(space, path, touching) // member.block
+
     where: dict[int, int] = {}
     for row, cell in enumerate(touching):
         for dim, entities in enumerate(topology):
@@ -577,6 +586,7 @@ def _shared(follower: NumberedMesh, leader: NumberedMesh, followed: set[int]) ->
                 holder = leader.cell_with(vertices, member.part.mesh.tdim)
                 if holder is not None:
                     where |= {n: holder for n in dofs_here if n not in followed}
+
     return where
 
 

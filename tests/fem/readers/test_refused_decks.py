@@ -142,3 +142,17 @@ def test_a_model_has_the_mass_and_the_number_of_every_element(tmp_path, name, te
     assert cells == {"faces": 16, "beams": 4}
     told = " ".join(str(one.message) for one in caught)
     assert "2 T3D2" in told or "2 CROD" in told  # springs with masses at their ends
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize(("name", "text"), [("a.inp", abaqus()), ("a.bdf", nastran())])
+def test_a_mesh_tells_the_number_of_every_element_that_is_no_cell(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        mesh = ao.read_mesh(path, unit="mm")
+    told = " ".join(str(one.message) for one in caught)
+    assert mesh.n_cells == 16
+    assert "6 lines" in told
+    assert "2 MASS" in told or "2 CONM2" in told
