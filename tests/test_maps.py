@@ -742,6 +742,15 @@ def test_a_small_patch_does_not_depend_on_a_large_one_beside_it():
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_a_map_takes_no_more_modes_than_the_part_has():
+    part, given = block((1, 1, 1), order=1), {"direction": (0, 0, -1), "radius": 0.02}
+    found = ao.impact_map(part, [(0.1, 0.02, 0.02)], modes=10**4, **given)
+    assert found.models.omega.size <= part.dofs
+    with pytest.raises(ao.InputError, match="lower the band"):
+        ao.impact_map(part, [(0.1, 0.02, 0.02)], band=1e12, **given)
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
 def test_sites_without_a_result_are_marked_and_told_by_their_place(steel):
     """A heavy, fast ball on one small patch beside large ones."""
     points = [(0.06, 0.04, 0.03), (0.08, 0.04, 0.03)]

@@ -133,7 +133,7 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
         numbers.append((name.replace("_", " "), value))
     lost = float(fall.impacts.column("lost").sum())
     numbers.append(("lost in all", engineering(lost, "J")))
-    sentences = [fall.contact_verdict, *fall.notes, f"the fall ended: {fall.message}"]
+    sentences = [fall.flat, fall.contact_verdict, *fall.notes, f"the fall ended: {fall.message}"]
     if worst is not None and worst.exposure is not None:
         sentences[1:1] = stress_sentences({worst.quantity: worst}, bar_of_fall(fall, worst))
     told = [f"{capitalised(one.rstrip('.'))}." for one in dict.fromkeys(sentences) if one]

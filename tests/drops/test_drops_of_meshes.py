@@ -13,7 +13,7 @@ from antiosc.base.texts import engineering, plus_minus
 from antiosc_app import falls, headline, results
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.impacts import Impacts, force_of
-from parts import line
+from parts import box, line
 
 pytestmark = pytest.mark.fem
 
@@ -380,3 +380,16 @@ def test_vertices_of_one_corner_are_one_contact() -> None:
     assert several.touching_as([0]).tolist() == [True, True, False, False, False]
     for one in (3, 4):
         assert several.touching_as([one]).tolist() == [False, False, False, True, True]
+
+
+@pytest.mark.fem
+def test_a_face_that_lands_flat_is_outside_of_the_method():
+    """A steel bar on its end: waves, not the indentation of its corners, give the force."""
+    bar = ao.Structure(box((2, 2, 6), (0.0254, 0.0254, 0.254)), ao.Solid(200e9, 0.3, 7850.0))
+    flat, tilted = (
+        ao.drop(bar, 1.0, until=1, tilt=tilt, modes=20) for tilt in ((0, 0, 0), (9, 4, 0))
+    )
+    assert "flat" in flat.summary().splitlines()[0]
+    assert flat.law_error is None
+    assert "outside of this method" in flat.no_bar()
+    assert tilted.flat == ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import warnings
+from dataclasses import replace
 from types import SimpleNamespace
 
 import meshio
@@ -377,3 +378,29 @@ def test_two_sites_are_checked_as_one_is() -> None:
         told.append(any("too few" in str(one.message) for one in caught))
     assert told == [True, False]
     assert peaks[0] > 1.05 * peaks[1]
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
+def test_a_scene_of_more_sites_than_anti_oscillators_runs(n) -> None:
+    """As the scene with the other sites left alone: they carry no force."""
+    part = thin_plate()
+    sites = {name: ao.Site(dof=k) for name, k in (("a", 480), ("b", 268), ("c", 100))}
+    model = ao.extract(part, sites, n=n)
+    ball = ao.RigidMass(0.004, 1.0)
+    scene = ao.Scene({"plate": model, "ball": ball}, [ao.Contact("plate:a", "ball", ao.Hertz(5e9))])
+    assert scene.run(1e-4)["plate:a", "ball"].peak_force > 0
+
+
+def test_the_warning_and_the_bar_are_one_number() -> None:
+    """With an estimate of the mesh and without: above the limit both tell it, below neither."""
+    law, ball = ao.Hertz(5e9), ao.RigidMass(0.004, 1.0)
+    for n, told in ((10, True), (120, False)):
+        model = ao.extract(thin_plate(), SITE, n=n)
+        estimated = replace(model, strain_error=np.zeros((model.n + 1, model.n + 1)))
+        for each in (model, estimated):
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                hit = ao.simulate(each, ball, law, 3e-4)
+            assert any("too few" in str(one.message) for one in caught) is told
+            assert (truncation_error(each, hit.rerun).peak_force > 0.3) is told

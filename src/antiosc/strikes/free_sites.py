@@ -94,9 +94,11 @@ def _free_modes(
     structure: Structure, count: int | None, band: float | None, most: float, least: int
 ) -> Modes:
     """The lowest elastic modes: `count`, or `least` to `most` so that they exceed the band."""
-    mode_count = min(least, structure.dofs - 1) if count is None else whole("modes", count)
+    most = min(most, structure.dofs)
+    mode_count = min(least if count is None else whole("modes", count), structure.dofs - 1)
     reach = 0.0 if band is None or count is not None else ABOVE * band
     modes = ModeSolver(structure).lowest(mode_count, reach, most)
-    sufficient = int(min(max(mode_count, int(np.sum(modes.omega < reach)) + 1), most))
+    sufficient = max(mode_count, int(np.sum(modes.omega < reach)) + 1)
+    sufficient = int(min(sufficient, most, len(modes.omega)))
     log.info("%d free modes up to %.4g rad/s", sufficient, modes.omega[sufficient - 1])
     return Modes(modes.omega[:sufficient], modes.phi[:, :sufficient], modes.complete)

@@ -382,6 +382,23 @@ class Fall(Trajectory, Result):
         return [*self.body.notes, *filter(None, sentences)]
 
     @property
+    def flat(self) -> str:
+        """Sentence that a face lands flat, which is outside of the method; "" if none does."""
+        flat = [
+            k
+            for k in range(len(self.groups))
+            if yielding.lands_flat(self.setting.floor, self._episodes(k))
+        ]
+        if not flat:
+            return ""
+        numbers = ", ".join(str(k + 1) for k in flat[:3]) + (", …" if len(flat) > 3 else "")
+        return (
+            f"a face lands flat in impact {numbers}, which is outside of this method: no force of"
+            " it, and no stress by it, is an answer (waves give a prismatic part rho c A v at most;"
+            " tilt it, or give the floor a law)"
+        )
+
+    @property
     def _shock(self) -> str:
         """Sentence on the largest acceleration of the centre of mass; "" without impacts."""
         if not self.groups:
@@ -445,7 +462,7 @@ class Fall(Trajectory, Result):
         """The impacts as a table, the hardest of them, and how the fall ended."""
         ended = f"{self.message} at {self.end.time:.4g} s"
         hardest = f"the hardest is {self._hardest_text}" if self.impacts else ""
-        return "\n".join(filter(None, [str(self.impacts), hardest, ended, *self.notes]))
+        return "\n".join(filter(None, [self.flat, str(self.impacts), hardest, ended, *self.notes]))
 
     @property
     def _hardest_text(self) -> str:

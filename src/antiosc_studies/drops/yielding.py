@@ -209,6 +209,8 @@ def strongest(floor: Floor, episodes: Sequence[Episode]) -> PointContact | None:
 
 def law_error(floor: Floor, episodes: Sequence[Episode]) -> float | None:
     """Relative error of the largest force of a contact by its law; None if unknown."""
+    if lands_flat(floor, episodes):
+        return None
     contacts = list(point_contacts(floor, episodes))
     largest = max((one.force for one in contacts), default=0.0)
     errors = [(one.error, one.force) for one in contacts if one.force >= COUNTS * largest]
@@ -219,6 +221,8 @@ def law_error(floor: Floor, episodes: Sequence[Episode]) -> float | None:
 
 def no_bar(floor: Floor, episodes: Sequence[Episode]) -> str:
     """Why `law_error` is unknown, and the remedy; "" if it is known."""
+    if lands_flat(floor, episodes):
+        return "a face lands flat, which is outside of this method: tilt it"
     contacts = list(point_contacts(floor, episodes))
     if not contacts:
         return "the error of the contact's law is not known"
@@ -268,3 +272,35 @@ def cracking(floor: Floor, episodes: Sequence[Episode]) -> str:
         return ""
     pressure = largest.force / (pi * largest.radius**2)
     return cracks(largest.body.matters, pressure).rstrip(".")
+
+
+#: Least number of vertices of a face.
+LEAST_OF_FACE = 3
+#: Spread of the vertices that touch over that of a ball's contact, from which a face lies flat.
+FLAT = 2.0
+
+
+def lands_flat(floor: Floor, episodes: Sequence[Episode]) -> bool:
+    """Whether a face lies flat on a stiff floor.
+
+    The vertices that are as low as the contact is deep span more than a ball's contact would.
+    """
+    if floor.law is not None or floor.layer is not None:
+        return False
+
+    for episode in episodes:
+        body, up = episode.body, episode.start.R[2]
+        if body.structure is None:  # a rigid part, which has no waves
+            return False
+        touched = list(point_contacts(floor, [episode]))
+        depth = max((one.depth for one in touched), default=0.0)
+        radius = max((float(body.radii[one.which].max()) for one in touched), default=0.0)
+
+        heights = body.vertices @ up
+        low = body.vertices[heights - heights.min() <= depth]
+        if len(low) < LEAST_OF_FACE:
+            continue
+        spread = np.linalg.svd(low - low.mean(axis=0), compute_uv=False)[1] / sqrt(len(low))
+        if spread > FLAT * sqrt(2 * radius * depth):
+            return True
+    return False
