@@ -16,7 +16,6 @@ from antiosc import extension
 from antiosc.base import lazily
 from antiosc_app.scene_file import schema
 from paths import ROOT
-from words import PYTHON
 
 SRC = ROOT / "src"
 
@@ -282,46 +281,3 @@ def test_groups_of_names_are_those_of_the_package():
     assert laws - {"ContactLaw"} <= set(schema.LAWS.split())
     errors = {name for name, kind in classes.items() if issubclass(kind, Exception)}
     assert errors == set(ao.errors.__all__)
-
-
-#: Modules whose messages reach users of Python alone.
-OF_PYTHON = re.compile(
-    r"antiosc\.(fem\.(assembly|prestress|platform)|fem\.structure\.(attachments|meshed)|plot|models"
-    r"|io\.matrices|reduce\.site\.(on_matrices|__init__)|recovery\.(series|node_fields)"
-    r"|impact\.(batch|two_bodies)|strikes\.advice|fields\.prestressed|impact\.histories\.factors"
-    r"|engine\.contact\.geometry|base\.(checks|texts|lazily|errors)|strikes\.calculix)\b"
-    r"|antiosc_studies\.(gradients|measured|find|chance|between)|antiosc_app\.(export|fmu|run_data|info)"
-)
-
-
-def sentences_of(tree: ast.Module) -> list[str]:
-    """The texts of several words in a module, without docstrings; {} for what is put in."""
-    inner = {
-        id(part)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.JoinedStr | ast.Expr)
-        for part in ast.walk(node)
-        if part is not node
-        and not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Call))
-    }
-    found = []
-    for node in ast.walk(tree):
-        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
-        texts = [getattr(part, "value", "") for part in parts]
-        text = "".join(one if isinstance(one, str) else "{}" for one in texts)
-        is_text = isinstance(node, ast.JoinedStr | ast.Constant) and id(node) not in inner
-        is_code = text.endswith("};") or set("\n<\\") & set(text)
-        if is_text and text.count(" ") > 2 and not is_code:
-            found.append(text)
-    return found
-
-
-def test_messages_that_the_page_can_show_are_not_in_the_terms_of_python():
-    named = {
-        f"{name}: {text}"
-        for name, tree in TREES.items()
-        if not OF_PYTHON.search(name)
-        for text in sentences_of(tree)
-        if PYTHON.search(text)
-    }
-    assert named == set()

@@ -250,11 +250,12 @@ def _study(options: Namespace) -> int:
     computed = run.results(scene, study.makes, evaluate)
     # what structures hold is asked on every rank, and written on the first
     parts = results.presentations(computed)
-    print_text(results.text(computed, parts))
+    is_brief = not options.verbose and any(part.answers for part in parts)
+    print_text((results.text if options.verbose else results.answer)(computed, parts))
     written = [] if folder is None else report.write_output(computed, parts, folder)
     if page is not None:
         written += report.write_page(computed, parts, page)
-    for sentence in filter(weight, computed.warnings):
+    for sentence in () if is_brief else filter(weight, computed.warnings):
         print_text(labelled(sentence), sys.stderr)
     if written:
         print_text("wrote " + ", ".join(str(path) for path in written))

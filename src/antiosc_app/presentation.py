@@ -183,7 +183,9 @@ class Presentation:
 
     Attributes
     ----------
-    text : text for the terminal.
+    text : text for the terminal that tells how the result is computed, too.
+    answers : rows of the short text: does it break, how hard, how far, where; then a few more.
+    caution : what must be read with them first, "" if nothing must.
     asked : numbers that stand beside those of the headline of a report.
     tables : file -> its columns.
     numbers : numbers for result.json.
@@ -194,6 +196,8 @@ class Presentation:
     """
 
     text: Sequence[str] = ()
+    answers: Rows = field(default_factory=list)
+    caution: str = ""
     asked: Sequence[tuple[str, str]] = ()
     tables: dict[str, Columns] = field(default_factory=dict)
     numbers: dict[str, object] = field(default_factory=dict)

@@ -35,7 +35,17 @@ from antiosc.extension import (
 from antiosc.models.body import info_of, site_points
 from antiosc.plot.charts import legend_beside, plot_force, plot_model, plot_motion
 from antiosc.plotting import plot_deformed, plot_map
-from antiosc_app.cards import bar_of_fall, cards_of_fall, cards_of_history
+from antiosc_app.cards import (
+    MOST_CAUTIONS,
+    MOST_ROWS,
+    bar_of_fall,
+    cards_of_fall,
+    cards_of_history,
+    cautions,
+    rows_of_fall,
+    rows_of_history,
+)
+from antiosc_app.falls import headline_of_fall
 from antiosc_app.headline import (
     caution_of,
     force_bar,
@@ -194,6 +204,8 @@ def _impact(results: SceneResults) -> Presentation:
     accuracy = "\n".join(filter(None, (str(budget or ""), largest_share(budget))))
     single = not isinstance(hit, SceneHistory)
     cards = [card[:2] for card in cards_of_history(hit, budget, peaks)] if single else []
+    asked = [probe.fact() for probe in probes]
+    answers = [*cards, *asked, *rows_of_history(hit, budget)] if single else []
     shocks = [probe.shock for probe in probes if probe.shock is not None]
     return Presentation(
         text=[
@@ -203,7 +215,9 @@ def _impact(results: SceneResults) -> Presentation:
             accuracy,
             format_rows([*moved, *probe_rows, *stresses]),
         ],
-        asked=[probe.fact() for probe in probes],
+        answers=answers,
+        caution=caution_of(hit, budget),
+        asked=asked,
         tables={"history.csv": columns, **files_of(probes)},
         numbers={
             "result": numbers,
@@ -407,9 +421,12 @@ def _fall(results: SceneResults) -> Presentation:
         numbers["worst"] = {worst.quantity: float(worst.values.max())} | _margin_numbers(worst)
         caption = "The largest value at each node over all impacts."
         pictures.append(Picture("Largest stress", caption, worst.plot))
+    cards = [card[:2] for card in cards_of_fall(fall, worst)] if single else []
     return Presentation(
+        answers=[*cards, *shown, *rows_of_fall(fall)] if single else [],
+        caution=headline_of_fall(fall, worst).caution if single else "",
         text=[
-            format_rows([card[:2] for card in cards_of_fall(fall, worst)] if single else []),
+            format_rows(cards),
             fall.summary() if single else format_columns(table),
             format_rows(rows),
         ],
@@ -667,11 +684,31 @@ def presentations(results: SceneResults) -> list[Presentation]:
     return [_model(results), *(make(results) for make in present)]
 
 
+#: Number of answers that stand first.
+CARDS = 4
+
+
+def answer(results: SceneResults, parts: Sequence[Presentation]) -> str:
+    """The short text: of an impact or a fall its answers, a few rows and cautions."""
+    first = next((part for part in parts if part.answers), None)
+    if first is None:
+        return text(results, parts[1:])
+    told = cautions(first.caution, results.warnings)[:MOST_CAUTIONS]
+    rows = first.answers[: CARDS + MOST_ROWS]
+    return "\n".join([*filter(None, [_title(results)]), format_rows(rows), *told])
+
+
+def _title(results: SceneResults) -> str:
+    """The title of a scene, and which piece of a file is struck."""
+    title = str(results.compiled.document.data.get("title", ""))
+    return ", ".join(filter(None, (title, piece_told(results.warnings))))
+
+
 def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """Text of title, warnings that question the numbers, results, structure and model."""
-    title = str(results.compiled.document.data.get("title", ""))
-    title = ", ".join(filter(None, (title, piece_told(results.warnings))))
+    title = _title(results)
     warnings = (f"warning: {one}" for one in by_weight(results.warnings) if not weight(one))
-    model, *answers = parts  # the answers stand first
-    pieces = [title, *warnings, *(piece for part in (*answers, model) for piece in part.text)]
+    after = [part for part in parts if "Model" in part.sections]  # the answers stand first
+    parts = [*(part for part in parts if part not in after), *after]
+    pieces = [title, *warnings, *(piece for part in parts for piece in part.text)]
     return "\n\n".join(filter(None, pieces))

@@ -122,7 +122,7 @@ def saved_and_run(one, capsys):
     written = one.calls["write"]({"turn": one._worker.turn, "agreed": names})
     scene = one._path.with_name(written["written"][0])
     capsys.readouterr()
-    assert main(["run", str(scene), "--out", str(scene.parent / "out")]) == 0
+    assert main(["run", str(scene), "--out", str(scene.parent / "out"), "--verbose"]) == 0
     return text, capsys.readouterr().out.split("\nwrote ")[0], tomllib.loads(scene.read_text())
 
 
@@ -556,7 +556,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         assert browser.run("return document.querySelector('#numbers').rows.length") > 3  # it runs
         assert browser.said() == []
     scene = step.with_suffix(".toml")
-    assert main(["run", str(scene), "--out", str(step.parent / "out")]) == 0
+    assert main(["run", str(scene), "--out", str(step.parent / "out"), "--verbose"]) == 0
     assert capsys.readouterr().out.split("\nwrote ")[0].strip() == text.strip()
     result = (step.parent / "out" / "result.json").read_text()
     assert float(re.search(r'"peak_force": ([\d.]+)', result)[1]) == pytest.approx(peak, rel=1e-6)

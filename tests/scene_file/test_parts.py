@@ -219,7 +219,7 @@ def box_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_fall_is_that_of_drop(box_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (box_folder / "drop.toml").write_text(FALL + ASKED)
     assert cli.main(["check", "drop.toml"]) == 0
-    assert cli.main(["run", "drop.toml", "--out", "out", "--report", "page.html"]) == 0
+    assert cli.main(["run", "drop.toml", "--out", "out", "--report", "page.html", "--verbose"]) == 0
     printed, page = capsys.readouterr().out, (box_folder / "page.html").read_text()
     found = json.loads((box_folder / "out/result.json").read_text())
     part = ao.Structure(ao.read_mesh("box.geo", size=0.06), ao.Solid(70e9, 0.33, 2700.0))

@@ -186,8 +186,9 @@ def written(folder: Path, text: str, name: str = "scene.toml") -> Path:
 
 
 def antiosc(*arguments: Any) -> int:
-    """The exit code of the command."""
-    return cli.main([str(argument) for argument in arguments])
+    """The exit code of the command, which tells all that it can."""
+    command, *others = map(str, arguments)
+    return cli.main([command, *others, *(["--verbose"] if command in STUDIES else [])])
 
 
 def numbers(folder: Path) -> dict[str, Any]:
