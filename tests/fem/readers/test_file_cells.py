@@ -19,8 +19,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
-from antiosc.io.neutral import FileMesh
-from antiosc.io.reading import read, selected
+from antiosc.io.reading import read
 from mesh_files import grid, refusal
 from paths import MESHES
 
@@ -138,19 +137,13 @@ def bridged(points, cells, shape):
 
 
 @pytest.mark.parametrize("shape", ["triangle", "quad", "tetra", "hexahedron"])
-def test_cracks_and_overlaps_are_told(tmp_path, shape):
+def test_cracks_are_told(tmp_path, shape):
     path = tmp_path / "part.vtu"
     points, cells, _ = bridged(*blocks(2, 1.0, shape))  # coincident nodes but for one
     write(path, points, (shape, cells))
     (crack,) = told(path)
     expected = 4 if shape in ("triangle", "quad") else 16
-    assert f"{expected} nodes of part.vtu lie on cells that they do not belong to" in crack
-    points, cells, _ = bridged(*blocks(2, 0.75, shape))
-    write(path, points, (shape, cells))
-    assert any("overlap others" in t for t in told(path))
-    single = len(cells) // 2
-    write(path, points, (shape, cells[:single]))
-    assert told(path) == []
+    assert f"{expected} nodes of part.vtu lie where others lie" in crack
 
 
 @pytest.mark.slow
@@ -256,22 +249,3 @@ def test_abaqus(tmp_path, kind):
     element += ",".join(map(str, labels[16:])) + ("\n" if labels[16:] else "")
     (tmp_path / "part.inp").write_text(f"*NODE\n{text}*ELEMENT,TYPE={kind}\n{element}")
     check(ao.read_mesh(tmp_path / "part.inp"), shape)
-
-
-def test_a_few_faces_of_a_surface_that_enclose_nothing_are_left_out():
-    """gmsh filled a surface that was made anew and left six of its triangles aside."""
-    box = ao.box_mesh((1.0, 1.0, 1.0), size=0.1).dolfinx
-    cells = compat.geometry_nodes(box).astype(np.int64)
-    outer = compat.entity_vertices(box, 2)[compat.exterior_facets(box)]
-    x = np.vstack([box.geometry.x, box.geometry.x[:3] + 2.0])
-    stray = len(x) - np.array([[3, 2, 1]])
-    kinds = {"tetra": cells, "triangle": np.vstack([outer, stray])}
-    raw = selected(FileMesh(x, kinds, "gmsh"), None, None, "part.stl")
-    assert len(raw.cells) == len(cells)
-    assert raw.remarks == [
-        f"1 of {len(outer) + 1} faces of its surface enclose nothing, and are left out."
-    ]
-    for few in (kinds | {"triangle": np.vstack([outer[:20], stray])}, kinds):
-        name = "part.stl" if few is not kinds else "part.msh"
-        with pytest.raises(ao.MeshError, match=r"1 faces \(triangle\) that are not sides"):
-            selected(FileMesh(x, few, "gmsh"), None, None, name)

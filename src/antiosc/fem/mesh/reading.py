@@ -145,8 +145,8 @@ def read_mesh(
     Warns
     -----
     AntioscWarning
-        Folded or overlapping cells, cracks and hanging nodes; elements of a deck that are no cells;
-        a volume that differs from that in CAD by more than 0.5 %.
+        Folded cells, nodes that coincide; elements that are no cells of the mesh; a volume that
+        differs from that in CAD by more than 0.5 %.
     """
     for name, value, of in (("size", size, "m"), ("merge", merge, "m"), ("timeout", timeout, "s")):
         if value is not None:
