@@ -123,8 +123,8 @@ def wrong_hb(**lines: str) -> str:
 WRONG = {
     "no entries": ("** nothing\n", 1, "file"),
     "abaqus row 0": ("1 1 1.\n0 1 1.\n", 2, "nodes"),
-    "mtx fraction": (MTX + "2 2 2\n1 1 1\n% \n1.5 1 1\n", 5, "columns"),
-    "mtx size": (MTX + "%\n2 2.5 1\n", 3, "positive"),
+    "mtx fraction": (MTX + "2 2 2\n1 1 1\n% \n1.5 1 1\n", None, "damaged"),
+    "mtx size": (MTX + "%\n2 2.5 1\n", None, "damaged"),
     "mtx no size": (MTX + "%\n%\n", 3, "ends"),
     "infinite": (MTX + "3 3 3\n1 1 1\n3 2 inf\n3 3 1\n", None, "finite"),
     "mixed": ("1 1 2.\n1 2 -1.\n2 1 -1.\n2 2 1.\n3 2 1.\n3 3 1\n", None, "triangles"),

@@ -6,6 +6,7 @@ size, then entries (Boisvert and others, NISTIR 5935).
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections.abc import Callable, Sequence
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple, TextIO
 
 import numpy as np
+import scipy.io
 import scipy.sparse
 
 from antiosc.base import checks
@@ -229,80 +231,37 @@ BANNER = b"%%MatrixMarket"
 
 
 def read_matrix_market(source: MatrixFile) -> Entries:
-    """The matrix of a Matrix Market file."""
+    """The matrix of a Matrix Market file, read by SciPy."""
     lines = source.lines()
     words = lines[0].decode("ascii", "replace").lower().split()
     if len(words) < 5 or words[1] != "matrix":
         raise source.error(1, "the header must be '%%MatrixMarket matrix FORMAT FIELD SYMMETRY'.")
-    form, field, symmetry = words[2:5]
+    field, symmetry = words[3:5]
     if field not in ("real", "integer", "double"):
         raise source.error(1, f"the matrix is {field}: stiffness and mass must be real.")
     if symmetry not in ("general", "symmetric"):
         raise source.error(1, f"the matrix is {symmetry}: stiffness and mass are symmetric.")
-    if form not in ("coordinate", "array"):
-        raise source.error(1, f"the format must be coordinate or array; got {form!r}.")
-    content_lines = [
-        k for k, line in enumerate(lines) if line.strip() and not line.startswith(b"%")
-    ]
-    source.needs(content_lines, len(lines), "the file ends before the size of the matrix.")
-    shape = _shape(
-        source, lines[content_lines[0]], content_lines[0] + 1, 3 if form == "coordinate" else 2
-    )
-    if shape[0] != shape[1]:
-        raise source.error(
-            content_lines[0] + 1,
-            f"the matrix must be square; got {shape[0]} rows and {shape[1]} columns.",
-        )
-    data = [lines[k] for k in content_lines[1:]]
-    numbers = [k + 1 for k in content_lines[1:]]
-    read_as: Callable[..., Entries] = _coordinate if form == "coordinate" else _array
-    return read_as(source, shape, data, numbers, symmetry == "symmetric")
 
+    has_size = any(line.strip() and not line.startswith(b"%") for line in lines)
+    source.needs(
+        has_size, len(lines), "the file ends before the size of the matrix."
+    )  # SciPy waits
 
-def _shape(source: MatrixFile, line: bytes, number: int, columns: int) -> list[int]:
-    values = source.table([line], [number], columns)[0]
-    if (values < 1).any() or (values != np.floor(values)).any():
-        raise source.error(number, "sizes must be positive whole numbers.")
-    return [int(value) for value in values]
+    header, _, rest = source.content.partition(b"\n")
+    content = header.replace(b"double", b"real") + b"\n" + fortran(rest)
+    try:
+        matrix = scipy.sparse.coo_matrix(scipy.io.mmread(io.BytesIO(content)))
+    except (ValueError, IndexError, OverflowError, MemoryError) as error:
+        reason = " ".join(str(error).split())[:120].rstrip(".") or type(error).__name__
+        raise InputError(
+            f"{source.name} is cut off or damaged: {reason}; write the matrix anew."
+        ) from error
 
-
-def _coordinate(
-    source: MatrixFile, shape: list[int], lines: list[bytes], numbers: list[int], triangle: bool
-) -> Entries:
-    size = shape[0]
-    count = shape[2]
-    _complete(source, count, lines)
-    table = source.table(lines, numbers, 3)
-    index = table[:, :2]
-    bad = (index < 1) | (index > size) | (index != np.floor(index))
-    if bad.any():
-        k = int(np.argmax(bad.any(axis=1)))
-        raise source.error(
-            numbers[k], f"rows and columns are 1 to {size}; got {index[k, 0]:g}, {index[k, 1]:g}."
-        )
-    row, column = index.astype(np.int64).T - 1
-    return Entries(source.name, row, column, table[:, 2], size, triangle)
-
-
-def _array(
-    source: MatrixFile, shape: list[int], lines: list[bytes], numbers: list[int], triangle: bool
-) -> Entries:
-    size = shape[0]
-    count = size * (size + 1) // 2 if triangle else size * size
-    _complete(source, count, lines)
-    value = source.table(lines, numbers, 1)[:, 0]
-    # column by column, from the diagonal down where one triangle stands there
-    column = np.repeat(np.arange(size), np.arange(size, 0, -1) if triangle else size)
-    first = np.cumsum(np.arange(size, 0, -1)) - np.arange(size, 0, -1) if triangle else None
-    row = np.arange(count) % size if first is None else np.arange(count) - first[column] + column
-    nonzero = value != 0
-    return Entries(source.name, row[nonzero], column[nonzero], value[nonzero], size, triangle)
-
-
-def _complete(source: MatrixFile, count: int, lines: list[bytes]) -> None:
-    if len(lines) != count:
-        last = len(source.lines())
-        raise source.error(last, f"the header promises {count:g} entries; there are {len(lines)}.")
+    rows, columns = matrix.shape
+    if rows != columns:
+        raise source.error(1, f"the matrix must be square; got {rows} rows and {columns} columns.")
+    row, column = (index.astype(np.int64) for index in (matrix.row, matrix.col))
+    return Entries(source.name, row, column, matrix.data.astype(float), rows, False)
 
 
 def write_matrix_market(out: TextIO, matrix: Matrix, comment: str = "") -> None:
