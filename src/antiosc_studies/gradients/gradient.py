@@ -39,7 +39,7 @@ WIDER, COARSER = 2.0, 100.0
 #: out of range.
 SCHEMES = ((-1, 1), (-0.5, 0.5, 0.0)), ((1, 2), (2.0, -0.5, -1.5))
 #: Least error of a derivative, over the goal by the number.
-FLOOR = 1e-6
+FLOOR = 2e-6
 #: Share of the anti-oscillators that the comparison run for the truncation error omits.
 FEWER = 0.25
 

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
     pass
 
 
-#: Size of a number over its value: with the steps of `gradient` 1e-3, as extractions round to 1e-8.
-COARSE = 10.0
+#: Size of a number over its value, for steps of a hundredth: where a site excites some modes by
+#: rounding alone, the highest anti-oscillators of two extractions differ by 1e-4.
+COARSE = 100.0
 #: The same of an angle [degree], and of an input that is 0.
-ROTATED, OF_ZERO = 500.0, 10.0
+ROTATED, OF_ZERO = 5000.0, 10.0
 #: Largest relative difference of the static masses of the run's model and that extracted again.
 SAME_MODEL = 1e-3
 #: Numbers of materials, sections and layers on which K and M do not depend.
