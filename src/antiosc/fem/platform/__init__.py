@@ -77,11 +77,13 @@ except ImportError:  # given matrices need none
 WORLD, ALONE = (SERIAL, SERIAL) if MPI is None else (MPI.COMM_WORLD, MPI.COMM_SELF)
 
 
-def end_all_ranks(kind: type[BaseException], error: BaseException, trace: TracebackType) -> None:
+def end_all_ranks(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
     """Print an error that nobody catches and end all ranks: the others would wait for this one."""
     sys.__excepthook__(kind, error, trace)
     sys.stderr.flush()
-    WORLD.Abort(1)
+    MPI.COMM_WORLD.Abort(1)
 
 
 if WORLD.size > 1 and sys.excepthook is sys.__excepthook__:
