@@ -15,7 +15,7 @@ import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
-from antiosc.base._types import Array, SolverChoice
+from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, NotConvergedError
 from antiosc.base.process import one_thread
 from antiosc.fem.linalg import solver_for
@@ -85,14 +85,18 @@ class Equilibrium:
     reserve: float
 
 
-def static_equilibrium(loaded: Loaded, choice: SolverChoice) -> Equilibrium:
-    """The static equilibrium; InputError beyond buckling, or if none is found."""
+def static_equilibrium(loaded: Loaded) -> Equilibrium:
+    """The static equilibrium; InputError beyond buckling, or if none is found.
+
+    Its solver is a factor where one fits, whatever the structure asks for: under loads there is no
+    coarser space, so that iterations take some forty times as long.
+    """
     q, tangent_change = _equilibrium(loaded)
     geometric = loaded.stiffness(q, geometric=True)
     K = sum_of(loaded.K, 1.0, tangent_change)
     free_when_dropped(K, geometric)
     try:
-        solver = solver_for(K, choice, lambda: np.zeros((len(q), 0)))
+        solver = solver_for(K, "auto", lambda: np.zeros((len(q), 0)), columns=math.inf)
         load_factor = buckling(K, solver, geometric)
     except (NotConvergedError, AccuracyError):  # K has no factor
         reserve = buckling(loaded.K, loaded.solver, geometric)
@@ -173,7 +177,8 @@ def _by_factor(loaded: Loaded, added: PETSc.Mat, residual: Array) -> Array:
     A = sum_of(loaded.K, 1.0, added)
     free_when_dropped(A)
     try:
-        return solver_for(A, "auto", lambda: np.zeros((len(residual), 0))).solve(residual)
+        solver = solver_for(A, "auto", lambda: np.zeros((len(residual), 0)), columns=math.inf)
+        return solver.solve(residual)
     except NotConvergedError:
         return loaded.solver.solve(residual)
 

@@ -35,7 +35,7 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
         tendons = {name: tendon(base, name) for name in loads.tension}
         initial = tightened(loads, tendons, solver)
         part = _LoadedMesh(base, loads, initial, solver)
-        state = static_equilibrium(part, base.solver)
+        state = static_equilibrium(part)
 
     def added(motions: Array) -> Array:
         free = LoadedPart(base.unsupported(), loads, initial)

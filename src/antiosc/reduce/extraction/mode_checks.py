@@ -11,7 +11,7 @@ from antiosc.base.errors import AccuracyError, AccuracyWarning
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
-from antiosc.reduce.extraction.eigenmodes import Modes, residuals
+from antiosc.reduce.extraction.eigenmodes import Modes, allowed, residuals
 from antiosc.reduce.extraction.oscillators import ConstraintModes
 
 if TYPE_CHECKING:
@@ -108,11 +108,14 @@ def _excess(mass: Array, P: Array) -> float:
 
 
 def check_modes(structure: Structure, modes: Modes) -> None:
-    """Measure the modes' M-orthogonality and residual; AccuracyError beyond CHECK."""
+    """Measure the modes' M-orthogonality and residual; AccuracyError beyond CHECK, or beyond what
+    rounding of K leaves of the residual.
+    """
     gram = dot(structure.comm, modes.phi, multiply(structure.M, modes.phi))
     worst = {
         "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
-        "residual": residuals(structure, modes).max(initial=0.0),
+        "residual": CHECK
+        * (residuals(structure, modes) / allowed(structure, modes)).max(initial=0.0),
     }
     for name, value in worst.items():
         if not value <= CHECK:
