@@ -195,7 +195,7 @@ def test_a_material_is_taken_by_name(given, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("part", "name", "said"),
     [
-        (MESHES / "bracket.step", "unobtainium", "did you mean"),
+        (MESHES / "bracket.step", "unobtainium", "take one of"),
         (MESHES / "bracket.step", "Sitka", "orientation"),
         (DEMOS / "scenes/bar.inp", "6061", "--material"),
     ],

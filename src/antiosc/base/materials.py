@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
 from collections.abc import Mapping
@@ -23,8 +22,6 @@ COMMON = (
     *("steel S235", "aluminium 6082-T6", "titanium Ti-6Al-4V", "magnesium AZ31B"),
     *("concrete C30/37", "PC", "rubber NR 50 IRHD"),
 )
-#: Names that are proposed for one that does not exist.
-PROPOSED = 6
 
 
 @dataclass(frozen=True)
@@ -86,12 +83,11 @@ def record(name: object) -> MaterialRecord:
     for candidates in (exact, matches):
         if len(candidates) == 1:
             return _read(candidates[0], _table()["material"][candidates[0]])
-    similar = matches or sorted(all_names, key=lambda other: -_likeness(wanted, other))
-    proposed = ", ".join(map(repr, similar[:PROPOSED]))
     fault = "is the name of several materials" if matches else "is not in the table of materials"
+    listed = ", ".join(map(repr, matches or all_names))
     raise InputError(
-        f"{wanted!r} {fault}: did you mean {proposed}? `antiosc materials` lists all; others are "
-        "given by their constants E, nu, rho and yield_strength."
+        f"{wanted!r} {fault}: take one of {listed}, or give the constants E, nu, rho and"
+        " yield_strength."
     )
 
 
@@ -183,14 +179,6 @@ def _words(name: str) -> list[str]:
 
 def _begins(word: str, words: list[str]) -> bool:
     return any(known_word.startswith(word) for known_word in words)
-
-
-def _likeness(asked_name: str, name: str) -> float:
-    """Similarity (0 to 1) of two names; a part of a name counts as the whole."""
-    pieces = [name, *name.split()]
-    return max(
-        difflib.SequenceMatcher(None, asked_name.lower(), piece.lower()).ratio() for piece in pieces
-    )
 
 
 @cache

@@ -54,7 +54,7 @@ def material(
     Raises
     ------
     InputError
-        An unknown name, with the nearest ones; constants of wood.
+        An unknown name, with all names; constants of wood.
     """
     record = materials.record(name)
     constants_given = {
