@@ -247,9 +247,7 @@ def law(rng: Rng) -> ao.ContactLaw:
         lambda: ao.Flores(k, e),
         lambda: ao.Gonthier(k, e),
         lambda: ao.Thornton(k, depth),
-        lambda: ao.Stronge(k, depth),
         lambda: ao.YangSun(k, depth),
-        lambda: ao.TanSun(k, depth, slope=0.4),
         lambda: ao.Tabulated(x, force, (back, force[-1] * np.linspace(0, 1, 6) ** 2)),
         lambda: ao.Tabulated(x, force),
     ]

@@ -107,9 +107,7 @@ typedef enum aom_law_kind {
     AOM_DAMPED,     /* F = k delta^n (1 + d delta'/v0) >= 0, v0 the speed of approach (of which at
                        least 1 % of the fastest so far).               k, n, d >= 0 */
     AOM_THORNTON,   /* elastic, perfectly plastic sphere.              k, yield indentation */
-    AOM_STRONGE,    /* elastic-plastic sphere.                         k, yield indentation */
     AOM_YANG_SUN,   /* laminates.                                      k, critical indentation */
-    AOM_TAN_SUN,    /* laminates.                                      k, critical, slope */
     AOM_ELASTIC_PLASTIC, /* sphere and half-space, one of which yields. k, yield indentation,
                        the share of the flexibility of the other one to 1.5, k^(-2/3) */
     AOM_TABLE,      /* measured curves, monotone cubics.  elastic (0 or 1), permanent indentation

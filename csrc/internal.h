@@ -232,10 +232,10 @@ static curve law_power(const aom_law *law, double deepest, bool back);
 static curve law_shape(const aom_law *law, double n, double x);
 static double law_share(const aom_law *law, const unloading *u, double delta);
 static unloading law_unloading(const aom_law *law, bool back, const double *memory);
-static curve law_kink(const aom_law *law, bool last);
+static curve law_kink(const aom_law *law);
 static inline bool remembers(int kind) { return kind >= AOM_THORNTON && kind <= AOM_TABLE; }
 /* Whether reloading goes back along the unloading curve. */
-static inline bool retraces(int kind) { return kind != AOM_YANG_SUN && kind != AOM_TAN_SUN; }
+static inline bool retraces(int kind) { return kind != AOM_YANG_SUN; }
 static tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delta, double rate,
                     const double *memory);
 static branch_bounds law_bounds(const aom_law *law, int branch, const double *memory);

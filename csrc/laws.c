@@ -5,15 +5,13 @@
  * whether it has touched. */
 #include "internal.h"
 
-#define FULLY_PLASTIC 84.0 /* Stronge's law */
-#define PRESSURE 3.3
 /* Share of a law's own flexibility that the compliance of a patch may take; beyond, it takes this. */
 #define TAKEN 0.7
 #define HERTZIAN 1.5 /* the power of Hertz's law */
 #define DEEP_POWER 1.25 /* of unloading from far beyond yield */
 
 /* Numbers of the kinds before AOM_TABLE, but for a compliance behind them. */
-static const int NUMBERS[] = {1, 2, 5, 3, 2, 2, 2, 3, 4};
+static const int NUMBERS[] = {1, 2, 5, 3, 2, 2, 4};
 
 /* A sphere that yields, of s = (yield indentation/delta)^(1/4): F = F_y P(s)/s^4, and the share of
  * the indentation that unloading recovers s^2 Q(s); behind each what a side that stays elastic adds,
@@ -103,11 +101,6 @@ static curve recovery_of(const aom_law *law, double s) {
     return (curve){q.value + law->params[2] * more.value, q.slope + law->params[2] * more.slope};
 }
 
-/* F/F_y of Stronge's law is `area growth`, with area = 2 delta/delta_y - 1. */
-static double stronge_growth(double area) {
-    return 1.0 + log(smaller(area, 2.0 * FULLY_PLASTIC - 1.0)) / PRESSURE;
-}
-
 static curve power(const double *p, double delta) {
     double n = p[1], force;
     if (n == 1.5)
@@ -135,13 +128,6 @@ curve whole_loading(const aom_law *law, double delta) {
     }
     if (law->kind == AOM_THORNTON && delta > y)
         return (curve){k * sqrt(y) * (1.5 * delta - 0.5 * y), 1.5 * k * sqrt(y)};
-    if (law->kind == AOM_STRONGE && delta > y) {
-        double x = delta / y, area = 2.0 * x - 1.0, growth = stronge_growth(area);
-        double top = k * y * sqrt(y), force = top * area * growth;
-        if (x < FULLY_PLASTIC)
-            growth += 1.0 / PRESSURE;
-        return (curve){force, 2.0 * top / y * growth};
-    }
     return (curve){k * delta * sqrt(delta), 1.5 * k * sqrt(delta)};
 }
 
@@ -164,22 +150,12 @@ static double whole_work(const aom_law *law, double delta) {
     if (!remembers(law->kind))
         return power(p, delta).value * delta / (p[1] + 1.0);
     double k = p[0], y = p[1], d = smaller(y, delta);
-    bool yields = law->kind == AOM_THORNTON || law->kind == AOM_STRONGE ||
-                  law->kind == AOM_ELASTIC_PLASTIC;
-    if (!yields || delta <= y)
+    if (law->kind == AOM_YANG_SUN || delta <= y)
         return 0.4 * k * delta * delta * sqrt(delta);
     double elastic = 0.4 * k * d * d * sqrt(d);
     if (law->kind == AOM_THORNTON)
         return elastic + k * sqrt(y) * (delta - y) * (0.75 * (delta + y) - 0.5 * y);
-    double scale = k * y * sqrt(y) * y;
-    if (law->kind == AOM_ELASTIC_PLASTIC)
-        return elastic + scale * pressing_area(law, delta / y);
-    /* the integral of s (1 + ln s/P) ds/2 from 1 to s = 2 x - 1 */
-    double s = 2.0 * delta / y - 1.0, full = 2.0 * FULLY_PLASTIC - 1.0, a = smaller(s, full);
-    double work = (a * a - 1.0) / 4 + (a * a * (2.0 * log(a) - 1.0) + 1.0) / (8.0 * PRESSURE);
-    if (s > full)
-        work += (s * s - full * full) / 4 * (1.0 + log(full) / PRESSURE);
-    return elastic + scale * work;
+    return elastic + k * y * sqrt(y) * y * pressing_area(law, delta / y);
 }
 
 /* Permanent indentation after a deepest one, and its slope. */
@@ -196,21 +172,10 @@ curve whole_permanent(const aom_law *law, double deepest) {
         return (curve){deepest * (1.0 - t) * (1.0 - t) * (2.0 + t) / 2.0,
                        1.0 - 0.75 * t - 0.25 * t * t * t};
     }
-    case AOM_STRONGE: {
-        double root = sqrt(2.0 * x - 1.0), printed = y * (x - 1.0) * (x - 1.0) / (x + root);
-        /* what gives back no more than was put in */
-        curve top = whole_loading(law, deepest);
-        double work = whole_work(law, deepest), least = deepest - 2.5 * work / top.value;
-        if (printed >= least)
-            return (curve){printed, 1.0 - 1.0 / root};
-        return (curve){least, 2.5 * work * top.slope / (top.value * top.value) - 1.5};
-    }
     case AOM_YANG_SUN: {
         double kept = exp(0.4 * log(1.0 / x));
         return (curve){deepest * (1.0 - kept), 1.0 - 0.6 * kept};
     }
-    case AOM_TAN_SUN:
-        return (curve){law->params[2] * (deepest - y), law->params[2]};
     default: {
         double s = sqrt(sqrt(1.0 / x));
         curve q = recovery_of(law, s);
@@ -228,8 +193,7 @@ curve law_power(const aom_law *law, double deepest, bool back) {
     if (law->kind == AOM_ELASTIC_PLASTIC && x > 1.0)
         return (curve){DEEP_POWER + (HERTZIAN - DEEP_POWER) / sqrt(x),
                        -0.5 * (HERTZIAN - DEEP_POWER) / (x * sqrt(x)) / law->params[1]};
-    bool laminate = law->kind == AOM_YANG_SUN || law->kind == AOM_TAN_SUN;
-    return (curve){back && laminate ? 2.5 : HERTZIAN, 0.0};
+    return (curve){back && law->kind == AOM_YANG_SUN ? 2.5 : HERTZIAN, 0.0};
 }
 
 /* Unloading (`back`) or reloading curve of a power n from (0, 0) to (1, 1); a table has its own. */
@@ -516,16 +480,13 @@ static double origin(const aom_law *law, const double *memory) {
     return remembers(law->kind) ? law_permanent(law, memory[0]) : 0.0;
 }
 
-/* A kink of the loading curve, where the contact yields or is fully plastic; infinite: none. The
- * slope is that by the yield indentation. */
-curve law_kink(const aom_law *law, bool last) {
-    bool yields = law->kind == AOM_THORNTON || law->kind == AOM_STRONGE ||
-                  law->kind == AOM_ELASTIC_PLASTIC;
-    if (!yields || (last && law->kind != AOM_STRONGE))
+/* The kink of the loading curve, where the contact yields; infinite: none. The slope is that by the
+ * yield indentation. */
+curve law_kink(const aom_law *law) {
+    if (law->kind != AOM_THORNTON && law->kind != AOM_ELASTIC_PLASTIC)
         return (curve){INFINITY, 0.0};
-    double times = last ? FULLY_PLASTIC : 1.0, at = times * law->params[1];
-    double share = 1.5 * patch_compliance(law) * whole_loading(law, at).value;
-    return (curve){outside(law, at).value, times - share / law->params[1]};
+    double y = law->params[1], share = 1.5 * patch_compliance(law) * whole_loading(law, y).value;
+    return (curve){outside(law, y).value, 1.0 - share / y};
 }
 
 /* Where a branch ends. */
@@ -547,15 +508,13 @@ branch_bounds law_bounds(const aom_law *law, int branch, const double *memory) {
         }
         b.slow = 0.0; /* loading or reloading, up to the next kink */
         double deepest = memory[0], from = memory[2];
-        double first = law_kink(law, false).value;
+        double first = law_kink(law).value;
         if (law->kind == AOM_ELASTIC_PLASTIC && larger(deepest, from) < first)
             b.slow = -INFINITY; /* it goes back as it came */
         if (from < deepest)
             b.high = deepest;
         else if (from < first)
             b.high = first;
-        else if (from < law_kink(law, true).value)
-            b.high = law_kink(law, true).value;
     }
     return b;
 }
@@ -824,7 +783,7 @@ int aom_law_check(const aom_law *law) {
         good = p[1] == 0.0 || (positive(p[1]) && positive(p[2]) && positive(p[3]) &&
                                positive(p[4]) && 2.0 * p[2] - 3.0 * p[1] * p[3] > 0.0);
     else
-        good = positive(p[1]) && (law->kind != AOM_TAN_SUN || (p[2] > 0.0 && p[2] < 1.0)) &&
+        good = positive(p[1]) &&
                (law->kind != AOM_ELASTIC_PLASTIC ||
                 (p[2] >= 0.0 && p[2] <= 1.0 && positive(p[3])));
     return good ? AOM_DONE : AOM_BAD_LAW;

@@ -65,7 +65,6 @@ def others(of: Curves) -> None:
     laws = {
         "Thornton, 1.6 Y": ao.Thornton(k, y),
         "Thornton, 2.8 Y": ao.Thornton.from_material(*sides, 2.8 * LAW.yield_strength),
-        "Stronge": ao.Stronge(k, y),
     }
     shown = (3.0, 10.0, 30.0, 100.0, 300.0)
     for name, law in laws.items():

@@ -48,9 +48,7 @@ from antiosc.engine.contact.laws import (
     LankaraniNikravesh as LankaraniNikravesh,
     Linear as Linear,
     Power as Power,
-    Stronge as Stronge,
     Tabulated as Tabulated,
-    TanSun as TanSun,
     Thornton as Thornton,
     YangSun as YangSun,
 )

@@ -104,7 +104,7 @@ def test_the_speed_at_first_yield() -> None:
 
 LAWS = [
     ao.Hertz(1e9), ao.Power(1e9, 1.5), ao.HuntCrossley(1e9, 0.8), ao.Linear(5e6),
-    ao.Thornton(1e9, 2e-6), ao.Stronge(1e9, 1e-6), ao.YangSun(1e9, 1e-5), ao.TanSun(1e9, 1e-5),
+    ao.Thornton(1e9, 2e-6), ao.YangSun(1e9, 1e-5),
     ao.ElasticPlastic(1e10, 5.6e-3, 1e8), ao.ElasticPlastic(1e10, 5.6e-3, 1e8, elastic_share=0.6),
 ]  # fmt: skip
 

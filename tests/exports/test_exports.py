@@ -332,7 +332,7 @@ def test_the_c_file_is_the_same_run(model, tmp_path, law, stretches):
 
 OTHERS = [
     YIELDS, LAW, ao.Power(1.55e10, 1.6), ao.Gonthier(1.55e10, 0.7), ao.Linear(1e7),
-    ao.Thornton(1.55e10, 1e-6), ao.Stronge(1.55e10, 1e-6), ao.YangSun(1.55e10, 1e-5),
+    ao.Thornton(1.55e10, 1e-6), ao.YangSun(1.55e10, 1e-5),
     ao.Tabulated([0.0, 2e-6, 1e-4], [0.0, 40.0, 1e4], ([5e-5, 8e-5, 1e-4], [0.0, 2e3, 1e4])),
 ]  # fmt: skip
 

@@ -70,7 +70,7 @@ def same(found, hit, rel=1e-9):
         (FREE, STRIKER, ao.Linear(1e7), {"gap": 1e-4}),
         (replace(MODEL, damping=ao.Damping(0.02)), STRIKER, ao.HuntCrossley(1e9, 0.7), {}),
         (replace(MODEL, local_compliance=2e-8), STRIKER, LAW, {}),
-        (MODEL, STRIKER, ao.Stronge(1e9, 1e-6), {}),
+        (MODEL, STRIKER, ao.Thornton(1e9, 1e-6), {}),
         (MODEL, STRIKER, YIELDS, {}),
         (replace(MODEL, local_compliance=2e-8), STRIKER, YIELDS, {}),
         (FREE, ao.Obstacle(), LAW, {"initial_velocity": 1.0}),

@@ -340,7 +340,7 @@ def law_of(rng: np.random.Generator, kind: int, energy: float) -> ao.ContactLaw:
         lambda: ao.LankaraniNikravesh(K, e),
         lambda: ao.Gonthier(K, e),
         lambda: ao.Thornton(K, yields),
-        lambda: ao.Stronge(K, yields),
+        lambda: ao.YangSun(K, yields),
         lambda: ao.Tabulated(depth * grid, K * depth**1.5 * grid * (1 + grid)),
     ][kind]()
 

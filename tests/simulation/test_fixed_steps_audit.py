@@ -18,7 +18,7 @@ from audited_scenes import SCENES
 
 Array = NDArray[np.float64]
 STEPS = 60
-SKIPPED = ("given step", "LankaraniNikravesh", "Flores", "Stronge", "Tabulated12", "Hertz1")
+SKIPPED = ("given step", "LankaraniNikravesh", "Flores", "Tabulated10", "Hertz1")
 NAMES = [name for name in SCENES if not name.startswith(SKIPPED)]
 
 

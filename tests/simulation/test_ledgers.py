@@ -18,7 +18,7 @@ SHARES = np.linspace(0, 1, 101)
 Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 #: Other laws of the same kind have the same ledgers.
-ALIKE = ("Hertz1", "Power3", "Gonthier6", "Stronge8", "Tabulated12")
+ALIKE = ("Hertz1", "Power3", "Gonthier6", "Thornton7", "Tabulated10")
 NAMES = [name for name in SCENES if name not in ALIKE]
 
 

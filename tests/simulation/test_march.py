@@ -168,13 +168,12 @@ BOUNDS = [
     (ao.Linear(1e9), library.APART, (), (-inf, 0.0, -inf, inf)),
     (ao.HuntCrossley(1e9, 0.5), library.FORWARD, (0.25,), (0.0, inf, -4.0, inf)),
     (ao.HuntCrossley(1e9, 0.5), library.CUT, (0.25,), (0.0, inf, -inf, -4.0)),
-    (ao.TanSun(1e9, 1e-5, 0.4), library.FORWARD, (3e-5, 0.0, 2e-5), (8e-6, 3e-5, 0.0, inf)),
-    (ao.TanSun(1e9, 1e-5, 0.4), library.FORWARD, (3e-5, 0.0, 3e-5), (8e-6, inf, 0.0, inf)),
-    (ao.TanSun(1e9, 1e-5, 0.4), library.BACK, (3e-5, 2e-5, 0.0), (8e-6, 2e-5, -inf, inf)),
-    (ao.TanSun(1e9, 1e-5, 0.4), library.APART, (3e-5, 2e-5, 0.0), (-inf, 8e-6, -inf, inf)),
+    (ao.YangSun(1e9, 1e-5), library.FORWARD, (32e-5, 0.0, 26e-5), (24e-5, 32e-5, 0.0, inf)),
+    (ao.YangSun(1e9, 1e-5), library.FORWARD, (32e-5, 0.0, 32e-5), (24e-5, inf, 0.0, inf)),
+    (ao.YangSun(1e9, 1e-5), library.BACK, (32e-5, 28e-5, 0.0), (24e-5, 28e-5, -inf, inf)),
+    (ao.YangSun(1e9, 1e-5), library.APART, (32e-5, 28e-5, 0.0), (-inf, 24e-5, -inf, inf)),
     (ao.Thornton(1e9, 1e-5), library.FORWARD, (0.0, 0.0, 0.0), (0.0, 1e-5, 0.0, inf)),
     (ao.Thornton(1e9, 1e-5), library.FORWARD, (1e-5, 0.0, 1.1e-5), (0.0, inf, 0.0, inf)),
-    (ao.Stronge(1e9, 1e-5), library.FORWARD, (1e-5, 0.0, 1e-5), (0.0, 84e-5, 0.0, inf)),
 ]
 
 

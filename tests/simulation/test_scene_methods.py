@@ -18,8 +18,7 @@ LAWS = [
     ao.HuntCrossley(1e10, 0.7),
     ao.Gonthier(1e7, 0.5, exponent=1.0),
     ao.Thornton(1e10, 1e-5),
-    ao.Stronge(1e10, 2e-6),
-    ao.TanSun(1e10, 1e-6, 0.4),
+    ao.YangSun(1e10, 1e-6),
     ao.Tabulated(X, FORCE, (np.linspace(3e-4, 1e-3, 9), FORCE[-1] * np.linspace(0, 1, 9) ** 1.6)),
 ]
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-from math import log
 from pathlib import Path
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from scipy.integrate import trapezoid
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
@@ -34,7 +32,7 @@ def unloading_power(law: ao.ContactLaw, m: float) -> float:
     if isinstance(law, ao.ElasticPlastic):
         x = whole(law, m)[0] / law.yield_indentation
         return 1.25 + 0.25 / max(x, 1.0) ** 0.5
-    return 2.5 if isinstance(law, ao.YangSun | ao.TanSun) else 1.5
+    return 2.5 if isinstance(law, ao.YangSun) else 1.5
 
 
 def virgin(law: ao.ContactLaw, d: float) -> float:
@@ -63,7 +61,7 @@ def steepness(law: ao.ContactLaw) -> float:
     """Slope at the end of the unloading curve from (0, 0) to (1, 1)."""
     if isinstance(law, ao.Tabulated):
         return float(law.parameters()[-2])
-    if isinstance(law, ao.YangSun | ao.TanSun):
+    if isinstance(law, ao.YangSun):
         return 2.5
     return 1.0 if isinstance(law, ao.Linear) else float(getattr(law, "exponent", 1.5))
 
@@ -82,10 +80,6 @@ def whole_virgin(law: ao.ContactLaw, d: float) -> float:
     if isinstance(law, ao.Thornton) and d > law.yield_indentation:
         y = law.yield_indentation
         return k * y**1.5 + 1.5 * k * y**0.5 * (d - y)
-    if isinstance(law, ao.Stronge) and d > law.yield_indentation:
-        y = law.yield_indentation
-        s = 2 * d / y - 1
-        return k * y**1.5 * s * (1 + log(min(s, 167.0)) / 3.3)
     if isinstance(law, ao.ElasticPlastic) and d > law.yield_indentation:
         x = d / law.yield_indentation
         return law.yield_force * x * float(polyval(x**-0.25, mixed("PRESSING", law)))
@@ -115,15 +109,4 @@ def permanent(law: ao.ContactLaw, m: float) -> float:
         return m * (1 - virgin(law, m) / hertz) if m > law.yield_indentation else 0.0
     if isinstance(law, ao.YangSun):
         return m * (1 - (law.critical / m) ** 0.4) if m > law.critical else 0.0
-    if isinstance(law, ao.TanSun):
-        return law.slope * max(m - law.critical, 0.0)
-    if isinstance(law, ao.Stronge):
-        x = m / law.yield_indentation
-        if x <= 1:
-            return 0.0
-        d = np.linspace(0, m, 200_001)
-        F = np.array([virgin(law, each) if each else 0.0 for each in d[::100]])
-        work = float(trapezoid(F, d[::100]))
-        printed = m - law.yield_indentation * (2 * x - 1) ** 0.5
-        return max(printed, m - 2.5 * work / virgin(law, m))
     return law.parameters()[1] * m

@@ -23,19 +23,16 @@ LAWS = {
     "flores": ao.Flores(1e9, 0.6),
     "gonthier": ao.Gonthier(1e9, 0.6),
     "thornton": ao.Thornton(1e9, 1e-5),
-    "stronge": ao.Stronge(1e9, 5e-7),
-    "stronge near yield": ao.Stronge(1e9, 6e-5),
     "elastic-plastic": ao.ElasticPlastic(1e10, 5.6e-3, 4e7),
     "elastic-plastic near yield": ao.ElasticPlastic(1e10, 5.6e-3, 3.4e8),
     "elastic-plastic, elastic side": ao.ElasticPlastic(1e10, 5.6e-3, 4e7, elastic_share=0.6),
     "hunt-crossley without patch": ao.HuntCrossley(1e9, 0.6, compliance=2e-9),
     "thornton without patch": ao.Thornton(1e9, 1e-5, compliance=2e-8),
-    "tan-sun without patch": ao.TanSun(1e9, 1e-5, slope=0.3, compliance=2e-9),
+    "yang-sun without patch": ao.YangSun(1e9, 1e-5, compliance=2e-9),
     "elastic-plastic without patch": ao.ElasticPlastic(
         1e10, 5.6e-3, 4e7, elastic_share=0.3, compliance=5e-9
     ),
     "yang-sun": ao.YangSun(1e9, 1e-5),
-    "tan-sun": ao.TanSun(1e9, 1e-5, slope=0.3),
     "table": ao.Tabulated(LOADING_DEPTHS, LOADING, (UNLOADING_DEPTHS, UNLOADING)),
     "elastic table": ao.Tabulated(LOADING_DEPTHS, LOADING),
 }

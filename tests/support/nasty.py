@@ -594,7 +594,7 @@ OWN: dict[str, dict[str, Any]] = {
     "SceneHistory.plot": {"path": "hit.png"},
     "plotting.plot_model": {"path": "model.png"}, "AntiOscillators.plot": {"path": "model.png"},
     "plotting.plot_map": {"impact_map": surface_map, "quantity": "k0", "path": "map.png"},
-    "zener.restitution": {}, "TanSun": {"slope": 0.4}, "Power": {"stiffness": 1e6},
+    "zener.restitution": {}, "Power": {"stiffness": 1e6},
 }  # fmt: skip
 
 SELVES: dict[str, Callable[[], Any]] = {

@@ -86,9 +86,7 @@ LAWS = [
     ao.Flores(1e10, 0.3),
     ao.Gonthier(1e7, 0.5, exponent=1.0),
     ao.Thornton(1e10, 1e-5),
-    ao.Stronge(1e10, 2e-6),
     ao.YangSun(1e10, 1e-6),
-    ao.TanSun(1e10, 1e-6, 0.4),
     ao.Tabulated(
         np.linspace(0, 1e-3, 9),
         1e8 * np.linspace(0, 1e-3, 9) ** 1.3,
@@ -121,7 +119,7 @@ def random_law(rng: np.random.Generator) -> ao.ContactLaw:
         ao.Power(k, rng.uniform(1, 3)),
         ao.HuntCrossley(k, rng.uniform(0.2, 1)),
         ao.Thornton(k, depth),
-        ao.Stronge(k, depth),
+        ao.Gonthier(k, 0.5),
         ao.YangSun(k, depth),
     ][rng.integers(7)]
 

@@ -140,7 +140,8 @@ class Truth:
             return -y[0]
 
         def slips(_: float, y: Array) -> float:
-            return float(np.linalg.norm(self.friction("stick", y)) - self._most(y))
+            beyond = np.linalg.norm(self.friction("stick", y)) - self._most(y)
+            return float(beyond) - 1e-12 * scene.friction * scene.pressing  # not at its start
 
         def sticks(_: float, y: Array) -> float:
             _, _, rate, _, unit = self._parts(y)

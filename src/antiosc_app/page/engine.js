@@ -1,7 +1,7 @@
 // The march in WebAssembly: an impact of two bodies, posed as antiosc.impact.two_bodies does.
 
 // csrc/antiosc_march.h; antiosc.engine.contact.base.TAKEN
-const LINEAR = 0, HERTZ = 2, ELASTIC_PLASTIC = 8, TAKEN = 0.7;
+const LINEAR = 0, HERTZ = 2, ELASTIC_PLASTIC = 6, TAKEN = 0.7;
 const NUMBERS = ["answer", "peak_force", "impulse", "contact_time", "restitution", "contacts",
   "touching", "first", "last", "force_error", "peak_error", "lasting", "n_nodes", "time", "force",
   "depth", "reach", "deepest", "dent", "work"]; // `found` of csrc/page/engine.c

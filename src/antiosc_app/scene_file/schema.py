@@ -339,7 +339,7 @@ KIND = "kind"
 # Classes and other constructors that `kind` chooses from. Materials:
 FAMILIES = "AnisotropicSolid Beam Laminate Shell Solid Truss material"
 LAWS = (
-    "ElasticPlastic Flores Gonthier HuntCrossley LankaraniNikravesh Stronge TanSun Thornton"
+    "ElasticPlastic Flores Gonthier HuntCrossley LankaraniNikravesh Thornton"
     " Thornton.from_material YangSun Hertz Hertz.from_radii Linear Power Tabulated"
 )
 IMPACTORS = "Impactor Obstacle RigidMass Sphere named_impactor"

@@ -486,72 +486,18 @@ class Thornton(Hysteretic):
 
 
 @dataclass(frozen=True)
-class Stronge(Hysteretic):
-    """Elastic-plastic sphere. W. J. Stronge, Impact Mechanics, Cambridge 2000, ch. 6.
-
-    For comparison only: against finite elements (benchmarks/elastoplastic) the force is 51, 43, 28,
-    15, -5 % off at 3, 10, 30, 100, 300 yield indentations, and restitution up to 0.18 low. It lies
-    above Hertz's law up to 50 yield indentations, which no plastic flow can do: the assumption that
-    from first yield on the contact area grows as in full plasticity, 2 pi R d(delta), makes the
-    slope of the force 2.6 F_y/delta_y there instead of Hertz's 1.5. `ElasticPlastic` has no jump.
-
-    Hertz up to yield at delta_y; then F/F_y = (2 x - 1)(1 + ln(2 x - 1)/3.3) with
-    x = delta/delta_y, and the mean pressure stays 2.55 times that at yield from x = 84 on.
-    Unloading is Hertzian from delta_m to delta_p = delta_m - delta_y sqrt(2 x_m - 1). As printed,
-    unloading would return more energy than loading absorbed for x_m < 1.9; there delta_p is the
-    value without loss.
-
-    Parameters
-    ----------
-    stiffness : float
-        Hertz's k_H [N m^-3/2].
-    yield_indentation : float
-        delta_y [m] at first yield.
-    """
-
-    stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))
-    yield_indentation: float = field(metadata=checked_by(checks.positive, "m"))
-
-    kind: ClassVar[int] = library.STRONGE
-
-
-@dataclass(frozen=True)
-class _Laminate(Hysteretic):
-    """F = k delta^1.5 on loading and reloading, unloading with the power 2.5."""
-
-    stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))
-    critical: float = field(metadata=checked_by(checks.positive, "m"))
-
-
-@dataclass(frozen=True)
-class YangSun(_Laminate):
+class YangSun(Hysteretic):
     """Indentation of laminates. S. H. Yang, C. T. Sun, ASTM STP 787 (1982) 425-449.
 
+    F = stiffness delta^1.5 on loading and reloading, unloading with the power 2.5, with
     delta_p = delta_m [1 - (critical/delta_m)^(2/5)] beyond the critical indentation [m], else 0.
     `stiffness` in N m^-3/2.
     """
 
+    stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))
+    critical: float = field(metadata=checked_by(checks.positive, "m"))
+
     kind: ClassVar[int] = library.YANG_SUN
-
-
-def _checked_slope(name: str, value: object) -> float:
-    slope = checks.number(name, value)
-    if not 0 < slope < 1:
-        raise InputError(f"slope must lie in 0 < slope < 1; got {slope:g}.")
-    return slope
-
-
-@dataclass(frozen=True)
-class TanSun(_Laminate):
-    """Indentation of laminates. T. M. Tan, C. T. Sun, J. Appl. Mech. 52 (1985) 6-12.
-
-    delta_p = slope * (delta_m - critical) beyond the critical indentation [m], else 0, with
-    0 < slope < 1. `stiffness` in N m^-3/2.
-    """
-
-    slope: float = field(default=0.5, metadata=checked_by(_checked_slope))
-
-    kind: ClassVar[int] = library.TAN_SUN
 
 
 class Tabulated(Hysteretic):
