@@ -218,8 +218,8 @@ def test_pages_that_measurements_wrote_keep_their_links(generated, tmp_path):
     pictures = re.findall(r"\]\(\.\./\.\./(benchmarks/[^)]+)\)", text)
     assert pictures
     assert [p for p in pictures if not (ROOT / p).is_file()] == []
-    link = "[it](../benchmarks/speed/scaling.md) [that](../demos/pictures/x.png) [all](../demos)"
-    there = "[it](demos/scaling_page.md) [that](../demos/pictures/x.png) [all](demos/index.md)"
+    link = "[it](../benchmarks/speed/nine_million.md) [so](../demos/pictures/x.png) [all](../demos)"
+    there = "[it](demos/nine_million_page.md) [so](../demos/pictures/x.png) [all](demos/index.md)"
     assert generated.of_this_folder(link) == there
     assert generated.of_this_folder("[a](../../demos/drop.py)") == "[a](../demos/drop.md)"
 
