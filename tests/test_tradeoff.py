@@ -156,8 +156,8 @@ def test_the_message_tells_the_share_of_the_law_and_the_whole_bar():
     why = replace(best, unknown_law="It was measured by nobody.")
     unknown = replace(found, table=(other, why))
     assert "the error of the contact law. It was measured by nobody." in unknown.message
-    assert "[strike], makes such a mesh" not in known.message  # of a structure that is given
-    assert "[strike], makes such a mesh" in replace(known, given=False).message
+    assert "strike makes such a mesh" not in known.message  # of a structure that is given
+    assert "strike makes such a mesh" in replace(known, given=False).message
     # the error of the law depends on the patch, which a scene's [strike] may choose otherwise
     hit = SimpleNamespace(**vars(known.hit) | {"model": SimpleNamespace(patch_radius=3.8e-4)})
     of_patch = replace(known, given=False, hit=hit)

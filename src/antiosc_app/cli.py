@@ -160,7 +160,7 @@ ARGUMENTS: dict[str, list[tuple[str, dict[str, Any]]]] = {
             {
                 "type": float,
                 "metavar": "SECONDS",
-                "help": "run the unreduced model and CalculiX too, if each takes at most so long",
+                "help": "run the unreduced model too, if it takes at most so long",
             },
         ),
         REPORT,

@@ -45,7 +45,7 @@ from antiosc.impact.reference import (
     integrate_reference,
 )
 from antiosc.impact.reference_ivp import IVP_METHODS
-from antiosc.impact.scene_parts import Contact, SceneParts, direction_notes, misplaced_ends
+from antiosc.impact.scene_parts import Contact, SceneParts, direction_notes
 from antiosc.impact.stretching import stretched
 from antiosc.impact.truncation import (
     Run,
@@ -142,8 +142,7 @@ class Scene(SceneParts):
         Warns
         -----
         AccuracyWarning
-            As `simulate`; and where the ends of a contact have known places that do not meet, or
-            known directions that are not one line.
+            As `simulate`.
         """
         duration = checks.positive("duration", duration, "s")
         settings = Settings(tol, method, step, max_contacts, max_steps)
@@ -153,8 +152,6 @@ class Scene(SceneParts):
         stored = [sentence for body in bodies for sentence in info_of(body).doubts or ()]
         doubts = [*stored, *plausible.warn_each(blows)]
         history, check = _run_scene(self, settings, duration)
-        for sentence in misplaced_ends(self.contacts, history.assembly.bodies):
-            history = with_warning(history, sentence)
         warn_large_rotation(*history.largest_rotation())
         check.warn()
         history = with_warning(history, large_deflection_message(history))

@@ -33,12 +33,9 @@ from antiosc.engine.system import side_by_side
 from antiosc.impact.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import AUTO, LAW, choice_at_sites, is_auto
-from antiosc.models.body import checked_body, info_of, site_points
+from antiosc.models.body import checked_body
 from antiosc.models.modal import SiteModes
 from antiosc.models.motion import ModalState, Motion
-
-#: Least distance [m] of two ends that is told: points of sheets and beams lie on their middles.
-SAME_PLACE = 0.01
 
 
 def _checked_law(name: str, law: object) -> object:
@@ -56,7 +53,8 @@ class Contact(Checked):
     a, b : str
         The ends; the force pushes a along the direction of its site and b against it. Where a has
         no direction, as an obstacle, the force pushes b against its own: two stops on either side
-        of a tip are ("tip", "one") and ("other", "tip"). The history's message says so.
+        of a tip are ("tip", "one") and ("other", "tip"). The history's message says so. Whether
+        the ends meet is not checked: it is one contact along the first direction that is known.
     law : ContactLaw or "auto"
         Force along the direction of the contact; "auto": as for `simulate`.
     gap : float, optional
@@ -405,70 +403,6 @@ def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -
                 f" pushed along it."
             )
     return notes
-
-
-def misplaced_ends(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
-    """Sentences on contacts whose ends are apart or have different directions."""
-    sentences = []
-    for contact in contacts:
-        ends = find_site(contact.a, bodies), find_site(contact.b, bodies)
-        ends_text = f"the ends {contact.a!r} and {contact.b!r} of a contact"
-        sentences += [
-            f"{ends_text} {fault}; it is simulated as one contact along the first direction that is"
-            f" known. Give both bodies in the axes of the scene, and their sites where they touch."
-            for fault in (_distance(contact, ends), _angle(ends))
-            if fault
-        ]
-    return sentences
-
-
-def _distance(contact: Contact, ends: tuple[End, End]) -> str:
-    """The distance between the ends of a contact as text; "" if patches and cells explain it."""
-    direction = contact_direction(*ends)
-    points = [_point(*end) for end in ends]
-    a, b = points
-    if a is None or b is None or direction is None:
-        return ""
-    gap = sum(body.gap for body, _ in ends) if contact.gap is None else contact.gap
-    normal_distance = (a - b) @ direction
-    # drawn in contact, or at the distance of the gap
-    offset = a - b - np.clip(normal_distance, 0.0, gap) * direction
-    distance = float(np.linalg.norm(offset))
-    allowed = sum(_reach(*end) for end in ends)
-    if distance <= max(allowed, SAME_PLACE):
-        return ""
-    return (
-        f"lie {distance:.4g} m apart besides the gap of {gap:.4g} m, at"
-        f" {np.round(a, 6).tolist()} and {np.round(b, 6).tolist()} m"
-    )
-
-
-def _point(body: SceneBody, site: str) -> Array | None:
-    """Coordinates (3,) [m] of a site; None if unknown."""
-    if isinstance(body.body, RigidBody):
-        return np.asarray(body.body.sites[site][0])
-    point = site_points(body.body).get(site)
-    if point is None:
-        return None
-    return np.asarray(point, dtype=float)
-
-
-def _reach(body: SceneBody, site: str) -> float:
-    """Distance [m] that a site may be off the surface: radius of its patch and size of its cell."""
-    cells = info_of(body.body).cells or {}
-    return (body.patch_radius or 0.0) + (cells[site][0] if site in cells else 0.0)
-
-
-def _angle(ends: tuple[End, End]) -> str:
-    """The angle between the directions of the ends as text; "" if they are parallel or unknown."""
-    a, b = (body.pushes.get(site) for body, site in ends)
-    if a is None or b is None or abs(a @ b) >= PARALLEL:
-        return ""
-    angle = np.degrees(np.arccos(abs(a @ b)))
-    return (
-        f"have directions {angle:.3g}° off one line, {np.round(a, 4).tolist()} and"
-        f" {np.round(b, 4).tolist()}"
-    )
 
 
 def tangential_rows(

@@ -100,7 +100,7 @@ class TradeoffMember:
     difference : largest relative difference of the three quantities from the finest member; NaN
         before that is known.
     impulse, contact_time : those of the corrected model [N s], [s].
-    method : "antiosc"; of `Tradeoff.others` "unreduced" or "CalculiX", which have no bar (inf), no
+    method : "antiosc"; of `Tradeoff.others` "unreduced", which has no bar (inf), no
         anti-oscillators (0) and no correction of the mesh's error.
     """
 
@@ -373,9 +373,8 @@ def tradeoff(
         Relative error of peak force, impulse and contact time of interest; members are made until
         one has half of it. A `Structure`, and a mesh that is not divided, have one mesh.
     compare : float, optional
-        Seconds that each other method may take, on the mesh of `best(tol)`: the unreduced model in
-        time and, for solids of quadratic tetrahedra and rigid impactors, CalculiX where `ccx` is on
-        the PATH. Methods that are forecast to take longer are not run; `notes` name them.
+        Seconds that the unreduced model may take in time, on the mesh of `best(tol)`. If its
+        forecast is longer it is not run; `notes` say so.
     ready : callable, optional
         Called with each member as soon as it is computed, before its difference from the finest one
         is known.
