@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 #: Relative error of a force from which it is told before the numbers.
 WIDE = 0.5
+#: Share of a bar below which its cause is not told.
+LEAST_SHARE = 0.05
 #: Cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
     "mesh": "use smaller elements around the site",
@@ -173,6 +175,8 @@ def largest_share(budget: ErrorBudget | None) -> str:
         return ""
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))
+    if getattr(bar, cause) < LEAST_SHARE:
+        return ""
     share = percent(getattr(bar, cause))
     return f"Most of the bar of the peak force comes from the {cause}, {share}: {REMEDIES[cause]}."
 

@@ -149,24 +149,6 @@ NO_QUESTION = 0.02
 LEAST_TOLD = 1e-3
 
 
-def unstretched_text(history: RunHistory, is_sheet: bool = False) -> str:
-    """Sentence that the thin parts of a run bend too little to stretch; "" if one may, or without
-    such parts. `is_sheet`: whether they are sheets, which are told always.
-    """
-    held = [(name, h) for name, body, h in _sheets(history) if body.omega.all()]
-    along_line = [
-        (name, bends)
-        for name, body in history.assembly.bodies.items()
-        if (bends := info_of(body.body).bends) is not None
-    ]
-    ratios = [deflection(history, name) / h for name, h in (*held, *along_line)]
-    worst = max(ratios, default=np.inf)
-    if worst > SLIGHT_DEFLECTION or not (is_sheet or worst >= NO_QUESTION):
-        return ""
-    times = f"{worst:.2g}" if worst >= LEAST_TOLD else f"less than {LEAST_TOLD:g}"
-    return f"it deflects at the site by {times} times its thickness, too little to stretch"
-
-
 #: Largest share by which forces of a sheet that nothing stretches are larger where it bends in two
 #: directions at once, up to a deflection of so many thicknesses.
 BENT_TWICE = ((0.5, "2.3 %"), (1.0, "9 %"), (2.0, "17 %"))
