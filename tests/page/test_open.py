@@ -545,6 +545,15 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         browser.address(command, 1300)  # the scene is the server's: a reload keeps it
         again = reached(browser, 5)
         assert again["scene"] == faster["scene"]
+        choose = "const s = document.querySelector('[name=striker]'); s.value = arguments[0];"
+        browser.run(choose + "s.dispatchEvent(new Event('change'))", "floor")
+        for _ in range(100):
+            if browser.run("return bench.falls"):
+                break
+            time.sleep(0.1)
+        assert browser.run("return 'drop' in bench.scene")
+        browser.run("document.getElementById('undo').click()")
+        assert reached(browser, 7)["scene"] == faster["scene"]
         browser.run("document.getElementById('map').click()")
         for _ in range(1200):
             if browser.run("return Boolean(bench.page && bench.page.sites) && !bench.pending"):

@@ -260,7 +260,7 @@ class Bench {
     this.anew("contact", Object.entries(facts.contacts), facts.contact, String);
     this.list("part", "material", facts.materials, () => this.scene.material.name || OWN, () => this.scene.material);
     if (facts.of_deck) this.list("part", "yields like", ["", ...facts.strengths], () => this.scene.deck.yield_strength, () => facts.strengths.length, (name) => this.edit({ set: { "deck.yield_strength": name || null } }));
-    this.list("striker", "striker", Object.keys(STRIKERS), () => (this.falls ? "floor" : KINDS[this.scene.impactor.kind]), () => true, null, STRIKERS);
+    this.list("striker", "striker", Object.keys(STRIKERS), () => (this.falls ? "floor" : KINDS[this.scene.impactor.kind]), () => true, undefined, STRIKERS);
     this.list("striker", "of", facts.striker_materials, () => this.scene.impactor.material || OWN, () => !this.falls && this.scene.impactor.kind !== "named_impactor");
     this.list("striker", "name", facts.hammers, () => this.scene.impactor.name, () => !this.falls && this.scene.impactor.kind === "named_impactor", (name) => this.edit({ set: { "impactor.name": name } }));
     this.list("striker", "onto", facts.floors, () => (this.scene.drop.floor || {}).material || "rigid", () => this.falls && !this.layered());

@@ -243,7 +243,7 @@ class Page {
     const { data, part, hit } = this, stress = part.fields.stress ? part.most("stress") : NaN, moved = part.moved_at_site(this.body());
     this.drawn ??= { stress, moved }; // the first impact is the computed one
     if (!this.at_start()) {
-      hit.stress = data.stress * stress / (this.drawn.stress || 1);
+      hit.stress = data.stress_place ? data.stress * stress / (this.drawn.stress || 1) : NaN; // beside a contact it is not the picture's
       hit.site_deflection = this.computed.site_deflection * moved / (this.drawn.moved || 1);
     }
     part.known = { stress: hit.stress };
