@@ -336,17 +336,11 @@ def _single(value: Array) -> Any:
 def _bar(slope: Array, *others: Array | None) -> Any:
     """The error of a derivative by its differences, and those of the changed models."""
     total = slope[..., 1, 0]
-    if others:
-        changes = [
-            None if other is None or other.shape != slope.shape else abs(other - slope)[..., 0, 0]
-            for other in others
-        ]
-        of_truncation = [change for change in changes[:2] if change is not None]
-        if not of_truncation:
-            return None  # m and omega of models of different sizes cannot be compared
-        total = total + TRUNCATION_SAFETY * np.max(of_truncation, axis=0)
-        if changes[2:]:
-            total = total + SAFETY * (0.0 if changes[2] is None else changes[2])
+    changes = [abs(other[..., 0, 0] - slope[..., 0, 0]) for other in others if other is not None]
+    if changes:
+        total = total + TRUNCATION_SAFETY * np.max(changes[:2], axis=0)
+    if changes[2:]:
+        total = total + SAFETY * changes[2]
     return _single(total)
 
 
