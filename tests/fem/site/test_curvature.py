@@ -1,8 +1,7 @@
-"""Curvature of a surface at a site against closed forms: with CAD and by a fit to nodes."""
+"""Curvature of a surface at a site against closed forms: a fit to nodes."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,38 +56,21 @@ def meshed(folder: Path, shape: str, size: float, order: int) -> ao.Mesh:
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("name", SHAPES)
-def test_cad_knows_the_curvature_whatever_the_mesh(tmp_path: Path, name: str, order: int) -> None:
-    shape, site, known, kind = SHAPES[name]
-    for size in (0.006, 0.003):
-        mesh = meshed(tmp_path, shape, size, order)
-        found = curvature(mesh, Faces(mesh, sheet=False), np.array(site, dtype=float))
-        assert (found.kind, found.source) == (kind, "CAD")
-        off = np.abs(found.values - known).max()
-        assert off <= 1e-6 * max(np.abs(known)) + found.error
-        assert found.error <= 0.04 * max(np.abs(known))
-        if kind == LINE:
-            assert found.length == pytest.approx(LENGTHS[name], rel=1e-6 if off < 1e-9 else 0.1)
-
-
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("name", SHAPES)
 def test_a_fit_to_nodes_is_within_its_spread(tmp_path: Path, name: str, order: int) -> None:
     shape, site, known, kind = SHAPES[name]
     for size in (0.0025, 0.0015) if name == "fillet of 4 mm" else (0.006, 0.003):
-        mesh = replace(meshed(tmp_path, shape, size, order), cad=None)
+        mesh = meshed(tmp_path, shape, size, order)
         found = curvature(mesh, Faces(mesh, sheet=False), np.array(site, dtype=float))
-        assert (found.kind, found.source) == (kind, "mesh")
+        assert found.kind == kind
         assert np.abs(found.values - known).max() <= found.error
     assert found.error <= (0.15 if name == "fillet of 4 mm" else 0.08) * max(np.abs(known))
     if kind == LINE:
         assert found.length == pytest.approx(LENGTHS[name], rel=2e-2)
 
 
-@pytest.mark.parametrize("cad", [True, False])
 @pytest.mark.parametrize("order", [1, 2])
-def test_edges_and_corners_have_no_curvature(tmp_path: Path, order: int, cad: bool) -> None:
+def test_edges_and_corners_have_no_curvature(tmp_path: Path, order: int) -> None:
     mesh = meshed(tmp_path, "Box(1) = {0, 0, 0, 0.06, 0.06, 0.02};", 0.008, order)
-    mesh = mesh if cad else replace(mesh, cad=None)
     faces = Faces(mesh, sheet=False)
     for site, kind in (((0, 0, 0.011), EDGE), ((0, 0, 0), CORNER), ((0, 0.03, 0.01), PLANE)):
         found = curvature(mesh, faces, np.array(site, dtype=float))
@@ -134,9 +116,11 @@ def test_a_part_of_an_assembly_is_curved_where_it_lies(tmp_path: Path) -> None:
     at = ao.Placement(shift=(0.1, 0.2, 0.3), axis=(0, 1, 0), angle=np.pi / 2)
     pair = ao.assemble({"a": part}, at={"a": at})
     found = curvature_at(pair, at.placed(np.array([[0, 0, 0.01]]))[0])
-    np.testing.assert_allclose(found.values, (0.01 / 0.03**2, 0.01 / 0.02**2), rtol=1e-6)
-    np.testing.assert_allclose(found.normal, (1, 0, 0), atol=1e-4)
-    np.testing.assert_allclose(np.abs(found.directions), [[0, 0, 1], [0, 1, 0]], atol=1e-4)
+    known = (0.01 / 0.03**2, 0.01 / 0.02**2)
+    np.testing.assert_allclose(found.values, known, atol=found.error)
+    assert found.error < 0.2 * known[1]
+    np.testing.assert_allclose(found.normal, (1, 0, 0), atol=1e-2)
+    np.testing.assert_allclose(np.abs(found.directions), [[0, 0, 1], [0, 1, 0]], atol=0.1)
 
 
 def test_two_cylinders_touch_as_their_axes_lie() -> None:
@@ -185,7 +169,7 @@ def test_a_flat_side_of_one_face_is_flat_and_a_bent_one_is_not_known():
 def test_a_flat_place_beside_a_fillet_is_flat(tmp_path: Path) -> None:
     """A fit as wide as the part takes in nodes of the fillet, and has a hollow of 0.1 m."""
     shape = "Box(1) = {0, 0, 0, 0.06, 0.04, 0.03}; v() = Fillet{1}{9, 10, 11, 12}{0.004};"
-    mesh = replace(meshed(tmp_path, shape, 0.003, 1), cad=None)
+    mesh = meshed(tmp_path, shape, 0.003, 1)
     part = ao.Structure(mesh, ao.Solid(**STEEL))
     for site in ((0.01, 0.0, 0.02), (0.02, 0.0, 0.01), (0.03, 0.008, 0.03)):
         found = curvature_at(part, site)

@@ -32,13 +32,12 @@ class Curvature(ReprMixin):
         "edge" or "corner", which have no curvature: their radius must be given.
     values : (2,) principal curvatures [1/m], ascending; > 0 where the surface is convex, exactly 0
         along planes and lines, NaN of edges and corners.
-    error : bound on the error of each value [1/m]; 0 where the geometry of CAD gives it.
+    error : bound on the error of each value [1/m].
     directions : (2, 3) unit vectors of the principal directions, in the order of `values`.
     point, normal : (3,) the point on the surface [m], and the outward unit normal there.
     length : length [m] of the straight line through the point along which a "line" extends; inf for
         other kinds.
     middle : (3,) the middle of this line; the point itself for other kinds.
-    source : "CAD", or "mesh" for a fit to nodes of the mesh.
     """
 
     kind: str
@@ -49,7 +48,6 @@ class Curvature(ReprMixin):
     normal: Array
     length: float = inf
     middle: Array | None = None
-    source: str = "mesh"
 
     @property
     def radii(self) -> tuple[float, float]:
