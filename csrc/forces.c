@@ -144,7 +144,7 @@ static void start_forces(aom_stepper *st, const influence *local) {
 }
 
 /* Change the force of a row at a stage. */
-static void put(aom_stepper *st, int stage, int i, double value) {
+static void set_force(aom_stepper *st, int stage, int i, double value) {
     int g = st->group[i], node = stage + 1;
     double *f = st->work.force[i].f + node, *sum = st->work.sum[g].f + node;
     *sum = alone(st, g) ? value : *sum + (value - *f);
@@ -152,7 +152,7 @@ static void put(aom_stepper *st, int stage, int i, double value) {
 }
 
 /* Indentation and rate of row i at a stage under the forces of the attempt. */
-static void felt(const aom_stepper *st, const influence *local, int stage, int i, double *delta,
+static void row_motion(const aom_stepper *st, const influence *local, int stage, int i, double *delta,
                  double *rate) {
     *delta = st->work.base[i].depth[stage];
     *rate = st->work.base[i].rate[stage];
@@ -193,7 +193,7 @@ static double slider_base(const contact_state *contact, int stage, int r) {
 }
 
 /* Friction of one contact by a spring that hangs at a slider; by how much its forces changed. */
-static double rub(aom_stepper *st, const influence *local, int stage, int c) {
+static double friction_force(aom_stepper *st, const influence *local, int stage, int c) {
     const aom_contact *contact = st->system.contacts + c;
     contact_state *state = st->contacts + c;
     nodes *force = st->work.force;
@@ -202,7 +202,7 @@ static double rub(aom_stepper *st, const influence *local, int stage, int c) {
     double most = contact->friction * larger(force[c].f[node], 0.0);
     double way[2] = {0.0, 0.0}, old[2] = {0.0, 0.0}, new[2] = {0.0, 0.0}, held[3] = {0.0, 0.0, 0.0};
     for (int r = 0; r < count; r++) {
-        felt(st, local, stage, first + r, way + r, &rate);
+        row_motion(st, local, stage, first + r, way + r, &rate);
         old[r] = force[first + r].f[node];
         held[r] = local[first + r].depth[stage][node];
     }
@@ -223,7 +223,7 @@ static double rub(aom_stepper *st, const influence *local, int stage, int c) {
         new[0] = state->direction[0] * most;
 
     for (int r = 0; r < count; r++) {
-        put(st, stage, first + r, new[r]);
+        set_force(st, stage, first + r, new[r]);
         state->anchor[node][r] = state->anchor[0][r];
         if (state->slips)
             state->anchor[node][r] = way[r] - give[r] * new[r] - held[2] * new[1 - r];
@@ -278,7 +278,7 @@ static void residuals(aom_stepper *st, const influence *local, int n, double *no
             int c = st->work.active[i];
             newton_row *row = st->work.newton + i;
             double delta, rate, f = st->work.force[c].f[stage + 1];
-            felt(st, local, stage, c, &delta, &rate);
+            row_motion(st, local, stage, c, &delta, &rate);
             tangent law = law_tangent(st, &st->system.contacts[c].law, st->contacts[c].branch,
                                       delta, rate, st->contacts[c].memory);
             row->rest[stage] = f - law.force;
@@ -443,13 +443,13 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
             const aom_contact *contact = st->system.contacts + c;
             double delta, rate, new = st->work.force[c].f[stage + 1], old = new;
             if (!pressing(st->contacts[c].branch)) {
-                put(st, stage, c, 0.0);
+                set_force(st, stage, c, 0.0);
                 for (int r = 0; r < contact->n_tangential; r++)
-                    put(st, stage, contact->first_tangential + r, 0.0);
+                    set_force(st, stage, contact->first_tangential + r, 0.0);
                 continue;
             }
             if (take) {
-                felt(st, local, stage, c, &delta, &rate);
+                row_motion(st, local, stage, c, &delta, &rate);
                 tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
                                           st->contacts[c].memory);
                 const influence *own = local + c;
@@ -460,12 +460,12 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
                     1e-15 * law.by_delta / grip * fabs(st->work.base[c].depth[stage]);
                 new = old - (old - law.force) / grip;
                 out[2] = larger(out[2], rounding);
-                put(st, stage, c, new);
+                set_force(st, stage, c, new);
             }
             out[0] = larger(out[0], fabs(new - old));
             out[1] = larger(out[1], fabs(new));
             if (contact->n_tangential > 0)
-                out[0] = larger(out[0], rub(st, local, stage, c));
+                out[0] = larger(out[0], friction_force(st, local, stage, c));
         }
 }
 
@@ -495,7 +495,7 @@ bool all_forces(aom_stepper *st, const influence *local) {
             continue;
         for (int stage = 0; stage < 2; stage++)
             for (int i = 0; i < m; i++)
-                felt(st, local, stage, i, &st->work.motion[i].depth[stage],
+                row_motion(st, local, stage, i, &st->work.motion[i].depth[stage],
                      &st->work.motion[i].rate[stage]);
         return true;
     }

@@ -143,7 +143,7 @@ static int unknown_rows(aom_stepper *st) {
 static double contact_equation(aom_stepper *st, const influence *local, int n, equation e,
                                double *row) {
     double delta, rate, f = st->work.force[e.row].f[e.stage + 1];
-    felt(st, local, e.stage, e.row, &delta, &rate);
+    row_motion(st, local, e.stage, e.row, &delta, &rate);
     const contact_state *contact = st->contacts + e.row;
     tangent law = law_tangent(st, &st->system.contacts[e.row].law, contact->branch, delta, rate,
                               contact->memory);
@@ -173,7 +173,7 @@ static void stretch_equations(aom_stepper *st, const influence *local, int n, in
     int m = st->system.n_stretch, first = first_stretch(&st->system), size = 2 * n;
     for (int k = 0; k < m; k++) {
         double rate;
-        felt(st, local, stage, first + k, w->coordinates + k, &rate);
+        row_motion(st, local, stage, first + k, w->coordinates + k, &rate);
     }
     stretch_forces(st);
     for (int k = 0; k < m; k++) {
@@ -239,12 +239,12 @@ static double newton_step(aom_stepper *st, const influence *local, int n) {
 }
 
 /* Friction of all contacts at both stages; by how much its forces changed, over the largest. */
-static double rub_all(aom_stepper *st, const influence *local) {
+static double all_friction(aom_stepper *st, const influence *local) {
     double change = 0.0, most = 1e-3 * st->now.force_scale;
     for (int c = 0; c < st->system.n_contacts; c++)
         for (int stage = 0; stage < 2 && st->system.contacts[c].n_tangential > 0; stage++)
             if (pressing(st->contacts[c].branch)) {
-                change = larger(change, rub(st, local, stage, c));
+                change = larger(change, friction_force(st, local, stage, c));
                 most = larger(most, fabs(st->work.force[c].f[stage + 1]));
             }
     return most > 0.0 ? change / most : 0.0;
@@ -255,7 +255,7 @@ static void release(aom_stepper *st, int c) {
     const aom_contact *contact = st->system.contacts + c;
     for (int stage = 0; stage < 2; stage++)
         for (int k = 0; k <= contact->n_tangential; k++)
-            put(st, stage, row_of_contact(contact, c, k), 0.0);
+            set_force(st, stage, row_of_contact(contact, c, k), 0.0);
 }
 
 bool stretched_forces(aom_stepper *st, const influence *local) {
@@ -266,14 +266,14 @@ bool stretched_forces(aom_stepper *st, const influence *local) {
     int n = unknown_rows(st);
     gather_depths(st, local, n);
     for (int tries = 0; tries < STRETCH_TRIES; tries++) {
-        double far = newton_step(st, local, n), rubbed = rub_all(st, local);
+        double far = newton_step(st, local, n), rubbed = all_friction(st, local);
         if (!(far < 1e300) || st->law_failed)
             return false;
         if (far > ACCURATE || rubbed > RESTING)
             continue;
         for (int stage = 0; stage < 2; stage++)
             for (int i = 0; i < st->system.n_rows; i++)
-                felt(st, local, stage, i, &st->work.motion[i].depth[stage],
+                row_motion(st, local, stage, i, &st->work.motion[i].depth[stage],
                      &st->work.motion[i].rate[stage]);
         return true;
     }
