@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 class ProbeError(float):
     """Relative error of the largest value of a probe: the sum of its shares, as a float.
 
-    Infinite where the error of the force is not known: then the value has no bound. Printed, it
-    is the bar with its shares.
+    Infinite where the error of the force or of the mesh is not known: then the value has no bound.
+    Printed, it is the bar with its shares.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class ProbeError(float):
     force : float or None
         That of the force, which the value follows; None where the force has no error bar.
     mesh : float or None
-        That of the motion on this mesh; None where it is not estimated, as that of signals.
+        That of the motion on this mesh; None where it is not estimated.
     law_given : bool
         Whether the error of the force leaves out that of the contact's law.
     """
@@ -59,7 +59,7 @@ class ProbeError(float):
         law_given: bool = False,
     ) -> ProbeError:
         """The sum of the shares."""
-        total = inf if force is None else truncation + (mesh or 0.0) + force
+        total = inf if force is None or mesh is None else truncation + mesh + force
         error = super().__new__(cls, total)
         error.truncation, error.force = truncation, force
         error.mesh, error.law_given = mesh, law_given
@@ -72,7 +72,10 @@ class ProbeError(float):
         shares = ", ".join(f"{name} {percent(share)}" for name, share in known.items())
         if isfinite(self):
             return f"± {percent(self)} ({shares}{' with the law as given' * self.law_given})"
-        return f"(no error bar, as the force has none; {shares})"
+        missing = (
+            "the force has none" if self.force is None else "that of the mesh is not estimated"
+        )
+        return f"(no error bar, as {missing}; {shares})"
 
     __repr__ = __str__
 
@@ -99,7 +102,9 @@ def probe_error(
     truncation, with the change of the value itself by the error of the law where that is larger: a
     blow of another length excites other motions. Where the force has no bar, or the model none, it
     is None, and the error infinite: the probe has no bar either; extract with `error="estimate"`.
-    The mesh's error at the point is not in it. Of a part that stretches linear runs are compared.
+    `.mesh` is the change of the largest value on the model that is corrected for its mesh, times
+    the factor of safety of the budget; where the mesh's error is not estimated the error is
+    infinite. Of a part that stretches linear runs are compared.
 
     Parameters
     ----------
@@ -135,7 +140,14 @@ def probe_error(
         message = _not_converged(quantity, error, filtered)
         on_root(structure.comm, partial(warn, message, AccuracyWarning))
     share_of_law = share_by_law(values, by_law, is_motion)
-    return with_force(error, budget_of(history), by_law=share_of_law)
+
+    budget = budget_of(history)
+    of_mesh = None
+    if budget is not None and own.model.strain_error is not None:
+        finer = repeated(history, linear(history).corrected())
+        changed = _by_component(probe(structure, finer, point, quantity, at_times, **options))
+        of_mesh = budget.safety * share_by_law(values, [[changed]], is_motion)
+    return with_force(error, budget, of_mesh, share_of_law)
 
 
 def with_force(

@@ -129,12 +129,43 @@ def test_the_error_of_a_probe_has_that_of_the_force_which_it_follows():
     assert "no error bar, as the force has none" in str(alone)
     assert alone.truncation == pytest.approx(whole.truncation, rel=1e-6)
     assert whole.force == pytest.approx(bar.total - bar.truncation)
-    assert whole == whole.truncation + whole.force > alone.truncation
+    assert whole == whole.truncation + whole.mesh + whole.force > alone.truncation
     assert str(whole).startswith(f"± {percent(whole)} (anti-oscillators ")
     assert repr(whole) == str(whole)
     assert str(whole).endswith(" with the law as given)")
-    assert "force and law 2 %" in str(ProbeError(0.01, 0.02))
+    assert "force and law 2 %" in str(ProbeError(0.01, 0.02, 0.0))
+    assert ProbeError(0.01, 0.02) == np.inf
+    assert "of the mesh is not estimated" in str(ProbeError(0.01, 0.02))
     assert vars(pickle.loads(pickle.dumps(whole))) == vars(whole)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
+def test_the_error_of_a_probe_holds_cells_that_are_too_large(quantity):
+    """Linear tetrahedra, one through the thickness: 1.54 mm for 2.64 mm."""
+    bar, plastic = (0.148, 0.039, 0.012), ao.Solid(2.3e9, 0.36, 1050.0)
+    seen = []
+    for order in (1, 2):
+        part = ao.Structure(
+            ao.box_mesh(bar, 0.012), plastic, [ao.Support(lambda x: x[0] < 1e-9)], order=order
+        )
+        site = ao.Site((0.14, 0.02, 0.012), (0, 0, -1), radius=6e-3)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ao.AccuracyWarning)  # coarse cells at the patch
+            model = ao.extract(part, site, n=40, error="estimate", damping=0.02)
+        hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(3e7), duration=8e-3)
+        asked = {"times": np.linspace(0, 8e-3, 2001), "snap": 0.01}
+        asked |= {"filter": "CFC1000"} if quantity == "acceleration" else {}
+        values = ao.probe(part, hit, bar, quantity, **asked)
+        seen.append(
+            (
+                np.linalg.norm(values, axis=1).max(),
+                ao.probe_error(part, hit, bar, quantity, **asked),
+            )
+        )
+    (coarse, error), (fine, _) = seen
+    assert 0.1 < abs(fine / coarse - 1) < error
+    assert error.truncation + error.force < error
 
 
 def gain(omega, cfc):
