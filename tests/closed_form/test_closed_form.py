@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import runpy
-
 import numpy as np
 import pytest
 
@@ -17,7 +14,6 @@ from antiosc.models.closed_form import (
     pinned_free,
     pinned_pinned,
 )
-from paths import ROOT
 from scenes import BEAM, finely
 from spectral_beam import SpectralBeam
 from struck_beams import ARTICLE, SLENDER, SOME, SUPPORTS, THICK, UNIT, hinged_roots, struck
@@ -85,25 +81,6 @@ def test_what_a_mode_carries_is_the_integral_of_its_shape(kind):
     np.testing.assert_allclose(modes.inertia.momentum[:, 1], both.sum(axis=1), atol=1e-8)
     turning = both @ (x - about)
     np.testing.assert_allclose(np.abs(modes.inertia.momentum[:, 5]), np.abs(turning), atol=1e-8)
-
-
-PAGE = (ROOT / "docs" / "closed_forms.md").read_text(encoding="utf-8")
-
-
-@pytest.mark.slow
-def test_the_example_runs(tmp_path, capsys):
-    (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    (tmp_path / "program.py").write_text(program, encoding="utf-8")
-    names = runpy.run_path(str(tmp_path / "program.py"))
-    assert "peak force" in capsys.readouterr().out
-    # Euler's beam, which shear and rotary inertia slow down the more the higher the mode
-    beam, natural = names["beam"], names["natural"]
-    euler = (np.arange(1, 5) * np.pi / beam.length) ** 2 * np.sqrt(beam.EI / beam.rhoA)
-    assert np.all(np.diff(natural / euler) < 0)
-    assert 0.9 < natural[0] / euler[0] < 1
-    assert natural[-1] < beam.cutoff
-    hit = names["hit"]
-    assert hit.impulse == pytest.approx(0.1 * (1.0 - hit.impactor_velocity[-1]), rel=1e-6)
 
 
 def test_rigid_body_mass_formulae():
