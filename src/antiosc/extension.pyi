@@ -111,7 +111,8 @@ from antiosc.impact.histories.run_end import (
 )
 from antiosc.impact.histories.verdict import (
     YieldingZone as YieldingZone,
-    by_hertz as by_hertz,
+    unknown_dent as unknown_dent,
+    yield_share as yield_share,
 )
 from antiosc.impact.reference import (
     Settings as Settings,

@@ -18,7 +18,7 @@ from antiosc.base.texts import (
     point_text,
     restitution_text,
 )
-from antiosc.extension import DEFLECTION, QUANTITIES, ErrorBudget, by_hertz
+from antiosc.extension import DEFLECTION, QUANTITIES, ErrorBudget, unknown_dent, yield_share
 from antiosc_app.headline import force_bar, with_force
 from antiosc_app.presentation import Rows
 
@@ -100,10 +100,8 @@ def dent_of(hit: History) -> float | None:
     """Depth of the dent [m]; None if it is not known whether the contact yields."""
     if hit.dent is not None:
         return float(hit.dent.depth)
-    elastic = by_hertz(hit)
-    if elastic is None or elastic.unknown or elastic.limit is None:
-        return None
-    return 0.0 if hit.peak_force <= elastic.limit else None
+    share = yield_share(hit)
+    return None if share is None or share > 1 or unknown_dent(hit) else 0.0
 
 
 def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> Card:
@@ -114,7 +112,7 @@ def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> 
     if not margins:
         return Card(BREAKS, "Cannot say: no strength or no stress of the part is known.", UNKNOWN)
     worst = max(margins, key=lambda margin: margin.bounds[1])
-    told = judged_text(worst)
+    told = judged_text(worst, has_bar=has_bar)
     certain, possible = FAILS.get(worst.criterion, BREAKING)
     if worst.bounds[0] >= 1:
         return Card(BREAKS, f"It {certain}: {told}.", BENDS)
@@ -133,13 +131,13 @@ def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> 
     return Card(BREAKS, f"It stays elastic: {told}.", SAFE)
 
 
-def judged_text(margin: Margin) -> str:
-    """The judged stress with its range, beside the strength: "121 MPa (79 to 169) of 235 MPa"."""
+def judged_text(margin: Margin, *, has_bar: bool) -> str:
+    """The judged stress beside the strength: "121 MPa (79 MPa to 169 MPa) of 235 MPa"."""
     if not margin.is_stress:
         low, high = margin.bounds
         return f"exposure {low:.2g} to {high:.2g}, failure from 1"
-    strength = engineering(margin.strength, "Pa")
-    return f"{engineering(margin.stress, 'Pa')} ({range_of(margin)}) of {strength}"
+    bar = f" ({range_of(margin)})" if has_bar else ""
+    return f"{engineering(margin.stress, 'Pa')}{bar} of {engineering(margin.strength, 'Pa')}"
 
 
 def range_of(margin: Margin) -> str:

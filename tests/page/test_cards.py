@@ -1,0 +1,51 @@
+"""The first answer of an impact: whether the part breaks, in one sentence with one colour."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc_app.cards import BENDS, DENT, SAFE, UNKNOWN, cards_of_history, dent_of, verdict
+
+#: 100 MPa ± 10 % of 235 MPa.
+MARGIN = ao.results.Margin("yield", 1e8, 235e6, np.zeros(3), 0.0, force_error=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changed", "dent", "has_bar", "tone"),
+    [
+        ({}, 0.0, True, SAFE),
+        ({}, 1e-6, True, DENT),
+        ({}, None, True, UNKNOWN),  # whether the contact yields is not known
+        ({}, 0.0, False, UNKNOWN),  # no bar, no verdict
+        ({"value": 2.2e8}, 0.0, True, BENDS),  # it may: 242 MPa
+        ({"value": 3e8}, 0.0, True, BENDS),  # it does: 270 MPa at least
+        ({"mesh_error": 2e8}, 0.0, True, UNKNOWN),  # the cells are too coarse to say
+        ({"criterion": "tension", "value": 3e8}, 0.0, True, BENDS),
+    ],
+)
+def test_the_verdict_has_one_colour(changed, dent, has_bar, tone):
+    card = verdict([replace(MARGIN, **changed)], dent, has_bar=has_bar)
+    assert card.tone == tone
+    assert card.text.startswith("Cannot say") or tone != UNKNOWN or dent is None
+    assert " to " in card.text or not has_bar  # its range, where it is known
+
+
+def test_without_a_strength_nothing_is_said():
+    assert verdict([], 0.0, has_bar=True).tone == UNKNOWN
+
+
+def test_a_contact_with_a_strength_dents_or_does_not():
+    model = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3])
+    law = ao.ElasticPlastic(1e10, 0.01, 5e7, elastic_share=0.4)
+    slow, fast = (
+        ao.simulate(model, ao.RigidMass(0.2, share * law.yield_speed(0.2)), law, 3e-3)
+        for share in (0.3, 30.0)
+    )
+    assert dent_of(slow) == 0 < dent_of(fast)
+    cards = cards_of_history(fast, None, None)
+    assert [card.text for card in cards[::3]] == ["…", "…"]  # as long as no stress is known
+    assert "no error bar" in cards[1].text
