@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-import tomllib
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -362,21 +361,44 @@ def test_inner_nodes_of_the_hexahedron_of_27():
 
 
 GROUPS = ("antiosc.readers", "antiosc.matrices")
-PAGE = (ROOT / "docs" / "howto" / "reader.md").read_text(encoding="utf-8")
-PROGRAM, POINT = re.findall(r"```(?:python|toml)\n(.*?)```", PAGE, re.DOTALL)
+PROGRAM = '''
+import numpy as np
+
+from antiosc.base.errors import MeshError
+from antiosc.io.neutral import FileMesh
+from antiosc.io.request import FileReader, Request
+
+
+def read(ask: Request) -> FileMesh:
+    """Lines between points, one a line of the file."""
+    points = np.loadtxt(ask.path, ndmin=2)
+    if len(points) < 2 or points.shape[1] != 3:
+        raise MeshError(f"{ask.name} must have two points of three coordinates or more.")
+    lines = np.array([[k, k + 1] for k in range(len(points) - 1)])
+    return FileMesh(
+        points, {"line": lines}, "vtk", groups={"wire": {"line": np.arange(len(lines))}}
+    )
+
+
+POLYLINE = FileReader(read)
+'''
 SHARED = "\nSHARED = FileReader(read, matches=lambda start: not start.startswith(b'*'))\n"
 
 
 @pytest.fixture
 def package(tmp_path, monkeypatch) -> Path:
-    """The package of the page, which registers a reader of `.inp` and two broken ones too."""
+    """A package that registers a reader of `.inp` and two broken ones too."""
     folder = tmp_path / "site"
     information = folder / "polylines-1.dist-info"
     information.mkdir(parents=True)
     (folder / "polylines.py").write_text(PROGRAM + SHARED)
     (information / "METADATA").write_text("Name: polylines\nVersion: 1\n")
-    points = tomllib.loads(POINT)["project"]["entry-points"]["antiosc.readers"]
-    points |= {"inp": "polylines:SHARED", "bad": "polylines:read", "lost": "nowhere:READER"}
+    points = {
+        "xyz": "polylines:POLYLINE",
+        "inp": "polylines:SHARED",
+        "bad": "polylines:read",
+        "lost": "nowhere:READER",
+    }
     text = "\n".join(f"{name} = {value}" for name, value in points.items())
     (information / "entry_points.txt").write_text(f"[antiosc.readers]\n{text}\n")
     monkeypatch.setattr(sys, "path", [*sys.path, str(folder)])
