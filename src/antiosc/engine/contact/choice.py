@@ -3,7 +3,7 @@
 | surfaces | law | source |
 |---|---|---|
 | a laminate | `YangSun` | S. H. Yang, C. T. Sun, ASTM STP 787 (1982) |
-| both flat, a of the smaller | `Linear`, 2 E* a | Johnson, (3.36) |
+| both flat, a of the smaller | `Punch`, 2 E* a | Johnson, (3.36) |
 | a straight line | `line_law` of its length | `antiosc.engine.contact.line` |
 | curved, a known loss | `Gonthier`, Hertz's stiffness | Multibody Syst. Dyn. 11 (2004) |
 | curved, a yield strength | `ElasticPlastic`, Hertz up to yield | that law's docstring |
@@ -33,7 +33,7 @@ from antiosc.engine.contact.geometry import (
     hertz_stiffness,
     relative_of_curvatures,
 )
-from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, Linear, YangSun
+from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, Punch, YangSun
 from antiosc.engine.contact.line import line_law
 from antiosc.engine.contact.surfaces import RIGID, RUBBER_E, RUBBER_NU, Matter, Surface
 
@@ -233,7 +233,7 @@ def _flat(first: Surface, second: Surface, modulus: float) -> Choice:
             "tip_radius of what strikes, or the law of the contact."
         )
     reason = f"flat faces over a radius of {engineering(min(sizes), 'm')}"
-    return Choice(Linear(2 * modulus * min(sizes)), reason, None, FLAT)
+    return Choice(Punch(2 * modulus * min(sizes)), reason, None, FLAT)
 
 
 def _line(first: Surface, second: Surface, modulus: float, B: float) -> Choice:

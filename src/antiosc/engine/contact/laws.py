@@ -24,6 +24,7 @@ reloads from delta_p.
 from __future__ import annotations
 
 from abc import abstractmethod
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import atan, inf, log, log1p, pi, sqrt
@@ -100,6 +101,17 @@ class Linear(Compiled):
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m"))
 
     kind: ClassVar[int] = library.LINEAR
+
+
+@dataclass(frozen=True, repr=False)
+class Punch(Patched, Linear):
+    """The linear law of a rigid punch on a half-space, whose indentation a patch has too.
+
+    A compliance above 0.7 of 1/stiffness is not subtracted.
+    """
+
+    def without(self, compliance: float) -> Self:
+        return self if compliance * self.stiffness > LARGEST_SHARE else super().without(compliance)
 
 
 @dataclass(frozen=True)
@@ -585,6 +597,24 @@ class Tabulated(Hysteretic):
                     f"unloading from {d:g} m would give back {returned:g} J of {work:g} J put in;"
                     f" the unloading curve must lie below the loading curve."
                 )
+
+
+class HalfSpaceTable(Tabulated):
+    """A table of a contact of half-spaces, whose indentation a patch has too."""
+
+    @cached_property
+    def valid_force(self) -> float:
+        return min(self._end, super(Tabulated, self).valid_force)
+
+    def out_of_range(self, peak: float, radius: float | None) -> str:
+        base = super(Tabulated, self) if peak <= self._end else super()
+        return base.out_of_range(peak, radius)
+
+    def without(self, compliance: float) -> Self:
+        law = copy(self)
+        law.__dict__ = {**self.__getstate__(), "compliance": compliance}
+        law.__dict__.pop("valid_force", None)
+        return law
 
 
 def _knots(x: Array, y: Array) -> list[float]:

@@ -9,7 +9,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.engine.contact.laws import Tabulated
+from antiosc.engine.contact.laws import HalfSpaceTable
 
 #: Points of the table, …
 POINTS = 100
@@ -25,7 +25,7 @@ def line_indentation(force: Array, modulus: float, radius: float, length: float)
     return np.asarray(force / (pi * modulus * length) * (1 + np.log(share)))
 
 
-def line_law(modulus: float, radius: float, length: float) -> Tabulated:
+def line_law(modulus: float, radius: float, length: float) -> HalfSpaceTable:
     """Elastic law of a contact along a straight line.
 
     The contact has Hertz's pressure across the line over the half width b, b² = 4 F R/(π E* L), and
@@ -51,7 +51,7 @@ def line_law(modulus: float, radius: float, length: float) -> Tabulated:
     length = checks.positive("length", length, "m")
     if not np.isfinite(length):
         raise InputError("length must be finite: a line contact gives way more the longer it is.")
-    return Tabulated(*line_curve(modulus, radius, length))
+    return HalfSpaceTable(*line_curve(modulus, radius, length))
 
 
 def line_curve(modulus: float, radius: float, length: float) -> tuple[Array, Array]:
