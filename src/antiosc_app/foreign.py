@@ -175,7 +175,10 @@ def _of_mesh(
     read |= options
     pieces = pieces or found
     changed: Read = {}
-    if meshed and size is None and mesh.n_cells > MOST_CELLS:
+    longest = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
+    if meshed and size is None and usual_size(longest) < read["size"]:  # of the piece alone
+        changed["size"] = usual_size(longest)
+    elif meshed and size is None and mesh.n_cells > MOST_CELLS:
         larger = read["size"] * (mesh.n_cells / MOST_CELLS) ** (1 / mesh.tdim)
         changed["size"] = rounded_up(larger)
     elif size is not None and not meshed:
@@ -185,9 +188,9 @@ def _of_mesh(
     if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
         changed["gdim"] = 3
     if is_unknown and "unit" not in read:
-        changed["unit"] = unit_of_length(float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max()))
+        changed["unit"] = unit_of_length(longest)
         factor = UnitSystem.of(changed["unit"]).length
-        pieces = [piece.scaled(factor) for piece in pieces]
+        pieces = found = [piece.scaled(factor) for piece in pieces]
     if changed:
         read |= changed
         told.clear()
@@ -195,7 +198,8 @@ def _of_mesh(
             mesh = antiosc.read_mesh(str(path), **read)
 
     notes += [*dict.fromkeys(told), *(OPTIONS[key] for key in OPTIONS if key in read)]
-    return ForeignPart(mesh, read, None, notes + _of_piece(read, pieces), pieces, meshed=meshed)
+    notes += _of_piece(read, found or pieces)
+    return ForeignPart(mesh, read, None, notes, pieces, meshed=meshed)
 
 
 def _opened(path: Path, read: Read, limit: Read, is_unknown: bool) -> tuple[FileMesh, Read]:

@@ -20,7 +20,7 @@ from antiosc.base.texts import engineering
 from antiosc.extension import Faces
 from antiosc.io import cad
 from antiosc.io.neutral import UnitSystem
-from antiosc_app import guessed_sites, inspecting, new, set_up
+from antiosc_app import guessed_sites, inspecting, new
 from antiosc_app.foreign import foreign_part, unit_of_materials
 from antiosc_app.inspecting import inspect_part
 from antiosc_app.inspection import brief
@@ -181,6 +181,7 @@ def test_solids_are_joined_where_they_touch_or_the_largest_is_taken(tmp_path, ga
     )
     assert found.length == pytest.approx(50e-3 if "fragments" in read else 40e-3, rel=1e-3)
     assert "2 solids" in found.notes[0]
+    assert found.read["size"] == pytest.approx(found.length / 20, rel=0.3)  # of the piece alone
     if "piece" in read:
         with pytest.warns(ao.AntioscWarning, match="piece 1 of 2 is read"):
             ao.read_mesh(path, size=0.01, piece=1)
@@ -208,7 +209,6 @@ def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsy
         ao.read_model(path, unit="mm")
     found = inspect_part(path)
     assert found.read == {"unit": "mm", "piece": 1}
-    assert set_up.InspectedFile(path.name, found, {}).told == "piece 1 of 2 of a.inp"
     told = "(1 'LEFT': 300 × 100 × 50 mm; 2 'RIGHT': 300 × 100 × 50 mm)"
     assert [told in note for note in found.notes] == [False, True]
     assert "not modelled (1 *CONTACT PAIR (line " in found.notes[0]
