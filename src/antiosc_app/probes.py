@@ -117,7 +117,8 @@ class Probe:
 
         Keys: quantity, filter, component ("magnitude"; "" of a scalar), value, unit, time, g of
         accelerations, axis: component, value and time of the largest component of a vector;
-        truncation, force, error: the shares of its relative error and their sum, None if unknown.
+        truncation, mesh, force, error: the shares of its relative error and their sum; None if
+        unknown.
         """
         values, units = self.values, self.units()
         if self.is_vector:
@@ -134,8 +135,9 @@ class Probe:
             "time": float(self.times[row]),
             "unfiltered": self.unfiltered,
             "truncation": None if error is None else error.truncation,
+            "mesh": None if error is None else error.mesh,
             "force": None if error is None else error.force,
-            "error": None if error is None or error.force is None else float(error),
+            "error": None if error is None or not np.isfinite(error) else float(error),
         }
         if self.is_vector:
             axis, row, along = _largest_of(self.values, self.units())
