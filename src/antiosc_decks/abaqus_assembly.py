@@ -47,12 +47,12 @@ class Instance(Scope):
         members = self.find(keyword, word)
         if members is None:
             noun = NOUNS[keyword]
-            in_part = f" in {self.name}" if self.name else ""
+            where = f" in {self.name}" if self.name else ""
             number = word.lstrip("-").isdigit()
             if number and len(self.whole.instances) > 1 and not self.name:
-                in_part = " outside the instances; name its instance (INSTANCE=)"
+                where = " outside the instances; name its instance (INSTANCE=)"
             noun = noun if number else f"set of {noun}s"
-            raise place.error(f"there is no {noun} {word}{in_part}.")
+            raise place.error(f"there is no {noun} {word}{where}.")
         return members
 
     def find(self, keyword: str, word: str) -> IntArray | None:
@@ -155,77 +155,63 @@ class Whole:
     def read_set(self, card: Card) -> None:
         """Read a card *NSET or *ELSET; at assembly level its members may lie in instances."""
         keyword = card.keyword
-        name = card.needed(card.keyword)
+        name = card.needed(keyword)
         scope = card.within
         instance = self.instances[scope.name.upper()]
-        if instance_name := card.option("INSTANCE"):
-            message = f"there is no instance {instance_name!r}."
-            instance = card.place.found(self.instances, instance_name.upper(), message)
-        members = [NONE]
-
-        absent = []
-        count = 0
+        if of := card.option("INSTANCE"):
+            none = f"there is no instance {of!r}."
+            instance = card.place.found(self.instances, of.upper(), none)
+        members: list[IntArray] = []
         if keyword == "NSET" and (elements := card.option("ELSET")):
             cells = instance.find("ELSET", elements)
-            if cells is not None:
-                members.append(self.deck.nodes_of(cells))
-            else:
-                message = f"{card.place}: *NSET {name} is of the set of elements {elements}"
-                self.deck.remarks.append(f"{message}, which does not exist before it.")
+            members += [] if cells is None else [self.deck.nodes_of(cells)]
+            if cells is None:
+                told = f"{card.place}: *NSET {name} is of the set of elements {elements}"
+                self.deck.remarks.append(f"{told}, which does not exist before it.")
+
         strict = len(self.instances) > 1 and not scope.name
         numbers = self._all_numbers(card, instance)
         members += [] if numbers is None else [numbers]
-
+        absent = []
+        count = 0
         for row in card.rows() if numbers is None else ():
             if "GENERATE" in card.options:
                 members.append(instance.numbered(keyword, _ranged(row)))
-                row.needs(
-                    not (strict and not len(members[-1])),
-                    f"this *{keyword} selects nothing; name its INSTANCE=.",
-                )
+                some = not strict or len(members[-1])
+                row.needs(some, f"this *{keyword} selects nothing; name its INSTANCE=.")
                 continue
             for word in filter(None, row.fields):
                 count += 1
-                rows = (
-                    instance.rows(keyword, word, row.place)
-                    if strict
-                    else instance.find(keyword, word)
-                )
-                if rows is None:
-                    absent.append(word)
-                else:
-                    members.append(rows)
+                rows = instance.find(keyword, word)
+                if rows is None and strict:
+                    rows = instance.rows(keyword, word, row.place)  # raises
+                members += [] if rows is None else [rows]
+                absent += [word] * (rows is None)
 
         if absent:
-            message = (
-                f"{card.place}: {len(absent)} of {count} members of *{keyword} {name} do not exist"
-            )
-            missing_text = f"{', '.join(absent[:4])}{', …' * (len(absent) > 4)}"
-            self.deck.remarks.append(f"{message} ({missing_text}).")
+            told = f"{card.place}: {len(absent)} of {count} members of *{keyword} {name}"
+            some_text = f"{', '.join(absent[:4])}{', …' * (len(absent) > 4)}"
+            self.deck.remarks.append(f"{told} do not exist ({some_text}).")
         self._extend(keyword, name, scope, members)
 
     def _all_numbers(self, card: Card, instance: Instance) -> IntArray | None:
         """Rows of all members at once if each is an existing number in `of`; else None."""
-        all_words = (word.strip() for line in card.lines for word in line.split(","))
-        words = [word for word in all_words if word]
+        every = (word.strip() for line in card.lines for word in line.split(","))
+        words = [word for word in every if word]
         if "GENERATE" in card.options or not all(w.isdecimal() and len(w) < 19 for w in words):
             return None
         numbering = instance.mesh.nodes if card.keyword == "NSET" else instance.mesh.elements
         rows = numbering.rows(np.array(words, dtype=np.int64))
-        if (rows >= 0).all():
-            return instance.placed(card.keyword, rows)
-        return None
+        return instance.placed(card.keyword, rows) if (rows >= 0).all() else None
 
 
 def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
     """A function that selects the existing numbers of a GENERATE range (which may be wide)."""
     row.needs(len(row.fields) >= 2, "GENERATE needs a first and a last number.")
-    first = row.whole(0)
-    last = row.whole(1)
-    step = row.whole(2, 1)
-    step = step or int(first == last)
-    valid = step >= 1 and last >= first
-    row.needs(valid, f"GENERATE from {first} to {last} by {step} selects nothing.")
+    first, last = row.whole(0), row.whole(1)
+    step = row.whole(2, 1) or int(first == last)
+    some = step >= 1 and last >= first
+    row.needs(some, f"GENERATE from {first} to {last} by {step} selects nothing.")
     return lambda known: known.between(first, last, step)
 
 
@@ -244,9 +230,8 @@ def read(sources: Sources) -> Whole:
 
     for part, (spelled, _) in parts.items():
         if instances and part not in used_parts:
-            assembled.deck.remarks.append(
-                f"the part {spelled!r} of {name} has no instance: left out."
-            )
+            told = f"the part {spelled!r} of {name} has no instance: left out."
+            assembled.deck.remarks.append(told)
     for spelled, part_cards in alone:
         mesh = mesh_of(part_cards, spelled)
         assembled.add(Instance(spelled, np.eye(3), np.zeros(3), assembled, part_cards, mesh))

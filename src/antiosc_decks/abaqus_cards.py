@@ -160,10 +160,8 @@ class Card(Placed):
 
     def refuse_turned(self) -> None:
         """Raise MeshError if the instance is rotated: the card's axes would be ambiguous."""
-        unrotated = np.allclose(self.within.turn, np.eye(3), rtol=0, atol=1e-9)
-        self.needs(
-            unrotated, f"{self.label} of a rotated instance is ambiguous: give it by vectors."
-        )
+        upright = np.allclose(self.within.turn, np.eye(3), rtol=0, atol=1e-9)
+        self.needs(upright, f"{self.label} of a rotated instance is ambiguous: give it by vectors.")
 
 
 def cards(sources: Sources) -> list[Card]:
@@ -190,14 +188,11 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
             cards_read.append(_card(f"*SURFACE, NAME=S{surface[1]}", place))
         surface = None
         if not line.startswith("*"):
-            if (
-                not cards_read and "**" in line
-            ):  # a comment behind what an editor or a mail put there
+            if not cards_read and "**" in line:  # a comment behind what an editor put there
                 continue
-            if not cards_read:
-                bulk = any(map(BULK.match, lines))
-                advice = "Nastran bulk data, name it .bdf" if bulk else "not an Abaqus deck"
-                raise place.error(f"data before the first keyword: {advice}.")
+            bulk = not cards_read and any(map(BULK.match, lines))
+            advice = "Nastran bulk data, name it .bdf" if bulk else "not an Abaqus deck"
+            place.needs(cards_read, f"data before the first keyword: {advice}.")
             cards_read[-1].lines.append(line)
             cards_read[-1].places.append(place)
             continue
@@ -211,9 +206,8 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
         include = card.keyword == "INCLUDE"
         path = card.needed("INPUT") if include else card.option("INPUT")
         # a file that is not there may be of loads, which are not read either
-        skipped = (
-            include and cards_read and cards_read[-1].keyword in LOADS and not sources.holds(path)
-        )
+        of_loads = include and cards_read and cards_read[-1].keyword in LOADS
+        skipped = of_loads and not sources.holds(path)
         if not include or skipped:
             cards_read.append(card)
         if not skipped and path and (include or card.keyword in WITH_INPUT):

@@ -43,10 +43,8 @@ class DeckFaces:
     @property
     def node_rows(self) -> list[IntArray]:
         """Nodes of each face: all, or the corners where a mid-side node is missing."""
-        return [
-            np.concatenate([corners, mids]) if len(mids) and (mids >= 0).all() else corners
-            for corners, mids in self.faces
-        ]
+        whole = ((c, m if (m >= 0).all() else m[:0]) for c, m in self.faces)
+        return [np.concatenate(pair) for pair in whole]
 
 
 def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]:
@@ -55,12 +53,10 @@ def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]
     for card in cards:
         if card.keyword != "SURFACE" or not card.option("NAME"):
             continue
-        surface = surfaces.setdefault(
-            (card.within.prefix + card.option("NAME")).upper(), DeckFaces()
-        )
-        of_nodes = card.option("TYPE").upper().startswith("NODE")
+        name = (card.within.prefix + card.option("NAME")).upper()
+        surface = surfaces.setdefault(name, DeckFaces())
         for row in card.rows():
-            if of_nodes:
+            if card.option("TYPE").upper().startswith("NODE"):
                 surface.node_tables.append(row.nodes())
                 continue
             elements = card.within.elements(row.word(0), row.place)
@@ -93,10 +89,8 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
     if block.shape not in ("triangle", "quad"):
         sides = SOLID_FACES.get(block.shape, ())
         number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
-        place.needs(
-            1 <= number <= len(sides),
-            f"{side!r} is no side of a {block.shape}; it must be S1 to S{len(sides)}.",
-        )
+        fault = f"{side!r} is no side of a {block.shape}; it must be S1 to S{len(sides)}."
+        place.needs(1 <= number <= len(sides), fault)
         corners = sides[number - 1]
     edges = [frozenset(edge) for edge in EDGES[block.shape]]
     ring = zip(corners, (*corners[1:], corners[0]), strict=True)
@@ -112,6 +106,10 @@ BULGE = 1.5
 ON_LINE = 1e-6
 #: Most contact pairs that are listed.
 MOST_PAIRS = 6
+#: Most terms of an equation: more are damage.
+LONGEST_EQUATION = 1_000_000
+#: The degree of freedom that is the temperature.
+TEMPERATURE = "11"
 #: Number of nearest faces onto which each node is projected.
 TRIED = 12
 #: The projection of points onto 1000 random faces of each kind, bent by 2 % of their size, ended
@@ -207,19 +205,17 @@ def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
         dL = np.array([[-1.0, -1], [1, 0], [0, 1]])
         if count == 3:
             return L, dL
-        pairs = ((0, 1), (1, 2), (2, 0))
-        values = [*(L * (2 * L - 1)), *(4 * L[a] * L[b] for a, b in pairs)]
-        edge_derivatives = [4 * (L[a] * dL[b] + L[b] * dL[a]) for a, b in pairs]
-        return np.array(values), np.vstack([(4 * L - 1)[:, None] * dL, edge_derivatives])
+        a, b = [0, 1, 2], [1, 2, 0]
+        edges = 4 * (L[a, None] * dL[b] + L[b, None] * dL[a])
+        values = np.concatenate([L * (2 * L - 1), 4 * L[a] * L[b]])
+        return values, np.vstack([(4 * L - 1)[:, None] * dL, edges])
     c = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
-    a = 1 + c[:, 0] * r
-    b = 1 + c[:, 1] * s
+    a, b = (1 + c * xi).T
     values = a * b / 4
-    slopes = np.stack([c[:, 0] * b, a * c[:, 1]], axis=1) / 4
+    slopes = c * np.stack([b, a], axis=1) / 4
     if count == 4:
         return values, slopes
-    p = 1 - r * r
-    q = 1 - s * s
+    p, q = 1 - xi**2
     mids = np.array([p * (1 - s), (1 + r) * q, p * (1 + s), (1 - r) * q]) / 2
     by_r = [-r * (1 - s), q / 2, -r * (1 + s), -q / 2]
     by_s = [-p / 2, -s * (1 + r), p / 2, -s * (1 - r)]
@@ -228,12 +224,6 @@ def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
     slopes -= (dmids + np.roll(dmids, 1, axis=0)) / 2
 
     return np.concatenate([values, mids]), np.vstack([slopes, dmids])
-
-
-#: Most terms of an equation: more are damage.
-LONGEST_EQUATION = 1_000_000
-#: The degree of freedom that is the temperature.
-TEMPERATURE = "11"
 
 
 def read_joints(assembled: Whole, joints: DeckConstraints, cards: Sequence[Card]) -> None:
@@ -291,16 +281,11 @@ class _Joints:
 
         nodes = slave.nodes
         untied = int((~np.isin(nodes, master.nodes)).sum()) - len(tied)
-        place.needs(
-            untied != len(nodes),
-            "*TIE joins nothing: no node of the slave surface lies within "
-            f"{reach:.3g} of the master surface (POSITION TOLERANCE=).",
-        )
+        far = f"further than {reach:.3g} from the master surface (POSITION TOLERANCE=)"
+        place.needs(untied != len(nodes), f"*TIE joins nothing: all slave nodes lie {far}.")
         if untied:
-            self.whole.deck.remarks.append(
-                f"{place}: {untied} of {len(nodes)} slave nodes of *TIE lie further than"
-                f" {reach:.3g} from the master surface and are not tied (POSITION TOLERANCE=)."
-            )
+            count = f"{untied} of {len(nodes)} slave nodes of *TIE are not tied"
+            self.whole.deck.remarks.append(f"{place}: {count}: they lie {far}.")
 
     def contact(self, card: Card) -> None:
         """*CONTACT PAIR: surfaces that touch are tied, as in a joint that stays pressed."""
@@ -343,11 +328,8 @@ class _Joints:
         """Tell which contact pairs are tied, and which are open."""
         remarks = self.whole.deck.remarks
         if self.tied:
-            remarks.append(
-                f"contact pairs that touch are tied, as in a joint that stays pressed:"
-                f' {_listed(self.tied)}. They neither open nor slide; contact "apart" leaves'
-                " them out."
-            )
+            pairs = f"contact pairs that touch are tied: {_listed(self.tied)}. They"
+            remarks.append(f'{pairs} neither open nor slide; contact "apart" leaves them out.')
         if self.open:
             remarks.append(f"contact that is open at first is left out: {_listed(self.open)}.")
 
@@ -360,12 +342,11 @@ class _Joints:
             row.needs(0 < count <= LONGEST_EQUATION, f"an *EQUATION of {count} terms.")
             words: list[str] = []
             while len(words) < 3 * count:
-                place = row.place
-                next_row = next(rows, None)
-                if next_row is None:
-                    terms_read = len(words) // 3
-                    raise place.error(f"the *EQUATION ends after {terms_read} of {count} terms.")
-                row = next_row
+                further = next(rows, None)
+                if further is None:
+                    ended = f"the *EQUATION ends after {len(words) // 3} of {count} terms."
+                    raise row.place.error(ended)
+                row = further
                 words += row.fields + [""] * (-len(row.fields) % 3)
             if set(words[1 : 3 * count : 3]) == {TEMPERATURE}:  # moves nothing
                 continue
@@ -379,10 +360,8 @@ class _Joints:
         nodes = [row.card.within.nodes(word, place) for word, _, _ in triples]
         for (word, _, _), members in zip(triples, nodes, strict=True):
             place.needs(len(members), f"*EQUATION names {word!r}, a set without nodes.")
-        is_single = len(nodes[0]) == 1 or sum(len(members) > 1 for members in nodes) == 1
-        place.needs(
-            is_single, "*EQUATION pairs them by their order, which is lost: write one each."
-        )
+        single = len(nodes[0]) == 1 or sum(len(members) > 1 for members in nodes) == 1
+        place.needs(single, "*EQUATION pairs them by their order, which is lost: write one each.")
         for k in range(len(nodes[0])):
             terms = []
             for (_, dof, factor), members in zip(triples, nodes, strict=True):
@@ -406,11 +385,9 @@ class _Joints:
             nodes = [int(n) for w in words for n in card.within.nodes(w, place)]
             pairs = [[node, nodes[-1]] for node in nodes[:-1]]  # a set, and the node it follows
             is_single = len(nodes) == 2 or (len(words) == 2 and words[1].isdigit())
-            place.needs(
-                is_single and all([self._pair(kind, pair, place) for pair in pairs]),
-                f"the *MPC of type {kind} with {len(nodes)} nodes is not supported here and would"
-                " change the result; write it as *EQUATION, or remove it.",
-            )
+            read = is_single and all([self._pair(kind, pair, place) for pair in pairs])
+            label = f"the *MPC of type {kind} with {len(nodes)} nodes"
+            place.needs(read, f"{label} is not supported here; write it as *EQUATION.")
 
     def _pair(self, kind: str, nodes: list[int], place: DeckPlace) -> bool:
         """Apply a TIE, PIN, LINK or BEAM between two nodes; False if `kind` is none of these."""
@@ -422,10 +399,8 @@ class _Joints:
             for c in range(6 if kind == "TIE" and with_rotations else 3):
                 joints.equation([(a, c, 1.0), (b, c, -1.0)], place)
         elif kind == "LINK":
-            line = (joints.place(b) - joints.place(a)).tolist()
-            joints.equation(
-                [(n, c, s * line[c]) for n, s in ((a, 1.0), (b, -1.0)) for c in range(3)], place
-            )
+            terms, _ = joints.elongation(a, b, place)
+            joints.equation(terms, place)
         elif kind == "BEAM" and (joints.has_rotations[b] or not joints.used[b]):
             joints.rigid(np.array([a]), joints.leader(b), range(6), {})
         else:
@@ -466,16 +441,14 @@ class _Joints:
         if rows := card.rows():
             card.refuse_turned()
         motions = sorted({m for row in rows for m in _range(row, 0)}) or range(6)
-        node, nodes, weights = self.current
+        node, nodes, of = self.current
         if card.keyword == "KINEMATIC":
-            self._rigid(node, nodes, motions, weights)
-        else:
-            if name := weights.option("ORIENTATION"):
-                at = self.joints.place(node)[None]
-                (axes,) = self.orientations.at(name, weights, at)
-            else:
-                axes = None
-            self._mean(card, node, motions, nodes, np.ones(len(nodes)), axes)
+            self._rigid(node, nodes, motions, of)
+            return
+        axes = None
+        if name := of.option("ORIENTATION"):
+            (axes,) = self.orientations.at(name, of, self.joints.place(node)[None])
+        self._mean(card, node, motions, nodes, np.ones(len(nodes)), axes)
 
     def kinematic_coupling(self, card: Card) -> None:
         """*KINEMATIC COUPLING: nodes that follow the reference node in some motions."""
@@ -499,10 +472,9 @@ class _Joints:
     def _rigid(self, node: int, nodes: IntArray, motions: Motions, card: Card) -> None:
         """Let nodes follow a reference node in motions along the axes of ORIENTATION=."""
         leader = self.joints.leader(node)
-        name = card.option("ORIENTATION")
         frames = {}
         nodes = nodes[nodes != node]
-        if name:
+        if name := card.option("ORIENTATION"):
             axes = self.orientations.at(name, card, self.joints.deck.points[nodes])
             frames = dict(zip(nodes.tolist(), axes, strict=True))
         self.joints.rigid(nodes, leader, motions, frames)
@@ -517,10 +489,8 @@ class _Joints:
         axes: Array | None = None,
     ) -> None:
         """Let a reference node follow the weighted mean motion of nodes, along `axes`."""
-        card.needs(
-            node not in nodes,
-            f"{card.label} follows its own reference node; give it a node of its own.",
-        )
+        own = f"{card.label} follows its reference node; give it a node of its own."
+        card.needs(node not in nodes, own)
         leader = self.joints.leader(node)
         self.joints.mean(leader, motions, nodes, weights, card.place, axes=axes)
 
@@ -538,10 +508,9 @@ READERS: dict[str, Callable[[_Joints, Card], None]] = {
 def _range(row: Row, start: int) -> list[int]:
     """Motions (0 to 5) between the first and last number of a line; all six if there is none."""
     motions = [whole_number(word, row.place) for word in row.fields[start:] if word] or [1, 6]
-    first = motions[0]
-    last = motions[-1]
-    is_valid = 1 <= first <= last <= 6
-    row.needs(is_valid, f"motions from {first} to {last}; they are counted from 1 to 6.")
+    first, last = motions[0], motions[-1]
+    message = f"motions from {first} to {last}; they are counted from 1 to 6."
+    row.needs(1 <= first <= last <= 6, message)
     return list(range(first - 1, last))
 
 

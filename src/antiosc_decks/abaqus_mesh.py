@@ -120,10 +120,8 @@ class AbaqusMesh:
 def mesh_of(cards: list[Card], name: str) -> AbaqusMesh:
     """The mesh that some cards define; `name` is the part's, for messages."""
     for card in cards:
-        card.needs(
-            card.keyword not in GENERATORS,
-            f"{card.label} is not read: write the nodes and elements out.",
-        )
+        written_out = card.keyword not in GENERATORS
+        card.needs(written_out, f"{card.label} is not read: write the nodes and elements out.")
     mesh = AbaqusMesh()
     _read_nodes(mesh, cards)
     _read_elements(mesh, cards, name)
@@ -160,19 +158,16 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
     redefined = distances > 1e-9 * np.abs(coordinates).max(initial=0.0)
 
     if redefined.any():
-        count = int(redefined.sum())
-        message = f"the node {numbers[redefined][0]} is defined at several places ({count} such"
-        mesh.remarks.append(f"{message} lines): the last one is taken.")
+        told = f"the node {numbers[redefined][0]} is defined at several places"
+        mesh.remarks.append(f"{told} ({int(redefined.sum())} such lines): the last one is taken.")
     mesh.sets = [(kind, name, mesh.nodes.rows(members)) for kind, name, members in mesh.sets]
 
 
 def _rectangular(card: Card, rows: Sequence[Row]) -> Array:
     """The coordinates (n, 3) of *NODE; cylindrical ones are radius, angle in degrees, height."""
     system = card.option("SYSTEM", "R").upper()
-    card.needs(
-        system in ("R", "C"),
-        f"*NODE, SYSTEM={system}: give rectangular or cylindrical coordinates.",
-    )
+    known = "give rectangular or cylindrical coordinates."
+    card.needs(system in ("R", "C"), f"*NODE, SYSTEM={system}: {known}")
     x = np.array([[row.real(k) for k in (1, 2, 3)] for row in rows]).reshape(-1, 3)
     if system == "C":
         angle = np.radians(x[:, 1])
@@ -220,9 +215,8 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
     all_numbers = np.concatenate([NONE, *cells, np.array(other_numbers, dtype=np.int64)])
     numbers, count = np.unique(all_numbers, return_counts=True)
     if (count > 1).any():
-        message = f"{name} defines {int((count > 1).sum())} elements twice, one of them "
-        message += f"{numbers[count > 1][0]}; every element needs a number of its own."
-        raise MeshError(message)
+        twice = f"{int((count > 1).sum())} elements twice, one of them {numbers[count > 1][0]}"
+        raise MeshError(f"{name} defines {twice}; every element needs a number of its own.")
     mesh.elements = Numbering(all_numbers)
     mesh.sets += [("ELSET", label, mesh.elements.rows(members)) for label, members in sets]
 
@@ -252,11 +246,8 @@ def _cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
     if len(bad_rows):
         row = int(bad_rows[0])
         missing_node = int(table[row, 1:][nodes[row] < 0][0])
-        message = (
-            f"element {table[row, 0]} ({kind}) has the node {missing_node}, which the deck does not"
-        )
-        count = f"({len(bad_rows)} such elements)"
-        raise places[row].error(f"{message} define {count}: give the whole deck, or remove them.")
+        fault = f"element {table[row, 0]} ({kind}) has the node {missing_node}, which the deck does"
+        raise places[row].error(f"{fault} not define ({len(bad_rows)} such elements).")
     if len(table):
         corners, mids, inner = (nodes[:, list(node_columns)] for node_columns in element_kind[3:])
         mesh.blocks.append(Block(element_kind.shape, kind, corners, mids, inner, element_kind.role))

@@ -77,10 +77,8 @@ def _boundary(builder: ModelBuilder, card: Card) -> None:
             if min(first, last) > 6 or first == last == 0:  # temperatures, pressures, …
                 no_motion = True
                 continue
-            row.needs(
-                1 <= first <= last <= 6,
-                f"*BOUNDARY fixes motions {first} to {last}; they are counted from 1 to 6.",
-            )
+            message = f"*BOUNDARY fixes motions {first} to {last}; they are counted from 1 to 6."
+            row.needs(1 <= first <= last <= 6, message)
             prescribed |= row.real(3) != 0
             motions = range(first - 1, last)
         builder.fix(nodes, motions)
@@ -126,17 +124,12 @@ def _add_points_and_links(
         count = sum(skipped.pop(kind) for kind in kinds)
         if count != number:
             names = " and ".join(kinds or POINT_ELEMENTS[keyword][1])
-            raise MeshError(
-                f"{assembled.deck.name} has {count} {names} elements, but *{keyword} cards "
-                f"give values to {number} of them."
-            )
+            given = f"*{keyword} cards give values to {number} of them."
+            raise MeshError(f"{assembled.deck.name} has {count} {names} elements, but {given}")
 
-    if skipped:
-        kind = next(iter(skipped))
-        raise MeshError(
-            f"{assembled.deck.name} has {skipped[kind]} {kind} elements, which are not "
-            "supported here and would change the result."
-        )
+    for kind, count in skipped.items():
+        fault = "which are not supported here and would change the result."
+        raise MeshError(f"{assembled.deck.name} has {count} {kind} elements, {fault}")
 
 
 def _inertia(card: Card, row: Row) -> list[float]:
@@ -153,24 +146,18 @@ def _link(
     builder: ModelBuilder, orientations: Orientations, card: Card, kind: str, nodes: list[int]
 ) -> None:
     """Add a spring or a dashpot."""
-    values = card.rows()
-    property_name = POINT_ELEMENTS[card.keyword][0]
+    rows = card.rows()
+    quantity = POINT_ELEMENTS[card.keyword][0]
     if kind.endswith("A"):
         terms, _ = builder.joints.elongation(nodes[0], nodes[1], card.place)
     else:
-        axes = np.eye(3)
-        if card.option("ORIENTATION"):
-            axes = orientations.frame(card)
-        else:
+        axes = orientations.frame(card) if card.option("ORIENTATION") else np.eye(3)
+        if not card.option("ORIENTATION"):
             card.refuse_turned()
-        terms = _along_motions(nodes, axes, values[0])
-        values = values[1:]
-    card.needs(
-        len(values) == 1, f"{card.label} needs one constant {property_name}; it has {len(values)}."
-    )
-    value = real_number(values[0].word(0), values[0].place)
-    place = values[0].place
-    builder.link(card.label, property_name, terms, value, place)
+        terms = _along_motions(nodes, axes, rows.pop(0))
+    card.needs(len(rows) == 1, f"{card.label} needs one constant {quantity}; it has {len(rows)}.")
+    place = rows[0].place
+    builder.link(card.label, quantity, terms, real_number(rows[0].word(0), place), place)
 
 
 def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:

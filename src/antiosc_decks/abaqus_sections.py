@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import NoReturn
 
 import numpy as np
 
-from antiosc.io.deck import Array, Block, DeckPlace, IntArray, real_number
+from antiosc.io.deck import Array, DeckPlace, IntArray, real_number
 from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
@@ -30,10 +30,8 @@ def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material
         if card.keyword == "MATERIAL":
             name = card.needed("NAME")
             if earlier := materials.get(name.upper()):
-                message = (
-                    f"the material {name!r} is defined more than once, first in {earlier.place}."
-                )
-                raise card.place.error(message)
+                message = f"the material {name!r} is defined more than once, first in"
+                raise card.place.error(f"{message} {earlier.place}.")
             current = materials[name.upper()] = Material(name, card.place)
         elif current is not None and card.keyword == "ELASTIC":
             kind = _elastic(current, card)
@@ -50,11 +48,8 @@ def _elastic(material: Material, card: Card) -> str:
     """Set the constants of a material from *ELASTIC; return their kind."""
     word = "".join(card.option("TYPE", "ISO").split()).upper()
     kind = next((name for name in ELASTIC_CONSTANTS if word.startswith(name)), "")
-    card.needs(
-        kind,
-        f"*ELASTIC, TYPE={card.option('TYPE')} is not supported; write it as "
-        "isotropic, ENGINEERING CONSTANTS, LAMINA, ORTHO or ANISOTROPIC.",
-    )
+    known = "isotropic, ENGINEERING CONSTANTS, LAMINA, ORTHO or ANISOTROPIC"
+    card.needs(kind, f"*ELASTIC, TYPE={card.option('TYPE')} is not supported; give {known}.")
     values = card.first().reals() if kind == "ISO" else card.numbers()
     count = ELASTIC_CONSTANTS[kind]
     card.needs(len(values) >= count, f"*ELASTIC needs {count} constants; it has {len(values)}.")
@@ -77,9 +72,7 @@ def _elastic(material: Material, card: Card) -> str:
         try:
             material.constants = constants_of_stiffness(D)
         except np.linalg.LinAlgError:
-            raise card.place.error(
-                "the stiffness of *ELASTIC is singular: give moduli above 0 in all directions."
-            ) from None
+            raise card.place.error("the stiffness of *ELASTIC is singular: mend it.") from None
 
     return kind
 
@@ -163,17 +156,17 @@ BEAM_SECTIONS: dict[str, tuple[int, int, Callable[[list[float]], Profile]]] = {
 
 def profile_of(card: Card) -> Profile:
     """The cross-section of *BEAM SECTION or *BEAM GENERAL SECTION in the deck's units."""
-    kind = card.option("SECTION", "RECT").upper()
+    word = card.option("SECTION", "RECT").upper()
     d = card.first().reals()
-    section_kind = next((name for name in BEAM_SECTIONS if kind.startswith(name)), "")
-    card.needs(section_kind, f"SECTION={kind} must be RECT, CIRC, PIPE, BOX or GENERAL.")
-    number_count, positive, profile = BEAM_SECTIONS[section_kind]
-    complete = len(d) >= number_count and min(d[:positive]) > 0
-    card.needs(complete, f"SECTION={kind} needs {number_count} positive dimensions; got {d}.")
-    if section_kind == "BOX":
-        card.needs(d[2:4] == d[4:6], "a BOX with unequal opposite walls is not supported.")
-    if section_kind == "GENERAL":
-        card.needs(not d[2], "I12 must be 0: rotate the section to its principal axes.")
+    kind = next((name for name in BEAM_SECTIONS if word.startswith(name)), "")
+    card.needs(kind, f"SECTION={word} must be RECT, CIRC, PIPE, BOX or GENERAL.")
+    count, positive, profile = BEAM_SECTIONS[kind]
+    complete = len(d) >= count and min(d[:positive]) > 0
+    card.needs(complete, f"SECTION={word} needs {count} positive dimensions; got {d}.")
+    equal = kind != "BOX" or d[2:4] == d[4:6]
+    card.needs(equal, "a BOX with unequal opposite walls is not supported.")
+    principal = kind != "GENERAL" or not d[2]
+    card.needs(principal, "I12 must be 0: rotate the section to its principal axes.")
     return profile(d)
 
 
@@ -205,9 +198,9 @@ class Sections:
         for card in assembled.named(*SECTION_CARDS):
             self._read(card)
         if self.varying:
-            message = f"the variation of the thickness within {self.varying} elements (*NODAL "
-            message += f"THICKNESS, {cards[0].place}), the mean of the corners is taken in each"
-            self.builder.tell_once(message)
+            told = f"the variation of the thickness within {self.varying} elements"
+            told = f"{told} (*NODAL THICKNESS, {cards[0].place}), the mean of the corners is taken"
+            self.builder.tell_once(told)
 
     def _read(self, card: Card) -> None:
         """Add the section of one card."""
@@ -216,56 +209,47 @@ class Sections:
             return  # of springs, masses, or of a set that is empty
         blocks = [block for block, _ in self.whole.deck.blocks_of(elements)]
         roles = {block.role for block in blocks}
-        card.needs(
-            "axisymmetric" not in roles, "axisymmetric elements: revolve the part in your CAD."
-        )
-        for kind in sorted({block.type for block in blocks if block.type.startswith("D")}):
-            self.builder.tell_once(f"the heat transfer of {kind}, which carry forces here")
+        types = sorted({block.type for block in blocks})
+        flat = "axisymmetric" not in roles
+        card.needs(flat, "axisymmetric elements: revolve the part in your CAD.")
+        for kind in types:
+            if kind.startswith("D"):
+                self.builder.tell_once(f"the heat transfer of {kind}, which carry forces here")
+            if kind.startswith("M3D"):
+                bend = f"that {kind} do not bend: they are shells of their thickness"
+                self.builder.tell_once(bend)
 
-        for kind in sorted({block.type for block in blocks if block.type.startswith("M3D")}):
-            self.builder.tell_once(f"that {kind} do not bend: they are shells of their thickness")
         composite = "COMPOSITE" in card.options
         name = card.within.spelled(card.option("ELSET"))
         if card.keyword in OF_SHELLS and roles == {"shell"}:
             self._shells(card, name, elements)
             return
-
         if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
             area = _positive(card, "area of rods") * self.builder.units.length**2
-            arguments_of_rod = {**self._isotropic(card, "solids"), "area": area, "torsion": 0.0}
-            kind = "Truss"
-            arguments = arguments_of_rod
+            name, kind = "rods", "Truss"
+            arguments = {**self._isotropic(card, "solids"), "area": area, "torsion": 0.0}
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
             kind, arguments = self._solid(card)
-        elif "BEAM" not in card.keyword and roles <= PLANE and not composite:
-            kind, arguments = self._plane(card, roles)  # a thickness means the same of shells
+        elif "BEAM" not in card.keyword and len(roles) == 1 and roles <= PLANE and not composite:
+            kind, arguments = self._plane(card, *roles)  # a thickness means the same of shells
         elif "BEAM" in card.keyword and roles == {"beam"}:
-            self._refuse_nodal(card, blocks)
+            given = np.flatnonzero(np.isfinite(self.thickness))
+            nodal = any(np.isin(block.nodes, given).any() for block in blocks)
+            nodal |= "NODALTHICKNESS" in card.options
+            card.needs(not nodal, "beams with *NODAL THICKNESS: give dimensions in *BEAM SECTION.")
             kind, arguments = self._beam(card, elements)
         else:
-            self._refuse(card, roles, {block.type for block in blocks})
-        name = "rods" if kind == "Truss" else name
+            self._refuse(card, roles, types)
         self.builder.add(name, elements, GroupSection(kind, arguments, card.place))
 
-    def _refuse_nodal(self, card: Card, blocks: Sequence[Block]) -> None:
-        """Raise MeshError for beams whose dimensions are given at their nodes."""
-        given_nodes = np.flatnonzero(np.isfinite(self.thickness))
-        nodal = any(np.isin(block.nodes, given_nodes).any() for block in blocks)
-        of_card = not nodal and "NODALTHICKNESS" not in card.options
-        card.needs(of_card, "beams with *NODAL THICKNESS: give the dimensions in *BEAM SECTION.")
-
-    def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
+    def _refuse(self, card: Card, roles: set[str], types: list[str]) -> NoReturn:
         """Raise the error of a section card that does not fit its elements."""
-        kinds = ", ".join(sorted(types))
-        card.needs(
-            len(roles) <= 1,
-            f"one section for {' and '.join(sorted(roles))} elements "
-            f"({kinds}); give each kind its own.",
-        )
-        raise card.place.error(
-            f"{card.label} for elements ({kinds}) that carry no forces in this way; give them "
-            "as stress elements (of solids C3D…, shells S…, beams B…, trusses T…)."
-        )
+        kinds = ", ".join(types)
+        mixed = f"one section for {' and '.join(sorted(roles))} elements ({kinds})"
+        card.needs(len(roles) <= 1, f"{mixed}; give each kind its own.")
+        remedy = "give them as stress elements (of solids C3D…, shells S…, beams B…, trusses T…)."
+        fault = f"{card.label} for elements ({kinds}) that carry no forces in this way"
+        raise card.place.error(f"{fault}; {remedy}")
 
     def _material(self, name: str, place: DeckPlace) -> Material:
         """The material of this name."""
@@ -290,12 +274,10 @@ class Sections:
             card.refuse_turned()
         return "AnisotropicSolid", arguments
 
-    def _plane(self, card: Card, roles: set[str]) -> tuple[str, Json]:
+    def _plane(self, card: Card, role: str) -> tuple[str, Json]:
         """Family and arguments of plane stress or plane strain elements."""
-        if len(roles) > 1:
-            self._refuse(card, roles, set())
         thickness = _positive(card, "thickness") * self.builder.units.length
-        plane = {"plane": min(roles).removeprefix("plane "), "thickness": thickness}
+        plane = {"plane": role.removeprefix("plane "), "thickness": thickness}
         return "Solid", {**self._isotropic(card, "solids"), **plane}
 
     def _shells(self, card: Card, name: str, elements: IntArray) -> None:
@@ -358,18 +340,18 @@ class Sections:
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
         materials = [self._material(*word) for word in words]
         oriented = [row for row in rows if self.orientations.find(row.word(3), card)]
-        name = card.option("ORIENTATION") or (oriented[0].word(3) if oriented else "")
-        if name and not card.option("ORIENTATION"):
-            axis = self._directions(name, card, elements, card.place)
+        if oriented and not card.option("ORIENTATION"):
+            axis = self._directions(oriented[0].word(3), card, elements, card.place)
         else:
-            isotropic = all(layer_material.isotropic is not None for layer_material in materials)
+            isotropic = all(material.isotropic is not None for material in materials)
             axis = self._zero_direction(card, elements, 45.0 if isotropic else STEEP)
         layers: list[dict[str, float]] = []
         for row, material in zip(rows, materials, strict=True):
-            angle = row.real(3) if row not in oriented else 0.0
             if row in oriented:
                 directions = self._directions(row.word(3), card, elements, row.place)
                 angle = _angle_between(axis, directions, normals, row.place)
+            else:
+                angle = row.real(3)
             layers.append(self.builder.layer(material, row.real(0), angle))
         return layers, axis
 
@@ -383,15 +365,15 @@ class Sections:
         arguments = self._isotropic(card, "beams")
         profile = profile_of(card)
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:
-            message = "the one number of SECTION=CIRC is taken for the radius, as Abaqus does; "
-            message += "CalculiX means the diameter: give it twice there."
-            self.whole.deck.remarks.append(f"{card.place}: {message}")
-        first_axis = np.array([0.0, 0.0, -1.0])
+            told = f"{card.place}: the one number of SECTION=CIRC is taken for the radius, as "
+            told += "Abaqus does; CalculiX means the diameter: give it twice there."
+            self.whole.deck.remarks.append(told)
+        axis = np.array([0.0, 0.0, -1.0])
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         rows = card.rows()
 
         if len(rows) > 1:
-            first_axis = card.within.turn @ rows[1].reals(3)
+            axis = card.within.turn @ rows[1].reals(3)
         elif profile.I_side != profile.I or any(shares):
             card.refuse_turned()
         offset = shares[0] * profile.height
@@ -401,15 +383,13 @@ class Sections:
             tangents = geometry.tangents_of(self.whole.deck, elements)
             tangent = geometry.common_direction(tangents, least=1 - 1e-9)
             if tangent is None:
-                message = "OFFSET2 is read for beams in one direction only; give each direction a"
-                raise card.place.error(f"{message} section of its own.")
+                raise card.place.error("OFFSET2 is read for beams in one direction only.")
             offset = shares[1] * profile.width
-            first_axis = np.cross(tangent, first_axis)
+            axis = np.cross(tangent, axis)
             profile = profile.rotated()
         length = self.builder.units.length
-        arguments["section"] = profile.section(length)
-
-        return "Beam", {**arguments, "orientation": first_axis.tolist(), "offset": offset * length}
+        arguments |= {"section": profile.section(length), "orientation": axis.tolist()}
+        return "Beam", {**arguments, "offset": offset * length}
 
 
 def _angle_between(axis: Array, direction: Array, normals: Array, place: DeckPlace) -> float:
@@ -417,10 +397,8 @@ def _angle_between(axis: Array, direction: Array, normals: Array, place: DeckPla
     flat = [v - np.einsum("ni,ni->n", v, normals)[:, None] * normals for v in (axis, direction)]
     sine = np.einsum("ni,ni->n", np.cross(*flat), normals)
     degrees = np.degrees(np.arctan2(sine, np.einsum("ni,ni->n", *flat)))
-    varies = np.abs((degrees - degrees[0] + 90) % 180 - 90).max() > SAME_ANGLE
-    place.needs(
-        not varies, "the *ORIENTATION of a layer turns from element to element; give angles."
-    )
+    equal = np.abs((degrees - degrees[0] + 90) % 180 - 90).max() <= SAME_ANGLE
+    place.needs(equal, "the *ORIENTATION of a layer turns from element to element; give angles.")
     return float(degrees[0])
 
 

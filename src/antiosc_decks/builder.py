@@ -24,23 +24,16 @@ from antiosc_decks.properties import (
 
 
 def chosen_elements(deck: Deck, length: float) -> BoolArray:
-    """Mask (n,) of the elements that the caller chose by parts and by piece.
-
-    `length`: metres per unit of the deck.
-    """
+    """Mask (n,) of the elements chosen by parts and by piece; `length`: metres per unit."""
     selected = np.full(deck.n_elements, deck.wanted is None)
     for name in deck.wanted or ():
         members = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
         if not len(members):
-            set_names = sorted(n for n, rows in deck.element_sets.items() if len(rows))
-            known_text = ", ".join(map(repr, set_names[:20])) or "none"
-            raise MeshError(
-                f"{deck.name} has no elements of a part {name!r}; it has: {known_text}."
-            )
+            known = sorted(n for n, rows in deck.element_sets.items() if len(rows))
+            names = ", ".join(map(repr, known[:20])) or "none"
+            raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {names}.")
         selected[members] = True
-    if deck.piece is None:
-        return selected
-    return one_piece(deck, selected, length)
+    return selected if deck.piece is None else one_piece(deck, selected, length)
 
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -62,12 +55,10 @@ class GroupSection(NamedTuple):
 
 
 def named(cards: Sequence[str]) -> str:
-    """The only one of some cards, or their number: "PSHELL 7", "11 PSHELL", "3 properties"."""
-    if len(cards) == 1:
-        return cards[0]
-    kinds = {card.split()[0] for card in cards}
+    """The only one of some cards, or their number: "PSHELL 7", "11 PSHELL", "3 cards"."""
+    kinds = {card.partition(" ")[0] for card in cards}
     what = kinds.pop() if len(kinds) == 1 else "cards"
-    return f"{len(cards)} {what}"
+    return cards[0] if len(cards) == 1 else f"{len(cards)} {what}"
 
 
 class Unstated(NamedTuple):
@@ -85,11 +76,7 @@ class ModelBuilder:
     """Collects a model in SI units; `antiosc_decks.finished.finished` returns it."""
 
     def __init__(
-        self,
-        deck: Deck,
-        units: UnitSystem,
-        unstated: Unstated,
-        lumped: bool = False,
+        self, deck: Deck, units: UnitSystem, unstated: Unstated, lumped: bool = False
     ) -> None:
         #: (node of a repeated element, original node that it follows)
         self.copies = separate_copies(deck)
@@ -122,19 +109,16 @@ class ModelBuilder:
 
     def find_nodes(self) -> None:
         """Mark the nodes of chosen elements, and those that have rotations (shells, beams)."""
-        blocks = [(block, block[self.chosen[rows]]) for block, rows in self.deck.numbered()]
-        roles = {members.role for _, members in blocks if len(members)}
-        self.truss = "rod" in roles and roles == {"rod"}
-        is_used = np.zeros(len(self.used), dtype=bool)
-        for block, members in blocks:
-            is_used[block.nodes] = True
-            if block.role != "rod" or self.truss:
-                self.used[members.nodes] = True
-            else:
-                is_used[members.nodes] = False
-            if block.role in ("shell", "beam"):
-                self.has_rotations[members.nodes] = True
-        self.gone = is_used & ~self.used
+        blocks = [block[self.chosen[rows]] for block, rows in self.deck.numbered()]
+        self.truss = {block.role for block in blocks if len(block)} == {"rod"}
+        for block in blocks:
+            self.used[block.nodes] |= block.role != "rod" or self.truss
+            self.has_rotations[block.nodes] |= block.role in ("shell", "beam")
+        for whole, block in zip(self.deck.blocks, blocks, strict=True):
+            self.gone[whole.nodes] = True
+            if block.role == "rod" and not self.truss:
+                self.gone[block.nodes] = False
+        self.gone &= ~self.used
 
     def complete(self, material: Material) -> None:
         """Give a material without elasticity the modulus that the caller gave for such ones."""
@@ -144,23 +128,20 @@ class ModelBuilder:
 
     def rho(self, material: Material) -> float:
         """Density of a material in kg/m³."""
+        label = f"the material {material.name!r}"
         if material.density:
             density = material.density * self.units.density
             material.needs(
                 density <= DENSITIES[1] or self.unstated.massless,
-                f"the density {material.density:g} of the material {material.name!r} is"
-                f" {density:.3g} kg/m³, more than any solid has: give the unit of the deck (unit),"
-                " or mend it (a mass per volume, no weight).",
+                f"the density {material.density:g} of {label} is {density:.3g} kg/m³, more than"
+                " any solid has: give the unit of the deck (unit), or mend it (a mass per volume).",
             )
             return density
 
         if self.unstated.density is not None:
             return self.unstated.density
-        material.needs(
-            self.lumped,
-            f"the material {material.name!r} has no density, without which nothing can be struck; "
-            "add it to the deck, or give a density in kg/m³.",
-        )
+        remedy = "add it to the deck, or give a density in kg/m³."
+        material.needs(self.lumped, f"{label} has no density: {remedy}")
         self.tell_once("the mass of {}, whose density is 0", material.name)
         return material.modulus * self.units.stress / MASSLESS_WAVE**2
 
@@ -173,15 +154,11 @@ class ModelBuilder:
         """(E in Pa, nu) of a material that must be isotropic; beams use its E and G."""
         material.elasticity()
         E, nu = material.isotropic or (0.0, 0.0)
-        material.needs(
-            material.isotropic,
-            f"the material {material.name!r} is not isotropic, but {what} must be.",
-        )
+        fault = f"the material {material.name!r} is not isotropic, but {what} must be."
+        material.needs(material.isotropic, fault)
         if what in ("beams", "rods") and material.of_lines is not None:
             E, G = material.of_lines
-            material.needs(
-                G > 0, f"{material.name} needs G above 0 for {what}, or a blank one; it is {G:g}."
-            )
+            material.needs(G > 0, f"{material.name} needs G above 0 for {what}, or a blank one.")
             nu = E / (2 * G) - 1
         return E * self.units.stress, nu
 
@@ -191,10 +168,8 @@ class ModelBuilder:
         if C is None:
             if material.constants is None or material.isotropic is not None:
                 return None
-            material.needs(
-                np.isfinite(material.constants).all(),
-                f"{material.name!r} is for layers: solids need all nine constants.",
-            )
+            complete = np.isfinite(material.constants).all()
+            material.needs(complete, f"{material.name!r} is for layers: solids need all constants.")
             E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
             S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
             S[[0, 0, 1], [1, 2, 2]] = S[[1, 2, 2], [0, 0, 1]] = -n12 / E1, -n13 / E1, -n23 / E2
@@ -205,14 +180,9 @@ class ModelBuilder:
         """Arguments of a `Layer`; the thickness is in the deck's units."""
         E1, E2, _, nu12, _, _, *G = material.elasticity().tolist()
         moduli = zip(("E1", "E2", "G12", "G13", "G23"), (E1, E2, *G), strict=True)
-        moduli_in_si = {name: value * self.units.stress for name, value in moduli}
-        thick = thickness * self.units.length
-        return moduli_in_si | {
-            "nu12": nu12,
-            "rho": self.rho(material),
-            "thickness": thick,
-            "angle": angle,
-        }
+        arguments = {name: value * self.units.stress for name, value in moduli}
+        arguments |= {"nu12": nu12, "rho": self.rho(material), "angle": angle}
+        return arguments | {"thickness": thickness * self.units.length}
 
     def add(self, name: str, elements: IntArray, family: GroupSection) -> None:
         """Set the section of elements, in place of an earlier one."""
@@ -235,22 +205,19 @@ class ModelBuilder:
         deck = self.deck
         length = self.units.length
         arguments = dict(family.arguments)
+        top = top_of(deck, elements, length) if offset or axes is not None else []
         if axes is not None:
             axes = unit(axes)
             axis = common_direction(axes, least=1 - 1e-6)
-            arguments["axis"] = (
-                everywhere(deck, elements, axes, length) if axis is None else axis.tolist()
-            )
-            arguments["top"] = top_of(deck, elements, length)
+            one = None if axis is None else axis.tolist()
+            arguments["axis"] = one or everywhere(deck, elements, axes, length)
+        if axes is not None or (offset and isinstance(top, dict)):
+            arguments["top"] = top
         if offset:
             arguments["offset"] = offset * length
-            if axes is None and isinstance(top := top_of(deck, elements, length), dict):
-                arguments["top"] = top
             if curved(deck, elements):
-                self.tell_once(
-                    f"the area of the offset surface of curved shells ({family.place}), "
-                    "that at the nodes is taken"
-                )
+                told = "the area of the offset surface of curved shells "
+                self.tell_once(f"{told}({family.place}), that at the nodes is taken")
         self.add(name, elements, family._replace(arguments=arguments))
 
     def tell_once(self, ignored: str, of: str = "") -> None:
@@ -259,10 +226,8 @@ class ModelBuilder:
 
     def told(self) -> list[str]:
         """All that is ignored, in the deck's terms."""
-        return [
-            *self.ignored,
-            *(text.replace("{}", named([*of])) for text, of in self._told.items()),
-        ]
+        once = [text.replace("{}", named([*of])) for text, of in self._told.items()]
+        return [*self.ignored, *once]
 
     def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
         """Fix motions (0 to 5) of nodes, unless the supports of the deck are left out."""
@@ -283,9 +248,23 @@ class ModelBuilder:
                 self.joints.equations.append([(copy, motion, 1.0), (node, motion, -1.0)])
 
     def link(self, by: str, what: str, terms: list[Term], value: float, place: DeckPlace) -> None:
-        """Add the spring (`what` "stiffness") or damper of a card, in the deck's units."""
+        """Add the spring (`what` "stiffness") or damper of a card, in the deck's units.
+
+        Fixed motions are left out, and rounding errors of directions.
+        """
         place.needs(value >= 0, f"{by} has a negative {what}, {value:g}.")
-        (self.sprung if what == "stiffness" else self.damped)(terms, value)
+        moving = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
+        moving = [
+            (*self.joints.alias.get((n, m), (n, m)), c) for n, m, c in moving if abs(c) > LEAST_TERM
+        ]
+        if len(moving) == 1:
+            ((node, motion, coefficient),) = moving
+            moving = [(node, motion, 1.0)]
+            value = value * coefficient**2
+        if moving and what == "stiffness":
+            self.joints.springs.append((moving, value))
+        elif moving and value:
+            self.joints.dampers.append((moving, value))
 
     def mass(self, node: int, mass: float, inertia: list[float], place: DeckPlace) -> None:
         """Add a point mass and its moments of inertia (3), in the deck's units."""
@@ -314,25 +293,3 @@ class ModelBuilder:
         aliased = [(*alias.get((n, m), (n, m)), c) for n, m, c in terms]
         if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in aliased):
             self.joints.masses.append(([aliased], np.array([[value * unit]]), mass * unit))
-
-    def sprung(self, terms: Sequence[Term], stiffness: float) -> None:
-        """Add a spring on a sum of terms, in the deck's units; fixed motions are left out."""
-        free_terms = self._moving(terms)
-        if len(free_terms) == 1:
-            ((node, motion, coefficient),) = free_terms
-            free_terms = [(node, motion, 1.0)]
-            stiffness = stiffness * coefficient**2
-        if free_terms:
-            self.joints.springs.append((free_terms, stiffness))
-
-    def damped(self, terms: Sequence[Term], damping: float) -> None:
-        """Add a damper on a sum of terms, in the deck's units; fixed motions are left out."""
-        free_terms = self._moving(terms)
-        if free_terms and damping:
-            self.joints.dampers.append((free_terms, damping))
-
-    def _moving(self, terms: Sequence[Term]) -> list[Term]:
-        """The terms of motions that are not fixed, without rounding errors."""
-        alias = self.joints.alias
-        free = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
-        return [(*alias.get((n, m), (n, m)), c) for n, m, c in free if abs(c) > LEAST_TERM]

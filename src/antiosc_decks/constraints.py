@@ -69,9 +69,7 @@ class DeckConstraints:
     def place(self, node: int) -> Array:
         """Coordinates of a node or a further point."""
         count = len(self.deck.points)
-        if node < count:
-            return self.deck.points[node]
-        return self.more[node - count]
+        return self.deck.points[node] if node < count else self.more[node - count]
 
     def equation(self, terms: Iterable[Term], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0; motions of nodes with local axes are along these."""
@@ -80,22 +78,15 @@ class DeckConstraints:
 
     def _sum_is_zero(self, terms: Iterable[Term], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0, all motions along x, y, z."""
-        coefficients: dict[tuple[int, int], float] = {}
+        total: dict[tuple[int, int], float] = {}
         for node, motion, coefficient in terms:
-            motion_of_node = self.alias.get((node, motion), (node, motion))
-            coefficients[motion_of_node] = coefficients.get(motion_of_node, 0.0) + coefficient
-        largest = max(map(abs, coefficients.values()), default=0.0)
-        significant = [
-            (*motion_of_node, c)
-            for motion_of_node, c in coefficients.items()
-            if abs(c) > NEGLIGIBLE_TERM * largest
-        ]
+            key = self.alias.get((node, motion), (node, motion))
+            total[key] = total.get(key, 0.0) + coefficient
+        largest = max(map(abs, total.values()), default=0.0)
+        significant = [(*key, c) for key, c in total.items() if abs(c) > NEGLIGIBLE_TERM * largest]
         for node, motion, _ in significant:
             has_motion = motion < 3 or not self._used(node) or self.has_rotations[node]
-            place.needs(
-                has_motion,
-                "nodes of solids do not rotate; constrain displacements of several nodes.",
-            )
+            place.needs(has_motion, "nodes of solids do not rotate; constrain displacements.")
         if significant:
             self.equations.append(significant)
 
@@ -106,12 +97,12 @@ class DeckConstraints:
         """
         result = np.zeros(6, dtype=bool)
         for first in (0, 3):
-            fixed_axes = fixed[first : first + 3]
-            fixed_motions = fixed_along_axes(fixed_axes, frame)
-            if fixed_motions is not None:
-                result[first : first + 3] = fixed_motions
+            axes = fixed[first : first + 3]
+            along = fixed_along_axes(axes, frame)
+            if along is not None:
+                result[first : first + 3] = along
                 continue
-            for direction in frame[fixed_axes]:
+            for direction in frame[axes]:
                 order = np.argsort(-np.abs(direction), kind="stable")
                 if abs(direction[order[0]]) > AXIS_COSINE:
                     result[first + order[0]] = True
@@ -181,24 +172,18 @@ class DeckConstraints:
         """
         x = self.place(leader)
         for node in map(int, nodes[nodes != leader]):
-            r = self.place(node) - x
-            arm = lever(r)
+            arm = lever(self.place(node) - x - eccentricity)
             if eccentricity.any():
                 axis = frames[node][0]
-                arm = lever(r - eccentricity) + np.outer(axis, axis) @ lever(eccentricity)
+                arm = arm + np.outer(axis, axis) @ lever(eccentricity)
             for first in (0, 3):
                 if first and self._used(node) and not self.has_rotations[node]:
                     continue
                 for pivot, normal in _directions(frames.get(node), motions, first):
-                    terms = [(node, first + pivot, float(normal[pivot]))]
-                    components = [k for k in range(3) if normal[k]]
-                    terms += [(node, first + k, float(normal[k])) for k in components if k != pivot]
-                    terms += [(leader, first + k, -float(normal[k])) for k in components]
-                    if not first:
-                        arm_row = normal @ arm
-                        terms += [
-                            (leader, 3 + k, -float(arm_row[k])) for k in range(3) if arm_row[k]
-                        ]
+                    axes = sorted(np.flatnonzero(normal).tolist(), key=lambda k: k != pivot)
+                    terms = [(node, first + k, float(normal[k])) for k in axes]
+                    terms += axis_terms(leader, normal, first, -1.0)
+                    terms += [] if first else axis_terms(leader, normal @ arm, 3, -1.0)
                     self.equations.append(terms)
 
     def mean(
@@ -233,29 +218,25 @@ class DeckConstraints:
         values, principal = np.linalg.eigh(J)
         resisted = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
         turned = principal[:, resisted]
-        inverse = turned @ np.diag(1 / values[resisted]) @ turned.T
+        inverse = (turned / values[resisted]) @ turned.T
         # θ = J⁻¹ Σ (w r × u + s θ)
         skew = -np.array([lever(arm) for arm in r])
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
         by_rotation = np.einsum("ik,p->ipk", inverse, spins)
-        arm = self.place(follower) - centre
-        cross = lever(arm)
-        by_lever = np.einsum("ij,jpk->ipk", cross, rotations)
+        cross = lever(self.place(follower) - centre)
+        by_lever, lever_of_rotation = (
+            np.einsum("ij,jpk->ipk", cross, table) for table in (rotations, by_rotation)
+        )
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + by_lever
-        lever_of_rotation = np.einsum("ij,jpk->ipk", cross, by_rotation)
         # a rotation about the line of the nodes does not displace a point on that line
         unknown = np.abs(cross @ principal[:, ~resisted]).max(initial=0.0) > 1e-9 * np.abs(r).max()
-        is_determined = resisted.all() or not any(c >= 3 or unknown for c in motions)
-        place.needs(
-            is_determined, "a mean rotation of nodes on one line is not known; take more nodes."
-        )
+        known = resisted.all() or not any(c >= 3 or unknown for c in motions)
+        place.needs(known, "a mean rotation of nodes on one line is not known; take more nodes.")
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
         frame = self.frames.get(follower) if axes is None else axes
+        tables = (0, displacements, lever_of_rotation), (3, rotations, by_rotation)
 
-        for first, table, rotation_table in (
-            (0, displacements, lever_of_rotation),
-            (3, rotations, by_rotation),
-        ):
+        for first, table, rotation_table in tables:
             for pivot, axis in _directions(frame, motions, first):
                 components = sorted(np.flatnonzero(axis), key=lambda k: k != pivot)
                 mean = np.einsum("i,ipk->pk", axis, table)
@@ -314,14 +295,13 @@ def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple
     pivots: list[int] = []
     for i in range(len(rows)):
         # Gaussian elimination: the rows span the same space, each has a pivot axis of its own
-        remaining = np.abs(rows[i:]).copy()
+        remaining = np.abs(rows[i:])
         remaining[:, pivots] = 0.0
         j, pivot = np.unravel_index(int(np.argmax(remaining)), remaining.shape)
         rows[[i, i + int(j)]] = rows[[i + int(j), i]]
         rows[i] /= rows[i, pivot]
-        for k in range(len(rows)):
-            if k != i:
-                rows[k] -= rows[k, pivot] * rows[i]
+        others = np.arange(len(rows)) != i
+        rows[others] -= rows[others, pivot, None] * rows[i]
         pivots.append(int(pivot))
     rows[np.abs(rows) < NEGLIGIBLE_TERM] = 0.0
     return list(zip(pivots, rows, strict=True))
@@ -329,8 +309,6 @@ def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple
 
 #: Share of the largest eigenvalue below which a rigid motion counts as free; rounding is 1e-16.
 UNHELD = 1e-10
-
-
 #: Pieces of a deck that are listed, that are told, and sets of each.
 MOST_PIECES, MOST_TOLD, MOST_SETS = 40, 6, 3
 
@@ -345,9 +323,8 @@ def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
     pieces, count = np.unique(label[chosen], return_counts=True)
     rank = deck.piece or 1
     if not 1 <= rank <= len(pieces):
-        raise MeshError(
-            f"{deck.name} has {len(pieces)} pieces that share no node; there is no piece {rank}."
-        )
+        count_text = f"{len(pieces)} pieces that share no node"
+        raise MeshError(f"{deck.name} has {count_text}; there is no piece {rank}.")
     pieces = pieces[np.argsort(-count, kind="stable")]
     if len(pieces) > 1:
         of_piece = (chosen & (label == piece) for piece in pieces[:MOST_PIECES])
@@ -382,53 +359,47 @@ def held_apart(
     """
     tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
     tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
-    constrained_nodes = np.unique(np.concatenate([NO_NODES, *(t.ravel() for t in tables)]))
-    constrained_nodes = constrained_nodes[constrained_nodes >= 0]
-    pieces = np.unique(connected(tables, len(x))[constrained_nodes], return_inverse=True)[1]
+    nodes = np.unique(np.concatenate([NO_NODES, *(t.ravel() for t in tables)]))
+    nodes = nodes[nodes >= 0]
+    pieces = np.unique(connected(tables, len(x))[nodes], return_inverse=True)[1]
     count = int(pieces.max(initial=0)) + 1
     if count < 2:
         return count, False
-    piece = np.zeros(len(x), dtype=np.int64)
-    piece[constrained_nodes] = pieces
-    centre = np.zeros((count, 3))
-    np.add.at(centre, pieces, x[constrained_nodes])
-    r = x - (centre / np.bincount(pieces)[:, None])[piece]
-    r /= max(float(np.ptp(x[constrained_nodes], axis=0).max()), np.finfo(float).tiny)
-    acting_moves = np.zeros_like(moves)
-    acting_moves[constrained_nodes] = moves[constrained_nodes]
-    norms, resisted = (
-        _gram(mask, r, piece, count) for mask in (acting_moves, acting_moves & fixed)
-    )
 
+    piece = np.zeros(len(x), dtype=np.int64)
+    piece[nodes] = pieces
+    centre = np.zeros((count, 3))
+    np.add.at(centre, pieces, x[nodes])
+    r = x - (centre / np.bincount(pieces)[:, None])[piece]
+    r /= max(float(np.ptp(x[nodes], axis=0).max()), np.finfo(float).tiny)
+
+    # Gram matrices of the rigid motions of each piece: at all nodes, and as they are resisted
+    acting = np.zeros_like(moves)
+    acting[nodes] = moves[nodes]
+    all_motions, resisted = np.zeros((2, count, 6, 6))
+    for gram, mask in ((all_motions, acting), (resisted, acting & fixed)):
+        at, motions = np.nonzero(mask)
+        motion = _motion(r[at], motions)
+        np.add.at(gram, piece[at], motion[:, :, None] * motion[:, None, :])
     for terms in filter(None, rows):
-        nodes, motions, c = (np.array(column) for column in zip(*terms, strict=True))
-        row = (c / np.abs(c).max()) @ _motion(r[nodes], motions)
-        resisted[piece[nodes[0]]] += np.outer(row, row)
-    for against, motion in zip(resisted, norms, strict=True):
+        at, motions, c = (np.array(column) for column in zip(*terms, strict=True))
+        row = (c / np.abs(c).max()) @ _motion(r[at], motions)
+        resisted[piece[at[0]]] += np.outer(row, row)
+
+    for against, gram in zip(resisted, all_motions, strict=True):
         values, vectors = np.linalg.eigh(against)
         free = vectors[:, values <= UNHELD * max(values[-1], 1.0)]
-        if np.trace(free.T @ motion @ free) > UNHELD * np.trace(motion):
+        if np.trace(free.T @ gram @ free) > UNHELD * np.trace(gram):
             return count, False
-
     return count, True
-
-
-def _gram(mask: BoolArray, r: Array, piece: IntArray, count: int) -> Array:
-    """Gram matrix (6, 6) of each piece: its rigid motions at the marked nodes and directions."""
-    nodes, motions = np.nonzero(mask)
-    result = np.zeros((count, 6, 6))
-    rows = _motion(r[nodes], motions)
-    np.add.at(result, piece[nodes], rows[:, :, None] * rows[:, None, :])
-    return result
 
 
 def _motion(r: Array, motions: IntArray) -> Array:
     """Motions (0 to 5) of nodes at r (n, 3) in the six rigid motions of a body: (n, 6)."""
     rows = np.eye(6)[motions]
-    x, y, z = r.T
-    zero = np.zeros(len(r))
-    rotations = np.stack([[zero, z, -y], [-z, zero, x], [y, -x, zero], *np.zeros((3, 3, len(r)))])
-    rows[:, 3:] += rotations[motions, :, np.arange(len(r))]
+    by_rotation = np.cross(np.eye(3)[:, None], r)  # (axis, node, direction)
+    by_rotation = np.concatenate([by_rotation, np.zeros_like(by_rotation)], axis=2)
+    rows[:, 3:] += by_rotation[:, np.arange(len(r)), motions].T
     return rows
 
 
@@ -438,24 +409,21 @@ def _motion(r: Array, motions: IntArray) -> Array:
 def separate_copies(deck: Deck) -> list[tuple[int, int]]:
     """Give repeated elements new nodes: [(new node, original node)]."""
     blocks = [block for block in deck.blocks if block.role != "rod"] or deck.blocks
-    copies_of: dict[tuple[int, int], int] = {}
+    new: dict[tuple[int, int], int] = {}
     copies: Counter[str] = Counter()
     for block, ranks in zip(blocks, _ranks(blocks), strict=True):
+        copies[block.type] += int((ranks > 0).sum())
         for element in np.flatnonzero(ranks):
-            copies[block.type] += 1
             for table in (block.corners, block.mids, block.inner):
                 for k in np.flatnonzero(table[element] >= 0):
-                    place = (int(table[element, k]), int(ranks[element]))
-                    table[element, k] = copies_of.setdefault(
-                        place, len(deck.points) + len(copies_of)
-                    )
-    if copies_of:
-        deck.points = np.vstack([deck.points, deck.points[[node for node, _ in copies_of]]])
-        deck.remarks.append(
-            f"{listed(copies)} of {deck.name} repeat other elements node by node: "
-            "their stiffness and mass add to those of these."
-        )
-    return [(place, node) for (node, _), place in copies_of.items()]
+                    key = int(table[element, k]), int(ranks[element])
+                    table[element, k] = new.setdefault(key, len(deck.points) + len(new))
+    if new:
+        deck.points = np.vstack([deck.points, deck.points[[node for node, _ in new]]])
+        repeated = listed({kind: count for kind, count in copies.items() if count})
+        message = f"{repeated} of {deck.name} repeat other elements node by node"
+        deck.remarks.append(f"{message}: their stiffness and mass add to those of these.")
+    return [(copy, node) for (node, _), copy in new.items()]
 
 
 def _ranks(blocks: list[Block]) -> list[IntArray]:

@@ -8,8 +8,6 @@ Rods between other elements are springs with masses at their nodes; rods alone f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from antiosc.base._types import BoolArray
@@ -39,11 +37,9 @@ def join_rods(builder: ModelBuilder) -> BoolArray:
             volume = _rod(builder, nodes, family)
             mass = family.arguments["rho"] / builder.units.density * volume
             for node in nodes:
-                masses[node] = masses.get(node, (0.0,))[0] + mass / len(nodes), family.place
-        deck.remarks.append(
-            f"the {len(block)} {block.type} of {deck.name} are springs, with their mass at their"
-            " ends."
-        )
+                masses[node] = masses.get(node, (0.0,))[0] + mass / 2, family.place
+        count = f"the {len(block)} {block.type} of {deck.name}"
+        deck.remarks.append(f"{count} are springs, with their mass at their ends.")
     for node, (mass, place) in masses.items():
         if mass:
             builder.mass(node, mass, [0.0] * 3, place)
@@ -82,10 +78,10 @@ def _rod(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float
 
     a, b = nodes
     terms, length = builder.joints.elongation(a, b, family.place)
-    builder.sprung(terms, E * area / length)
+    builder.link("a rod", "stiffness", terms, E * area / length, family.place)
     if twist and builder.has_rotations[nodes].all():
         terms, _ = builder.joints.elongation(a, b, family.place, 3)
-        builder.sprung(terms, twist / length)
+        builder.link("a rod", "stiffness", terms, twist / length, family.place)
     return area * length
 
 
@@ -102,18 +98,15 @@ def finished(builder: ModelBuilder) -> Model:
     """
     _keep_elements(builder, builder.chosen)
     _refuse_uncovered(builder)
-    if builder.truss and any(
-        [section.arguments.pop("torsion", 0.0) for section in builder.families]
-    ):
+    if builder.truss and any([one.arguments.pop("torsion", 0.0) for one in builder.families]):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
     _keep_elements(builder, ~join_rods(builder))
     roles = {block.role for block in builder.deck.blocks if len(block)}
 
     if len(roles) > 1 and not roles <= JOINED:
-        raise MeshError(
-            f"{builder.deck.name} has {' and '.join(sorted(roles))} elements in one structure; "
-            "plane elements are read alone: give each kind a deck of its own."
-        )
+        kinds = " and ".join(sorted(roles))
+        remedy = "plane elements are read alone: give each kind a deck of its own."
+        raise MeshError(f"{builder.deck.name} has {kinds} elements in one structure; {remedy}")
 
     _hold_middles(builder)
     _drop_free_followers(builder)
@@ -143,13 +136,10 @@ def finished(builder: ModelBuilder) -> Model:
         joints.springs = []
 
     # N/m, and N m of rotations
-    size = builder.units.length
-    force = builder.units.force
-    units = [force * size ** (1 if m > 2 else -1) for m in range(6)]
-    point_springs = [] if is_assembly else grounded
-    springs = [
-        (_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in point_springs
-    ]
+    units = builder.units
+    values = [units.force * units.length ** (1 if m > 2 else -1) for m in range(6)]
+    alone = [] if is_assembly else grounded
+    springs = [(_point(builder, n), {MOTIONS[m]: k * values[m]}) for ((n, m, _),), k in alone]
 
     groups: list[tuple[str, str, Json, str]] = []
     for number in np.unique(builder.of_element).tolist():
@@ -190,10 +180,10 @@ def _pieces_and_supports(builder: ModelBuilder, count: int, fixed_points: Held) 
     has_motion[:nodes, :count] = True
     has_motion[:nodes, 3:] &= builder.has_rotations[:, None]
     fixed[:nodes] = builder.fixed
-    loose_nodes = joints.loose()
-    has_motion[loose_nodes] = True
+    loose = joints.loose()
+    has_motion[loose] = True
     for number, motions in fixed_points:
-        fixed[loose_nodes[-1 - number], [MOTIONS.index(name) for name in motions]] = True
+        fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
     rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
     return held_apart(builder.deck, x, has_motion, fixed, rows)
 
@@ -204,9 +194,9 @@ def _drop_free_followers(builder: ModelBuilder) -> None:
     The point fulfils them by its own motions, so that they act on nothing.
     """
     joints = builder.joints
-    loaded = {n for terms, _ in [*joints.springs, *joints.dampers] for n, _, _ in terms}
-    loaded |= {n for rows, _, _ in joints.masses for terms in rows for n, _, _ in terms}
-    loaded |= {entry[0] for entry in builder.masses}
+    other = [terms for terms, _ in [*joints.springs, *joints.dampers]]
+    other += [terms for rows, _, _ in joints.masses for terms in rows]
+    loaded = {n for terms in other for n, _, _ in terms} | {entry[0] for entry in builder.masses}
     loaded |= set(np.flatnonzero(builder.used | builder.fixed.any(axis=1)).tolist())
     equations: dict[int, list[list[Term]]] = {}
     for terms in joints.equations:
@@ -216,69 +206,58 @@ def _drop_free_followers(builder: ModelBuilder) -> None:
         for point in points:
             equations.setdefault(point, []).append(terms if alone else [])
 
-    dropped: list[list[Term]] = []
     for point, rows in equations.items():
         C = np.zeros((len(rows), 6))
         for row, terms in zip(C, rows, strict=True):
             for n, m, c in terms:
                 row[m] += c * (n == point)
         if C.any(axis=1).all() and len(rows) == np.linalg.matrix_rank(C) < C.any(axis=0).sum():
-            dropped += rows
-
-    if dropped:
-        joints.equations = [terms for terms in joints.equations if terms not in dropped]
+            joints.equations = [terms for terms in joints.equations if terms not in rows]
 
 
 def _drop_alone(builder: ModelBuilder) -> None:
     """Remove masses and joints that no element is connected to, and dampers with a massless end."""
     joints = builder.joints
-    is_used = builder.used
+    used = builder.used
     node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
-    label = connected(node_rows, len(is_used) + len(joints.more))
-    is_connected = np.isin(label, label[: len(is_used)][is_used])
+    label = connected(node_rows, len(used) + len(joints.more))
+    is_connected = np.isin(label, label[: len(used)][used])
 
     def moves(node: int) -> bool:
         return bool(is_connected[joints.alias.get((node, 0), (node, 0))[0]])
 
-    on_fixed = [
-        entry
-        for entry in builder.masses
-        if not is_used[entry[0]] and builder.fixed[entry[0], :3].all()
-    ]
-    unjoined = [entry[1] for entry in builder.masses if not moves(entry[0])]
-    builder.ignored += [f"a mass on a held node of no element ({entry[1]})" for entry in on_fixed]
-    if unjoined:
+    held = [e for e in builder.masses if not used[e[0]] and builder.fixed[e[0], :3].all()]
+    builder.ignored += [f"a mass on a held node of no element ({entry[1]})" for entry in held]
+    if unjoined := [entry[1] for entry in builder.masses if not moves(entry[0])]:
         builder.ignored.append(f"masses that nothing joins to an element ({lines(unjoined)})")
-    builder.masses = [
-        entry for entry in builder.masses if moves(entry[0]) and entry not in on_fixed
-    ]
-    removed_count = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
-    loaded_motions = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
+    builder.masses = [e for e in builder.masses if moves(e[0]) and e not in held]
+
+    count = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
+    loaded = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
     for node, _, mass, inertia in builder.masses:
-        loaded_motions |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
+        loaded |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
 
-    def resists(terms: Sequence[Term]) -> bool:
-        """Whether each end of a damper has mass, or a spring or constraint acts on it."""
-        return all(
-            (n < len(is_used) and is_used[n]) or (n, m) in loaded_motions for n, m, _ in terms
-        )
-
-    dampers = [entry for entry in joints.dampers if resists(entry[0])]
-    removed_count += len(joints.dampers) - len(dampers)
+    # the ends of a damper have mass, or a spring or constraint acts on them
+    on_elements = set(np.flatnonzero(used).tolist())
+    dampers = [
+        entry
+        for entry in joints.dampers
+        if all(n in on_elements or (n, m) in loaded for n, m, _ in entry[0])
+    ]
+    count += len(joints.dampers) - len(dampers)
     joints.dampers = dampers
-    if removed_count:
-        message = "springs, dampers, masses and constraints that nothing joins to an element"
-        builder.ignored.append(f"{removed_count} {message}")
+    if count:
+        what = "springs, dampers, masses and constraints that nothing joins to an element"
+        builder.ignored.append(f"{count} {what}")
 
 
 def _attach(builder: ModelBuilder) -> None:
     """Convert point masses to mass matrices at numbered nodes."""
-    masses = builder.masses
-    builder.masses = []
-    size = builder.units.length
+    units = builder.units
+    masses, builder.masses = builder.masses, []
     for node, place, mass, inertia in masses:
-        inertia_matrix = np.diag([mass] * 3 + [value / size**2 for value in inertia])
-        builder.body(node, inertia_matrix / builder.units.mass, mass / builder.units.mass, place)
+        M = np.diag([mass] * 3 + [value / units.length**2 for value in inertia]) / units.mass
+        builder.body(node, M, mass / units.mass, place)
 
 
 def _point(builder: ModelBuilder, node: int) -> list[float]:
@@ -300,53 +279,45 @@ def _shear_with_shells(builder: ModelBuilder) -> None:
     for family in builder.families:
         if family.kind == "Beam" and not family.arguments.get("shear", True):
             family.arguments["shear"] = True
-            message = f"the rigidity in shear of beams on edges of shells ({family.place})"
-            builder.ignored.append(message)
+            told = f"the rigidity in shear of beams on edges of shells ({family.place})"
+            builder.ignored.append(told)
 
 
 def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
     """[(number of a point of no element, its motions that are fixed or free of forces)]."""
-    loose_nodes = builder.joints.loose()
-    loaded_motions = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
-    fixed_of: dict[int, set[str]] = {}
-    for k, node in enumerate(loose_nodes):
-        fixed_of[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in loaded_motions}
-    for node, motion in zip(*np.nonzero(builder.fixed), strict=True):
-        motion_of_node = int(node), int(motion)
-        target, axis = builder.joints.alias.get(motion_of_node, motion_of_node)
-        if target in loose_nodes:
-            fixed_of[-1 - loose_nodes.index(target)].add(MOTIONS[axis])
-    motions = {"x", "y", "rz"} if plane else set(MOTIONS)
-    return [(n, sorted(fixed & motions)) for n, fixed in fixed_of.items() if fixed & motions]
+    joints = builder.joints
+    loose = {node: -1 - k for k, node in enumerate(joints.loose())}
+    loaded = {(n, m) for terms in joints.every() for n, m, _ in terms}
+    held = {(n, m) for n in loose for m in range(6) if (n, m) not in loaded}
+    fixed = zip(*(axis.tolist() for axis in np.nonzero(builder.fixed)), strict=True)
+    held |= {joints.alias.get(motion, motion) for motion in fixed}
+
+    names = {"x", "y", "rz"} if plane else set(MOTIONS)
+    points = [
+        (k, sorted({MOTIONS[m] for m in range(6) if (n, m) in held})) for n, k in loose.items()
+    ]
+    kept = [(k, [name for name in motions if name in names]) for k, motions in points]
+    return [(k, motions) for k, motions in kept if motions]
 
 
 def _refuse_uncovered(builder: ModelBuilder) -> None:
     """Raise MeshError for elements without a section or without a family."""
-    name = builder.deck.name
     for block, rows in builder.deck.numbered():
+        label = f"{len(block)} {block.type} elements"
         if block.role == "other":
-            raise MeshError(
-                f"{name} has {len(block)} {block.type} elements, which no family here carries"
-                " (solids, plane stress and strain, shells, beams)."
-            )
+            raise MeshError(f"{builder.deck.name} has {label}, which no family here carries.")
         if uncovered := int((builder.of_element[rows] < 0).sum()):
-            raise MeshError(
-                f"{name}: {uncovered} of {len(block)} {block.type} elements have no "
-                "section, so their material is not known."
-            )
+            message = "have no section, so their material is not known."
+            raise MeshError(f"{builder.deck.name}: {uncovered} of {label} {message}")
 
 
 def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
     """[(group, motions)] with one group for each motion, as an edge is fixed by all its nodes."""
     fixed = builder.fixed[:, :count] & builder.used[:, None]
-    supports = []
-    for k in range(count):
-        nodes = np.flatnonzero(fixed[:, k])
-        if len(nodes):
-            name = f"fixed {MOTIONS[k]}"
-            builder.deck.fixed[name] = nodes
-            supports.append((name, [MOTIONS[k]]))
-    return supports
+    motions = [k for k in range(count) if fixed[:, k].any()]
+    for k in motions:
+        builder.deck.fixed[f"fixed {MOTIONS[k]}"] = np.flatnonzero(fixed[:, k])
+    return [(f"fixed {MOTIONS[k]}", [MOTIONS[k]]) for k in motions]
 
 
 def _keep_elements(builder: ModelBuilder, mask: BoolArray) -> None:
@@ -354,22 +325,21 @@ def _keep_elements(builder: ModelBuilder, mask: BoolArray) -> None:
     if mask.all():
         return
     deck = builder.deck
-    removed = builder.gone
     blocks = [block[mask[rows]] for block, rows in deck.numbered()]
     deck.blocks = [block for block in blocks if len(block)]
     number = np.cumsum(mask) - 1
     sets = deck.element_sets.items()
     deck.element_sets = {name: number[members[mask[members]]] for name, members in sets}
     builder.of_element = builder.of_element[mask]
-    removed_count = builder.joints.keep(
-        lambda terms: not any(removed[n] for n, *_ in terms if n < len(removed))
-    )
-    masses = [members for members in builder.masses if not removed[members[0]]]
-    removed_count += len(builder.masses) - len(masses)
+
+    gone = set(np.flatnonzero(builder.gone).tolist())
+    count = builder.joints.keep(lambda terms: not any(n in gone for n, *_ in terms))
+    masses = [entry for entry in builder.masses if entry[0] not in gone]
+    count += len(builder.masses) - len(masses)
     builder.masses = masses
-    if removed_count:
-        message = "constraints, springs, dampers or masses on parts that are left out"
-        builder.ignored.append(f"{removed_count} {message}")
+    if count:
+        what = "constraints, springs, dampers or masses on parts that are left out"
+        builder.ignored.append(f"{count} {what}")
 
 
 def _hold_middles(builder: ModelBuilder) -> None:

@@ -28,18 +28,8 @@ from antiosc import (
     Support,
     Truss,
 )
+from antiosc.base import checks
 from antiosc.base._types import IntArray, SolverChoice
-from antiosc.base.checks import (
-    choice,
-    flag,
-    instance,
-    list_of,
-    path as checked_path,
-    positive,
-    shown,
-    strength_range,
-    whole,
-)
 from antiosc.base.errors import InputError, NotTakenWarning
 from antiosc.base.materials import growth_like, yielding
 from antiosc.base.texts import engineering
@@ -63,10 +53,7 @@ from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """Function that gives each cell the direction of the nearest of n places.
-
-    Both `places` [m] and `directions` are (n, 3).
-    """
+    """Function that gives each cell the direction of the nearest of n places, both (n, 3)."""
 
     places: ArrayLike
     directions: Sequence[Sequence[float]]
@@ -101,34 +88,30 @@ def joined(
     """Assemble the parts of a deck with its joints; `supports` may name groups of any part."""
     joints = model["joints"]
     points = {point_name(-1 - k): x for k, x in enumerate(joints["points"])}
-    deck_joints: list[Joint] = [
-        NodeConstraints(
-            joints["equations"],
-            joints["springs"],
-            list(points),
-            numbers,
-            joints["masses"],
-            dict(joints.get("among", [])),
-            joints["dampers"],
-        )
+    constraints = NodeConstraints(
+        joints["equations"],
+        joints["springs"],
+        list(points),
+        numbers,
+        joints["masses"],
+        dict(joints.get("among", [])),
+        joints["dampers"],
+    )
+    shared: list[Joint] = [SharedNodes(numbers)] if len(parts) > 1 else []
+
+    own_supports = [Support(point_name(point), fix) for point, fix in model["fixed_points"]]
+    own_supports += [
+        Support(f"{name}:{group}", fix)
+        for name, part in parts.items()
+        for group, fix in model["supports"]
+        if part.mesh.groups.get(group) and set(fix) <= set(part.form.components)
     ]
-    if len(parts) > 1:
-        deck_joints.insert(0, SharedNodes(numbers))
-
-    point_supports = [Support(point_name(point), fix) for point, fix in model["fixed_points"]]
-
-    for name, part in parts.items():
-        point_supports += [
-            Support(f"{name}:{group}", fix)
-            for group, fix in model["supports"]
-            if part.mesh.groups.get(group) and set(fix) <= set(part.form.components)
-        ]
 
     return assemble_checked(
         parts,
-        deck_joints,
+        [*shared, constraints],
         points=points,
-        supports=[*point_supports, *_of_parts(parts, supports)],
+        supports=[*own_supports, *_of_parts(parts, supports)],
         attached=[*attachments(model), *attached],
         solver=solver,
         apart=model["held"],
@@ -140,9 +123,8 @@ def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> li
     of_parts = []
     for support in supports:
         group = support.where
-        owners: list[str] = []
-        if isinstance(group, str):
-            owners = [name for name, part in parts.items() if group in part.mesh.groups]
+        named = [name for name, part in parts.items() if group in part.mesh.groups]
+        owners = named if isinstance(group, str) else []
         of_parts += [replace(support, where=f"{name}:{group}") for name in owners] or [support]
     return of_parts
 
@@ -257,8 +239,8 @@ def read_model(
         that are unknown here; sets with missing members; sets of supports that are not selected.
         Each with its count and its lines.
     """
-    instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
-    file = checked_path("path", path)
+    checks.instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
+    file = checks.path("path", path)
     read = _reader(
         file,
         unit,
@@ -275,7 +257,7 @@ def read_model(
     )
 
     strength = Strength.given(yield_strength, yield_range)
-    added_supports = list_of("supports", supports, Support, "Support objects")
+    added_supports = checks.list_of("supports", supports, Support, "Support objects")
     added_attachments = attachments_of(attached)
     raws = on_root(comm, read)
     first = next(iter(raws.values()))
@@ -300,44 +282,19 @@ def read_model(
     return joined(structures, numbers, model, added_supports, added_attachments, solver)
 
 
-def outline_of_deck(
-    path: str | Path, unit: str | float = "m", **options: Any
-) -> tuple[list[str], list[RawMesh]]:
-    """(group names, as supports and sites use them; cells by kind) of a deck.
-
-    Nothing is assembled. `options` are those of `read_model`; the ones that reading does not need
-    are ignored.
-    """
-    known = signature(_reader).parameters
-
-    given_options = {name: value for name, value in options.items() if name in known}
-    raws = _reader(checked_path("path", path), unit, **given_options)()
-    names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
-    if _model(next(iter(raws.values())))["joined"]:
-        inner = [f"{name}:{group}" for name, raw in raws.items() for group in raw.groups]
-        names |= dict.fromkeys(inner)
-    return list(names), list(raws.values())
-
-
 class DeckFacts(NamedTuple):
-    """Facts of a deck.
-
-    length : of the longest side of its largest part [m].
-    pieces : those of which one is read, the largest first; none if all are.
-    """
+    """Facts of a deck."""
 
     families: list[Family]
+    #: of the longest side of its largest part [m]
     length: float
+    #: those of which one is read, the largest first; none if all are
     pieces: Sequence[Piece]
 
 
 def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any) -> DeckFacts:
-    """The families of a deck, and facts about it.
-
-    Nothing is assembled. Materials without a density are massless. `options` are those of
-    `read_model` for its reader.
-    """
-    raws = _reader(checked_path("path", path), unit, **options, massless=True)()
+    """The families of a deck, and facts about it; materials without a density are massless."""
+    raws = _reader(checks.path("path", path), unit, **options, massless=True)()
     families = [family for raw in raws.values() for family in _families(raw, Strength()).values()]
     longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
     return DeckFacts(families, longest, next(iter(raws.values())).pieces)
@@ -372,37 +329,30 @@ def _reader(
     """A function that reads the deck into cells by part; checks the caller's arguments."""
     units = UnitSystem.of(unit)
 
+    numbers = {"merge": (merge, "m"), "density": (density, "kg/m³"), "modulus": (modulus, "Pa")}
+    numbers["timeout"] = timeout, "s"
     merge, density, modulus, timeout = (
-        None if value is None else positive(name, value, unit_name)
-        for name, value, unit_name in (
-            ("merge", merge, "m"),
-            ("density", density, "kg/m³"),
-            ("modulus", modulus, "Pa"),
-            ("timeout", timeout, "s"),
-        )
+        None if value is None else checks.positive(name, value, of)
+        for name, (value, of) in numbers.items()
     )
 
     if parts is not None:
-        parts = list_of("parts", parts, str, "names of parts")
+        parts = checks.list_of("parts", parts, str, "names of parts")
         if not parts:
-            raise InputError(f"parts must be a list of names; got {shown(parts)}.")
-
-    free = flag("free", free)
-    contact = choice("contact", contact, CONTACT_CHOICES)
-    numbered = numbered_elements(elements)
+            raise InputError("parts must be a list of names; got [].")
     if piece is not None:
-        piece = whole("piece", piece, least=1)
-
+        piece = checks.whole("piece", piece, least=1)
     if root is not None:
-        folder = Path(checked_path("root", root)).resolve()
-        if not os.path.isdir(folder):
-            raise InputError(f"root must be a folder; there is none at {shown(str(root))}.")
-        root = str(folder)
+        root = str(Path(checks.path("root", root)).resolve())
+        if not os.path.isdir(root):
+            raise InputError(f"root must be a folder; there is none at {checks.shown(root)}.")
+
+    numbered = numbered_elements(elements)
+    options: dict[str, Any] = {"unstated": (density, modulus, massless), "parts": parts}
+    options |= {"piece": piece, "root": root, "free": checks.flag("free", free)}
+    options["contact"] = checks.choice("contact", contact, CONTACT_CHOICES)
 
     def work() -> dict[str, RawMesh]:
-        unstated = (density, modulus, massless)
-        options = {"unstated": unstated, "parts": parts, "piece": piece, "root": root}
-        options |= {"free": free, "contact": contact}
         meshes: dict[str, RawMesh] = {}
         by_shape = read_parts(
             file, unit=units, merge=merge, timeout=timeout, model=options, elements=numbered
@@ -412,13 +362,10 @@ def _reader(
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
             if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:
-                raise pieces_error(
-                    flat,
-                    f"{file.name} falls into {model['pieces']} pieces that nothing joins, and "
-                    "supports do not hold each",
-                    "join or hold them (nodes that coincide: merge) or read one of them "
-                    f"({_choices(flat)}).",
-                )
+                fault = f"{file.name} falls into {model['pieces']} pieces that nothing joins, and "
+                fault += "supports do not hold each"
+                remedy = f"join, merge or hold them, or read one of them ({_choices(flat)})."
+                raise pieces_error(flat, fault, remedy)
             pieces = model["joined"] or model["held"]
             part = TRIANGLES if PARTS[raw.kind.dim] in meshes else PARTS[raw.kind.dim]
             meshes[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
@@ -457,11 +404,9 @@ def _part(
     families = _families(raw, strength)
     if model["joined"]:
         return Structure(mesh, families, solver=solver)
-    supported = [Support(group, fix) for group, fix in model["supports"] if raw.groups.get(group)]
+    supports = [Support(group, fix) for group, fix in model["supports"] if raw.groups.get(group)]
     attached = [*attachments(model), *added_attachments]
-    return Structure(
-        mesh, families, [*supported, *added_supports], attached=attached, solver=solver
-    )
+    return Structure(mesh, families, [*supports, *added_supports], attached=attached, solver=solver)
 
 
 class Strength(NamedTuple):
@@ -477,8 +422,8 @@ class Strength(NamedTuple):
             named = yielding(value)
             value, ends = named.yield_strength, ends or named.yield_range
         if value is not None:
-            value = positive("yield_strength", value, "Pa")
-        return cls(value, None if ends is None else strength_range(ends, value))
+            value = checks.positive("yield_strength", value, "Pa")
+        return cls(value, None if ends is None else checks.strength_range(ends, value))
 
     def options(self, family: Callable[..., Family], E: float, rho: float) -> dict[str, object]:
         """The arguments of a family that state the strength of its material."""
@@ -490,32 +435,28 @@ class Strength(NamedTuple):
 
 def _told_of_strength(raws: Iterable[RawMesh], strength: Strength, name: str) -> str:
     """Sentence that several materials of a deck have the strength that is given; else ""."""
-    if strength.value is None:
-        return ""
     families: list[Any] = [one for raw in raws for one in _families(raw, strength).values()]
-    strong = sorted({(one.E, one.rho) for one in families if hasattr(one, "yield_strength")})
-    if len(strong) < 2:
+    strong = {(one.E, one.rho) for one in families if getattr(one, "yield_strength", None)}
+    if strength.value is None or len(strong) < 2:
         return ""
-    listed = ", ".join(f"E = {engineering(E, 'Pa')}, {rho:.4g} kg/m³" for E, rho in strong)
+    listed = ", ".join(f"E = {engineering(E, 'Pa')}, {rho:.4g} kg/m³" for E, rho in sorted(strong))
     return (
         f"the yield strength {engineering(strength.value, 'Pa')} is taken for all {len(strong)}"
         f" materials of {name} ({listed}); to give each its own, read the mesh alone (read_mesh)."
     )
 
 
-def _of_one_material(kind: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+def _of_one_material(values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """(family, arguments) of layers: a `Shell` if they are of one isotropic material."""
     first, *others = (replace(layer, thickness=1.0, angle=0.0) for layer in values["layers"])
     plain = Layer.isotropic(first.E1, first.nu12, first.rho, 1.0)
-    moduli, wanted = ([entry.E2, entry.G12, entry.G13, entry.G23] for entry in (first, plain))
-    if kind != "Laminate" or any(layer != first for layer in others) or first.strength is not None:
-        return kind, values
-    if not np.allclose(moduli, wanted, rtol=1e-6):
-        return kind, values
-    shell: dict[str, Any] = {"E": first.E1, "nu": first.nu12, "rho": first.rho}
-    shell["thickness"] = sum(layer.thickness for layer in values["layers"])
-    kept: dict[str, Any] = {name: values[name] for name in ("offset", "top") if name in values}
-    return "Shell", {**shell, **kept}
+    moduli, wanted = ([one.E2, one.G12, one.G13, one.G23] for one in (first, plain))
+    alike = all(layer == first for layer in others) and first.strength is None
+    if not alike or not np.allclose(moduli, wanted, rtol=1e-6):
+        return "Laminate", values
+    shell: dict[str, Any] = {name: values[name] for name in ("offset", "top") if name in values}
+    shell |= {"E": first.E1, "nu": first.nu12, "rho": first.rho}
+    return "Shell", shell | {"thickness": sum(layer.thickness for layer in values["layers"])}
 
 
 def _family(kind: str, arguments: dict[str, Any], place: str, strength: Strength) -> Family:
@@ -527,7 +468,7 @@ def _family(kind: str, arguments: dict[str, Any], place: str, strength: Strength
                 values[name] = Nearest(**values[name])
         if "layers" in values:
             values["layers"] = [Layer(**layer) for layer in values["layers"]]
-            kind, values = _of_one_material(kind, values)
+            kind, values = _of_one_material(values)
         if "section" in values:
             values["section"] = Section(**values["section"])
         family = FAMILIES[kind]

@@ -19,8 +19,8 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TypeVar
+from itertools import product
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,11 +161,8 @@ def read_harwell_boeing(source: MatrixFile) -> Entries:
     square = f"the matrix must be square; got {rows} rows, {columns} columns."
     source.needs(rows == columns and rows >= 1, 3, square)
     size = len(source.content)
-    source.needs(
-        count >= 1 and max(count, rows) <= size,
-        3,
-        f"{count:g} entries in {rows:g} rows are more than a file of {size} bytes holds.",
-    )
+    too_many = f"{count:g} entries in {rows:g} rows are more than a file of {size} bytes holds."
+    source.needs(count >= 1 and max(count, rows) <= size, 3, too_many)
     formats = [_format(source, lines[3][a:b]) for a, b in ((0, 16), (16, 32), (32, 52))]
     first = 5 if len(cards) > 4 and cards[4] > 0 else 4  # a line on the right-hand sides
 
@@ -188,14 +185,11 @@ def read_harwell_boeing(source: MatrixFile) -> Entries:
 
 def _whole(source: MatrixFile, text: bytes, line: int, least: int) -> list[int]:
     """The integers of a line; at least `least`."""
-    try:
-        numbers = [int(word) for word in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) < least:
-        line_text = text.decode("ascii", "replace").strip()[:60]
-        raise source.error(line, f"{least} whole numbers are expected; got {line_text!r}.")
-    return numbers
+    words = text.split()
+    sound = len(words) >= least and all(re.fullmatch(rb"[+-]?\d+", word) for word in words)
+    got = repr(text.decode("ascii", "replace").strip()[:60])
+    source.needs(sound, line, f"{least} whole numbers are expected; got {got}.")
+    return [int(word) for word in words]
 
 
 def _format(source: MatrixFile, text: bytes) -> tuple[int, int]:
@@ -244,8 +238,7 @@ BIGMAT_ROWS = 65536
 NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
-@dataclass(frozen=True)
-class _Header:
+class _Header(NamedTuple):
     """Header of a matrix in an OP4 file."""
 
     columns: int
@@ -277,23 +270,19 @@ def read_op4(source: MatrixFile) -> dict[str, Entries]:
         if header.kind not in (1, 2):
             raise InputError(f"{label} is complex: stiffness and mass must be real.")
         if size != header.columns or size < 1:
-            square = f"must be square; got {size} rows and {header.columns} columns."
-            raise InputError(f"{label} {square}")
-        rows = []
-        columns = []
-        values = []
+            got = f"got {size} rows and {header.columns} columns."
+            raise InputError(f"{label} must be square; {got}")
+
+        entries = [(NO_ROWS, NO_ROWS, np.zeros(0))]
         for column, row, value in _strings(reader, header):
             if row < 0 or row + len(value) > size:
                 message = f"column {column + 1} of {header.name} has {len(value)} entries"
                 raise InputError(f"{source.name}: {message} from row {row + 1} of {size} rows.")
             nonzero = np.flatnonzero(value)
-            rows.append(row + nonzero)
-            columns.append(np.full(len(nonzero), column))
-            values.append(value[nonzero])
-        all_rows, all_columns = (np.concatenate([NO_ROWS, *part]) for part in (rows, columns))
-        entries = np.concatenate([np.zeros(0), *values])
+            entries.append((row + nonzero, np.full(len(nonzero), column), value[nonzero]))
+        rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
         name = f"{source.name} ({header.name})"
-        matrices[header.name] = Entries(name, all_rows, all_columns, entries, size, triangle=False)
+        matrices[header.name] = Entries(name, rows, columns, values, size, triangle=False)
 
     return matrices
 
@@ -360,12 +349,12 @@ class _Text:
         if len(line.rstrip()) > 8 * count:  # |I16, or fields divided by blanks
             fields = line.split()[:count]
         try:
-            numbers = [int(field) for field in fields]
+            first, *others = map(int, fields)
         except ValueError:
-            numbers = []
-        if len(numbers) < count:
+            raise self.bad(f"{count} whole numbers are expected") from None
+        if len(others) + 1 < count:
             raise self.bad(f"{count} whole numbers are expected")
-        return numbers
+        return [first, *others]
 
     def numbers(self, count: int) -> Array:
         """The next `count` real numbers."""
@@ -400,13 +389,11 @@ def _text_header(line: str) -> tuple[_Header, int, int]:
 
 def _markers(content: bytes) -> tuple[str, int] | None:
     """(byte order, size of an integer in bytes) of a binary file; None if it is not OP4."""
-    for order in "<>":
-        for size, length in ((4, 24), (8, 48)):
-            if len(content) >= length + 8:
-                (first,) = struct.unpack_from(order + "i", content)
-                (last,) = struct.unpack_from(order + "i", content, length + 4)
-                if first == last == length:
-                    return order, size
+    for order, (size, length) in product("<>", ((4, 24), (8, 48))):
+        if len(content) >= length + 8:
+            ends = (struct.unpack_from(order + "i", content, at)[0] for at in (0, length + 4))
+            if {*ends} == {length}:
+                return order, size
     return None
 
 

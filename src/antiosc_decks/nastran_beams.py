@@ -123,10 +123,8 @@ class BeamProfiles:
             if unread := [name for name, k in BEHIND.items() if entry.real(start + k)]:
                 self.remarks.append(f"{', '.join(unread)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
-            self.remarks.append(
-                f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
-                "of the other is taken"
-            )
+            told = f"the hinge that {label} is where its I1 or I2 is 0"
+            self.remarks.append(f"{told}, {SLIGHT:g} of the other is taken")
             values[1:3] = (max(moment, SLIGHT * max(values[1:3])) for moment in values[1:3])
         k_if_blank = 1.0 if entry.name == "PBEAM" else 0.0
         k1 = entry.real(start, k_if_blank)
@@ -165,13 +163,11 @@ class BeamProfiles:
         """Stations of PBARL and PBEAML, which give a shape and its dimensions."""
         entry = self.entry
         kind = entry.text(3).upper()
-        entry.needs(
-            kind in SHAPES, f"{entry.name} of the type {kind!r}: give its constants by PBAR."
-        )
+        unknown = f"{entry.name} of the type {kind!r}: give its constants by PBAR."
+        entry.needs(kind in SHAPES, unknown)
         centred = entry.name != "PBEAML" or kind not in LOPSIDED
-        entry.needs(
-            centred, f"PBEAML {kind!r} has a neutral axis off its shear centre: give it by PBAR."
-        )
+        off = f"PBEAML {kind!r} has a neutral axis off its shear centre: give it by PBAR."
+        entry.needs(centred, off)
         count = len(signature(SHAPES[kind]).parameters)
         first = self._dimensions(8, [None] * count)
 
@@ -188,11 +184,9 @@ class BeamProfiles:
             stations[entry.real(start + 1, 1.0)] = self._shape(kind, dimensions, extra_there)
             start += 3 + count
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
-            message = (
-                f"the torsion constant that Nastran gives {entry.name} {entry.text(0)} ({kind})"
-            )
-            message = f"the shear coefficients and {message}, {profiles.THIN:g}"
-            self.remarks.append(f"{message} and that of thin walls are taken")
+            label = f"{entry.name} {entry.text(0)} ({kind})"
+            told = f"the shear coefficients and the torsion constant that Nastran gives {label}"
+            self.remarks.append(f"{told}, {profiles.THIN:g} and that of thin walls are taken")
 
         return stations
 
@@ -215,10 +209,9 @@ class BeamProfiles:
             mixed = profile.mixed if kind in ("L", "Z") else 0.0
             return [profile.A, profile.I, profile.I_side, mixed, profile.J, extra]
         except ValueError as error:
-            message = (
-                f"the dimensions of {self.entry.name} {self.entry.text(0)} do not fit into each"
-            )
-            raise self.entry.place.error(f"{message} other for the type {kind!r}.") from error
+            label = f"{self.entry.name} {self.entry.text(0)} of the type {kind!r}"
+            message = f"the dimensions of {label} do not fit into each other."
+            raise self.entry.place.error(message) from error
 
 
 Walls = list[profiles.Wall]
@@ -364,9 +357,7 @@ def _ends_of(
     entry.needs(is_offset, f"{entry.name} {entry.text(0)} has no length.")
     height = orientation(deck, entry, line / length)
     common_offset = float(offsets[0] @ height)
-    residual = np.abs(
-        np.vstack([offsets[0] - offsets[1], offsets[0] - common_offset * height])
-    ).max()
+    residual = max(np.abs(offsets[0] - v).max() for v in (offsets[1], common_offset * height))
     if not any(pins) and not neutral.any() and residual <= 1e-6 * abs(common_offset):
         return {}  # both ends are equally far off along the height: by the section
     axes = np.stack([line / length, height, np.cross(line / length, height)])
@@ -382,11 +373,9 @@ def offsets_of(deck: NastranDeck, entry: Entry) -> Array:
     if not offsets.any():
         return offsets
     kind = entry.text(7).upper()
-    in_element_axes = not kind.isalpha() or not set(kind[1:]) & set("OE")
-    entry.needs(
-        in_element_axes,
-        f"{entry.name}: give offsets in the displacement system, not OFFT = {kind}.",
-    )
+    of_nodes = not kind.isalpha() or not set(kind[1:]) & set("OE")
+    fault = f"{entry.name}: give offsets in the displacement system, not OFFT = {kind}."
+    entry.needs(of_nodes, fault)
     frames = [deck.frame(deck.at(entry, k), entry.place) for k in (2, 3)]
     return np.stack([w @ frame for w, frame in zip(offsets, frames, strict=True)])
 

@@ -124,10 +124,8 @@ class Continuations:
         marks = self._marks.get(id(entry), ())
         if label and label not in marks:
             candidates = list(self._open.get(label, {}).values())
-            error = place.error(
-                f"the continuation {name[:20]!r} does not follow its entry; write "
-                "it behind the line that ends with its mark."
-            )
+            lost = f"the continuation {name[:20]!r} does not follow its entry"
+            error = place.error(f"{lost}; write it behind the line that ends with its mark.")
             if len(candidates) == 1:
                 entry = candidates[0]
             elif candidates or marks:

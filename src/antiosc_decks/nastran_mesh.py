@@ -14,7 +14,7 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, DeckPlace, IntArray, Numbering, whole_number
 from antiosc.io.neutral import CORNERS
-from antiosc_decks import nastran_cards as cards
+from antiosc_decks import nastran_cards as cards, properties as geometry
 from antiosc_decks.nastran_cards import CELLS, Bulk, Entry, through
 from antiosc_decks.sources import Account, Fate, Sources
 
@@ -31,13 +31,11 @@ class CoordinateSystem:
     def point(self, c: Array) -> Array:
         """Position in the basic system of the point with coordinates `c`."""
         if self.kind != "R":
-            theta = math.radians(c[1])
+            radius, height = c[0], c[2]
+            if self.kind == "S":
+                theta = math.radians(c[1])
+                radius, height = c[0] * math.sin(theta), c[0] * math.cos(theta)
             phi = math.radians(c[2 if self.kind == "S" else 1])
-            radius, height = (
-                (c[0], c[2])
-                if self.kind == "C"
-                else (c[0] * math.sin(theta), c[0] * math.cos(theta))
-            )
             c = np.array([radius * math.cos(phi), radius * math.sin(phi), height])
         return np.asarray(self.origin + c @ self.axes)
 
@@ -49,31 +47,25 @@ class CoordinateSystem:
         phi = math.atan2(b, a)
         outward = np.array([math.cos(phi), math.sin(phi), 0.0])
         tangential = np.array([-outward[1], outward[0], 0.0])
-        z_axis = np.array([0.0, 0.0, 1.0])
-        rows = [outward, tangential, z_axis]
+        z = np.array([0.0, 0.0, 1.0])
+        rows = [outward, tangential, z]
         if self.kind == "S":
             theta = math.atan2(math.hypot(a, b), c)
-            sine = math.sin(theta)
-            cosine = math.cos(theta)
-            rows = [sine * outward + cosine * z_axis, cosine * outward - sine * z_axis, tangential]
+            sine, cosine = math.sin(theta), math.cos(theta)
+            rows = [sine * outward + cosine * z, cosine * outward - sine * z, tangential]
         return np.asarray(np.stack(rows) @ self.axes)
 
 
 BASIC = CoordinateSystem(np.zeros(3), np.eye(3))
 
 
-def axes_of(points: list[Array], entry: Entry) -> CoordinateSystem:
-    """The system of three points: origin, point on x, point in the xy plane."""
-    a = points[0]
-    x = points[1] - a
-    arm = points[2] - a
-    z = np.cross(x, arm)
-    size = np.linalg.norm(x)
-    independent = np.linalg.norm(z) > 1e-12 * size * np.linalg.norm(arm)
+def axes_of(points: list[Array], entry: Entry) -> Array:
+    """Axes, as rows, of three points: origin, point on the first, point across it."""
+    x, arm = (point - points[0] for point in points[1:])
+    sine = np.linalg.norm(np.cross(x, arm))
+    independent = sine > 1e-12 * np.linalg.norm(x) * np.linalg.norm(arm)
     entry.needs(independent, f"the three points of {entry.name} lie on one line.")
-    x = x / size
-    z = z / np.linalg.norm(z)
-    return CoordinateSystem(a, np.stack([x, np.cross(z, x), z]))
+    return geometry.axes_of(x, arm)
 
 
 class Systems:
@@ -106,7 +98,7 @@ class Systems:
         else:
             base = self(entry.whole(1, 0), entry.place)
             points = [base.point(np.array(entry.reals(k, k + 3))) for k in (2, 5, 8)]
-        z, x, y = axes_of(points, entry).axes  # z to the second point, y across all
+        z, x, y = axes_of(points, entry)  # z to the second point, y across all
         return CoordinateSystem(points[0], np.stack([x, y, z]), entry.name[-1])
 
 
@@ -145,39 +137,32 @@ class NastranDeck:
         return next((e for e in self.named("PARAM") if e.text(0).upper() == name), None)
 
     def used_sets(self, what: str) -> set[int]:
-        """Numbers of the SPC or MPC sets that the first subcase selects, else of all sets.
-
-        The choice is reported; MeshError if a selected SPC set does not exist.
-        """
+        """Numbers of the SPC or MPC sets that the first subcase selects, else of all sets."""
         name = self.deck.name
+        tell = self.deck.remarks.append
         numbers = {entry.whole(0) for entry in self.named(*SETS[what])}
         if self.bulk.selected is None:
             if len(numbers) > 1:
-                sentence = f"{name} has no case control: its {what} {_sets(numbers)} are all taken."
-                self.deck.remarks.append(sentence)
+                tell(f"{name} has no case control: its {what} {_sets(numbers)} are all taken.")
             return numbers
         first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
         sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
 
         selected = set() if first is None else {first}
         if first in sums:
-            words = sums[first].words(1)
             place = sums[first].place
-            selected = {whole_number(word, place) for word in words} | selected & numbers
-        missing_sets = selected - numbers
+            added = {whole_number(word, place) for word in sums[first].words(1)}
+            selected = added | selected & numbers
+        missing = selected - numbers
         unselected = (numbers | set(sums)) - selected - {first}
 
-        if missing_sets == selected and what == "SPC" and selected:
-            message = f"the case control of {name} selects SPC = {first}"
-            raise MeshError(f"{message}, which is not there.")
-        if missing_sets:
-            self.deck.remarks.append(
-                f"{what} = {first} of {name} needs the {_sets(missing_sets)}, not there."
-            )
-
+        if missing and missing == selected and what == "SPC":
+            raise MeshError(f"the case control of {name} selects SPC = {first}, not there.")
+        if missing:
+            tell(f"{what} = {first} of {name} needs the {_sets(missing)}, not there.")
         if unselected:
-            message = f"not used of {name}: {what} {_sets(unselected)}"
-            self.deck.remarks.append(f"{message}, which the first subcase does not select.")
+            told = f"not used of {name}: {what} {_sets(unselected)}"
+            tell(f"{told}, which the first subcase does not select.")
         return selected & numbers
 
     def element_labels(self) -> IntArray:
@@ -233,9 +218,7 @@ class NastranDeck:
                 row = self.at(entry, k)
                 motion = entry.whole(k + 1, 0) - 1 if has_components else -1
                 exists = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
-                entry.needs(
-                    exists, f"{entry.name} acts on a component from 1 to 6, or a scalar point."
-                )
+                entry.needs(exists, f"{entry.name} acts on a component from 1 to 6, or an SPOINT.")
                 ends.append((row, max(motion, 0)))
         entry.needs(ends, f"{entry.name} acts on no node.")
         return ends
@@ -249,9 +232,8 @@ class NastranDeck:
     def axes(self, entry: Entry, number: int) -> Array:
         """Axes of a rectangular system, as rows."""
         system = self.systems(number, entry.place)
-        entry.needs(
-            system.kind == "R", f"{entry.name}: give the coordinate system {number} as CORD2R."
-        )
+        straight = system.kind == "R"
+        entry.needs(straight, f"{entry.name}: give the coordinate system {number} as CORD2R.")
         return system.axes
 
 
@@ -281,10 +263,10 @@ def _sets(numbers: set[int]) -> str:
 
 def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     """The deck with its nodes."""
-    grids = [entry for entry in bulk.entries if entry.name == "GRID"]
-    if not grids:
+    entries = [entry for entry in bulk.entries if entry.name == "GRID"]
+    if not entries:
         raise MeshError(f"{name} defines no nodes (GRID): give the deck that includes this file.")
-    grids = list(defined_once(grids, "GRID").values())
+    grids = list(defined_once(entries, "GRID").values())
     labels = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
     repeated = np.intersect1d(labels, scalar)
@@ -297,24 +279,17 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
         row = int(nodes.rows(np.array([label]))[0])
         place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
         if row not in positions:
-            number = grids[row].whole(1, 0)
-            c = np.array(grids[row].reals(2, 5))
-            positions[row] = systems(number, grids[row].place).point(c)
+            system = systems(grids[row].whole(1, 0), grids[row].place)
+            positions[row] = system.point(np.array(grids[row].reals(2, 5)))
         return positions[row]
 
     systems = Systems(bulk.entries, position)
     points = [position(grid.whole(0), grid.place) for grid in grids]
-    numbers = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
-    deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]), labels=numbers)
+    deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]), labels=labels)
     rows = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
     account = cards.account_for(bulk.entries, name)
-    deck_read = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
-
-    for row, grid in enumerate(grids):
-        number = grid.whole(5, 0)
-        if number:
-            deck_read.systems_of[row] = number
-    return deck_read
+    systems_of = {row: n for row, grid in enumerate(grids) if (n := grid.whole(5, 0))}
+    return NastranDeck(deck, bulk, nodes, systems, grids, rows, account, systems_of=systems_of)
 
 
 def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
@@ -322,12 +297,11 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
     first: dict[int, Entry] = {}
     for entry in entries:
         earlier = first.setdefault(entry.whole(0), entry)
-        count = max(len(earlier.fields), len(entry.fields))
-        if earlier.name != entry.name or any(
-            earlier.text(k) != entry.text(k) for k in range(count)
-        ):
-            message = f"the deck defines the {what} {entry.whole(0)} more than once"
-            raise entry.place.error(f"{message}, first otherwise in {earlier.place}.")
+        fields = range(max(len(earlier.fields), len(entry.fields)))
+        equal = all(earlier.text(k) == entry.text(k) for k in fields)
+        message = f"the deck defines the {what} {entry.whole(0)} more than once"
+        alike = equal and earlier.name == entry.name
+        entry.needs(alike, f"{message}, first otherwise in {earlier.place}.")
     return first
 
 

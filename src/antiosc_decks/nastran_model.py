@@ -114,6 +114,8 @@ class NastranJoints:
         weights: list[float] = []
         turning: list[bool] = []
         words = entry.words(4)
+        joints = self.builder.joints
+        turns = joints.used & joints.has_rotations
 
         k = 0
         while k < len(words) and words[k].upper() not in ("UM", "ALPHA"):
@@ -132,14 +134,10 @@ class NastranJoints:
             nodes = self._nodes(entry, words[start:k])
             rows += nodes
             weights += [weight] * len(nodes)
-            joints = self.builder.joints
-            turning += [
-                with_rotations and joints.used[n] and joints.has_rotations[n] for n in nodes
-            ]
+            turning += [with_rotations and bool(turns[n]) for n in nodes]
 
         entry.needs(rows and sum(weights) > 0, "RBE3 names no nodes with weights.")
         entry.needs(reference not in rows, "a GRID of RBE3 cannot follow itself.")
-        joints = self.builder.joints
         table = np.array(rows, dtype=np.int64)
         leader = joints.leader(reference)
         joints.mean(leader, motions, table, np.array(weights), entry.place, np.array(turning))
@@ -241,10 +239,8 @@ class NastranJoints:
                     report(f"GE of PBUSH {prop.text(0)}")
                 elif kind != "RCV":
                     empty = not kind and not prop.words(start + 2, start + 8)
-                    prop.needs(
-                        empty,
-                        f"PBUSH has K and B alone here; its line {kind} would change the result.",
-                    )
+                    fault = f"PBUSH has K and B alone; its line {kind} would change the result."
+                    prop.needs(empty, fault)
         return values["K"], values["B"]
 
     def _bush_axes(self, entry: Entry, acts: list[bool], x: Array, place: Array) -> Array:
@@ -259,9 +255,8 @@ class NastranJoints:
         if len(x) == 1 and not oriented and not (entry.name == "CBUSH1D" and entry.text(3)):
             return np.eye(3)
         has_axes = len(x) > 1 and (oriented or not acts_transversely)
-        entry.needs(
-            has_axes, f"{entry.name} needs the system CID, or an orientation between nodes apart."
-        )
+        need = f"{entry.name} needs the system CID, or an orientation between nodes apart."
+        entry.needs(has_axes, need)
         line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
         v = np.eye(3)[int(np.argmin(np.abs(line)))]
         if oriented:
@@ -341,11 +336,8 @@ def _supports(deck: NastranDeck, builder: ModelBuilder) -> None:
     """Fix the motions of SPC, SPC1 and GRID, along the nodes' local axes."""
     for row in deck.systems_of:
         builder.joints.frames[row] = deck.frame(row, deck.bulk.entries[0].place)
-    fixed = [
-        (np.array([row]), text, grid)
-        for row, grid in enumerate(deck.grids)
-        if (text := grid.text(6))
-    ]
+    grids = ((row, grid) for row, grid in enumerate(deck.grids) if grid.text(6))
+    fixed = [(np.array([row]), grid.text(6), grid) for row, grid in grids]
     prescribed: list[DeckPlace] = []
     for number in sorted(deck.used_sets("SPC")):
         for rows, components, entry in deck.constraints(number):

@@ -64,14 +64,11 @@ class Properties:
 
     def _unknown(self, element: Entry, number: int) -> MeshError:
         """The error of an element whose property is missing or not supported."""
-        candidates = [
-            entry.name
-            for entry in self.found.bulk.entries
-            if entry.name.startswith("P") and entry.text(0) == str(number)
-        ]
-        kind = next((name for name in candidates if name not in ("PARAM", "PLOTEL")), "")
+        named = (e.name for e in self.found.bulk.entries if e.text(0) == str(number))
+        kinds = (name for name in named if name.startswith("P") and name not in PROPERTIES)
+        kind = next((name for name in kinds if not name.startswith(NO_SECTIONS)), "")
         reason = f"which is none of {', '.join(PROPERTIES)} in the deck."
-        if kind and kind not in PROPERTIES and not kind.startswith(NO_SECTIONS):
+        if kind:
             instead = " or ".join(CELLS[element.name].properties)
             reason = f"a {kind}, which is not supported; give it as {instead}."
         label = f"{element.name} {element.whole(0)}"
@@ -161,17 +158,12 @@ class Properties:
         k = 3 if entry.name == "CONROD" else 1
         if entry.name == "PTUBE":
             outer = entry.real(2, None)
-            t = entry.real(3)
             uniform = entry.real(5, outer) == outer
             entry.needs(uniform, "tapered tubes (PTUBE with OD2) are not supported.")
-            pipe = tube(outer / 2, t or outer / 2)
-            area = pipe.A
-            torsion = pipe.J
-            extra = entry.real(4)
+            pipe = tube(outer / 2, entry.real(3) or outer / 2)
+            area, torsion, extra = pipe.A, pipe.J, entry.real(4)
         else:
-            area = entry.real(k + 1)
-            torsion = entry.real(k + 2)
-            extra = entry.real(k + 4)
+            area, torsion, extra = (entry.real(k + n) for n in (1, 2, 4))
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
         length = self.builder.units.length
         arguments = self.builder.isotropic(self._material(entry, k), "rods")
@@ -207,9 +199,8 @@ class Properties:
             profile = section.profile
             height = np.array(key[:3])
             if section.angle:
-                entry.needs(
-                    not key[3], f"{entry.name} with I12 and offsets: turn it to principal axes."
-                )
+                fault = f"{entry.name} with I12 and offsets: turn it to principal axes."
+                entry.needs(not key[3], fault)
                 side = np.cross(tangents[members[0]], height)
                 height = math.cos(section.angle) * height + math.sin(section.angle) * side
             shears = (share * shear for shear in profile.shears)
@@ -229,21 +220,18 @@ class Properties:
     def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the shells of a PSHELL entry."""
         number = entry.text(0)
-        for k, second_field, action in ((1, 3, "stretching"), (3, 1, "bending")):
-            if not entry.text(k) and entry.text(second_field):
+        for k, other, action in ((1, 3, "stretching (no MID1)"), (3, 1, "bending (no MID2)")):
+            if not entry.text(k) and entry.text(other):
                 entry.fields += [""] * (4 - len(entry.fields))
-                entry.fields[k] = entry.text(second_field)
-                message = f"that PSHELL {number} has no stiffness against {action} (no MID"
-                message += f"{(k + 1) // 2}), that of its other material is taken"
-                self.builder.tell_once(message)
+                entry.fields[k] = entry.text(other)
+                told = f"that PSHELL {number} has no stiffness against {action}"
+                self.builder.tell_once(f"{told}, that of its other material is taken")
 
         strained = entry.whole(3) == -1
         entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
         entry.needs(not entry.text(10), "PSHELL with MID4: give the layers by PCOMP, or an offset.")
-        entry.needs(
-            entry.whole(3) == entry.whole(1),
-            "PSHELL that bends by another material (MID2): give PCOMP.",
-        )
+        alike = entry.whole(3) == entry.whole(1)
+        entry.needs(alike, "PSHELL that bends by another material (MID2): give PCOMP.")
         material = self._material(entry, 1)
         plain = material.plane is None and entry.real(4, 1.0) == 1
         plain &= entry.text(5) in ("", entry.text(1))
@@ -268,13 +256,10 @@ class Properties:
                 layer["rho"] += extra
                 self._directed(entry, name, members, "Laminate", {"layers": [layer]}, offset)
             else:
-                arguments = self.builder.isotropic(material, "shells") | {
-                    "thickness": thickness * length
-                }
-                arguments["rho"] += extra
-                self.builder.add_shells(
-                    name, members, GroupSection("Shell", arguments, entry.place), offset
-                )
+                arguments = self.builder.isotropic(material, "shells")
+                arguments |= {"thickness": thickness * length, "rho": arguments["rho"] + extra}
+                family = GroupSection("Shell", arguments, entry.place)
+                self.builder.add_shells(name, members, family, offset)
 
     def _by_thickness(
         self, elements: IntArray, thickness: float, entry: Entry
@@ -284,20 +269,15 @@ class Properties:
         varying = 0
         label = f"{entry.name} {entry.text(0)}"
         for element in elements:
-            element_entry = self.found.elements[element]
-            cell = CELLS[element_entry.name]
-            factor = thickness if element_entry.whole(cell.flag, 0) == 1 else 1.0
+            shell = self.found.elements[element]
+            cell = CELLS[shell.name]
+            factor = thickness if shell.whole(cell.flag, 0) == 1 else 1.0
             corners = range(OWN_THICKNESS, OWN_THICKNESS + CORNERS[cell.shape])
-            values = [
-                element_entry.real(k) * factor if element_entry.text(k) else thickness
-                for k in corners
-            ]
+            values = [shell.real(k) * factor if shell.text(k) else thickness for k in corners]
             thick = min(values) >= 0 and max(values) > 0
-            element_entry.needs(
-                thick, f"{element_entry.name} {element_entry.text(0)} has no thickness."
-            )
+            shell.needs(thick, f"{shell.name} {shell.text(0)} has no thickness.")
             varying += max(values) - min(values) > 1e-9 * max(values)
-            key = (float(np.round(np.mean(values), 12)), element_entry.real(cell.offset))
+            key = (float(np.round(np.mean(values), 12)), shell.real(cell.offset))
             groups.setdefault(key, []).append(int(element))
 
         if varying:
@@ -315,9 +295,8 @@ class Properties:
         entry.needs(min(ratio, share) > 0, "12I/T³ and TS/T of PSHELL must be above 0.")
         units = self.builder.units
         t = thickness * units.length
-        mass = (
-            self.builder.rho(material) * t + self._extra_density(entry.real(7), 1.0) * units.length
-        )
+        mass = self.builder.rho(material) * t
+        mass += self._extra_density(entry.real(7), 1.0) * units.length
         return {
             "A": (_plane(material) * units.stress * t).tolist(),
             "D": (_plane(material) * units.stress * ratio * t**3 / 12).tolist(),
@@ -355,10 +334,9 @@ class Properties:
 
         for thickness_there, offset, members in self._by_thickness(elements, total, entry):
             element = self.found.elements[members[0]]
-            unchanged = math.isclose(thickness_there, total, rel_tol=1e-9)
-            element.needs(
-                unchanged, f"{element.name} {element.text(0)} has thicknesses beside its plies."
-            )
+            alike = math.isclose(thickness_there, total, rel_tol=1e-9)
+            label = f"{element.name} {element.text(0)}"
+            element.needs(alike, f"{label} has thicknesses beside its plies.")
             offset += own_offset if abs(own_offset) > 1e-9 * total else 0.0
             self._directed(entry, name, members, "Laminate", {"layers": layers}, offset)
 
@@ -367,12 +345,10 @@ class Properties:
         if material.plane is not None:
             Q = _plane(material)
             uncoupled = np.abs(Q[:2, 2]).max() <= 1e-9 * np.abs(Q).max()
-            material.needs(
-                uncoupled, f"{material.name} couples stretching with shear; give the ply by MAT8."
-            )
+            fault = f"{material.name} couples stretching with shear; give the ply by MAT8."
+            material.needs(uncoupled, fault)
             S = np.linalg.inv(Q)
-            G = Q[2, 2]
-            nan = np.nan
+            G, nan = Q[2, 2], np.nan
             constants = [1 / S[0, 0], 1 / S[1, 1], nan, -S[0, 1] / S[0, 0], nan, nan, G, G, G]
             self.builder.tell_once(f"transverse shear of {material.name}, whose G33 is taken")
             material = replace(material, constants=np.array(constants), plane=None)
@@ -384,9 +360,8 @@ class Properties:
         """Add shells with a direction of 0°: one for all, or one for each element."""
         normals = geometry.normals_of(self.found.deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
-        self.builder.add_shells(
-            name, elements, GroupSection(kind, arguments, entry.place), offset, axes
-        )
+        family = GroupSection(kind, arguments, entry.place)
+        self.builder.add_shells(name, elements, family, offset, axes)
 
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
@@ -397,9 +372,8 @@ class Properties:
             x, y, _ = self.found.systems(int(word), entry.place).axes
             if np.linalg.norm(np.cross(x, normal)) > NORMAL:
                 return np.asarray(x)
-            self.builder.tell_once(
-                f"x of the system {word} (MCID) where it is normal to elements, its y is taken"
-            )
+            told = f"x of the system {word} (MCID) where it is normal to elements"
+            self.builder.tell_once(f"{told}, its y is taken")
             return np.asarray(y)
         nodes = [self.found.at(entry, k) for k in (2, 3)]
         side = np.diff(self.found.deck.points[nodes], axis=0)[0]

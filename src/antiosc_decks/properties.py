@@ -35,13 +35,9 @@ class Material(Placed):
 
     def elasticity(self) -> Array:
         """The nine constants; MeshError if there are none."""
-        constants = self.constants
-        self.needs(
-            constants is not None,
-            f"the material {self.name!r} has no constants of elasticity, without which nothing can "
-            "be struck; add them to the deck, or give modulus in Pa.",
-        )
-        return np.asarray(constants)
+        fault = f"the material {self.name!r} has no constants of elasticity"
+        self.needs(self.constants is not None, f"{fault}: add them, or give modulus in Pa.")
+        return np.asarray(self.constants)
 
     @property
     def modulus(self) -> float:
@@ -119,17 +115,14 @@ class Profile:
 
     def sheared(self, along: float, across: float) -> Profile:
         """This cross-section with other shear coefficients along the height and across it."""
-        return replace(
-            self, shear=along, shear_side=None if math.isclose(across, along) else across
-        )
+        side = None if math.isclose(across, along) else across
+        return replace(self, shear=along, shear_side=side)
 
     def section(self, length: float) -> dict[str, float]:
         """Arguments of an `antiosc.Section`; `length` is the deck's unit in m."""
         second = {name: getattr(self, name) * length**4 for name in ("I", "I_side", "J")}
-        arguments = {"A": self.A * length**2, **second, "shear": self.shear}
-        if self.shear_side is not None:
-            arguments["shear_side"] = self.shear_side
-        return arguments
+        side = {} if self.shear_side is None else {"shear_side": self.shear_side}
+        return {"A": self.A * length**2, **second, "shear": self.shear, **side}
 
     def rotated(self) -> Profile:
         """This cross-section rotated by 90°."""
@@ -189,10 +182,7 @@ def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
     if min(h.min(), w.min()) <= 0:
         raise ValueError("a wall without a width")
     A = h * w
-    y = (low + high) / 2
-    z = (left + right) / 2
-    y = y - A @ y / A.sum()
-    z = z - A @ z / A.sum()
+    y, z = np.stack([low + high, left + right]) / 2 - centroid(walls)[:, None]
     first, second = (float(np.sum(t)) for t in (w * h**3 / 12 + A * y**2, h * w**3 / 12 + A * z**2))
     torsion = torsion or float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3)
     height = float(high.max() - low.min())
@@ -276,11 +266,8 @@ def normals_of(deck: Deck, elements: IntArray) -> Array:
 
 def common_direction(vectors: Array, least: float = 0.3) -> Array | None:
     """The mean unit vector if its cosine with each vector is at least `least`, else None."""
-    mean = vectors.mean(axis=0)
-    length = float(np.linalg.norm(mean))
-    if length == 0 or (vectors @ (mean / length)).min() < least:
-        return None
-    return np.asarray(mean / length)
+    (mean,) = unit(vectors.mean(axis=0)[None])
+    return mean if (vectors @ mean).min() >= least else None
 
 
 def curved(deck: Deck, elements: IntArray) -> bool:
@@ -304,9 +291,7 @@ def top_of(deck: Deck, elements: IntArray, length: float) -> Everywhere | list[f
     """The normals of shells: one direction if they are similar, else one for each element."""
     normals = normals_of(deck, elements)
     top = common_direction(normals)
-    if top is None:
-        return everywhere(deck, elements, normals, length)
-    return top.tolist()
+    return everywhere(deck, elements, normals, length) if top is None else top.tolist()
 
 
 def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:

@@ -40,12 +40,9 @@ def _reader(
             deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), unstated)
 
         if not deck.n_elements:
-            remarks = f": it has {listed(deck.left)}" if deck.left else ""
-            raise MeshError(
-                f"{deck.name} has no elements of solids, shells, beams or rods{remarks}; read the "
-                "deck that holds the part itself; the matrices of springs and masses alone go to "
-                "Structure.from_matrices."
-            )
+            beside = f": it has {listed(deck.left)}" if deck.left else ""
+            none = f"{deck.name} has no elements of solids, shells, beams or rods{beside}"
+            raise MeshError(f"{none}; read the deck that holds the part itself.")
 
         return as_mesh(deck, halve_lines=bool(deck.model and deck.model["halve"]))
 

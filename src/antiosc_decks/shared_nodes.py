@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import permutations
 
 import basix
 import numpy as np
@@ -33,22 +34,15 @@ Row = tuple[IntArray, Array]
 
 
 class NumberedMesh:
-    """The mesh of a part with the numbers that the deck gives its nodes.
-
-    Attributes
-    ----------
-    member : the part.
-    numbers : (cells, nodes of a cell) numbers of the nodes of each cell, its vertices first.
-    vertices : (cells, v) numbers of the vertices alone.
-    """
+    """The mesh of a part with the numbers that the deck gives its nodes."""
 
     def __init__(self, member: Member, numbers: IntArray) -> None:
         self.member = member
         mesh = member.part.mesh
         self._rows = compat.geometry_nodes(mesh.dolfinx)
-        self.numbers = np.asarray(numbers)[
-            np.asarray(mesh.dolfinx.geometry.input_global_indices)[self._rows]
-        ]
+        given = np.asarray(mesh.dolfinx.geometry.input_global_indices)
+        #: (cells, nodes of a cell), the vertices first, and the vertices alone
+        self.numbers = np.asarray(numbers)[given[self._rows]]
         self.vertices = self.numbers[:, : len(mesh.geometry.corners)]
 
     @property
@@ -75,18 +69,10 @@ class NumberedMesh:
         width = self.numbers.shape[1]
         return {int(flat[k]): divmod(int(k), width) for k in first}
 
-    @cached_property
-    def places(self) -> tuple[IntArray, Array]:
-        """(numbers (n,), coordinates (n, 3) in the assembly's axes [m]) of the vertices."""
-        numbers, first = np.unique(self.vertices, return_index=True)
-        rows = self._rows[:, : self.vertices.shape[1]]
-        return numbers, self.member.vertices[rows.ravel()[first]]
-
     def position(self, number: int) -> Array:
         """Coordinates (3,) of a node in the part's axes [m]."""
-        return np.asarray(
-            self.member.part.mesh.dolfinx.geometry.x[self._rows[self.at_cell[number]]]
-        )
+        x = self.member.part.mesh.dolfinx.geometry.x
+        return np.asarray(x[self._rows[self.at_cell[number]]])
 
     def motions(self, layout: Layout, numbers: Sequence[int], names: tuple[str, ...]) -> Sparse:
         """Displacements or rotations (3 nodes, n) of nodes in the assembly's axes, by n dofs."""
@@ -110,12 +96,9 @@ class NumberedMesh:
 
     def cell_with(self, numbers: Sequence[int], follower_dim: int) -> int | None:
         """A cell with all these vertices, or None; two vertices of a line must be an edge of it."""
-        if len(numbers) == 2 and follower_dim == 1:
-            first, second = sorted(numbers)
-            if (first, second) not in self.edges:
-                return None
-        common = set.intersection(*(self.around.get(n, set()) for n in numbers))
-        return min(common) if common else None
+        if len(numbers) == 2 and follower_dim == 1 and tuple(sorted(numbers)) not in self.edges:
+            return None
+        return min(set.intersection(*(self.around.get(n, set()) for n in numbers)), default=None)
 
 
 class Nodes:
@@ -143,46 +126,37 @@ class Nodes:
         """Σ coefficient × motion as a matrix over the dofs, one row for each list of terms."""
         count = len(equations)
         layout = self.layout
-        flat = [(row, *term) for row, terms in enumerate(equations) for term in terms]
-        result = layout.nothing(count)
         groups: dict[tuple[int, bool], list[tuple[int, int, int, int, float]]] = {}
-        rows = []
-        columns = []
-        values = []
-        for row, number, motion, coefficient in flat:
-            if number < 0:
-                rows.append(row)
-                columns.append(layout.of_point(self.points[-1 - number])[motion])
-                values.append(coefficient)
-                continue
-            rotations = motion >= 3
-            k, cell, local = self._owner(int(number), rotations)
-            groups.setdefault((k, rotations), []).append(
-                (row, cell, local, motion % 3, coefficient)
-            )
+        points: list[tuple[int, int, float]] = []
+        for row, terms in enumerate(equations):
+            for number, motion, value in terms:
+                if number < 0:
+                    column = layout.of_point(self.points[-1 - number])[motion]
+                    points.append((row, column, value))
+                    continue
+                k, cell, local = self._owner(int(number), motion >= 3)
+                group = groups.setdefault((k, motion >= 3), [])
+                group.append((row, cell, local, motion % 3, value))
 
-        if rows:
-            result = layout.matrix(np.array(rows), np.array(columns), np.array(values), count)
-        for (k, rotations), terms in groups.items():
-            table = np.array([t[:4] for t in terms])
-            X = self.meshes[k].reference_points[table[:, 2]]
+        result = layout.nothing(count)
+        if points:
+            rows, columns, values = map(np.array, zip(*points, strict=True))
+            result = layout.matrix(rows, columns, values, count)
+        for (k, rotations), group in groups.items():
+            rows, cells, locals_, axes, values = map(np.array, zip(*group, strict=True))
+            mesh = self.meshes[k]
             names = ROTATIONS if rotations else DISPLACEMENTS
-            motions = layout.at_points(self.meshes[k].member, table[:, 1], X, names)
-            rows_of_points = 3 * np.arange(len(terms)) + table[:, 3]
-            selection = scipy.sparse.csr_matrix(
-                (np.array([t[4] for t in terms]), (table[:, 0], rows_of_points)),
-                shape=(count, 3 * len(terms)),
-            )
+            motions = layout.at_points(mesh.member, cells, mesh.reference_points[locals_], names)
+            columns = 3 * np.arange(len(group)) + axes
+            shape = (count, 3 * len(group))
+            selection = scipy.sparse.csr_matrix((values, (rows, columns)), shape=shape)
             result = result + selection @ motions
-
         return result.tocsr()
 
     def dof(self, term: Term) -> int:
         """The dof that equals a node's motion; -1 if the motion depends on several dofs."""
         columns, _ = self.single(term[0], term[1])
-        if len(columns) == 1:
-            return int(columns[0])
-        return -1
+        return int(columns[0]) if len(columns) == 1 else -1
 
     def is_fixed(self, number: int, motion: int) -> bool:
         """Whether a node's motion is zero."""
@@ -207,298 +181,246 @@ def row_of(matrix: Sparse, k: int) -> Row:
     return matrix.indices[span], matrix.data[span]
 
 
-# -- Nodes that constraints tie to a cell at their own place.
-#
-# *TIE, and equations between coincident nodes, may tie all nodes of an edge or a face to one cell
-# at their own place. The dofs between them then follow that cell's displacement at their places, so
-# that meshes which fit are joined as if they shared nodes.
-
-
 #: Largest distance of a node from the place to which it is tied, as a share of the tied nodes'
 #: size.
 TIED_NEAR = 1e-3
 LEAST_WEIGHT = 1e-9  # smaller shares are rounding of the shape functions
 
+#: node added here, of a face or by halving -> (node of the deck, weight) that give its place
+Among = Mapping[int, Sequence[tuple[int, float]]]
+#: A dof between nodes, the nodes that determine it, and their weights.
+Dof = tuple[int, list[int], Array]
 
-class CoincidentNodes:
-    """The constraints of a deck that tie nodes to a cell at their own place."""
 
-    def __init__(self, nodes: Nodes, equations: Sequence[Sequence[Term]]) -> None:
+class Between:
+    """Constraints of the dofs between nodes; `functionals`: those of the nodes over all dofs.
+
+    Where *TIE, or equations between coincident nodes, tie all nodes of an edge or a face to one
+    cell at their own place, the dofs between them follow that cell's displacement there.
+    """
+
+    def __init__(
+        self,
+        nodes: Nodes,
+        equations: Sequence[Sequence[Term]],
+        functionals: Sparse,
+        among: Among,
+    ) -> None:
         self.nodes = nodes
         self.equations = equations
-        leaders = {n for terms in equations for n, _, _ in terms[1:] if n >= 0}
-        leading = np.fromiter(leaders, dtype=int, count=len(leaders))
+        self.functionals = functionals
+        self.among = among
+        #: motion -> node -> its constraint; 0 or 3 -> node -> directions held
+        self.dependent: dict[int, dict[int, int]] = {}
+        self.sliding: dict[int, dict[int, list[Array]]] = {}
+        for row, terms in enumerate(equations):
+            number, motion, _ = terms[0]
+            if number < 0:
+                continue
+            if {n for n, _, _ in terms} != {number}:
+                self.dependent.setdefault(motion, {}).setdefault(number, row)
+                continue
+            direction = np.zeros(3)
+            for _, m, coefficient in terms:
+                direction[m % 3] = coefficient
+            self.sliding.setdefault(3 * (motion // 3), {}).setdefault(number, []).append(direction)
+
+        leaders = np.array([n for terms in equations for n, _, _ in terms[1:] if n >= 0], dtype=int)
         #: node that others follow -> (part, cell) of the cells around it
         self.cells: dict[int, set[tuple[int, int]]] = {}
         for k, mesh in enumerate(nodes.meshes):
-            for cell, local in zip(*np.nonzero(np.isin(mesh.numbers, leading)), strict=True):
+            for cell, local in zip(*np.nonzero(np.isin(mesh.numbers, leaders)), strict=True):
                 self.cells.setdefault(int(mesh.numbers[cell, local]), set()).add((k, int(cell)))
 
-    def displacements(
-        self,
-        means: Sequence[tuple[Sequence[int], Array]],
-        motion: int,
-        rows: Mapping[int, int],
-    ) -> dict[int, Row]:
-        """One motion at weighted mean places of nodes, by the cell to which all these are tied.
+    def matrix(self) -> Sparse:
+        """The constraints, one in each row."""
+        found: list[Row] = []
+        for mesh in self.nodes.meshes:
+            for motion in self.dependent:
+                found += self._followers(mesh, motion)
+            for first in self.sliding:
+                found += self._sliders(mesh, first)
 
-        `means`: (nodes, weights) of each place; `rows`: node -> index of its constraint. The result
-        has the rows by index of the place, of those whose nodes are all tied to one cell.
-        """
-        names = ROTATIONS if motion >= 3 else DISPLACEMENTS
-        by_mesh: dict[int, list[tuple[int, int, Array]]] = {}
-        for index, (numbers, weights) in enumerate(means):
-            place = self._place(numbers, weights, motion, rows)
-            if place is not None:
-                k, cell, X = place
-                by_mesh.setdefault(k, []).append((index, cell, X))
-        result: dict[int, Row] = {}
-        for k, places in by_mesh.items():
-            indices, cells, points = zip(*places, strict=True)
-            member = self.nodes.meshes[k].member
-            motions = self.nodes.layout.at_points(member, np.array(cells), np.array(points), names)
-            motions = motions[motion % 3 :: 3]
-            result |= {index: row_of(motions, i) for i, index in enumerate(indices)}
+        if not found:
+            return self.nodes.layout.nothing(0)
+        rows = np.repeat(np.arange(len(found)), [len(columns) for columns, _ in found])
+        result = self.nodes.layout.matrix(rows, *_sum(found), len(found))
+        result.eliminate_zeros()
         return result
 
-    def _place(
-        self, numbers: Sequence[int], weights: Array, motion: int, rows: Mapping[int, int]
-    ) -> tuple[int, int, Array] | None:
-        """(part, cell, reference point) of the mean place of nodes tied to one cell."""
+    def _dofs(
+        self, mesh: NumberedMesh, motion: int, selected: Mapping[int, object]
+    ) -> Iterator[Dof]:
+        """Yield the dofs of one motion between `selected` nodes, none at a node of the deck."""
+        member = mesh.member
+        path = member.part.form.components.get(_names(motion)[motion % 3])
+        near = [
+            n for n, shares in self.among.items() if any(node in selected for node, _ in shares)
+        ]
+        touching = np.flatnonzero(np.isin(mesh.numbers, [*selected, *near]).any(axis=1))
+        if path is None or not len(touching):
+            return
+        space = member.part.form.space
+        X = np.asarray(compat.subspace(space, path).element.basix_element.points)
+        weights = np.asarray(mesh.cell_map.tabulate(0, X))[0, :, :, 0]
+        nonzero = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
+        dofs = member.first + compat.cell_dofs(space, path, touching)
+
+        # each dof once, in the first cell that has it
+        first = np.unique(dofs, return_index=True)[1]
+        for position, d in (divmod(k, dofs.shape[1]) for k in np.sort(first).tolist()):
+            members = nonzero[d]
+            shares = self._of_the_deck(
+                mesh.numbers[touching[position], members], weights[d, members]
+            )
+            if len(shares) > 1 and any(n in selected for n in shares):
+                yield int(dofs[position, d]), list(shares), np.array(list(shares.values()))
+
+    def _of_the_deck(self, numbers: IntArray, weights: Array) -> dict[int, float]:
+        """Node of the deck -> weight; nodes that were added here are replaced by those."""
+        result: dict[int, float] = {}
+        for number, weight in zip(numbers.tolist(), weights.tolist(), strict=True):
+            for node, share in self.among.get(number, ((number, 1.0),)):
+                result[node] = result.get(node, 0.0) + weight * share
+        return result
+
+    def _followers(self, mesh: NumberedMesh, motion: int) -> Iterator[Row]:
+        """Yields a constraint for each dof that is a weighted sum of constrained nodes."""
+        nodes = self.nodes
+        rows = self.dependent[motion]
+        beam = mesh.member.part.mesh.tdim == 1
+        dofs = list(self._dofs(mesh, motion, rows))
+        nodes.prepare((n, motion) for _, numbers, _ in dofs for n in numbers)
+        dofs = [
+            dof
+            for dof in dofs
+            if (not beam or self._in_one_body(dof[1])) and self._determined(dof[1], motion)
+        ]
+        tied = {} if beam else self._tied(dofs, motion)
+
+        for column, numbers, weights in dofs:
+            terms = [(np.array([column]), np.ones(1))]
+            if column in tied:
+                columns, values = tied[column]
+                yield _sum([*terms, (columns, -values)])
+                continue
+            for node, weight in zip(numbers, weights, strict=True):
+                columns, values = nodes.single(node, motion)
+                terms.append((columns, -weight * values))
+                if node in rows:  # by its constraint without its own term
+                    columns, values = row_of(self.functionals, rows[node])
+                    terms.append((columns, weight * values / self.equations[rows[node]][0][2]))
+            yield _sum(terms)
+
+    def _tied(self, dofs: Sequence[Dof], motion: int) -> dict[int, Row]:
+        """Dof -> one motion at its place, where all its nodes are tied to one cell."""
+        by_mesh: dict[int, list[tuple[int, int, Array]]] = {}
+        for dof in dofs:
+            for k, cell, X in self._places(dof, motion):
+                by_mesh.setdefault(k, []).append((dof[0], cell, X))
+        result: dict[int, Row] = {}
+        for k, places in by_mesh.items():
+            columns, cells, points = zip(*places, strict=True)
+            motions = self.nodes.layout.at_points(
+                self.nodes.meshes[k].member, np.array(cells), np.array(points), _names(motion)
+            )[motion % 3 :: 3]
+            result |= {column: row_of(motions, i) for i, column in enumerate(columns)}
+        return result
+
+    def _places(self, dof: Dof, motion: int) -> list[tuple[int, int, Array]]:
+        """[(part, cell, reference point)] of a dof's place in the cell to which its nodes are tied.
+
+        Empty if they are not tied to one cell at their own place.
+        """
+        _, numbers, weights = dof
+        rows = self.dependent[motion]
         if not all(number in rows for number in numbers):
-            return None
+            return []
         positions = np.array([self._position(number) for number in numbers])
         reach = TIED_NEAR * float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
         total: dict[int, float] = {}
         for number, weight, x in zip(numbers, weights, positions, strict=True):
-            first, *other_terms = self.equations[rows[number]]
-            shares = {n: -c / first[2] for n, _, c in other_terms if abs(c) > LEAST_WEIGHT}
-            if any(m != motion or n < 0 for n, m, c in other_terms if n in shares):
-                return None
-            if not shares or abs(sum(shares.values()) - 1) > TIED_NEAR:
-                return None
+            first, *others = self.equations[rows[number]]
+            shares = {n: -c / first[2] for n, _, c in others if abs(c) > LEAST_WEIGHT}
+            alike = all(m == motion and n >= 0 for n, m, _ in others if n in shares)
+            if not alike or not shares or abs(sum(shares.values()) - 1) > TIED_NEAR:
+                return []
             place = sum(share * self._position(n) for n, share in shares.items())
             if not float(np.linalg.norm(place - x)) <= reach:
-                return None
+                return []
             for n, share in shares.items():
                 total[n] = total.get(n, 0.0) + weight * share
 
-        cells_around = [self.cells.get(n, set()) for n in total]
-        common = set.intersection(*cells_around)
-        names = ROTATIONS if motion >= 3 else DISPLACEMENTS
-        for k, cell in sorted(common):
+        for k, cell in sorted(set.intersection(*(self.cells.get(n, set()) for n in total))):
             mesh = self.nodes.meshes[k]
-            if mesh.member.part.form.components.get(names[motion % 3]) is None:
-                continue
-            positions = mesh.numbers[cell].tolist()
-            X = sum(w * mesh.reference_points[positions.index(n)] for n, w in total.items())
-            return k, cell, np.asarray(X)
-
-        return None
+            if _names(motion)[motion % 3] in mesh.member.part.form.components:
+                local = [mesh.numbers[cell].tolist().index(n) for n in total]
+                return [(k, cell, np.array([*total.values()]) @ mesh.reference_points[local])]
+        return []
 
     def _position(self, number: int) -> Array:
         """Coordinates (3,) of a node of the deck [m]; nan if no part has it."""
         owners = [mesh for mesh in self.nodes.meshes if number in mesh.at_cell]
-        if owners:
-            return owners[-1].position(number)
-        return np.full(3, np.nan)
+        return owners[-1].position(number) if owners else np.full(3, np.nan)
+
+    def _in_one_body(self, numbers: Sequence[int]) -> bool:
+        """Whether all motions of the nodes follow one point, which may be one of them."""
+        leaders: set[int] = set()
+        followers: list[set[int]] = []
+        for motion in (0, 1, 5) if self.nodes.layout.plane else range(6):
+            rows = self.dependent.get(motion, {})
+            followers.append({n for n in numbers if n in rows})
+            leaders |= {term[0] for n in followers[-1] for term in self.equations[rows[n]][1:]}
+        alike = all(follower == followers[0] for follower in followers)
+        return alike and len(leaders) == 1 and set(numbers) - followers[0] <= leaders
+
+    def _determined(self, numbers: Sequence[int], motion: int) -> bool:
+        """Whether constraints or supports determine a motion of all these nodes.
+
+        They do if each node that is not dependent is fixed, or if each dependent one follows all
+        that are not.
+        """
+        rows = self.dependent[motion]
+        dependent = [n for n in numbers if n in rows]
+        independent = set(numbers) - set(dependent)
+        followed = [
+            {n for n, m, _ in self.equations[rows[n]][1:] if m == motion} for n in dependent
+        ]
+        if followed and all(independent <= leaders for leaders in followed):
+            return True
+        return all(self.nodes.is_fixed(n, motion) for n in independent)
+
+    def _sliders(self, mesh: NumberedMesh, first: int) -> Iterator[Row]:
+        """Yields constraints for the dofs between nodes that slide across a direction or are
+        fixed.
+        """
+        nodes = self.nodes
+        directions = self.sliding[first]
+        axes = range(2 if nodes.layout.plane else 3)
+        by_motion = [list(self._dofs(mesh, first + c, directions)) for c in axes]
+        near = {n for _, numbers, _ in by_motion[0] for n in numbers}
+        nodes.prepare((n, first + c) for n in near - directions.keys() for c in axes)
+        for dofs in zip(*by_motion, strict=True):
+            columns = np.array([column for column, _, _ in dofs])
+            _, numbers, weights = dofs[0]
+            sliding = [n for n in numbers if n in directions]
+            fixed = [n for n in numbers if n not in directions]
+            if not all(nodes.is_fixed(n, first + c) for n in fixed for c in axes):
+                continue
+            shares = [w for n, w in zip(numbers, weights, strict=True) if n in directions]
+            for i in range(min(len(directions[n]) for n in sliding)):
+                yield columns, (np.array(shares) @ [directions[n][i] for n in sliding])[axes]
 
 
-#: node added here, of a face or by halving -> (node of the deck, weight) that give its place
-Among = Mapping[int, Sequence[tuple[int, float]]]
-
-
-def between_nodes(
-    nodes: Nodes, equations: Sequence[Sequence[Term]], functionals: Sparse, among: Among
-) -> Sparse:
-    """Constraints of the dofs between nodes; `functionals`: the equations over all dofs."""
-    dependent: dict[int, dict[int, int]] = {}  # motion -> node -> its constraint
-    sliding: dict[int, dict[int, list[Array]]] = {}  # 0 or 3 -> node -> directions held
-    for row, terms in enumerate(equations):
-        number, motion, _ = terms[0]
-        if number < 0:
-            continue
-        if {n for n, _, _ in terms} == {number}:
-            direction = np.zeros(3)
-            for _, m, coefficient in terms:
-                direction[m % 3] = coefficient
-            sliding.setdefault(3 * (motion // 3), {}).setdefault(number, []).append(direction)
-        else:
-            dependent.setdefault(motion, {}).setdefault(number, row)
-
-    rows_found: list[Row] = []
-    coincident = CoincidentNodes(nodes, equations)
-    for mesh in nodes.meshes:
-        for motion in dependent:
-            rows_found += _followers(
-                nodes, mesh, motion, dependent, equations, functionals, among, coincident
-            )
-        for first, directions in sliding.items():
-            rows_found += _sliders(nodes, mesh, first, directions, among)
-
-    if not rows_found:
-        return nodes.layout.nothing(0)
-    rows = np.repeat(np.arange(len(rows_found)), [len(columns) for columns, _ in rows_found])
-    result = nodes.layout.matrix(rows, *_sum(rows_found), len(rows_found))
-    result.eliminate_zeros()
-    return result
-
-
-def _dofs(
-    mesh: NumberedMesh, motion: int, selected: Mapping[int, object], among: Among
-) -> Iterator[tuple[int, list[int], Array]]:
-    """Yield (dof, nodes that determine it, their weights) for one motion between `selected` nodes.
-
-    A dof at the place of a deck's node is that node's motion, and is left out.
-    """
-    member = mesh.member
-    numbers = mesh.numbers
-    name = (ROTATIONS if motion >= 3 else DISPLACEMENTS)[motion % 3]
-    path = member.part.form.components.get(name)
-    between = [n for n, shares in among.items() if any(node in selected for node, _ in shares)]
-    touching = np.flatnonzero(np.isin(numbers, [*selected, *between]).any(axis=1))
-    if path is None or not len(touching):
-        return
-    space = member.part.form.space
-    X = np.asarray(compat.subspace(space, path).element.basix_element.points)
-    weights = np.asarray(mesh.cell_map.tabulate(0, X))[0, :, :, 0]
-    columns_of_rows = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
-    dofs = compat.cell_dofs(space, path, touching)
-
-    used: set[int] = set()
-    for position, cell in enumerate(touching):
-        for d, members in enumerate(columns_of_rows):
-            column = member.first + int(dofs[position, d])
-            if column not in used:
-                used.add(column)
-                functional = _of_the_deck(numbers[cell, members], weights[d, members], among)
-                if len(functional) > 1 and any(n in selected for n in functional):
-                    yield column, list(functional), np.array(list(functional.values()))
-
-
-def _of_the_deck(numbers: IntArray, weights: Array, among: Among) -> dict[int, float]:
-    """Node of the deck -> weight; nodes that were added here are replaced by those of the deck."""
-    result: dict[int, float] = {}
-    for number, weight in zip(numbers.tolist(), weights.tolist(), strict=True):
-        for node, share in among.get(number, ((number, 1.0),)):
-            result[node] = result.get(node, 0.0) + weight * share
-    return result
-
-
-def _followers(
-    nodes: Nodes,
-    mesh: NumberedMesh,
-    motion: int,
-    dependent: Mapping[int, Mapping[int, int]],
-    equations: Sequence[Sequence[Term]],
-    functionals: Sparse,
-    among: Among,
-    tied: CoincidentNodes,
-) -> Iterator[Row]:
-    """Yields a constraint for each dof that is a weighted sum of constrained nodes."""
-    rows = dependent[motion]
-    beam = mesh.member.part.mesh.tdim == 1
-    dofs = list(_dofs(mesh, motion, rows, among))
-    nodes.prepare((n, motion) for _, numbers, _ in dofs for n in numbers)
-    following_dofs = [
-        (column, numbers, weights)
-        for column, numbers, weights in dofs
-        if (not beam or _in_one_body(numbers, dependent, equations, nodes.layout.plane))
-        and _determined(nodes, numbers, motion, rows, equations)
-    ]
-    means = [] if beam else [(numbers, weights) for _, numbers, weights in following_dofs]
-    tied_motions = tied.displacements(means, motion, rows)
-
-    for index, (column, numbers, weights) in enumerate(following_dofs):
-        terms = [(np.array([column]), np.ones(1))]
-        if index in tied_motions:
-            columns, values = tied_motions[index]
-            yield _sum([*terms, (columns, -values)])
-            continue
-        for node, weight in zip(numbers, weights, strict=True):
-            columns, values = nodes.single(node, motion)
-            terms.append((columns, -weight * values))
-            if node in rows:  # by its constraint without its own term
-                columns, values = row_of(functionals, rows[node])
-                terms.append((columns, weight * values / equations[rows[node]][0][2]))
-        yield _sum(terms)
+def _names(motion: int) -> tuple[str, ...]:
+    """The components of a displacement, or of a rotation, to which a motion (0 to 5) belongs."""
+    return ROTATIONS if motion >= 3 else DISPLACEMENTS
 
 
 def _sum(terms: Sequence[Row]) -> Row:
     """The sum of rows."""
     columns, values = (np.concatenate(pieces) for pieces in zip(*terms, strict=True))
     return columns, values
-
-
-def _in_one_body(
-    numbers: Sequence[int],
-    dependent: Mapping[int, Mapping[int, int]],
-    equations: Sequence[Sequence[Term]],
-    plane: bool,
-) -> bool:
-    """Whether all motions of the nodes follow one point, which may be one of them."""
-    leaders: set[int] = set()
-    followers: list[set[int]] = []
-    for motion in (0, 1, 5) if plane else range(6):
-        rows = dependent.get(motion, {})
-        followers.append({n for n in numbers if n in rows})
-        leaders |= {term[0] for n in followers[-1] for term in equations[rows[n]][1:]}
-    same_followers = all(follower == followers[0] for follower in followers)
-    return same_followers and len(leaders) == 1 and set(numbers) - followers[0] <= leaders
-
-
-def _determined(
-    nodes: Nodes,
-    numbers: Sequence[int],
-    motion: int,
-    rows: Mapping[int, int],
-    equations: Sequence[Sequence[Term]],
-) -> bool:
-    """Whether constraints or supports determine a motion of all these nodes.
-
-    They do if each node that is not dependent is fixed, or if each dependent one follows all that
-    are not.
-    """
-    dependent = [n for n in numbers if n in rows]
-    independent = set(numbers) - set(dependent)
-    if dependent and all(
-        independent <= {n for n, m, _ in equations[rows[node]][1:] if m == motion}
-        for node in dependent
-    ):
-        return True
-    return all(nodes.is_fixed(n, motion) for n in independent)
-
-
-def _sliders(
-    nodes: Nodes,
-    mesh: NumberedMesh,
-    first: int,
-    directions: Mapping[int, list[Array]],
-    among: Among,
-) -> Iterator[Row]:
-    """Yields constraints for the dofs between nodes that slide across a direction or are fixed."""
-    axes = range(2 if nodes.layout.plane else 3)
-    by_motion = [list(_dofs(mesh, first + c, directions, among)) for c in axes]
-    near_nodes = {n for _, numbers, _ in by_motion[0] for n in numbers}
-    nodes.prepare((n, first + c) for n in near_nodes - directions.keys() for c in axes)
-    for directions_of_node in zip(*by_motion, strict=True):
-        columns = [column for column, _, _ in directions_of_node]
-        _, numbers, weights = directions_of_node[0]
-        sliding = [n for n in numbers if n in directions]
-        fixed = [n for n in numbers if n not in directions]
-        if not all(nodes.is_fixed(n, first + c) for n in fixed for c in axes):
-            continue
-        for i in range(min(len(directions[n]) for n in sliding)):
-            mean = sum(
-                w * directions[n][i]
-                for n, w in zip(numbers, weights, strict=True)
-                if n in directions
-            )
-            yield np.array(columns), np.asarray(mean)[axes]
-
-
-#: Nodes of the same number must coincide up to this share of the size of the assembly.
-SAME_PLACE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -515,28 +437,11 @@ class SharedNodes(Joint):
             layout.members.values(), key=lambda m: (m.part.form.degree, -m.part.mesh.tdim)
         )
         meshes = [NumberedMesh(m, self.numbers[m.name]) for m in ordered]
-        _check_places(layout, meshes)
         return [
             rows
             for k, follower in enumerate(meshes)
             for rows in _following(layout, follower, meshes[:k])
         ]
-
-
-def _check_places(layout: Layout, meshes: Sequence[NumberedMesh]) -> None:
-    """Raise InputError if nodes of the same number lie apart."""
-    numbers = np.concatenate([mesh.places[0] for mesh in meshes])
-    positions = np.vstack([mesh.places[1] for mesh in meshes])
-    order = np.argsort(numbers, kind="stable")
-    equal = np.flatnonzero(np.diff(numbers[order]) == 0)
-    first = order[equal]
-    second = order[equal + 1]
-    distances = np.linalg.norm(positions[first] - positions[second], axis=1)
-    if len(distances) and distances.max() > SAME_PLACE * layout.size:
-        k = int(np.argmax(distances))
-        raise InputError(
-            f"node {numbers[first[k]]} lies {distances[k]:.3g} m apart in two parts that share it."
-        )
 
 
 def _following(
@@ -547,17 +452,11 @@ def _following(
     for names in (DISPLACEMENTS, ROTATIONS):
         followed: set[int] = set()
         for leader in leaders:
-            components = [mesh.member.part.form.components.keys() for mesh in (follower, leader)]
-            node_places = (
-                _shared(follower, leader, followed)
-                if components[0] & components[1] & set(names)
-                else {}
-            )
-            followed |= set(node_places)
-            if node_places:
-                constraints.append(
-                    _tied(layout, follower.member, leader.member, node_places, names)
-                )
+            own, others = (m.member.part.form.components.keys() for m in (follower, leader))
+            if own & others & set(names) and (places := _shared(follower, leader, followed)):
+                followed |= set(places)
+                tied = _tied(layout, follower.member, leader.member, places, names)
+                constraints.append(tied)
     return constraints
 
 
@@ -640,56 +539,46 @@ class NodeConstraints(Joint):
         for row in held.rows:
             is_single = np.diff(row.matrix.indptr) == 1
             nodes.fixed[row.matrix[is_single].indices] = True
-        inner_rows = between_nodes(nodes, self.equations, equations, self.among)
-        if inner_rows.shape[0]:
-            rows.append(Rows.free(inner_rows, label))
-        middles = _on_middles(nodes)
-        if middles.shape[0]:
-            rows.append(Rows.free(middles, label))
-        return rows
+        inner = Between(nodes, self.equations, equations, self.among).matrix()
+        found = (inner, _on_middles(nodes))
+        return rows + [Rows.free(matrix, label) for matrix in found if matrix.shape[0]]
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """The springs, dampers and masses as stiffness contributions."""
         nodes = Nodes(layout, self.points, self.numbers)
-        flat = [terms for terms, _ in (*self.springs, *self.dampers)]
-        functionals = nodes.functionals(
-            [*flat, *(terms for rows, _, _ in self.masses for terms in rows)]
-        )
-        zero_mass = np.zeros((1, 1))
-        springs = [
-            Stiffness(functionals[k], np.array([[stiffness]]), zero_mass)
-            for k, (_, stiffness) in enumerate(self.springs)
-        ]
-        dampers = [
-            Stiffness(functionals[len(springs) + k], zero_mass, zero_mass, c=np.array([[damping]]))
-            for k, (_, damping) in enumerate(self.dampers)
-        ]
-        masses = []
-        start = len(flat)
-        for rows, M, mass in self.masses:
-            rows_of_mass = functionals[start : start + len(rows)]
-            masses.append(Stiffness(rows_of_mass, np.zeros((len(rows),) * 2), np.array(M), mass))
-            start += len(rows)
-        return springs + dampers + masses
+        contributions: list[Stiffness] = []
+        none = np.zeros((1, 1))
+        links = [terms for terms, _ in (*self.springs, *self.dampers)]
+        rows = nodes.functionals(links)
+        values = [np.array([[value]]) for _, value in (*self.springs, *self.dampers)]
+        for k, value in enumerate(values):
+            spring = k < len(self.springs)
+            damping = None if spring else value
+            contributions.append(Stiffness(rows[k], value if spring else none, none, c=damping))
+
+        masses = nodes.functionals([terms for motions, _, _ in self.masses for terms in motions])
+        start = 0
+        for motions, M, mass in self.masses:
+            of_mass = masses[start : start + len(motions)]
+            start += len(motions)
+            contributions.append(
+                Stiffness(of_mass, np.zeros((len(motions),) * 2), np.array(M), mass)
+            )
+        return contributions
 
 
 def _on_middles(nodes: Nodes) -> Sparse:
     """Constraints by which a vertex of one part follows the part whose middle node it is."""
     layout = nodes.layout
     rows = [layout.nothing(0)]
-    for mesh in nodes.meshes:
-        vertices = set(mesh.vertices.ravel().tolist())
-        for other in nodes.meshes:
-            middles = other.numbers[:, other.vertices.shape[1] :]
-            rotate = mesh.member.has_rotations and other.member.has_rotations
-            kinds = (DISPLACEMENTS, ROTATIONS) if rotate else (DISPLACEMENTS,)
-            common = vertices.intersection(middles.ravel().tolist()) if other is not mesh else ()
-            numbers = sorted(common)
-            rows += [
+    for mesh, other in permutations(nodes.meshes, 2):
+        middles = other.numbers[:, other.vertices.shape[1] :]
+        numbers = np.intersect1d(mesh.vertices, middles).tolist()
+        rotate = mesh.member.has_rotations and other.member.has_rotations
+        for names in (DISPLACEMENTS, ROTATIONS)[: 1 + rotate] if numbers else ():
+            rows.append(
                 mesh.motions(layout, numbers, names) - other.motions(layout, numbers, names)
-                for names in kinds
-                if numbers
-            ]
+            )
     result = scipy.sparse.vstack(rows).tocsr()
     result.eliminate_zeros()
     return result[np.diff(result.indptr) > 0]

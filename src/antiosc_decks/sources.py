@@ -56,11 +56,9 @@ class Sources:
         self._on_size(self.size)
         content = path.read_bytes()
         if b"\0" in content:
-            is_utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-            message = (
-                "it is UTF-16; save it as UTF-8" if is_utf16 else "it is no text, or is damaged"
-            )
-            raise MeshError(f"{name} contains zero bytes: {message}.")
+            utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+            what = "is UTF-16; save it as UTF-8" if utf16 else "is no text, or is damaged"
+            raise MeshError(f"{name} contains zero bytes: it {what}.")
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:
@@ -74,10 +72,7 @@ class Sources:
         return self.lines(self.path, self.name)
 
     def enter(self, named: str, at: DeckPlace) -> list[str]:
-        """Lines of an included file, which stays open until `leave`.
-
-        Raises MeshError if it is missing, outside the root, or already open.
-        """
+        """Lines of an included file, which stays open until `leave`."""
         named = named.strip().strip("'\"").strip()
         at.needs(named, "an include without the name of a file.")
         try:
@@ -85,14 +80,10 @@ class Sources:
             below_root = path.is_relative_to(self.root)
             exists = below_root and os.path.isfile(path)
         except (OSError, ValueError):
-            below_root = True
-            exists = False
+            below_root, exists = True, False
         folder = "/".join(self.root.parts[-2:])
-        at.needs(
-            below_root,
-            f"{named[:80]!r} lies outside the folder {folder!r}, from which "
-            f"{self.name} may include files; name the folder that holds them all (root).",
-        )
+        outside = f"{named[:80]!r} lies outside the folder {folder!r}, from which {self.name} may "
+        at.needs(below_root, f"{outside}include files; name the folder that holds them all (root).")
         at.needs(exists, f"there is no file {named[:80]!r}: put it beside {self.name}.")
         at.needs(path not in self._open, f"{named[:80]!r} includes itself.")
         shallow = len(self._open) < DEEPEST_INCLUDE
@@ -123,14 +114,11 @@ class Sources:
 def _root(path: Path) -> Path:
     """Folder of all files that a deck may include: its own, or its parent if the user owns both."""
     folder = path.resolve().parent
-    parent = folder.parent
     try:
-        of_the_user = all(item.stat().st_uid == os.getuid() for item in (path, folder, parent))
+        own = all(item.stat().st_uid == os.getuid() for item in (path, folder, folder.parent))
     except OSError:
-        of_the_user = False
-    if of_the_user and len(parent.parts) >= DEEP_ENOUGH:
-        return parent
-    return folder
+        own = False
+    return folder.parent if own and len(folder.parent.parts) >= DEEP_ENOUGH else folder
 
 
 Kind = Literal["read", "harmless", "ignored", "refused"]
@@ -180,10 +168,10 @@ class Account:
         left: list[tuple[str, DeckPlace, Fate]] = []
         for name, place, fate in [*self.cards, *self.options]:
             between = name.replace(" ", "") in contact
-            if fate.kind != "refused":
-                continue
-            if between and deck.apart:
+            if deck.apart and (name == "*CONTACT PAIR" or (between and fate.kind == "refused")):
                 left.append((name, place, Fate("refused")))
+                continue
+            if fate.kind != "refused":
                 continue
 
             what, _, remedy = fate.what.partition(": ")
@@ -195,9 +183,7 @@ class Account:
                 raise PiecesError(f"{message}; {remedy}.")
             raise MeshError(f"{message}; {remedy}.")
 
-        pairs = [entry for entry in self.cards if entry[0] == "*CONTACT PAIR" and deck.apart]
-        pairs = [(name, place, Fate("refused")) for name, place, _ in pairs]
-        if cards := ", ".join(_counted([*left, *pairs], "refused")):
+        if cards := ", ".join(_counted(left, "refused")):
             deck.remarks.append(CONTACT_LEFT_OUT.format(name=self.name, cards=cards))
 
     def ignored(self) -> list[str]:
@@ -211,19 +197,15 @@ def _counted(entries: Iterable[tuple[str, DeckPlace, Fate]], kind: Kind) -> list
     for name, place, fate in sorted(entries, key=lambda entry: entry[0]):
         if fate.kind == kind:
             places.setdefault(f"{name} {fate.what}".strip(), []).append(place)
-    return [
-        f"{len(card_places)} {label} ({lines(card_places)})"
-        for label, card_places in places.items()
-    ]
+    return [f"{len(at)} {label} ({lines(at)})" for label, at in places.items()]
 
 
 def lines(places: Iterable[DeckPlace]) -> str:
     """Text of lines and their file; a long list is shortened."""
-    all_places = list(places)
-    shown_lines = all_places[:MOST_LINES]
-    hidden = len(all_places) - MOST_LINES
-    more_text = f" and {hidden} more" if hidden > 0 else ""
-    if len({place.file for place in all_places}) > 1:
-        return ", ".join(map(str, shown_lines)) + more_text
-    numbers = ", ".join(str(place.line) for place in shown_lines)
-    return f"line{'s' * (len(all_places) > 1)} {numbers}{more_text} of {all_places[0].file}"
+    every = list(places)
+    shown = every[:MOST_LINES]
+    more = f" and {len(every) - MOST_LINES} more" * (len(every) > MOST_LINES)
+    if len({place.file for place in every}) > 1:
+        return ", ".join(map(str, shown)) + more
+    numbers = ", ".join(str(place.line) for place in shown)
+    return f"line{'s' * (len(every) > 1)} {numbers}{more} of {every[0].file}"

@@ -219,21 +219,6 @@ def test_many_mistakes_are_not_all_told(tmp_path, capsys, line):
     assert last.endswith("and 900 more.")
 
 
-@pytest.mark.fem
-def test_groups_of_a_deck_of_several_parts(tmp_path):
-    from antiosc_decks.from_deck import outline_of_deck
-
-    text = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n*NSET,NSET=TIP\n5\n"
-    text += "*ELEMENT,TYPE=S4,ELSET=SKIN\n1,1,2,3,4\n*ELEMENT,TYPE=B31,ELSET=POLE\n2,1,5\n"
-    text += "*SHELL SECTION,ELSET=SKIN,MATERIAL=M\n.1\n"
-    text += "*BEAM SECTION,ELSET=POLE,MATERIAL=M,SECTION=RECT\n.1,.2\n0,1,0\n"
-    text += "*MATERIAL,NAME=M\n*ELASTIC\n1E9,.2\n*DENSITY\n1000\n"
-    found, cells = outline_of_deck(written(tmp_path, text, "two.inp"))
-    assert {"SKIN", "POLE", "TIP", "faces:SKIN", "beams:POLE", "beams:TIP"} <= set(found)
-    assert "beams:SKIN" not in found
-    assert [raw.points[raw.cells].shape for raw in cells] == [(1, 4, 3), (1, 2, 3)]
-
-
 def test_files_that_are_no_scene_are_refused(tmp_path, capsys):
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")

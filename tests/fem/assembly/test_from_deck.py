@@ -81,7 +81,7 @@ WRONG = [
     ("timeout", 0.0),
     ("comm", 3),
 ]
-WRONG += [("supports", ["clamp"]), ("attached", 3), ("parts", []), ("parts", "A"), ("root", "none")]
+WRONG += [("supports", ["clamp"]), ("attached", 3), ("parts", []), ("parts", 3), ("root", "none")]
 
 
 @pytest.mark.parametrize(("option", "value"), WRONG)

@@ -329,7 +329,7 @@ REFUSED = {
         BARS + "*BEAM SECTION,ELSET=ALL,MATERIAL=M,NODAL THICKNESS\n1,1\n"
         "*NODAL THICKNESS\n1,2.,2.\n" + STEEL, None, "NODAL THICKNESS",
     ),
-    "beams askew": (BARS + "*BEAM SECTION,ELSET=ALL,MATERIAL=P\n1,1\n" + PLY, None, "orthotropic"),
+    "beams askew": (BARS + "*BEAM SECTION,ELSET=ALL,MATERIAL=P\n1,1\n" + PLY, None, "isotropic"),
     "two families": (
         SHEET.replace("S4", "CPS4") + "*ELEMENT,TYPE=C3D8,ELSET=C\n2,1,2,3,4,5,6,7,8\n"
                      + SOLID + "*SOLID SECTION,ELSET=C,MATERIAL=M\n" + STEEL, None, "structure"),
