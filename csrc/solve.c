@@ -9,8 +9,8 @@
 #define MOST 8.0
 #define NEAR 1.5
 #define FINEST 1e-6 /* share of the first run, at least: what max_steps permits is then known */
-/* Error left in the finer run, of the difference of two whose shares have the ratio f, is 1/(f - 1)
- * where errors follow the share, times this margin. */
+/* Error left in the finer run, of the difference of two whose errors have the ratio f, is 1/(f - 1),
+ * times this margin. */
 #define MARGIN 2.0
 #define FLOOR 1.25 /* error at least, over the share: two runs with common steps differ by nothing */
 #define RUNS 12
@@ -20,8 +20,20 @@
 #define DEARER 50
 #define CHEAP 50000
 
-/* Error left in the finer of two runs, of their difference; `finer`: ratio of their shares. */
-static double left_over(double finer) { return MARGIN / (finer - 1.0); }
+/* Whether friction of a contact acts in two directions. */
+static bool two_directions(const aom_system *system) {
+    for (int c = 0; c < system->n_contacts; c++)
+        if (system->contacts[c].n_tangential == 2)
+            return true;
+    return false;
+}
+
+/* Error left in the finer of two runs, of their difference; `finer`: ratio of their shares. Errors
+ * follow the share, as the cube of a step; of friction that turns they follow the square of it. */
+static double left_over(const aom_stepper *st, double finer) {
+    double ratio = two_directions(&st->system) ? pow(finer, 2.0 / 3.0) : finer;
+    return MARGIN / (ratio - 1.0);
+}
 
 /* The largest force of each contact in a run; whether they are finite. */
 static bool highest_forces(const aom_system *system, const aom_record *run, double *highest) {
@@ -81,13 +93,13 @@ static bool last_run(aom_stepper *st, const aom_options *options, aom_solution *
         const aom_record *before = records + s->before;
         if (s->best < 0)
             take_best(s, s->before, AOM_DONE, INFINITY, INFINITY,
-                      apart(st, before, now, tol / left_over(s->finer)).until, &s->earlier);
+                      apart(st, before, now, tol / left_over(st, s->finer)).until, &s->earlier);
         return true;
     }
     if (unstable)
         s->finer = MOST;
     else if (s->before >= 0) {
-        double part = left_over(s->finer), best = s->force;
+        double part = left_over(st, s->finer), best = s->force;
         aom_difference d = apart(st, records + s->before, now, tol / part);
         double force = larger(part * d.force, FLOOR * s->share);
         /* the peak is one value, whose differences change sign from run to run */

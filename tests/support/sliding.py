@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, minimize_scalar
 
 import antiosc as ao
 from antiosc.engine.march import Converged, converge
@@ -172,27 +174,52 @@ class Truth:
         y[-1] = np.arctan2(slides[1], slides[0]) if n == 2 else np.arccos(np.sign(slides[0]))
         return "slip", y
 
+    def _grazes(self, phase: str, solution: Any) -> float | None:
+        """When friction's event first rises for less than a step, which the solver does not see."""
+        if phase == "free":
+            return None
+        event, t = self._ends_of(phase)[1], solution.t
+
+        def below(s: float) -> float:
+            return -event(s, solution.sol(s))
+
+        values = np.array([event(s, y) for s, y in zip(t, solution.y.T, strict=True)])
+        padded = np.concatenate([[-np.inf], values, [-np.inf]])
+        tops = np.flatnonzero((padded[:-2] <= values) & (values >= padded[2:]))
+        for i in tops:
+            low, high = t[max(i - 1, 0)], t[min(i + 1, t.size - 1)]
+            top = minimize_scalar(below, bounds=(low, high), method="bounded").x
+            if below(top) < -1e-12 * np.abs(values).max() and below(low) > 0.0:
+                return float(brentq(below, low, top))
+        return None
+
     def _solve(self, y: Array) -> None:
         t, phase, end = 0.0, "stick", self.scene.duration
         while t < end:
-            solution = solve_ivp(
-                lambda _, y, phase=phase: self._rates(phase, y),
-                (t, end),
-                y,
-                method="Radau" if phase == "slip" and self.count == 2 else "DOP853",
-                events=self._ends_of(phase),
-                dense_output=True,
-                rtol=1e-9 if phase == "slip" and self.count == 2 else self.rtol,
-                atol=1e-12 * np.abs(y[:-1]).max(),
-                max_step=self.longest,
-            )
+            with np.errstate(over="ignore"):  # Radau's steps for numbers that nothing depends on
+                solution = solve_ivp(
+                    lambda _, y, phase=phase: self._rates(phase, y),
+                    (t, end),
+                    y,
+                    method="Radau" if phase == "slip" and self.count == 2 else "DOP853",
+                    events=self._ends_of(phase),
+                    dense_output=True,
+                    rtol=1e-9 if phase == "slip" and self.count == 2 else self.rtol,
+                    atol=1e-12 * np.abs(y[:-1]).max(),
+                    max_step=self.longest,
+                )
             assert solution.status >= 0, solution.message
             self.pieces.append((phase, solution.sol))
             t, y = solution.t[-1], solution.y[:, -1]
+            which = [i for i, times in enumerate(solution.t_events) if times.size > 0]
+
+            grazes = self._grazes(phase, solution)
+            if grazes is not None and grazes < t:
+                t, y, which = grazes, solution.sol(grazes), [1]
+
             self.ends.append(t)
-            if solution.status == 1:
-                which = [times.size > 0 for times in solution.t_events].index(True)
-                phase, y = self._next(phase, which, y)
+            if which:
+                phase, y = self._next(phase, which[0], y)
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Forces (., 1 + n) [N] and tangential displacements (., n) [m] at times."""
