@@ -195,13 +195,13 @@ def test_signals_of_a_table_have_the_rate_of_its_times(tmp_path) -> None:
     t = 0.3 + np.arange(64)[:, None] / RATE
     path = tmp_path / "signals.csv"
     given = recording(values, TWO, RATE, None, None, 3e4)
-    for columns, rate in (([t, values], None), ([values], RATE)):
-        np.savetxt(path, np.hstack(columns), header="a, b", delimiter=",")
+    for columns, rate, header in (([t, values], None, "t, a, b"), ([values], RATE, "a, b")):
+        np.savetxt(path, np.hstack(columns), header=header, delimiter=",")
         found = recording(path, TWO, rate, None, None, 3e4)
         assert np.allclose(found.compared, given.compared, rtol=1e-9)
         assert found.dt == pytest.approx(1 / RATE)
     scaled = np.hstack([1e3 * t, values[:, :1] / 9.80665, 1e3 * values[:, 1:]])
-    for header in ("t [ms], a1 [g], a2 [mm/s²]", "x,y,z\nms,g,mm/s2", "ms, g, mm/s^2"):
+    for header in ("t [ms], a1 [g], a2 [mm/s²]", "x (ms), y (g), z (mm/s^2)"):
         np.savetxt(path, scaled, header=header, delimiter=",", encoding="utf-8")
         found = recording(path, TWO, None, None, None, 3e4)
         assert np.allclose(found.values, given.values, rtol=1e-9)

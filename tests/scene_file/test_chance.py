@@ -112,7 +112,8 @@ def measurement(tmp_path, monkeypatch):
     f = np.linspace(2.0, 400.0, 200)
     w = 2 * np.pi * f
     H = 1 / (1e5 + 6j * w - 0.5 * w**2) + 1e-7
-    np.savetxt("hammer.csv", np.column_stack([f, H.real, H.imag]))
+    rows = np.column_stack([f, H.real, H.imag])
+    np.savetxt("hammer.csv", rows, header="frequency real imag")
 
 
 @pytest.mark.slow

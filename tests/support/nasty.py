@@ -270,7 +270,8 @@ def frf() -> Any:
 def frf_file() -> str:
     path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.csv")
     H = frf_values()
-    np.savetxt(path, np.column_stack([np.arange(1.0, 41.0), H.real, H.imag]))
+    rows = np.column_stack([np.arange(1.0, 41.0), H.real, H.imag])
+    np.savetxt(path, rows, header="frequency real imag")
     return path
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,15 +21,7 @@ from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
 from antiosc.extension import Reach, place, source
 from antiosc.reduce.site import point_of
-from antiosc_studies.measured.tables import (
-    MOTIONS,
-    TIMES,
-    Column,
-    columns,
-    factor_of,
-    motion_label,
-    unknown_unit,
-)
+from antiosc_studies.measured.tables import MOTIONS, STRAINS, TIMES, columns
 
 #: Quantity of a sensor -> order of the time derivative of displacement.
 DERIVATIVE = {"displacement": 0, "velocity": 1, "acceleration": 2, "strain": 0}
@@ -109,10 +101,12 @@ def sensor_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     return np.asarray(np.einsum("p,i,pijk,j->k", weights / 2, d, strain, d, optimize=True))
 
 
-#: Units of strains.
-STRAINS = {
-    **{"-": 1.0, "1": 1.0, "m/m": 1.0, "%": 0.01},
-    **dict.fromkeys(("µm/m", "μm/m", "um/m", "µε", "με", "microstrain"), 1e-6),
+#: Units of a sensor's quantity, with factors to SI.
+UNITS = {
+    "displacement": MOTIONS["receptance"],
+    "velocity": MOTIONS["mobility"],
+    "acceleration": MOTIONS["accelerance"],
+    "strain": STRAINS,
 }
 #: Least number of samples.
 FEWEST = 32
@@ -218,44 +212,23 @@ def recording(
 def _read(path: Path, sensors: Sequence[Sensor], rate: float | None) -> tuple[Array, float | None]:
     """The signals of a table, and their sampling rate if its first column contains times."""
     check_readable(path, "the signals")
-    table_columns = columns(path, [])
+    table_columns = columns(path)
     timed = len(table_columns) == len(sensors) + 1
     signals = table_columns[1:] if timed else table_columns
     if len(signals) == len(sensors):
         pairs = zip(signals, sensors, strict=True)
-        values = np.column_stack(
-            [_in_si(column, _units(sensor.quantity)) for column, sensor in pairs]
-        )
+        values = np.column_stack([column.in_si(UNITS[sensor.quantity]) for column, sensor in pairs])
     else:
         values = np.column_stack([column.values for column in signals])  # refused by its shape
     if not timed:
         return values, rate
-    t = _in_si(table_columns[0], TIMES)
+    t = table_columns[0].in_si(TIMES)
     if len(t) < FEWEST:
         raise InputError(f"{path.name} has {len(t)} samples; {FEWEST} or more are needed.")
     step = (t[-1] - t[0]) / (len(t) - 1)
     if not step > 0 or np.abs(np.diff(t) - step).max() > UNEVEN * step:
         raise InputError(f"the times in the first column of {path.name} do not ascend in one step.")
     return values, 1 / step
-
-
-def _in_si(column: Column, known: Mapping[str, float]) -> Array:
-    """The numbers of a column in SI, from one of the known units."""
-    if not column.unit:
-        return column.values
-    factor = factor_of(column.unit, known) or known.get(motion_label(column.unit))
-    if factor is None:
-        raise unknown_unit(column, ", ".join(known))
-    return factor * column.values
-
-
-def _units(quantity: str) -> dict[str, float]:
-    """Units of a sensor's quantity, with factors to SI."""
-    if quantity == "strain":
-        return STRAINS
-    per_force = {"displacement": "receptance", "velocity": "mobility"}
-    response_kind = per_force.get(quantity, "accelerance")
-    return {unit: factor for unit, (factor, kind) in MOTIONS.items() if kind == response_kind}
 
 
 def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:

@@ -1,4 +1,4 @@
-"""Goals of gradients: what is read of a run, and of the same run with a number changed."""
+"""Goals of gradients: the number that is read of a run, and of the run with a number changed."""
 
 from __future__ import annotations
 
@@ -23,22 +23,17 @@ TOL = 1e-9
 EQUAL = 1e-9
 #: A second peak within this share of the largest limits the range of the largest's gradient.
 NEAR = 0.1
-#: Number of times, besides the step ends, at which the largest displacement is sought.
-TIMES = 1024
-#: Refinements of the time of the largest displacement; each divides the interval by 8.
-REFINED = 6
-#: Goals that are numbers of a contact.
+#: Times at which the largest displacement is sought, and the refinements of its time, by 8 each.
+TIMES, REFINED = 1024, 6
 OF_CONTACT = ("impulse", "contact_time", "restitution")
 #: Goals at a given time.
 TIMED = ("force", "displacement")
-GOALS = ("peak_force", *OF_CONTACT, "peak_displacement")
+GOALS = ("peak_force", *OF_CONTACT, "peak_displacement", *TIMED)
 
 
 @dataclass(eq=False)
 class Sampled:
     """The argument of a goal function: a contact at the nodes of a run, arrays (n,).
-
-    The nodes are those of the run that it is, which has other ones where a number is changed.
 
     Attributes
     ----------
@@ -57,7 +52,7 @@ class Sampled:
 
 
 class Goal(NamedTuple):
-    """A goal of a contact: its value in the given run, and how long other runs go on for it.
+    """A goal: its name, its value in the given run, how long other runs go on, how it is read.
 
     read : function of an assembly and its run that returns (k,): the goal, and a second peak.
     """
@@ -86,6 +81,7 @@ def _run(assembly: Assembly, until: float, tol: float = TOL) -> Run:
     fine = assembly.contact_time_estimate / FINE
     options = library.COptions(until, tol, 0.0, 0.0, fine, 10_000, 1_000_000, 1)
     run, solution = solve(assembly.system, options)
+
     if solution.answer != library.DONE:
         raise NotDifferentiableError(
             f"a run that the gradient needs stopped at {run.time[-1]:g} s: shorten the duration."
@@ -102,34 +98,41 @@ def goal_of(
 ) -> Goal:
     """The goal that is asked for; `base`: the given run's assembly, or another that is compared."""
     if not callable(goal) or isinstance(goal, type):
-        checks.choice("goal", goal, (*GOALS, *TIMED))
+        checks.choice("goal", goal, GOALS)
     if (goal in TIMED) != (time is not None):
         raise InputError(
             f"give time= [s] with the goals {' and '.join(TIMED)}, and with no other; the goal is"
             f" {checks.shown(goal)}, time = {checks.shown(time)}."
         )
-    c = contact_number(hit, contact)
-    end = float(hit.run.time[-1])
-
-    if callable(goal):
-        samples = lambda a, run: np.array([_number(goal, a, run, c)])  # noqa: E731
-        name = str(getattr(goal, "__name__", "goal"))
-        return Goal(name, float(samples(hit.assembly, hit.run)[0]), end, samples)
-    if time is not None:
-        return _timed(goal, c, hit, checks.number("time", time, "s"))
-    if goal == "peak_displacement":
-        found = _peak_displacement(base, _run(base, end), c)
-        return found._replace(value=float(found.read(hit.assembly, hit.run)[0]))
-
+    c = _contact_number(hit, contact)
     history = hit.contact_histories[c]
-    if not history.contacts:
+    until = float(hit.run.time[-1])
+    name = str(getattr(goal, "__name__", "goal")) if callable(goal) else goal
+    if name in ("peak_force", *OF_CONTACT) and not history.contacts:
         raise NotDifferentiableError("the contact did not touch: this goal has no gradient.")
+
     if goal == "peak_force":
-        return _peaks(history.peak_force, c, _run(base, end))
-    return Goal(goal, _of_contact(goal, hit, c), end, lambda a, run: _read(goal, a, run, c))
+        return _peaks(history.peak_force, c, _run(base, until))
+    if time is not None:
+        t = checks.number("time", time, "s")
+        if not 0 <= t <= until:
+            raise InputError(f"time must lie within the run, 0 <= time <= {until:g} s; got {t:g}.")
+        until = min(max(t, 1e-3 * until), until)
+
+    def read(assembly: Assembly, run: Run) -> Array:
+        if callable(goal):
+            return np.array([_of_samples(goal, assembly, run, c)])
+        if goal == "peak_displacement":
+            return _largest_displacement(assembly, run, c)
+        if time is None:
+            return np.array([_of_contact(goal, assembly, run, c)])
+        at = locate(run, np.array([time]))
+        return forces(run, *at)[:, c] if goal == "force" else _motion(assembly, run, c, 0, *at)[0]
+
+    return Goal(name, float(read(hit.assembly, hit.run)[0]), until, read)
 
 
-def contact_number(hit: History, contact: tuple[str, str] | None) -> int:
+def _contact_number(hit: History, contact: tuple[str, str] | None) -> int:
     """Number of the contact; it may be omitted if there is only one."""
     ends = [(contact.a, contact.b) for contact in hit.assembly.scene.contacts]
     if contact is None and len(ends) == 1:
@@ -141,9 +144,8 @@ def contact_number(hit: History, contact: tuple[str, str] | None) -> int:
     raise InputError(f"contact must be one of {contact_names}; got {checks.shown(contact)}.")
 
 
-def _of_contact(goal: str, hit: History, c: int) -> float:
-    """A number of a contact."""
-    value = getattr(hit.contact_histories[c], goal)
+def _of_contact(goal: str, assembly: Assembly, run: Run, c: int) -> float:
+    value = getattr(History(assembly, run, {}, 0, "").contact_histories[c], goal)
     if value is None:
         raise NotDifferentiableError(
             "this run has no restitution: the bodies are in contact at its end, or did not approach"
@@ -152,34 +154,62 @@ def _of_contact(goal: str, hit: History, c: int) -> float:
     return float(value)
 
 
-def _read(goal: str, assembly: Assembly, run: Run, c: int) -> Array:
-    """(1,) the same of a run."""
-    return np.array([_of_contact(goal, History(assembly, run, {}, 0, ""), c)])
+def _of_samples(goal: Callable[[Sampled], float], assembly: Assembly, run: Run, c: int) -> float:
+    at = locate(run, run.time)
+    first, second = (_motion(assembly, run, c, end, *at) for end in (0, 1))
+    try:
+        value = goal(Sampled(run.time, run.force[:, c], *first, *second))
+    except (TypeError, AttributeError) as error:
+        raise InputError(
+            "the goal must be a function of a run that has time, force, displacement, velocity,"
+            f" impactor_displacement and impactor_velocity: {error}."
+        ) from error
+    return checks.number("the goal", value)
 
 
-# -- peaks
+def _motion(
+    assembly: Assembly, run: Run, c: int, end: int, step: Any, since: Array
+) -> tuple[Array, Array]:
+    """Displacement and velocity (n,) of an end of a contact, along the force on it or against."""
+    contact = assembly.scene.contacts[c]
+    columns = assembly.columns[(contact.b if end else contact.a).partition(":")[0]]
+    side = np.zeros(assembly.G.shape[1])
+    side[columns] = (1 if end else -1) * assembly.G[c, columns]
+
+    q, v = states(run, assembly.system, step, since)
+    site_forces = -(forces(run, step, since) @ assembly.G)
+    return q @ assembly.B @ side + site_forces @ (assembly.r @ side), v @ assembly.B @ side
+
+
+def _largest_displacement(assembly: Assembly, run: Run, c: int) -> Array:
+    """(1,) the largest displacement of the first end by magnitude."""
+    t = np.union1d(run.time[::2], np.linspace(0.0, run.time[-1], TIMES))
+    for _ in range(1 + REFINED):
+        size = np.abs(_motion(assembly, run, c, 0, *locate(run, t))[0])
+        best = int(np.argmax(size))
+        t = np.linspace(t[max(best - 1, 0)], t[min(best + 1, t.size - 1)], 17)
+    return size[best : best + 1]
 
 
 def _peaks(value: float, c: int, run: Run) -> Goal:
     """The largest force, and the second peak if it is near, each between the minima beside it."""
     tops = _tops(run, c)
     k = int(np.argmax(tops))
-    if not tops[k] > 0:
-        raise NotDifferentiableError("the contact did not touch: its peak force has no gradient.")
     before, after = np.append(0.0, tops[:-1]), np.append(tops[1:], 0.0)
-    local = np.flatnonzero((tops >= before) & (tops >= after) & (tops >= (1 - NEAR) * tops[k]))
-    others = local[np.abs(local - k) > 1]
-    second = int(others[np.argmax(tops[others])]) if others.size else None
-    if second is not None and tops[second] >= (1 - EQUAL) * tops[k]:
+    near = np.flatnonzero((tops >= before) & (tops >= after) & (tops >= (1 - NEAR) * tops[k]))
+    others = near[np.abs(near - k) > 1]
+    second = others[np.argsort(-tops[others])][:1].tolist()
+
+    if second and tops[second[0]] >= (1 - EQUAL) * tops[k]:
         raise NotDifferentiableError(
             f"two peaks of {tops[k]:.6g} N are equal: their maximum has a gradient on either side"
             " alone; change an input slightly."
         )
-    windows = [_window(run, tops, i) for i in (k, second) if i is not None]
+    windows = [_window(run, tops, i) for i in (k, *second)]
 
     def read(_: Assembly, other: Run) -> Array:
-        middle, forces_of_steps = other.time[1::2], _tops(other, c)
-        inside = [forces_of_steps[(middle > a) & (middle < b)] for a, b in windows]
+        middle, largest = other.time[1::2], _tops(other, c)
+        inside = [largest[(middle > a) & (middle < b)] for a, b in windows]
         return np.array([part.max(initial=0.0) for part in inside])
 
     return Goal("peak_force", value, max(b for _, b in windows), read)
@@ -199,68 +229,3 @@ def _window(run: Run, tops: Array, k: int) -> tuple[float, float]:
     while last < tops.size - 1 and 0 < tops[last + 1] <= tops[last]:
         last += 1
     return float(run.time[2 * first]), float(run.time[2 * last + 2])
-
-
-# -- motions and samples
-
-
-def _timed(goal: str, c: int, hit: History, time: float) -> Goal:
-    """The force, or the displacement of the first end, at a time [s]."""
-    end = float(hit.run.time[-1])
-    if not 0 <= time <= end:
-        raise InputError(f"time must lie within the run, 0 <= time <= {end:g} s; got {time:g} s.")
-
-    def read(assembly: Assembly, run: Run) -> Array:
-        at = locate(run, np.array([time]))
-        if goal == "force":
-            return forces(run, *at)[:, c]
-        return _motion(assembly, run, c, 0, *at)[0]
-
-    until = min(max(time, 1e-3 * end), end)
-    return Goal(goal, float(read(hit.assembly, hit.run)[0]), until, read)
-
-
-def _motion(
-    assembly: Assembly, run: Run, c: int, end: int, step: Any, since: Array
-) -> tuple[Array, Array]:
-    """Displacement and velocity (n,) of an end of a contact, along the force on it or against."""
-    contact = assembly.scene.contacts[c]
-    columns = assembly.columns[(contact.b if end else contact.a).partition(":")[0]]
-    side = np.zeros(assembly.G.shape[1])
-    side[columns] = (1 if end else -1) * assembly.G[c, columns]
-    q, v = states(run, assembly.system, step, since)
-    site_forces = -(forces(run, step, since) @ assembly.G)
-    return q @ assembly.B @ side + site_forces @ (assembly.r @ side), v @ assembly.B @ side
-
-
-def _peak_displacement(assembly: Assembly, run: Run, c: int) -> Goal:
-    """The largest displacement of the first end by magnitude, sought around its time."""
-    end = float(run.time[-1])
-    t = np.union1d(run.time[::2], np.linspace(0.0, end, TIMES))
-    best = int(np.argmax(np.abs(_motion(assembly, run, c, 0, *locate(run, t))[0])))
-    first, last = t[max(best - 2, 0)], t[min(best + 2, t.size - 1)]
-
-    def read(other: Assembly, changed: Run) -> Array:
-        a, b = first, last
-        for _ in range(REFINED):
-            t = np.linspace(a, b, 17)
-            size = np.abs(_motion(other, changed, c, 0, *locate(changed, t))[0])
-            best = int(np.argmax(size))
-            a, b = t[max(best - 1, 0)], t[min(best + 1, 16)]
-        return size[best : best + 1]
-
-    return Goal("peak_displacement", float(read(assembly, run)[0]), min(1.01 * last, end), read)
-
-
-def _number(goal: Callable[[Sampled], float], assembly: Assembly, run: Run, c: int) -> float:
-    """The value of a goal function."""
-    at = locate(run, run.time)
-    first, second = (_motion(assembly, run, c, end, *at) for end in (0, 1))
-    try:
-        value = goal(Sampled(run.time, run.force[:, c], *first, *second))
-    except (TypeError, AttributeError) as error:
-        raise InputError(
-            "the goal must be a function of a run that has time, force, displacement, velocity,"
-            f" impactor_displacement and impactor_velocity: {error}."
-        ) from error
-    return checks.number("the goal", value)

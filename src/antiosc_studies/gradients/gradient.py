@@ -7,10 +7,10 @@ is its error.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from antiosc.extension import SAFETY, TRUNCATION_SAFETY, softest_model
 from antiosc.impact.assembly import Assembly
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc_studies.gradients.goals import TOL, Goal, Sampled, Values, goal_of, values_of
-from antiosc_studies.gradients.numbers import Number, Struck, filled, of_body, of_contact
+from antiosc_studies.gradients.numbers import Number, Struck, Turn, of_body, of_contact
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,20 +88,16 @@ class Gradient(Completed):
         parameter_names = sorted({n for part in parts for n in part})
         reason = "several bodies or contacts have it" if holders else "there is no such parameter"
         raise GradientNameError(
-            f"the gradient has no {name}: {reason}; take it from bodies[name] or contacts[a, "
-            "b], which"
-            f" have {', '.join(parameter_names)}."
+            f"the gradient has no {name}: {reason}; take it from bodies[name] or contacts[a, b],"
+            f" which have {', '.join(parameter_names)}."
         )
 
     def numbers(self) -> dict[str, object]:
         """The value and its derivatives: name -> JSON value."""
-        parts = {
-            **self.bodies,
-            **{" - ".join(ends): values for ends, values in self.contacts.items()},
-        }
+        contacts = {" - ".join(ends): tree for ends, tree in self.contacts.items()}
         slopes = {
-            name: {key: None if v is None else np.asarray(v).tolist() for key, v in values.items()}
-            for name, values in parts.items()
+            name: _mapped(lambda v: np.asarray(v).tolist(), tree)
+            for name, tree in {**self.bodies, **contacts}.items()
         }
         return {**super().numbers(), "derivatives": slopes}
 
@@ -111,13 +107,8 @@ class Gradient(Completed):
         A bar has the unit of the goal over that of its parameter; the scale is logarithmic on both
         sides of zero.
         """
-        parts = [*self.contacts.values(), *self.bodies.values()]
-        single = [
-            (n, v)
-            for values_of_part in parts
-            for n, v in values_of_part.items()
-            if v is not None and not np.ndim(v)
-        ]
+        trees = [*self.contacts.values(), *self.bodies.values()]
+        single = [pair for tree in trees for pair in tree.items() if isinstance(pair[1], float)]
         if not single:
             raise InputError("the gradient has no derivative by a single number to be drawn.")
         figure, ((axes,),) = panels(1, 1, (6.4, 1.2 + 0.3 * len(single)), shown=path is None)
@@ -216,33 +207,34 @@ def gradient(
     if x is not None and (part is None or not callable(part)):
         raise InputError("x is for a part that is a function of x: give part=, or leave out x.")
 
-    struck = Struck(hit)
-    turns = _turns(hit) if error is not None else []
+    turns = [None, *(_turns(hit) if error is not None else [])]
+    all_struck = [Struck(hit, turn) for turn in turns]
     models = None
     if part is not None:
         from antiosc_studies.gradients.of_part import Models  # loads dolfinx
 
         models = Models(part, x, hit)
-    all_struck = [struck, *(Struck(hit, turn) for turn in turns)]
     goals = [goal_of(goal, hit, one.base, contact, time) for one in all_struck]
-    found = [_derivatives(one, its, models) for one, its in zip(all_struck, goals, strict=True)]
-    asked, fine = goals[0], found[0][0]
+    bodies, contacts = zip(
+        *(_derivatives(one, its, models) for one, its in zip(all_struck, goals, strict=True)),
+        strict=True,
+    )
 
-    def result(value: float, pick: Callable[..., Any], *others: Any, name: str = asked.name) -> Any:
-        trees = (_merged(pick, *(tree[i] for tree in (found[0], *others))) for i in (1, 2))
-        return Gradient(name, value, *trees)
+    asked = goals[0]
+    found = values_of(asked, all_struck[0].base, TOL).goal
 
-    value_error = abs(float(fine[0]) - asked.value) + TOL * abs(asked.value)
-    bars = result(value_error, _bar, *found[1:])
-    g = result(asked.value, lambda slope, *_: _single(slope[..., 0, 0]))
-    margin = float(fine[0] - fine[-1])
+    def result(value: float, pick: Callable[..., Any], **more: Gradient | None) -> Gradient:
+        return Gradient(asked.name, value, _mapped(pick, *bodies), _mapped(pick, *contacts), **more)
+
+    bars = result(abs(float(found[0]) - asked.value) + TOL * abs(asked.value), _bar)
     reach = None
-    if fine.size > 1:
-        reach = result(float(fine[1]), lambda slope: _overtaken(margin, slope))
-    return Gradient(g.goal, g.value, g.bodies, g.contacts, bars, reach)
+    if found.size > 1:
+        margin = float(found[0] - found[1])
+        reach = result(float(found[1]), lambda slope, *_: _overtaken(margin, slope.value))
+    return result(asked.value, lambda slope, *_: float(slope.value[0]), error=bars, reach=reach)
 
 
-def _turns(hit: History) -> list[Callable[[AntiOscillators], AntiOscillators]]:
+def _turns(hit: History) -> list[Turn]:
     """Changes of the model whose effect is its error: fewer anti-oscillators, the residual mass on
     its softest spring, and the model corrected for its mesh.
     """
@@ -253,44 +245,48 @@ def _turns(hit: History) -> list[Callable[[AntiOscillators], AntiOscillators]]:
             " error= out."
         )
     left_out = max(1, round(FEWER * model.n))
-    turns = [lambda one: one.truncated(one.n - left_out), softest_model]
+    turns: list[Turn] = [lambda one: one.truncated(one.n - left_out), softest_model]
     return turns + ([AntiOscillators.corrected] if model.strain_error is not None else [])
 
 
-def _derivatives(struck: Struck, goal: Goal, models: Any) -> tuple[Array, Tree, dict[Any, Tree]]:
-    """The goal, and its derivatives with their errors by bodies and contacts.
+class Slope(NamedTuple):
+    """Derivatives (k,) of the k numbers that a goal reads, and their errors."""
 
-    Each derivative is (..., 2, k): slope and error of the k numbers that the goal reads.
-    """
+    value: Array
+    error: Array
+
+
+def _derivatives(struck: Struck, goal: Goal, models: Any) -> tuple[Tree, dict[Any, Tree]]:
+    """The slopes of a goal by the numbers of bodies and of contacts."""
     derive = _differences(goal, struck.base)
-    bodies = {name: filled(of_body(struck, name), derive) for name in struck.scene.bodies}
+    bodies = {name: _mapped(derive, of_body(struck, name)) for name in struck.scene.bodies}
     if models is not None:
         again = _differences(goal, models.posed(struck))
-        bodies[models.name] |= filled(models.numbers(struck), again)
+        bodies[models.name] |= _mapped(again, models.numbers(struck))
+
     contacts = {
-        (contact.a, contact.b): filled(of_contact(struck, i), derive)
+        (contact.a, contact.b): _mapped(derive, of_contact(struck, i))
         for i, contact in enumerate(struck.scene.contacts)
     }
-    bodies = {name: tree for name, tree in bodies.items() if tree}
-    return values_of(goal, struck.base, TOL).goal, bodies, contacts
+    return {name: tree for name, tree in bodies.items() if tree}, contacts
 
 
-def _differences(goal: Goal, base: Assembly) -> Callable[[str, Number], Array]:
-    """A function of the name of a number and the number: slope and error (2, k) of the goal."""
+def _differences(goal: Goal, base: Assembly) -> Callable[[Number], Slope]:
+    """A function of a number that gives the slope of the goal by it."""
     fine, coarse = (values_of(goal, base, tol) for tol in (TOL, COARSER * TOL))
 
-    def derive(name: str, number: Number) -> Array:
+    def derive(number: Number) -> Slope:
         for step in STEPS:
             h = step * number.size
             slope = _difference(number, h, goal, fine, TOL)
             other = _difference(number, WIDER * h, goal, coarse, COARSER * TOL)
             if slope is not None and other is not None:
-                return np.array(
-                    [slope, np.abs(slope - other) + FLOOR * np.abs(fine.goal) / number.size]
-                )
+                least = FLOOR * np.abs(fine.goal) / number.size
+                richardson = (slope - other) / (WIDER**2 - 1) if number.wide else 0.0
+                return Slope(slope + richardson, np.abs(slope - other) + least)
         raise NotDifferentiableError(
-            f"a touch appears or vanishes where {name} changes by {STEPS[-1]:g} of its value: the"
-            " goal has no derivative there; change an input slightly."
+            f"a touch appears or vanishes where the number {number.value:g} of the impact changes"
+            f" by {STEPS[-1]:g} of its value: the goal has no derivative; change an input slightly."
         )
 
     return derive
@@ -314,37 +310,30 @@ def _difference(number: Number, h: float, goal: Goal, base: Values, tol: float) 
     raise refused
 
 
-# -- trees of derivatives
-
-
-def _merged(pick: Callable[..., Any], first: Any, *others: Any) -> Any:
-    """A tree of what `pick` makes of the derivatives at the same place of some trees."""
-    if isinstance(first, Mapping):
-        trees = [tree if isinstance(tree, Mapping) else {} for tree in others]
+def _mapped(pick: Callable[..., Any], first: Any, *others: Any) -> Any:
+    """A tree of what `pick` makes of the leaves at the same place of some trees."""
+    if isinstance(first, dict):
         return {
-            name: _merged(pick, value, *(tree.get(name) for tree in trees))
+            name: _mapped(pick, value, *(tree and tree.get(name) for tree in others))
             for name, value in first.items()
         }
+    if isinstance(first, list):
+        rows = zip(first, *(tree or [None] * len(first) for tree in others), strict=True)
+        made = [_mapped(pick, *row) for row in rows]
+        return made if any(isinstance(one, Slope) for one in made) else np.array(made)
     return None if first is None else pick(first, *others)
 
 
-def _single(value: Array) -> Any:
-    """A number, or an array of them."""
-    return value if np.ndim(value) else float(value)
-
-
-def _bar(slope: Array, *others: Array | None) -> Any:
+def _bar(slope: Slope, *others: Slope | None) -> float:
     """The error of a derivative by its differences, and those of the changed models."""
-    total = slope[..., 1, 0]
-    changes = [abs(other[..., 0, 0] - slope[..., 0, 0]) for other in others if other is not None]
+    total = float(slope.error[0])
+    changes = [abs(float(one.value[0] - slope.value[0])) for one in others if one is not None]
     if changes:
-        total = total + TRUNCATION_SAFETY * np.max(changes[:2], axis=0)
-    if changes[2:]:
-        total = total + SAFETY * changes[2]
-    return _single(total)
+        total += TRUNCATION_SAFETY * max(changes[:2])
+    return total + SAFETY * sum(changes[2:])
 
 
-def _overtaken(margin: float, slope: Array) -> Any:
+def _overtaken(margin: float, slope: Array) -> float:
     """The change of a number at which the second peak exceeds the largest."""
-    faster = np.asarray(slope[..., 0, 1] - slope[..., 0, 0])
-    return _single(np.divide(margin, faster, out=np.full(faster.shape, np.inf), where=faster != 0))
+    faster = float(slope[1] - slope[0])
+    return margin / faster if faster else np.inf

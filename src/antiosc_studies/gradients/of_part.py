@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc import AntiOscillators, DampingMatrix, History, Site, Structure, extract
 from antiosc.base import checks
-from antiosc.base._types import Array
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.extension import refuse_prestress
 from antiosc.impact.assembly import Assembly
-from antiosc_studies.gradients.numbers import Number, Struck
-
-if TYPE_CHECKING:
-    pass
-
+from antiosc_studies.gradients.numbers import Number, Numbers, Struck
 
 #: Size of a number over its value, for steps of a hundredth: where a site excites some modes by
 #: rounding alone, the highest anti-oscillators of two extractions differ by 1e-4.
@@ -34,13 +29,8 @@ IDLE = {"loss", "yield_strength", "yield_range", "tensile", "rate", "outline"}
 #: Numbers of a laminate's layers that are design parameters; the others belong to its materials.
 OF_LAYERS = {"thickness", "angle"}
 
-
-class Varied(NamedTuple):
-    """A number of a part: its value, the size of its steps, and the model for another value."""
-
-    value: float
-    size: float
-    model: Callable[[float], AntiOscillators]
+#: A value, the size of its steps, and the model for another value.
+Varied = tuple[float, float, Callable[[float], AntiOscillators]]
 
 
 class Models:
@@ -48,45 +38,98 @@ class Models:
 
     def __init__(self, part: Any, x: ArrayLike | None, hit: History) -> None:
         self.name = model_name(hit)
-        model: Any = hit.assembly.scene.bodies[self.name]
-
-        def extracted(built: object) -> AntiOscillators:
-            return _extracted(built, model)
+        self._model: Any = hit.assembly.scene.bodies[self.name]
+        self._tree: Any
+        self._middle: Any
 
         if isinstance(part, Structure):
-            self._tree = _numbers_of(part, extracted)
-            self._middle = extracted(part)
+            self._middle = self._extracted(part)
+            self._tree = self._of_structure(part)
         else:
             checks.function("part", part, "a Structure, or a function of x that builds one", 1)
             if x is None:
                 raise InputError("part is a function of x: give the x at which the run was made.")
-            values = checks.column("x", x)
-            self._tree = {"x": _entries(part, values, extracted)}
-            self._middle = extracted(part(values))
+            self._middle = self._extracted(built := part(checks.column("x", x)))
+            fine = isinstance(built, AntiOscillators)
+            self._tree = {"x": self._of_function(part, checks.column("x", x), fine)}
 
-        size = np.abs(model.m_st).max()
-        if np.abs(self._middle.m_st - model.m_st).max() > SAME_MODEL * size:
+        size = np.abs(self._model.m_st).max()
+        if np.abs(self._middle.m_st - self._model.m_st).max() > SAME_MODEL * size:
             raise InputError(
                 "part must give the model of this run: the mass at its site is another."
             )
 
     def posed(self, struck: Struck) -> Assembly:
         """The impact on the model that is extracted again."""
-        return struck.posed(bodies={self.name: self._middle})
+        return struck.posed({self.name: self._middle})
 
-    def numbers(self, struck: Struck) -> dict[str, Any]:
+    def numbers(self, struck: Struck) -> Numbers:
         """The numbers of the part, each with the impact on the part with another value."""
 
         def posed(one: Any) -> Any:
             if isinstance(one, dict):
                 return {name: posed(inner) for name, inner in one.items()}
-            if isinstance(one, Varied):
-                return Number(
-                    one.value, one.size, lambda v: struck.posed(bodies={self.name: one.model(v)})
-                )
-            return [posed(inner) for inner in one]
+            if isinstance(one, list):
+                return [posed(inner) for inner in one]
+            value, size, model = one
+            wide = size > abs(value)
+            return Number(value, size, lambda v: struck.posed({self.name: model(v)}), wide)
 
         return posed(self._tree)  # type: ignore[no-any-return]
+
+    def _of_function(self, part: Callable[..., object], x: Any, fine: bool) -> list[Varied]:
+        """The entries of the argument of a function; `fine`: it gives models, without rounding."""
+
+        def model(i: int, value: float) -> AntiOscillators:
+            return self._extracted(part(np.where(np.arange(x.size) == i, value, x)))
+
+        coarse = 1.0 if fine else COARSE
+        return [
+            (value, coarse * abs(value) or OF_ZERO, cache(partial(model, i)))
+            for i, value in enumerate(x.tolist())
+        ]
+
+    def _of_structure(self, part: Structure) -> Numbers:
+        """The numbers of a part's materials by name; of several materials {name: {group: …}}."""
+        if part.made_of is None:
+            raise InputError(
+                "the materials of an assembly, or of matrices, are not known: give a function of x"
+                " that builds the part, and x."
+            )
+        refuse_prestress(part, "a gradient by the numbers of a part")
+        mesh, materials, options = part.made_of
+        groups = materials if isinstance(materials, Mapping) else {"": materials}
+
+        def model(group: str, vary: Callable[[float], Any], value: float) -> AntiOscillators:
+            one = vary(value)
+            changed = one if groups is not materials else {**groups, group: one}
+            return self._extracted(Structure(mesh, changed, part.supports, **options))
+
+        tree: Numbers = {}
+        for group, material in groups.items():
+            for name, value, vary in _varied(material):
+                size = ROTATED if name == "angle" else COARSE * abs(value)
+                varied = (value, size, cache(partial(model, group, vary)))
+                place, key = (tree.setdefault(name, {}), group) if group else (tree, name)
+                if hasattr(material, "layers"):
+                    place.setdefault(key, []).append(varied)
+                else:
+                    place[key] = varied
+        return tree
+
+    def _extracted(self, built: object) -> AntiOscillators:
+        """The model of a part, extracted with the options of the run's model."""
+        if isinstance(built, AntiOscillators):
+            return built
+        part = checks.instance("build(x)", built, Structure, "a Structure, or the model of one")
+        model = self._model
+        estimate = "estimate" if model.strain_error is not None else None
+        method: Any = {"method": "modes"} if model.info.method == "modes" else {"error": estimate}
+        with without_warnings():
+            found = extract(part, site_of(model), model.n, **method)
+        # dampers of the part are in the coordinates of its own model
+        coupled = isinstance(found.damping, DampingMatrix)
+        return found if coupled else replace(found, damping=model.damping)
 
 
 def model_name(hit: History) -> str:
@@ -100,77 +143,26 @@ def model_name(hit: History) -> str:
     return models[0]
 
 
-def _entries(
-    part: Callable[[Array], object], x: Array, extracted: Callable[[object], AntiOscillators]
-) -> list[Varied]:
-    """The entries of the argument x of a function that builds a part."""
+def _varied(item: Any) -> Iterator[tuple[str, float, Callable[[float], Any]]]:
+    """Yields (name, value, function of another value that returns the material with it)."""
 
-    def model(i: int, value: float) -> AntiOscillators:
-        return extracted(part(np.where(np.arange(x.size) == i, value, x)))
+    def with_field(name: str, vary: Callable[[float], Any], x: float) -> Any:
+        return replace(item, **{name: vary(x)})
 
-    return [
-        Varied(value, COARSE * abs(value) or OF_ZERO, cache(lambda v, i=i: model(i, v)))
-        for i, value in enumerate(x.tolist())
-    ]
+    def with_layer(k: int, vary: Callable[[float], Any], x: float) -> Any:
+        return replace(item, layers=(*item.layers[:k], vary(x), *item.layers[k + 1 :]))
 
-
-def _numbers_of(part: Structure, extracted: Callable[[object], AntiOscillators]) -> dict[str, Any]:
-    """The numbers of a part's materials by name; of several materials {name: {group: …}}."""
-    if part.made_of is None:
-        raise InputError(
-            "the materials of an assembly, or of matrices, are not known: give a function of x that"
-            " builds the part, and x."
-        )
-    refuse_prestress(part, "a gradient by the numbers of a part")
-    mesh, materials, options = part.made_of
-    is_grouped = isinstance(materials, Mapping)
-    groups = dict(materials) if isinstance(materials, Mapping) else {"": materials}
-
-    def model(group: str, vary: Callable[[float], Any], value: float) -> AntiOscillators:
-        changed = {**groups, group: vary(value)}
-        one = changed if is_grouped else changed[""]
-        return extracted(Structure(mesh, one, part.supports, **options))
-
-    tree: dict[str, Any] = {}
-    for group, material in groups.items():
-        for name, value, vary in _varied(material):
-            size = ROTATED if name == "angle" else COARSE * abs(value)
-            number = Varied(value, size, cache(partial(model, group, vary)))
-            place = tree.setdefault(name, {}) if is_grouped else tree
-            key = group if is_grouped else name
-            if hasattr(material, "layers"):
-                place.setdefault(key, []).append(number)
-            else:
-                place[key] = number
-    return tree
-
-
-def _varied(
-    item: Any, wanted: Container[str] = ()
-) -> Iterator[tuple[str, float, Callable[[float], Any]]]:
-    """Yields (name, value, function) for each parameter of a material.
-
-    The function of another value returns the material with it. `wanted`: only these names, if
-    given.
-    """
     for name, value in values_of(item).items():
-        if wanted and name not in wanted:
-            continue
         if is_dataclass(value) and name == "section":
             for inner, number, vary in _varied(value):
-                yield inner, number, lambda x, n=name, m=vary: replace(item, **{n: m(x)})  # type: ignore[misc]
+                yield inner, number, partial(with_field, name, vary)
         elif name == "layers":
             for k, layer in enumerate(value):
-                for inner, number, vary in _varied(layer, OF_LAYERS):
-                    yield (
-                        inner,
-                        number,
-                        lambda x, k=k, m=vary: replace(  # type: ignore[misc]
-                            item, layers=(*item.layers[:k], m(x), *item.layers[k + 1 :])
-                        ),
-                    )
+                for inner, number, vary in _varied(layer):
+                    if inner in OF_LAYERS:
+                        yield inner, number, partial(with_layer, k, vary)
         elif isinstance(value, float) and (value or name == "angle"):
-            yield name, value, lambda x, n=name: replace(item, **{n: x})  # type: ignore[misc]
+            yield name, value, partial(with_field, name, float)
 
 
 def values_of(material: Any) -> dict[str, Any]:
@@ -178,26 +170,6 @@ def values_of(material: Any) -> dict[str, Any]:
     unused_names = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
     names = {item.name for item in fields(material) if item.init} - unused_names
     return {name: getattr(material, name) for name in sorted(names)}
-
-
-def _extracted(built: object, model: AntiOscillators) -> AntiOscillators:
-    """The model of a part, extracted with the options of `model`."""
-    if isinstance(built, AntiOscillators):
-        return built
-    part = checks.instance("build(x)", built, Structure, "a Structure, or the model of one")
-    with without_warnings():
-        if model.info.method == "modes":
-            model_of_part = extract(part, site_of(model), model.n, "modes")
-        else:
-            has_estimate = model.strain_error is not None
-            model_of_part = extract(
-                part, site_of(model), model.n, error="estimate" if has_estimate else None
-            )
-    # dampers of the part are in the coordinates of its own model
-    coupled = isinstance(model_of_part.damping, DampingMatrix)
-    if coupled:
-        return model_of_part
-    return replace(model_of_part, damping=model.damping)
 
 
 def site_of(model: AntiOscillators) -> Site:

@@ -2,7 +2,7 @@
 
 The derivatives by a model's parameters are those by its matrices, which are those of the part on
 its shapes V: the contribution of a cell to V'(dK/dp)V is an energy of the cell. The derivatives by
-V'KV are a quadratic form of the shapes; in its principal axes a few shapes suffice.
+V'KV are a quadratic form of the shapes, which is summed in its principal axes.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import ufl
@@ -42,32 +42,22 @@ BY = {"thickness": "m", "E": "Pa", "rho": "kg/m³"}
 #: Quadrature degree of energies in cells: exact for strains of cubic elements; kinetic energies of
 #: these then have errors of some 1e-4.
 DEGREE = 4
-#: Largest sum of the shares of neglected principal shapes over the sum of all shares' magnitudes.
-LEFT_OUT = 1e-6
 
 
-class ByMatrices(NamedTuple):
-    """Derivatives by the matrices K and M of a model on its shapes, both symmetric (C, C)."""
-
-    K: Array
-    M: Array
-
-
-def by_matrices(model: AntiOscillators, by: Mapping[str, Any]) -> ByMatrices:
-    """Derivatives by K and M on the shapes from those by m0, k0, m and omega.
+def by_matrices(model: AntiOscillators, by: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Derivatives (C, C) by K and M on the shapes of a model from those by m0, k0, m and omega.
 
     A change of both turns the static shape by -dK_0j/omega_j^2 and shape i by
     (dK_ij - omega_i^2 dM_ij)/(omega_i^2 - omega_j^2) of the shapes j, all of unit mass; m_i is the
     square of p_i = phi_0' M phi_i, and m0 = phi_0' M phi_0 less the sum of them.
     """
     p, x = np.sqrt(model.m), model.omega**2
-    by_x = by["omega"] / (2 * model.omega)
     by_p = 2 * p * (by["m"] - by["m0"])
-
     differences = x[:, None] - x
     np.fill_diagonal(differences, 1.0)
     turn = by_p[:, None] * p / differences
-    np.fill_diagonal(turn, by_x)
+    np.fill_diagonal(turn, by["omega"] / (2 * model.omega))
+
     K, M = np.zeros((2, model.n + 1, model.n + 1))
     K[1:, 1:] = turn
     M[1:, 1:] = -x[:, None] * turn - np.diag(by_p * p / 2)
@@ -77,15 +67,7 @@ def by_matrices(model: AntiOscillators, by: Mapping[str, Any]) -> ByMatrices:
 
     scale = 1 / np.append(1.0, p)  # from shapes of unit mass to those of the model
     K, M = (scale[:, None] * matrix * scale for matrix in (K, M))
-    return ByMatrices((K + K.T) / 2, (M + M.T) / 2)
-
-
-def reduced_matrices(model: AntiOscillators) -> ByMatrices:
-    """K and M of the part on the shapes of its model."""
-    K = np.diag(np.append(model.k0, model.k))
-    M = np.diag(np.append(model.m_st, model.m))
-    M[0, 1:] = M[1:, 0] = model.m
-    return ByMatrices(K, M)
+    return (K + K.T) / 2, (M + M.T) / 2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,18 +163,18 @@ def design_map(
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
     relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
     changes = _relative(part, meshed, by)
-    matrices = by_matrices(model, by_model), reduced_matrices(model)
-    for change, by_reduced, reduced in zip(changes, *matrices, strict=True):
+    size = np.sqrt(np.append(model.m_st, model.m))  # so that all shapes count alike
+    for change, matrix in zip(changes, by_matrices(model, by_model), strict=True):
         if change:
-            shares, combination = _principal(by_reduced, reduced)
-            vectors = model.shapes @ combination
+            shares, axes = np.linalg.eigh(size[:, None] * matrix * size)
+            vectors = model.shapes @ (axes / size[:, None])
             relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
     by_local = _by_local(hit, g)
     if by == "E" and by_local:
         relative += by_local * _patch_share(meshed, model, relative.size)
-    size = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
-    per_mass = np.where(np.isfinite(size), relative / _masses(meshed), np.nan)
-    return DesignMap(g.goal, g.value, by, relative / size, per_mass, meshed)
+    value = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
+    per_mass = np.where(np.isfinite(value), relative / _masses(meshed), np.nan)
+    return DesignMap(g.goal, g.value, by, relative / value, per_mass, meshed)
 
 
 def _relative(
@@ -240,23 +222,6 @@ def _patch_share(meshed: MeshedStructure, model: AntiOscillators, cells: int) ->
     on_rank = found_at.weighted.cell < cells
     shares = np.bincount(found_at.weighted.cell[on_rank], found_at.weighted.weight[on_rank], cells)
     return np.asarray(-found_at.local[0] * shares)
-
-
-def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:
-    """Weights w (R,) and shapes C (C, R) with C diag(w) Cᵀ = `by` and Cᵀ `reduced` C = 1.
-
-    The smallest are omitted: together at most `LEFT_OUT` of the sum of absolute weights.
-    """
-    values, vectors = np.linalg.eigh(reduced)
-    nonzero = values > 1e-14 * values[-1]
-    root = vectors[:, nonzero] * np.sqrt(values[nonzero])
-    shares, directions = np.linalg.eigh(root.T @ by @ root)
-    order = np.argsort(-np.abs(shares))
-    neglected = 1 - np.cumsum(np.abs(shares[order])) / np.abs(shares).sum()
-    largest = order[: 1 + int(np.argmax(neglected <= LEFT_OUT))]
-    return shares[largest], (vectors[:, nonzero] / np.sqrt(values[nonzero])) @ directions[
-        :, largest
-    ]
 
 
 def _masses(meshed: MeshedStructure) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,10 +18,10 @@ from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.files import LARGEST_READ, check_readable
 from antiosc_studies.measured.frf import AVERAGES, FRF, Quantity, checked_quantity
 from antiosc_studies.measured.tables import (
-    COLUMNS,
-    UNITS,
+    ANGLES,
+    FREQUENCIES,
     Column,
-    motion_label,
+    plain,
     response_unit,
     table,
     unknown_unit,
@@ -118,7 +117,7 @@ def _function(data_set: DataSet, scale: float) -> Function:
         f = np.asarray(data_set["x"], dtype=float)
         ends = [_end(data_set, side) for side in ("rsp", "ref")]
         labels = [data_set.get(n) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")]
-        numerator, denominator = map(motion_label, labels)
+        numerator, denominator = map(plain, labels)
         motion = int(data_set["ordinate_spec_data_type"])
         force = int(data_set["orddenom_spec_data_type"])
     except (KeyError, TypeError, ValueError) as error:
@@ -300,10 +299,6 @@ def _responses_of_sites(
     )
 
 
-#: Columns of a table without a header.
-DEFAULT = ["frequency", "real", "imag", "coherence"]
-
-
 @checks.within_range
 def read_frf(
     path: str | os.PathLike[str],
@@ -320,12 +315,10 @@ def read_frf(
     path : str or Path
         ``.uff``, ``.unv`` or ``.58``: universal files, data sets 58 and 58b (needs pyuff).
         ``.npz``: arrays `frequency`, `values`, and perhaps `coherence`, `sigma`, `quantity`.
-        Anything else: a table of columns in text. Its header names them by words that begin with f
-        or Hz (frequency), re and im, or mag, abs or amp and pha (degrees or rad), and perhaps
-        coh or gam (coherence), sig or std (sigma); without a header frequency, real, imag,
-        coherence. Units in the header, or in a row below it, are read: ``f [kHz]``, ``rpm``,
-        ``mag [dB]``, ``re [(mm/s²)/N]``; without one frequencies are in Hz. One that is unknown is
-        refused.
+        Anything else: a table in text, separated by commas, semicolons, tabs or blanks, with a
+        line that names its columns: frequency, real and imag, or magnitude and phase, and perhaps
+        coherence and sigma. Units are read in brackets after a name, ``frequency [kHz]``,
+        ``phase [rad]``, ``real [(mm/s²)/N]``; without one a column is in Hz, degrees, SI.
     site : str, int or {name: str or int}, optional
         Universal files: the site by its entity name, node, or node and axis ("12", "12z"); for
         several sites a dict with names of your choice. None: the only driving point in the file.
@@ -361,103 +354,65 @@ def read_frf(
             return selected_responses(frfs, site, quantity, unit, averages)
         if site is not None:
             raise InputError("site belongs to universal files; a table has one driving point.")
-        columns = _arrays(file) if ending == ".npz" else _in_si(table(file, DEFAULT), factor)
-        return _frf_of_columns(columns, quantity, factor or 1.0, averages)
+        arrays = _arrays(file) if ending == ".npz" else _of_table(table(file), factor)
+        return _frf_of_arrays(arrays, quantity, factor or 1.0, averages)
     except AntioscError as error:
         if file.name in str(error):
             raise
         raise type(error)(f"{file.name}: {error}") from error
 
 
-#: A unit in decibels with its reference, "dB re 1 (m/s²)/N".
-_DECIBELS = re.compile(r"db(?:\s*re\.?\s*([\d.e+-]*)\s*(\D.*)?)?", re.IGNORECASE)
+def _of_table(columns: Mapping[str, Column], factor: float | None) -> DataSet:
+    """The arrays of a table in SI units; responses are unchanged if their `factor` is given."""
+    quantities: set[Quantity] = set()
 
-
-def _in_si(columns: Mapping[str, Column], factor: float | None) -> DataSet:
-    """The columns of a table in SI units; responses are unchanged if their `factor` is given."""
-    arrays: dict[str, object] = {}
-    quantities: set[Quantity | None] = set()
-    for kind, column in columns.items():
-        if kind in UNITS:
-            arrays[kind] = column.in_si()
-            continue
-        values, quantity = _response(column, factor is not None)
-        arrays[kind] = values
+    def response(name: str) -> Array:
+        column = columns[name]
+        if factor is not None or not column.unit:
+            return column.values
+        scale, quantity = response_unit(plain(column.unit))
+        if scale is None or quantity is None:
+            raise unknown_unit(column, "m/N, (m/s)/N, (m/s²)/N, mm/N, g/N, or give unit=")
         quantities.add(quantity)
-    if "phase" in columns and columns["phase"].unit:
-        arrays["degrees"] = False
-    if len(quantities - {None}) > 1:
+        return scale * column.values
+
+    arrays: dict[str, Any] = {}
+    if "frequency" in columns:
+        arrays["frequency"] = columns["frequency"].in_si(FREQUENCIES)
+    if {"real", "imag"} <= set(columns):
+        arrays["values"] = response("real") + 1j * response("imag")
+    elif {"magnitude", "phase"} <= set(columns):
+        phase = columns["phase"]
+        angle = phase.in_si(ANGLES) if phase.unit else np.radians(phase.values)
+        arrays["values"] = response("magnitude") * np.exp(1j * angle)
+    if "sigma" in columns:
+        arrays["sigma"] = response("sigma")
+    if "coherence" in columns:
+        arrays["coherence"] = columns["coherence"].in_si({"-": 1.0})
+
+    if len(quantities) > 1:
         raise InputError("the units in the header are those of different quantities.")
-    return {**arrays, "told": next(iter(quantities - {None}), None)}
+    return {**arrays, "told": next(iter(quantities), None)}
 
 
-def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
-    """(numbers, quantity) of a column: real or imaginary part, magnitude or sigma."""
-    values = column.values
-    unit = column.unit
-    decibels = _DECIBELS.fullmatch(unit)
-    if decibels is not None and column.kind == "magnitude":
-        scale = decibels[1] or "1"
-        unit = decibels[2] or ""
-        try:
-            values = float(scale) * 10 ** (checks.floats("magnitude", values / 20, None))
-        except ValueError:
-            raise unknown_unit(column, "dB, dB re 1 (m/s²)/N") from None
-    if plain or not unit:
-        return values, None
-    unit_of_response, quantity = response_unit(motion_label(unit))
-    if unit_of_response is None:
-        raise unknown_unit(column, "m/N, (m/s)/N, (m/s²)/N, mm/N, g/N, dB, or give unit=")
-    return unit_of_response * values, quantity
-
-
-def _frf_of_columns(
-    arrays: DataSet, quantity: Quantity | None, factor: float, averages: int
-) -> FRF:
+def _frf_of_arrays(arrays: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
     """An FRF from named arrays."""
-    stated_quantity = arrays.get("quantity", arrays.get("told"))
-    if quantity and arrays.get("told") not in (None, quantity):
+    told = arrays.get("told")
+    if quantity and told not in (None, quantity):
+        raise InputError(f"quantity={quantity!r} is not what the units in the header tell: {told}.")
+    quantity = checked_quantity(quantity or arrays.get("quantity", told))
+    if not {"frequency", "values"} <= set(arrays):
         raise InputError(
-            f"quantity={quantity!r} is not what the units in the header tell: {arrays['told']}."
+            "a measurement needs frequencies and values: the columns frequency, real and imag, or"
+            " frequency, magnitude and phase, of a table; frequency and values of an .npz."
         )
-    quantity = checked_quantity(quantity or stated_quantity)
-    array_names = set(arrays) - {"told", "degrees"}
-    values: ComplexArray
-    if "values" in array_names:
-        values = checks.spectrum("values", arrays["values"]).astype(complex)
-    elif {"real", "imag"} <= array_names:
-        real_part = checks.floats("real", arrays["real"], None)
-        values = real_part + 1j * checks.floats("imag", arrays["imag"], real_part.shape)
-    elif {"magnitude", "phase"} <= array_names:
-        phase = checks.floats("phase", arrays["phase"], None)
-        magnitude = checks.floats("magnitude", arrays["magnitude"], phase.shape)
-        in_degrees = arrays.get("degrees", np.abs(phase).max(initial=0.0) > 2 * np.pi)
-        values = magnitude * np.exp(1j * (np.radians(phase) if in_degrees else phase))
-    else:
-        raise _missing_columns("real and imag, or magnitude and phase", array_names)
-    if "frequency" not in array_names:
-        raise _missing_columns("frequencies [Hz]", array_names)
+    values = checks.spectrum("values", arrays["values"]).astype(complex)
     optional: dict[str, Any] = {
-        name: checks.floats(name, arrays[name], None)
-        for name in ("coherence", "sigma")
-        if name in array_names
+        name: scale * checks.floats(name, arrays[name], None)
+        for name, scale in (("coherence", 1.0), ("sigma", factor))
+        if name in arrays
     }
-    if "sigma" in optional:
-        optional["sigma"] = factor * optional["sigma"]
     return FRF(arrays["frequency"], factor * values, quantity, averages=averages, **optional)
-
-
-def _missing_columns(what: str, known: set[str]) -> InputError:
-    """The error of a table that lacks required columns."""
-    prefixes: dict[str, list[str]] = {}
-    for key, name in COLUMNS.items():
-        prefixes.setdefault(name, []).append(key)
-    names = ("frequency", "real", "imag", "magnitude", "phase", "coherence", "sigma")
-    column_texts = ", ".join(f"{name} ({', '.join(prefixes[name])}…)" for name in names)
-    return InputError(
-        f"the table has no column of {what}, only of {', '.join(sorted(known)) or 'nothing'}. Name"
-        f" the columns in the header, by these beginnings: {column_texts}."
-    )
 
 
 def _arrays(path: Path) -> DataSet:
@@ -466,4 +421,4 @@ def _arrays(path: Path) -> DataSet:
     arrays: dict[str, Any] = dict(read_arrays(path, LARGEST_READ, expected, "fiucU"))
     if "quantity" in arrays:
         arrays["quantity"] = str(arrays["quantity"])
-    return {name: arrays[name] for name in arrays if name not in ("told", "degrees")}
+    return {name: array for name, array in arrays.items() if name != "told"}
