@@ -154,9 +154,6 @@ from antiosc.reduce.error.model_errors import (
 from antiosc.reduce.extraction.eigenmodes import (
     ModeSolver as ModeSolver,
 )
-from antiosc.reduce.extraction.model import (
-    info_of_places as info_of_places,
-)
 
 # Defaults.
 from antiosc.strikes.defaults import (

@@ -53,8 +53,9 @@ class Models:
             fine = isinstance(built, AntiOscillators)
             self._tree = {"x": self._of_function(part, checks.column("x", x), fine)}
 
+        found: Any = self._middle
         size = np.abs(self._model.m_st).max()
-        if np.abs(self._middle.m_st - self._model.m_st).max() > SAME_MODEL * size:
+        if np.abs(found.m_st - self._model.m_st).max() > SAME_MODEL * size:
             raise InputError(
                 "part must give the model of this run: the mass at its site is another."
             )

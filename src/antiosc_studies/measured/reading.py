@@ -406,7 +406,7 @@ def _frf_of_arrays(arrays: DataSet, quantity: Quantity | None, factor: float, av
             "a measurement needs frequencies and values: the columns frequency, real and imag, or"
             " frequency, magnitude and phase, of a table; frequency and values of an .npz."
         )
-    values = checks.spectrum("values", arrays["values"]).astype(complex)
+    values: ComplexArray = checks.spectrum("values", arrays["values"]).astype(complex)
     optional: dict[str, Any] = {
         name: scale * checks.floats(name, arrays[name], None)
         for name, scale in (("coherence", 1.0), ("sigma", factor))
