@@ -406,13 +406,13 @@ def _frf_of_arrays(arrays: DataSet, quantity: Quantity | None, factor: float, av
             "a measurement needs frequencies and values: the columns frequency, real and imag, or"
             " frequency, magnitude and phase, of a table; frequency and values of an .npz."
         )
-    values: ComplexArray = checks.spectrum("values", arrays["values"]).astype(complex)
+    values: ComplexArray = np.multiply(factor, checks.spectrum("values", arrays["values"]))
     optional: dict[str, Any] = {
         name: scale * checks.floats(name, arrays[name], None)
         for name, scale in (("coherence", 1.0), ("sigma", factor))
         if name in arrays
     }
-    return FRF(arrays["frequency"], factor * values, quantity, averages=averages, **optional)
+    return FRF(arrays["frequency"], values, quantity, averages=averages, **optional)
 
 
 def _arrays(path: Path) -> DataSet:
