@@ -28,7 +28,7 @@ from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
 from antiosc.models.doubts import EDGE, NEAR, NO_RESULT
 from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.map_sites import Resolved, number_of_sites, sites_of, surface, thinned
+from antiosc.reduce.site.map_sites import Resolved, sites_of, surface, thinned
 from antiosc.reduce.site.sites import located
 from antiosc.strikes import impact_map as maps, map_results, map_stresses
 from antiosc.strikes.map_results import hardest, low_band
@@ -699,21 +699,6 @@ def test_fewer_sites_lie_apart_on_both_sides_of_a_plate():
     with_normals = [np.hstack([x.points, 0.03 * x.normals]) for x in (ground, few)]
     far = cKDTree(with_normals[1]).query(with_normals[0])[0].max()
     assert far <= cKDTree(with_normals[1]).query(with_normals[1], 2)[0][:, 1].min() + 1e-9
-
-
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-def test_the_sites_of_a_map_are_counted_before_it(steel):
-    """As many as it has and leaves out, also of fewer; fewer are struck as they are among all."""
-    matrices = with_parts(steel)
-    for where, most in (("top", None), (None, None), (["top", "end"], 7)):
-        found = ao.impact_map(steel, where, n=4, modes=10, radius="facets", most_sites=most)
-        counted = number_of_sites(matrices, where, Resolved(), most)
-        assert counted == len(found) + found.skipped
-    everywhere = ao.impact_map(steel, "top", n=4, modes=10, radius=0.02)
-    few = ao.impact_map(steel, "top", n=4, modes=10, radius=0.02, most_sites=9)
-    alike = cKDTree(everywhere.points).query(few.points)[1]
-    np.testing.assert_allclose(few.points, everywhere.points[alike], atol=1e-12)
-    np.testing.assert_allclose(few.models.k0, everywhere.models.k0[alike], rtol=1e-9)
 
 
 def test_a_small_patch_does_not_depend_on_a_large_one_beside_it():

@@ -154,17 +154,3 @@ def test_a_notebook_draws_the_figure_of_its_first_cell(monkeypatch):
     formatters["image/png"] = {matplotlib.Figure}  # as its user has set it
     charts._let_notebook_draw()
     assert formatters["image/png"] == {matplotlib.Figure}
-
-
-def test_an_end_that_has_passed_is_foreseen_no_more():
-    """Work may end after 30 s, 100 s or 240 s."""
-    ends = [30.0, 100.0, 240.0]
-    told = {lasted: progress.foreseen_text(ends, lasted) for lasted in (0, 29, 31, 101, 241)}
-    assert told == {
-        0: "of about 30 s to 4 min",
-        29: "of about 30 s to 4 min",
-        31: "of about 2 min to 4 min",
-        101: "of about 4 min",
-        241: "so far, more than the 4 min foreseen",
-    }
-    assert progress.foreseen_text([], 5.0) == ""

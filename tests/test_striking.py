@@ -208,7 +208,9 @@ def budget(mesh: float = 0.05, safety: float = 2.0, **bars: float) -> ErrorBudge
 def answer(given: ErrorBudget | None = None, **more: Any) -> Any:
     own = {
         "structure": SimpleNamespace(dofs=1000, comm=MPI.COMM_SELF),
-        "raw": SimpleNamespace(model=SimpleNamespace(strain_misfit=None)),
+        "raw": SimpleNamespace(
+            model=SimpleNamespace(strain_misfit=None, info=SimpleNamespace(divided=None))
+        ),
         "hit": SimpleNamespace(peak_force=10.0, impulse=1.0, contact_time=2.0),
         "budget": given or budget(), "n": 20, "seconds": 3.0,
     }  # fmt: skip

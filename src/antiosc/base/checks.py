@@ -255,15 +255,6 @@ def scaled_symmetric(matrix: Array, scale: Array) -> tuple[Array, float]:
     return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))
 
 
-def can_broadcast(*values: NDArray[np.generic]) -> bool:
-    """Whether NumPy can combine the arrays entry by entry."""
-    try:
-        np.broadcast_shapes(*(value.shape for value in values))
-    except ValueError:
-        return False
-    return True
-
-
 def read_only(values: NDArray[S]) -> NDArray[S]:
     """A read-only copy: later changes of the caller's array do not change the stored one."""
     floats = np.array(values)

@@ -11,8 +11,6 @@ from math import log10
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering
@@ -102,13 +100,6 @@ def yielding(name: str) -> MaterialRecord:
 def names() -> list[str]:
     """The names of all materials."""
     return list(_table()["material"])
-
-
-def density_like(modulus: float) -> float:
-    """Density [kg/m³] of the common material whose Young's modulus is nearest to this one [Pa]."""
-    common = [record(name) for name in COMMON]
-    nearest = min(common, key=lambda material: abs(log10(np.max(material.E) / modulus)))
-    return float(nearest.rho)
 
 
 #: Change of Young's modulus and density, over those of a material, up to which another is of its

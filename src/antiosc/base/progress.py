@@ -177,16 +177,6 @@ def range_text(ends: Sequence[float]) -> str:
     return " to ".join(dict.fromkeys([texts[0], texts[-1]]))
 
 
-def foreseen_text(ends: Sequence[float], lasted: float) -> str:
-    """What is expected of work after `lasted` seconds that may end at these times; "" of none."""
-    if not len(ends):
-        return ""
-    ahead = [end for end in ends if end > lasted]
-    if not ahead:
-        return f"so far, more than the {range_text(ends[-1:])} foreseen"
-    return f"of about {range_text(ahead)}"
-
-
 def _write(rank: int) -> None:
     """Write the innermost work on the line, or clear the line if there is none."""
     if _lines.told is not None:

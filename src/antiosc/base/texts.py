@@ -31,8 +31,6 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
-#: What shows the error by the mesh where it is not estimated.
-COMPARED = "compare two cell sizes"
 #: Which piece of a file is read, in the sentence of `piece_is_read`.
 _PIECE = re.compile(r": (piece \d+ of \d+) is read, the others are not")
 

@@ -262,17 +262,6 @@ class StackedModes:
                 rows_of_modes[:, :, span] = projected.reshape(-1, 2, first.omega.size)
         return rows_of_modes.reshape(len(values), 2 * size)
 
-    def state_gradient(self, by_q: Array, by_v: Array) -> Array:
-        """Derivatives by the states (a, b), (n, 2 I), from those by q and v (n, J)."""
-        gradient = self.rows(by_q).reshape(-1, 2, self.omega.size)
-        for free, span, _, first in self._spans():
-            if first is None:
-                gradient[:, 1, span] += by_v[:, free]
-            else:
-                projected = by_v[:, free] @ first.at_v
-                gradient[:, :, span] += projected.reshape(-1, 2, first.omega.size)
-        return gradient.reshape(len(by_q), 2 * self.omega.size)
-
     def begun(self, by_a: Array, by_b: Array) -> Array:
         """Derivatives (J,) by the initial displacements, from those by the state (a, b)."""
         derivatives = np.zeros(self.free)

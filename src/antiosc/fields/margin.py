@@ -38,7 +38,6 @@ from antiosc.base.texts import (
     percent,
     point_text,
 )
-from antiosc.engine.contact.geometry import hertz_pressure
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import stress_amplitudes
 from antiosc.impact.histories import History
@@ -853,43 +852,6 @@ def nodal_maxima(nodes: IntArray, values: Array, when: Array, count: int) -> tup
     best[nodes[order]] = values[order]
     time[nodes[order]] = when[order]
     return best, time
-
-
-#: Largest pressure over the yield strength at which yield begins below a Hertzian contact
-#: (K. L. Johnson, *Contact Mechanics* (1985), (6.9)).
-FIRST_YIELD = 1.6
-
-
-class HertzContact(NamedTuple):
-    """A contact by Hertz's law k_H [N m^-3/2] of surfaces with E* [Pa], at its largest force.
-
-    `force` [N]; `strength` [Pa]: the yield strength of the part.
-    """
-
-    stiffness: float
-    modulus: float
-    force: float
-    strength: float
-
-    @property
-    def pressure(self) -> float:
-        """Largest pressure, Pa."""
-        return hertz_pressure(self.stiffness, self.modulus, self.force)
-
-    @property
-    def share(self) -> float:
-        """Largest pressure over the pressure at first yield."""
-        return self.pressure / (FIRST_YIELD * self.strength)
-
-    def warning(self) -> str:
-        """The warning if the contact yields; otherwise an empty text."""
-        if not self.share > 1:
-            return ""
-        return (
-            f"under the contact itself the pressure is {engineering(self.pressure, 'Pa')},"
-            f" {self.share * FIRST_YIELD:.3g} times the yield strength: from {FIRST_YIELD:g} times"
-            " on it yields there, and the force of this law is too high"
-        )
 
 
 def contact_yields(history: AnyHistory) -> bool:

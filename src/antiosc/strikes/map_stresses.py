@@ -29,13 +29,8 @@ AT_ONCE = 16
 PHASE = 0.4
 #: Least and largest number of sample times over the run.
 TIMES = (200, 3000)
-#: Time of the recovery of a shape's stresses, of many together, over that of one alone: 0.14 to
-#: 0.23 on plates and a bracket of 5000 to 51 000 dofs.
-RECOVERY = 0.18
 #: Tensors times times whose stresses are evaluated at once, to fit the cache.
 BLOCK = 200_000
-#: Sites whose search is timed for a forecast.
-TIMED = 2
 #: Relative rounding of the bounds in single precision.
 ROUNDING = 1e-3
 

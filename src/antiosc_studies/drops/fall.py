@@ -351,15 +351,6 @@ class Fall(Trajectory, Result):
         worst = max(spans, key=lambda span: span.exposure)
         return replace(margin, spans=spans, impact=worst.impact, force_error=worst.force_error)
 
-    @property
-    def stress_limits(self) -> str:
-        """Sentence on what the stresses of a fall do not contain."""
-        return (
-            f"the stress is that of the {self.body.omega.size} lowest motions of the part: what a "
-            "contact adds next to it counts at the edge of what is left out alone, by Hertz's "
-            "pressure"
-        )
-
     def _contact_yield(self, impact: int) -> str:
         """Sentence that the contact yields in an impact, from 0; "" if not, or if unknown."""
         return yielding.contact_verdict(self.setting.floor, self._episodes(impact))

@@ -329,11 +329,6 @@ class Added:
         terms = [term for term, _ in self._elastic]
         return [Dissipation(term.G, term.k, name=term.name, point=term.point) for term in terms]
 
-    def mass_on_u(self, count: int) -> Sparse:
-        """Mass matrix (n, n) of the point masses on the `count` dofs u."""
-        masses = [term.G.T @ scipy.sparse.csr_matrix(term.m) @ term.G for term, _ in self._elastic]
-        return sum(masses, Sparse((count, count))).tocsr()
-
     def forces(self, motions: Array) -> Array:
         """Elastic forces in q (n, j) for motions of u (n, j)."""
         forces = np.zeros(motions.shape)

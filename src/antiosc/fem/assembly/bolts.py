@@ -126,18 +126,6 @@ def _shear_share(beam: Beam, plane: int, L: float) -> float:
     return 12 * beam.E * I / (beam.G * beam.section.A * shear * L**2)
 
 
-def _slopes(phi: float, L: float, s: Array) -> Array:
-    """Slopes (4, points) of the deflection at s in [0, 1], for each unit dof of bending."""
-    return np.stack(
-        [
-            (-6 * s + 6 * s**2 - phi) / L,
-            1 - 4 * s + 3 * s**2 + phi / 2 * (1 - 2 * s),
-            (6 * s - 6 * s**2 + phi) / L,
-            -2 * s + 3 * s**2 - phi / 2 * (1 - 2 * s),
-        ]
-    ) / (1 + phi)
-
-
 def _bending(beam: Beam, plane: int, L: float) -> tuple[Array, Array]:
     """Bending stiffness (4, 4) of a Timoshenko beam for the deflection and slope of both ends.
 

@@ -375,12 +375,6 @@ class Analysis:
         self.matrix, self._arrays = _sparse(A)
         self.memory.factor = self._analysed(self.matrix, permutation)
 
-    def matrix_taken(self) -> tuple[IntArray, IntArray, Array]:
-        """Row pointers, columns and values of A's lower triangle, which it no longer keeps."""
-        arrays = self._arrays
-        del self._arrays
-        return arrays
-
     @property
     def entries(self) -> int:
         """Number of entries of the factor."""

@@ -143,12 +143,6 @@ def linear_texts(history: RunHistory) -> Iterator[str]:
             )
 
 
-#: Deflection over the thickness below which a thick part is not told that it does not stretch: its
-#: force changes by about the square. A sheet is told how much, down to `LEAST_TOLD`.
-NO_QUESTION = 0.02
-LEAST_TOLD = 1e-3
-
-
 #: Largest share by which forces of a sheet that nothing stretches are larger where it bends in two
 #: directions at once, up to a deflection of so many thicknesses.
 BENT_TWICE = ((0.5, "2.3 %"), (1.0, "9 %"), (2.0, "17 %"))

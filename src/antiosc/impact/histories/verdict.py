@@ -22,7 +22,7 @@ from antiosc.engine.contact.half_space import (
     spread_difference,
     von_mises,
 )
-from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz
+from antiosc.engine.contact.laws import ElasticPlastic, Hertz
 from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.impact.histories.parts import OneContact
@@ -341,36 +341,6 @@ def sentence(contact: OneContact) -> str:
     beside it of what cracks; empty if nothing is known.
     """
     return " ".join(filter(None, [_yielding(contact), cracking.sentence(contact, _sides(contact))]))
-
-
-def brittle_sides(contact: OneContact) -> list[Matter]:
-    """The materials of a contact that crack, each once."""
-    return cracking.brittle(_sides(contact))
-
-
-class ByHertz(NamedTuple):
-    """What `sentence` takes of a contact by Hertz's law, or a damped one of it.
-
-    Attributes
-    ----------
-    modulus : E* of both sides [Pa].
-    limit : force of first yield [N]; None: not known, or the law says nothing of it.
-    unknown : whether a strength is not known on which it depends.
-    """
-
-    modulus: float
-    limit: float | None
-    unknown: bool
-
-
-def by_hertz(contact: OneContact) -> ByHertz | None:
-    """What `sentence` takes of a contact by Hertz's law; None of others, and of unknown sides."""
-    choice, sides = choice_at(contact), _sides(contact)
-    if choice is None or not sides or not isinstance(contact.law, Hertz | Gonthier):
-        return None
-    tells, softer = isinstance(contact.law, Hertz), choice.law
-    limit = softer.yield_force if tells and isinstance(softer, ElasticPlastic) else None
-    return ByHertz(cracking.modulus_of(sides), limit, tells and lacks_strength(choice))
 
 
 def _sides(contact: OneContact) -> list[Matter]:

@@ -59,11 +59,6 @@ AS_SITES = 3.0
 FIRST_SOLVES, FURTHER_SOLVES = 3.8, 6.2
 
 
-def solves_of_search(count: int) -> float:
-    """Number of solves, roughly, of a search of 20 modes that goes on to so many."""
-    return FIRST_SOLVES * 24 + FURTHER_SOLVES * max(count - 20, 0)
-
-
 @dataclass(frozen=True)
 class ModeSearch:
     """A search for the lowest modes in the space orthogonal to the modes known before."""

@@ -196,18 +196,6 @@ def sites_of(
     )
 
 
-def number_of_sites(structure: MeshedParts, where: object, radius: Radius, most: int | None) -> int:
-    """Number of the sites that a map begins with: those that cannot move are left out later."""
-    names = targets(where)
-    if names is None and where is not None:
-        return len(floats("where", where, None))
-    parts: list[tuple[Member, str | None]] = [(member, None) for member in structure.members()]
-    if names is not None:
-        parts = [_part_and_group(structure, name) for name in names]
-    samples = (_sampled(member.part, group, radius, most)[0] for member, group in parts)
-    return sum(len(sample.points) for sample in samples)
-
-
 def movable(sites: MapSites, where: object) -> MapSites:
     """The sites; InputError if there are none."""
     if not len(sites.sites):
