@@ -111,6 +111,18 @@ def test_estimate_covers_what_the_krylov_method_leaves_out():
     assert factor.max() < 40
 
 
+def test_a_mass_that_sits_at_the_site_is_not_taken_away():
+    """A chain whose struck mass is its own: the estimate was 280 %."""
+    k, m = 4e6, np.full(40, 1e-3)
+    m[20] = 0.2
+    K = 2 * k * np.eye(40) - k * np.eye(40, k=1) - k * np.eye(40, k=-1)
+    part = ao.Structure.from_matrices(K, np.diag(m))
+    short, whole = (ao.extract(part, ao.Site(dof=20), n=n) for n in (16, 36))
+    run = struck(ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3)
+    assert run(short, 1e-4).peak_force == pytest.approx(run(whole, 1e-4).peak_force, rel=1e-6)
+    assert truncation_error(short, run).worst <= 0.02
+
+
 @pytest.mark.slow
 def test_choice_is_the_smallest_that_meets_the_tolerance():
     model, striker = case_two(60)

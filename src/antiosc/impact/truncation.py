@@ -12,10 +12,12 @@ ten true errors are below the estimate; the median overestimation is 4 to 8
 A model of the Krylov method is a rule of Gauss and Radau (Golub and Meurant, *Matrices, Moments and
 Quadrature*, 2010, ch. 6): m0 and the m_i are weights at 0 and at 1/(omega_i^2 + p^2), p the
 expansion point. Its softest extreme is the Gauss rule of the same moments. A spike of force that
-belongs to the mass at the site may show in neither extreme: the impact is repeated without m0, and
-with half as many anti-oscillators, those of half of the Krylov space by Lanczos' recurrence on
-these nodes. Where the error at least halves with twice as many, it is below the change by the
-latter. The largest change counts, that of the extremes with the factor `TRUNCATION_SAFETY_RITZ`.
+belongs to the mass at the site may show in neither extreme: the impact is repeated with half as
+many anti-oscillators, those of half of the Krylov space by Lanczos' recurrence on these nodes, and
+with as much less m0 as left it between the half and the whole. Where the error at least halves with
+twice as many, it is below the change by the former, and m0 is at least the mass of the latter. The
+largest change counts, that of the softest and of the lightest model with the factor
+`TRUNCATION_SAFETY_RITZ`.
 """
 
 from __future__ import annotations
@@ -66,7 +68,7 @@ Run = Callable[[AntiOscillators, float], History]
 
 #: Factor of safety of the estimate.
 TRUNCATION_SAFETY = 2.0
-#: Factor of safety of the estimate between the extremes of the Krylov method.
+#: Factor of safety of the changes on the softest and on the lightest model of the Krylov method.
 TRUNCATION_SAFETY_RITZ = 4.0
 #: Least share of a value that is left on the model with half as many anti-oscillators.
 SMALL = 1e-3
@@ -146,12 +148,13 @@ def truncation_error(
         errors = {name: TRUNCATION_SAFETY * share for name, share in softer.items()}
         return TruncationError(model.n, **with_floor(errors))
 
-    massless = change(replace(model, m0=0 * model.m0))
-    heavier = change(halved(model))
+    half = halved(model)
+    heavier = change(half)
+    lighter = change(replace(model, m0=max(2 * model.m0 - half.m0, 0.0)))
     errors = {}
     for name, share in heavier.items():
         spike = share / max(1 - share, SMALL)  # over the smaller value
-        errors[name] = max(TRUNCATION_SAFETY_RITZ * max(softer[name], massless[name]), spike)
+        errors[name] = max(TRUNCATION_SAFETY_RITZ * max(softer[name], lighter[name]), spike)
     return TruncationError(model.n, **with_floor(errors))
 
 
