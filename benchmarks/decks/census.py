@@ -25,6 +25,7 @@ BESIDE = re.compile(r"(MASS|SPRING[A12]|DCOUP3D)$")
 JOINTS = {"EQUATION", "MPC", "TIE", "RIGIDBODY", "COUPLING", "DISTRIBUTINGCOUPLING"}
 #: Cards whose model is not that of a linear elastic body.
 OTHERWISE = {
+    "CONTACT": "contact",
     "CONTACTPAIR": "contact",
     "CYCLICSYMMETRYMODEL": "a sector of a whole",
     "SUBMODEL": "a submodel",

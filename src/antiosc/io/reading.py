@@ -64,6 +64,8 @@ NOT_READ = "flat cells that gmsh left at the surface are not read"
 HOW_MADE = (CLOSELY, BY_FTETWILD, NOT_READ)
 #: Share of the volume in CAD by which a mesh may differ without a word, and words of what is told.
 TOLD_VOLUME, CUT = 5e-3, "elements cut off bends and holes"
+#: Share of the largest piece by which the volumes of two must differ to rank them.
+AS_LARGE = 0.01
 #: Largest coordinate of a part: squares and volumes of it are numbers still.
 FARTHEST = 1e30
 
@@ -469,21 +471,32 @@ def _volume(points: Array, cells: IntArray) -> float:
 def piece_of_cells(raw: RawMesh) -> IntArray:
     """Number of the connected piece of each cell (cells,), 0 for the largest.
 
-    Piece 0 has the most cells; among pieces with equally many, it has the widest box.
+    The rank is that of the length, area or volume, so that it is the same however fine the cells
+    are; pieces that are as large as each other keep the order of the file.
     """
     label = connected([raw.cells], len(raw.points))[raw.cells[:, 0]]
-    _, piece_index, count = np.unique(label, return_inverse=True, return_counts=True)
-    if len(count) == 1:
-        return piece_index.ravel()
-    low = np.full((len(count), raw.points.shape[1]), np.inf)
-    high = -low
-    nodes = raw.points[raw.cells]
-    np.minimum.at(low, piece_index.ravel(), nodes.min(axis=1))
-    np.maximum.at(high, piece_index.ravel(), nodes.max(axis=1))
-    widths = np.linalg.norm(high - low, axis=1)
-    rank = np.empty(len(count), dtype=np.int64)
-    rank[np.lexsort((-widths, -count))] = np.arange(len(count))
-    return rank[piece_index.ravel()]
+    pieces, piece_index = np.unique(label, return_inverse=True)
+    piece_index = piece_index.ravel()
+    if len(pieces) == 1:
+        return piece_index
+
+    size = np.bincount(piece_index, _relative_measures(raw))
+    steps = np.rint(size / (AS_LARGE * size.max()))
+    rank = np.empty(len(pieces), dtype=np.int64)
+    rank[np.argsort(-steps, kind="stable")] = np.arange(len(pieces))
+    return rank[piece_index]
+
+
+def _relative_measures(raw: RawMesh) -> Array:
+    """Length, area or volume of each cell (cells,) up to a factor of the kind.
+
+    Its square is the determinant of the covariance of the corners, for images of one reference cell
+    under affine maps.
+    """
+    x = raw.points[raw.cells[:, : raw.kind.vertices]]
+    x = x - x.mean(axis=1, keepdims=True)
+    squares = np.linalg.eigvalsh(x.transpose(0, 2, 1) @ x)[:, -raw.kind.dim :]
+    return np.sqrt(np.maximum(squares, 0.0)).prod(axis=1)
 
 
 def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:

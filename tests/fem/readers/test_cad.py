@@ -15,7 +15,7 @@ from antiosc.base.errors import ChoiceWarning, UnmeshableError
 from antiosc.fem.mesh.surface import Faces, face_tags
 from antiosc.io import reading
 from antiosc.io.cad import in_order, label_of
-from antiosc.io.neutral import RawMesh
+from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.io.request import AROUND_CLOSELY
 from parts import gmsh_session
 
@@ -105,6 +105,35 @@ def test_one_of_several_pieces_is_read(boxes):
         assert len([name for name in mesh.groups if name.startswith("face")]) == 6
     with pytest.raises(ao.MeshError, match="no piece 3"):
         ao.read_mesh(boxes, size=5e-3, piece=3)
+
+
+#: Boxes of 3 and 10 mm, the small one first, as solids or as faces.
+SCRIPT = 'SetFactory("OpenCASCADE"); {small}; {large};'
+SOLIDS = ("Box(1) = {20, 0, 0, 3, 3, 3}", "Box(2) = {0, 0, 0, 10, 10, 10}")
+FACES = ("Rectangle(1) = {20, 0, 0, 3, 3}", "Rectangle(2) = {0, 0, 0, 10, 10}")
+
+
+@pytest.mark.parametrize(("small", "large"), [SOLIDS, FACES])
+@pytest.mark.filterwarnings("ignore:.*piece . of 2:antiosc.AntioscWarning")
+def test_the_rank_of_a_piece_is_that_of_its_size_however_fine_its_cells_are(tmp_path, small, large):
+    path = tmp_path / "two.geo"
+    path.write_text(SCRIPT.format(small=small, large=large))
+    for refine in ([], [((21e-3, 1e-3, 0), 0.3e-3)]):
+        for piece, side in ((1, 10e-3), (2, 3e-3)):
+            mesh = ao.read_mesh(path, 2e-3, unit="mm", piece=piece, refine=refine)
+            x = mesh.dolfinx.geometry.x
+            assert np.ptp(x[:, :2], axis=0) == pytest.approx([side, side], rel=1e-6)
+
+
+def test_pieces_of_one_size_keep_the_order_of_the_file():
+    """Of two cubes of six and five tetrahedra, both of them of volume 1."""
+    cube = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=float)
+    five = np.array([[0, 1, 2, 4], [3, 1, 2, 7], [5, 1, 4, 7], [6, 2, 4, 7], [1, 2, 4, 7]])
+    six = np.array([[0, a, b, 7] for a, b in ((1, 3), (3, 2), (2, 6), (6, 4), (4, 5), (5, 1))])
+    for first, second in ((five, six), (six, five)):
+        points = np.vstack([cube, cube + 3])
+        raw = RawMesh(points, np.vstack([first, second + 8]), KINDS["tetra"], "vtk")
+        assert (reading.piece_of_cells(raw) == np.repeat([0, 1], [len(first), len(second)])).all()
 
 
 def test_labels_that_programs_write_are_no_names():
