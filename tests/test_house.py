@@ -107,7 +107,7 @@ ROOMS = {
     "fem": {"base", "engine", "io", "models"},
     "recovery": {"base", "fem"},
     "reduce": {"base", "engine", "fem", "io", "models", "recovery"},
-    "fields": {"base", "engine", "fem", "impact", "models", "plot", "recovery", "reduce"},
+    "fields": {"base", "fem", "impact", "models", "plot", "recovery", "reduce"},
     "strikes": {
         "base",
         "engine",
