@@ -169,7 +169,8 @@ class ModelBuilder:
             if material.constants is None or material.isotropic is not None:
                 return None
             complete = np.isfinite(material.constants).all()
-            material.needs(complete, f"{material.name!r} is for layers: solids need all constants.")
+            fault = f"{material.name!r} is for layers: solids need all nine constants."
+            material.needs(complete, fault)
             E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
             S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
             S[[0, 0, 1], [1, 2, 2]] = S[[1, 2, 2], [0, 0, 1]] = -n12 / E1, -n13 / E1, -n23 / E2
