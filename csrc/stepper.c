@@ -256,19 +256,32 @@ static void write_present(const aom_stepper *st, aom_record *out) {
 static bool bend_forces(aom_stepper *st, int c) {
     const aom_system *system = &st->system;
     const aom_contact *contact = system->contacts + c;
-    const contact_state *state = st->contacts + c;
+    contact_state *state = st->contacts + c;
     row_state *row = st->rows + c, *sides = st->rows + contact->first_tangential;
     double give = system->residual[(ptrdiff_t)c * (system->n_rows + 1)], turn = row->kink;
     tangent law = law_tangent(st, &contact->law, state->branch, row->depth, row->rate, state->memory);
-    double jump = give > 0.0 ? 0.0 : law.by_rate * turn, old = row->force;
+    double jump = give > 0.0 ? 0.0 : law.by_rate * turn;
     double kink = law.by_delta * turn / (1.0 + law.by_delta * give);
     row->rate += turn;
     bend_row(st, row, jump, kink);
+
+    double size = 0.0, normal = larger(row->force, 0.0);
+    for (int r = 0; r < contact->n_tangential; r++)
+        size += sides[r].force * sides[r].force;
+    size = sqrt(size);
+    bool drops = jump < 0.0 && size > contact->friction * normal;
+    for (int r = 0; r < contact->n_tangential && drops; r++)
+        state->direction[r] = sides[r].force / size;
+    state->slips = state->slips || drops; /* what stuck is beyond the cone now */
+
     for (int r = 0; r < contact->n_tangential; r++) {
         ptrdiff_t i = contact->first_tangential + r;
-        double share = state->slips && old > 0.0 ? sides[r].force / old : 0.0;
-        double soft = system->residual[i * (system->n_rows + 1)] + 1.0 / contact->tangential_stiffness;
-        bend_row(st, sides + r, share * jump, state->slips ? share * kink : sides[r].kink / soft);
+        double soft = 1.0 / contact->tangential_stiffness;
+        double share = state->slips && size > 0.0 ? contact->friction * sides[r].force / size : 0.0;
+        double lost = state->slips && jump != 0.0 ? sides[r].force - share * normal : 0.0;
+        state->anchor[0][r] += soft * lost;
+        soft += system->residual[i * (system->n_rows + 1)];
+        bend_row(st, sides + r, -lost, state->slips ? share * kink : sides[r].kink / soft);
     }
     return jump != 0.0;
 }

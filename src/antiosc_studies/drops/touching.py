@@ -169,8 +169,13 @@ def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, 
     """
     with without_warnings():
         converged, _ = integrate_exact(assembly, duration, tol, None, *LIMITS)
-    if converged.run.time[-1] <= JAMMED * assembly.contact_time_estimate:
-        raise _jam(assembly.system)
+    ended = converged.run
+    friction, wedge = _wedge(assembly.system)
+    at_start = ended.time[-1] <= JAMMED * assembly.contact_time_estimate
+    presses = (ended.force[-1, : len(assembly.system.sides)] > 0).any()
+    if at_start or (ended.answer and presses and friction * wedge > 1):
+        raise _jam(friction, wedge)
+
     history = _history(assembly, converged.run, {"force": converged.force, "peak": converged.peak})
     check_range(history)
     return history, converged.share
@@ -200,16 +205,21 @@ def _history(assembly: Assembly, record: Run, error: dict[str, float]) -> SceneH
     return SceneHistory(assembly, record, error, STOPPED if record.answer else COMPLETED, "")
 
 
-def _jam(system: System) -> AccuracyError:
-    """The error of a scene that stopped at its start, as friction jams or no forces fit."""
-    friction = 0.0
-    wedge = 0.0
+def _wedge(system: System) -> tuple[float, float]:
+    """Coefficient of friction, and what sliding presses a point in over what its normal force lifts
+    it, per unit of that coefficient, of the contact where their product is largest."""
+    friction, wedge = 0.0, 0.0
     for k, sides in enumerate(system.sides):
         tangential = float(np.linalg.norm(system.R[k, sides]))
         tangential /= max(float(system.R[k, k]), TINY)
+
         if system.slip[k, 0] * tangential > friction * wedge:
-            friction = float(system.slip[k, 0])
-            wedge = tangential
+            friction, wedge = float(system.slip[k, 0]), tangential
+    return friction, wedge
+
+
+def _jam(friction: float, wedge: float) -> AccuracyError:
+    """The error of a scene that cannot go on, as friction jams or no forces fit."""
     if friction == 0:
         return AccuracyError(
             "no contact forces fit where a contact goes on; take a smaller tol, or more modes."
