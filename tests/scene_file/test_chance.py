@@ -119,7 +119,7 @@ def measurement(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_measurement_is_struck(tmp_path, capsys, measurement):
     (tmp_path / "scene.toml").write_text(SCENE)
-    assert command(["run", "scene.toml"]) == 0
+    assert command(["run", "scene.toml", "--verbose"]) == 0
     assert "noise" in capsys.readouterr().out
     result = json.loads((tmp_path / "scene_out" / "result.json").read_text())
     assert {"noise", "band", "total"} <= set(result["result"]["error_budget"]["peak_force"])
@@ -152,7 +152,7 @@ def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
     assert antiosc("run", path, "--out", tmp_path / "one", "--report", tmp_path / "one.html") == 0
     serial = capsys.readouterr().out
     files = ("--out", str(tmp_path / "two"), "--report", str(tmp_path / "two.html"))
-    first, second = run_ranks(2, SCRIPT, "run", str(path), *files, timeout=200)
+    first, second = run_ranks(2, SCRIPT, "run", str(path), "--verbose", *files, timeout=200)
     told = [line.split("  ")[0] for line in first.replace("/two", "/one").splitlines()]
     assert told == [*(line.split("  ")[0] for line in serial.splitlines()), "ended with 0"]
     assert second == "ended with 0\n"

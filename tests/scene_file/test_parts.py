@@ -105,7 +105,6 @@ def test_an_assembly_runs(tmp_path, capsys):
         ("near = [[0, 0, 0], 1e-6]", "near = [[0, 0, 0]]", "1 entries"),
         ("[[parts.first.supports]]", "[[parts.first.suports]]", "[supports]"),
         ("point = [1.0, 0, 0]\npart", 'point = "second:rihgt"\npart', "'right'"),
-        ("[parts.first.material]", "[parts.first.material.bar]", "the group"),
     ],
 )
 def test_mistakes_in_an_assembly(tmp_path, capsys, old, new, held):

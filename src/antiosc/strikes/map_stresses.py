@@ -17,10 +17,9 @@ from antiosc.fields.margin import NOTHING, balls_of_edges, is_within
 from antiosc.impact.from_rest import Force, motions
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, place
-from antiosc.strikes.free_sites import FreeSites
 
 if TYPE_CHECKING:
-    pass
+    from antiosc.strikes.free_sites import FreeSites
 
 #: Sites whose static deflections are solved for together.
 AT_ONCE = 16
