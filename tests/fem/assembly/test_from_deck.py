@@ -166,7 +166,7 @@ def test_a_solid_deck_has_its_materials_and_supports():
     ]
     by_hand = ao.Structure(mesh, {"LOWER": steel, "UPPER": alu}, supports)
     assert block.dofs == by_hand.dofs
-    site = ao.Site((0.01, 0.005, 0.015), (1, 0, 0), radius=5e-3)
+    site = ao.Site((0.01, 0.005, 0.015), (-1, 0, 0), radius=5e-3)
     assert stiffness(block, site) == pytest.approx(stiffness(by_hand, site), rel=1e-10)
     assert ao.extract(block, site, n=6).k0 == pytest.approx(stiffness(block, site), rel=1e-8)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import runpy
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +15,6 @@ from antiosc.fem.assembly.bolts import element
 from antiosc.reduce.site.surface import surface_at
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
-from paths import ROOT
 from plates import SupportedPlate
 
 pytestmark = [
@@ -273,19 +270,3 @@ def test_every_joint_against_dense_matrices():
     for omega in np.array([0.0, 0.3, 0.77, 1.4, 2.5]) * model.omega[0]:
         exact = 1 / (b @ scipy.linalg.solve(K - omega**2 * M, b))
         assert model.dynamic_stiffness(omega).real == pytest.approx(exact, rel=1e-9)
-
-
-PAGE = (ROOT / "docs" / "assemblies.md").read_text(encoding="utf-8")
-
-
-@pytest.mark.slow
-def test_the_example_runs(tmp_path, capsys):
-    program = "\n".join(re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL))
-    (tmp_path / "program.py").write_text(program, encoding="utf-8")
-    names = runpy.run_path(str(tmp_path / "program.py"))
-    assert "peak force" in capsys.readouterr().out
-    part, hit = names["both"], names["hit"]
-    screws = 4 * 7850.0 * np.pi * 3e-3**2 * 6e-3
-    assert part.mass == pytest.approx(2700.0 * 0.2 * 0.1 * 0.025 + screws, rel=1e-9)
-    ball = names["ball"].mass
-    assert hit.impulse == pytest.approx(ball * (1.0 - hit.impactor_velocity[-1]), rel=1e-6)

@@ -167,7 +167,7 @@ def test_it_is_told_in_one_sentence(make, words):
 @pytest.mark.parametrize("across", [True, False])
 def test_a_plane_part_that_is_known_along_one_axis_is_no_end_of_a_ball(across):
     """It needs both displacements of the plane, and the one out of it not."""
-    for direction in ((1, 0), (0, 1)):
+    for direction in ((-1, 0), (0, 1)):
         model = ao.extract(plane(), {"end": ao.Site((1, 0.5), direction, tangential=across)}, n=2)
         parts = {"a": plane(), "b": model}
         joints = [ao.Ball(("a", (1, 0.5)), "b:end")]
