@@ -16,6 +16,7 @@ from antiosc.reduce.site import functional
 from assemblies import compliances
 
 pytestmark = [
+    pytest.mark.filterwarnings("ignore:the direction of the site"),
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:an edge cuts the patch"),
 ]
