@@ -150,7 +150,11 @@ def truncation_error(
 
     half = halved(model)
     heavier = change(half)
-    lighter = change(replace(model, m0=max(2 * model.m0 - half.m0, 0.0)))
+    m0 = max(2 * model.m0 - half.m0, 0.0)
+    m = np.array(model.m)
+    if model.inertia is not None:  # a free body keeps its mass
+        m[-1] += model.m0 - m0
+    lighter = change(replace(model, m0=m0, m=m))
     errors = {}
     for name, share in heavier.items():
         spike = share / max(1 - share, SMALL)  # over the smaller value

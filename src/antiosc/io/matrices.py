@@ -247,6 +247,17 @@ def read_matrix_market(source: MatrixFile) -> Entries:
         has_size, len(lines), "the file ends before the size of the matrix."
     )  # SciPy waits
 
+    # SciPy allocates what the file promises
+    size = next(line for line in lines if line.strip() and not line.startswith(b"%")).split()
+    if all(number.isdigit() for number in size):
+        numbers = [float(number) for number in size]
+        promised = numbers[-1] if len(numbers) > 2 else np.prod(numbers) / 2
+        if promised > len(source.content):
+            raise InputError(
+                f"{source.name} promises {promised:.3g} entries, more than it can hold: it is cut "
+                "off or damaged; write the matrix anew."
+            )
+
     header, _, rest = source.content.partition(b"\n")
     content = header.replace(b"double", b"real") + b"\n" + fortran(rest)
     try:

@@ -18,7 +18,6 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.mesh import soundness
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
 from antiosc.reduce.site import functional, sites
@@ -280,25 +279,6 @@ def test_rules_of_patches_are_exact(count):
             assert w @ (x[:, 0] ** (2 * a) * x[:, 1] ** (2 * b)) == pytest.approx(radial * angular)
         assert w @ (x[:, 0] ** (2 * k) * x[:, 1]) == pytest.approx(0, abs=1e-14)
         radial *= (2 * k + 2) / (2 * k + 5)
-
-
-def test_simplices_fill_their_cells():
-    """Corners around the bottom, then around the top: tetrahedra of one orientation."""
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
-    cube = np.vstack([np.column_stack([square, np.full(4, z)]) for z in (0.0, 1.0)])
-    rng = np.random.default_rng(2)
-    for shape, x in (("quadrilateral", square), ("hexahedron", cube)):
-        dim = x.shape[1]
-        parts = [x[list(some)] for some in soundness._SIMPLICES[shape]]
-        sizes = [np.linalg.det(p[1:] - p[0]) / factorial(dim) for p in parts]
-        assert min(sizes) > 0
-        assert sum(sizes) == pytest.approx(1)
-        for point in rng.uniform(size=(20, dim)):
-            inside = 0
-            for p in parts:
-                b = np.linalg.solve((p[1:] - p[0]).T, point - p[0])
-                inside += bool(b.min() > 0 and b.sum() < 1)
-            assert inside == 1
 
 
 def test_the_radius_of_a_patch_of_a_point_within_the_solid_is_that_on_its_surface():
