@@ -110,10 +110,6 @@ class SupportedPlate:
         """π²(m²/a² + n²/b²), 1/m²."""
         m = checks.floats("m", m, None)
         n = checks.floats("n", n, None)
-        if m.ndim and n.ndim and not checks.can_broadcast(m, n):
-            raise InputError(
-                f"m and n must be numbers, or arrays of shapes that fit; got {m.shape}, {n.shape}."
-            )
         return np.pi**2 * (np.square(m) / self.a**2 + np.square(n) / self.b**2)
 
     @checks.within_range
