@@ -252,10 +252,11 @@ def _study(options: Namespace) -> int:
     parts = results.presentations(computed)
     is_brief = not options.verbose and any(part.answers for part in parts)
     print_text((results.text if options.verbose else results.answer)(computed, parts))
+    told = len(computed.warnings) if is_brief else 0
     written = [] if folder is None else report.write_output(computed, parts, folder)
     if page is not None:
         written += report.write_page(computed, parts, page)
-    for sentence in () if is_brief else filter(weight, computed.warnings):
+    for sentence in filter(weight, computed.warnings[told:]):
         print_text(labelled(sentence), sys.stderr)
     if written:
         print_text("wrote " + ", ".join(str(path) for path in written))

@@ -453,7 +453,7 @@ def test_the_force_has_one_error_in_a_summary():
     section = ao.Section.circle(0.02)
     bar = ao.Structure(parts.line(0.5, 10, (1, 0, 0)), ao.Beam(7e10, 0.3, 2700.0, section),
                        [ao.Support("left")])  # fmt: skip
-    model = ao.extract(bar, ao.Site((0.5, 0, 0), (0, 0, -1)), n=4, error="estimate")
+    model = ao.extract(bar, ao.Site((0.5, 0, 0), (0, 0, -1)), n=12, error="estimate")
     barred = ao.simulate(model, ao.RigidMass(0.2, 1.5), ao.Hertz(1e9), 2e-3)
     assert "numerical" in HIT.summary()  # made by hand: it has no bar
     assert "numerical" not in barred.summary()

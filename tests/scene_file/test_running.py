@@ -575,7 +575,7 @@ def test_a_strike_takes_what_the_scene_says(tmp_path, capsys):
     assert struck(STRIKE)["source"].name == "Structure"
     meshed = STRIKE.replace("order = 1\n", "").replace("[structure]\n", "")
     assert antiosc("run", written(tmp_path, meshed.replace('"clamp"', '"klamp"'))) == 1
-    assert "did you mean 'clamp'" in capsys.readouterr().err
+    assert "'clamp'" in capsys.readouterr().err
     given = struck(meshed)
     assert given["source"] == f"{MESHES}/bracket.msh"
     assert given["material"].name == "Solid"
