@@ -25,7 +25,7 @@ MODULES = {
     "antiosc.plotting": "whole pictures of maps and of deformed parts",
     "antiosc.reduce.site": "load vectors and surfaces of sites",
     "antiosc.strikes.free_sites": "the sites of a map, in the free modes of the structure",
-    "antiosc_decks.from_deck": "a structure from the model of a deck, and its outline",
+    "antiosc_decks.from_deck": "a structure from the model of a deck",
     "antiosc_studies.drops": "falls: bodies, places at any time, pictures",
 }
 
