@@ -203,14 +203,6 @@ def test_a_sheet_that_deflects_beyond_half_its_thickness_is_told(scene):
     assert 'stretch "auto"' in hit.message
 
 
-def test_a_batch_tells_its_scene_that_deflects_most():
-    balls = [ao.RigidMass(0.2, v) for v in (0.01, 1.0, 0.5)]
-    with pytest.warns(ao.AccuracyWarning, match=f"scene 1: {FAR}") as told:
-        ao.simulate_many(sheet(4e-4), balls, ao.Linear(1e7), 0.02)
-    assert len(told) == 1
-    ao.simulate_many(sheet(4e-3), balls, ao.Linear(1e7), 0.02)
-
-
 def test_bodies_that_still_approach_are_told():
     """The site runs ahead of a heavy mass, which follows and hits it again."""
 
