@@ -14,12 +14,10 @@ from antiosc.base.texts import engineering
 from antiosc.engine.march import difference
 from antiosc.impact import error_budget
 from antiosc.impact.error_budget import (
-    COARSE_SHELL,
     RESOLVED,
     SAFETY,
     SAFETY_COARSE,
     SAFETY_INSIDE,
-    SHELL,
     amplitudes,
 )
 from antiosc.impact.histories import bars
@@ -294,25 +292,6 @@ def test_a_part_whose_mesh_has_no_estimator_has_the_shares_that_are_known():
     assert "±" not in str(budget) + hit.summary()
     with pytest.raises(ao.InputError, match="estimate"):
         _ = struck(replace(whole, info=ModelInfo())).error_budget
-
-
-@pytest.mark.parametrize("share", [0.04, 0.06])
-def test_the_bar_of_a_shell_is_the_larger_of_two_differences(share):
-    """To the model softened with and without its misfit; coarse ones hold the errors' share."""
-    given = model(share, strain_misfit=-0.8 * share * np.diag([2e6, *model().k]))
-    budget = struck(given).error_budget
-    raw = struck(given, tol=1e-5)
-    both = [struck(one.corrected(), tol=1e-5) for one in (given, model(share))]
-    off = [differences(raw, one) for one in both]
-    largest = {name: max(one[name] for one in off) for name in off[0]}
-    assert off[1]["peak_force"] > 2 * off[0]["peak_force"]
-    safety = SHELL * (SAFETY if share < COARSE_SHELL else SAFETY_COARSE)
-    assert budget.safety == pytest.approx(safety)
-    for name, bar in budget.items():
-        expected = safety * max(largest[name], FLOOR * max(largest.values()))
-        if share > COARSE_SHELL:
-            expected = max(expected, share)
-        assert bar.mesh == pytest.approx(expected, rel=0.05)
 
 
 def test_a_site_inside_an_element_has_a_wider_bar():

@@ -607,8 +607,9 @@ class HalfSpaceTable(Tabulated):
         return min(self._end, super(Tabulated, self).valid_force)
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
-        base = super(Tabulated, self) if peak <= self._end else super()
-        return base.out_of_range(peak, radius)
+        if peak > self._end:
+            return super().out_of_range(peak, radius)
+        return Hysteretic.out_of_range(self, peak, radius)
 
     def without(self, compliance: float) -> Self:
         law = copy(self)

@@ -74,20 +74,30 @@ _cleared: set[Path] = set()
 def _shared(folder: Path) -> Iterator[None]:
     """Context of a process that compiles beside others.
 
-    A process that was ended while it compiled leaves a source without a library, for which the next
-    one would wait: it goes as soon as nobody else compiles.
+    A process that was ended while it compiled leaves one file of two, for which the next one would
+    wait: it goes as soon as nobody else compiles.
     """
     with (folder / "lock").open("w") as file:
         with suppress(OSError):  # somebody else compiles, or the file system has no locks
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for source in [] if folder in _cleared else folder.glob("*.c"):
-                if not source.with_suffix(".c.cached").exists():
-                    source.unlink()
-            _cleared.add(folder)
+            if folder not in _cleared:
+                _clear(folder)
+                _cleared.add(folder)
 
         with suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_SH)
         yield
+
+
+def _clear(folder: Path) -> None:
+    """Remove sources without a library that is ready, and the reverse."""
+    sources = {folder / path.name.removesuffix(".cached") for path in folder.glob("*.c*")}
+
+    for source in sources:
+        ready = source.with_suffix(".c.cached")
+        if source.exists() != ready.exists():
+            source.unlink(missing_ok=True)
+            ready.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -154,10 +164,10 @@ def compiler() -> Iterator[None]:
     try:
         with uncounted(), _compiling, restored(), quiet(*NOISY), _mended(), user_folder():
             yield
-    except TimeoutError as error:
+    except (TimeoutError, FileExistsError, ImportError) as error:
         raise InputError(
-            f"another process has compiled the same finite element for {PATIENCE} s, or was ended "
-            f"while it did: delete {place()}, and run again."
+            f"a compiled finite element is not complete, or another process has compiled it for "
+            f"{PATIENCE} s: delete {place()}, and run again."
         ) from error
     except OSError as error:
         raise InputError(
