@@ -31,7 +31,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import percent
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.impact.histories import History
@@ -136,11 +136,17 @@ def truncation_error(
         return TruncationError(0, inf, inf, inf, inf)
     if model.stretch is not None:
         model = replace(model, stretch=None)
-    raw = _checked_run(run(model, tol))
+
+    def impact_on(body: AntiOscillators) -> History:
+        """The impact on a model; its warnings are those of a run that nobody sees."""
+        with without_warnings():
+            return _checked_run(run(body, tol))
+
+    raw = impact_on(model)
 
     def change(other: AntiOscillators) -> dict[str, float]:
         """Relative changes of the quantities on another model, beyond the errors in time."""
-        changes = all_changes(raw, _checked_run(run(other, tol)))
+        changes = all_changes(raw, impact_on(other))
         return {name: max(share - tol, 0.0) for name, share in changes.items()}
 
     softer = change(softest_model(model, next_omega))

@@ -91,9 +91,9 @@ def _shared(folder: Path) -> Iterator[None]:
 
 def _clear(folder: Path) -> None:
     """Remove sources without a library that is ready, and the reverse."""
-    sources = {folder / path.name.removesuffix(".cached") for path in folder.glob("*.c*")}
+    waiting = {path.with_suffix("") for path in folder.glob("*.c.cached")}
 
-    for source in sources:
+    for source in {*folder.glob("*.c"), *waiting}:
         ready = source.with_suffix(".c.cached")
         if source.exists() != ready.exists():
             source.unlink(missing_ok=True)
