@@ -34,7 +34,7 @@ from antiosc import plotting
 from antiosc.impact.error_budget import amplitudes
 from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.reduce.error import bisection
-from antiosc.reduce.error.model_errors import estimator
+from antiosc.reduce.error.model_errors import ModelErrors
 from antiosc.reduce.error.remeshing import source_of
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -205,10 +205,10 @@ def finer(part, model, hit, goal, order, most):  # type: ignore[no-untyped-def]
     """
     mesh = part.mesh
     values, vectors = np.linalg.eigh(amplitudes(hit))
-    shapes = model.shapes @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    energies = estimator(part).of_cells(shapes)
+    weights = vectors * np.sqrt(np.maximum(values, 0.0))
+    energies = ModelErrors(part).of_cells(model, weights)
     # also the first shape, whose stiffness is compared
-    first = estimator(part).of_cells(model.shapes[:, :2])
+    first = ModelErrors(part).of_cells(model, np.eye(len(values))[:, :2])
     energies = energies / energies.sum() + first / first.sum()
     ratio = bisection.ratios(mesh.comm, energies, goal, order, mesh.tdim)
     grown = bisection.growth(mesh.comm, ratio, mesh.tdim)

@@ -16,9 +16,9 @@ from options import command
 
 import antiosc as ao
 from antiosc_studies.drops.body import free_body
-from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import Flight
+from antiosc_studies.drops.orientation import tilted
 from antiosc_studies.drops.trajectory import initial_state
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "support"))

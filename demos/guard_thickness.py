@@ -78,7 +78,7 @@ def main(
         method="SLSQP",
         bounds=[(0.6, 2.0)] * len(ZONES),
         constraints={"type": "eq", "fun": lambda x: areas @ (x - 1) / areas.sum()},
-        tol=1e-2,
+        options={"maxiter": 3},
     )
     numbers = {
         "uniform": hit.peak_force,

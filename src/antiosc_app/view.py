@@ -22,6 +22,7 @@ from antiosc_app.scene_file.run import communicator
 from antiosc_app.server import Server
 
 with finite_element_packages():
+    from antiosc import read_mesh  # noqa: F401 (the page reads a part as soon as it is open)
     from antiosc_app.opened import Opened
 
 if TYPE_CHECKING:

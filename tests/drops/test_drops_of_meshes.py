@@ -10,7 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.texts import engineering, plus_minus
-from antiosc_app import falls, headline, results
+from antiosc_app import headline, results
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.impacts import Impacts, force_of
 from parts import box, line
@@ -334,10 +334,6 @@ def test_an_impact_of_several_touches_says_of_which_its_contact_time_is(chatteri
     of_all = "of all contacts, flights included"
     ends = [f"{of_all}; the hardest touch takes {engineering(t, 's')}" for t in durations]
     assert notes == ["" if n == 1 else end for n, end in zip(touches, ends, strict=True)]
-    told = falls.data_of_fall(chattering, None)["fall"]["impacts"]
-    assert [(one["touches"], one["contact_time_note"]) for one in told] == [
-        *zip(touches, notes, strict=True)
-    ]
     head, _, *rows, note = str(chattering.impacts).splitlines()
     assert [head.split()[7:9], note] == [["contact", "touches"], f"contact: {of_all}"]
     assert [int(row.split()[-5]) for row in rows] == touches

@@ -25,7 +25,6 @@ from antiosc.impact.histories.bars import CAUSES, FLOOR, NO_BAR, NO_ERROR, QUANT
 from antiosc.impact.reference import Refinement
 from antiosc.models.body import ModalModel, ModelInfo
 from antiosc_app.headline import force_bar
-from antiosc_app.live import _bars
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 
@@ -186,9 +185,6 @@ def test_runs_of_other_numbers_of_contacts_leave_the_contact_time_without_a_bar(
     assert "±" not in budget.shown("contact_time")
     assert f"{budget.shown('contact_time')}: {NO_BAR}" in str(budget)
     assert set(budget.shares("contact_time").values()) == {None}
-    of_page = _bars(hit, budget, 0.0)
-    assert "contact_time" not in of_page["shares"]
-    assert of_page["unknown"] == {"contact_time": NO_BAR}
     assert "±" in budget.shown("peak_force")
 
 
@@ -285,9 +281,6 @@ def test_a_part_whose_mesh_has_no_estimator_has_the_shares_that_are_known():
     assert budget.no_mesh.endswith("it is an assembly")
     assert str(budget).count("mesh's error") == 1
     assert force_bar(budget) is None  # a stress counts with all of the force's error, or none
-    on_page = _bars(hit, budget, 0.0)
-    assert on_page["shares"] == {}
-    assert set(on_page["unknown"]) == {*QUANTITIES, "restitution"}
     assert hit.summary().splitlines()[1].endswith(f"There is no error bar. {budget.no_mesh}")
     assert "±" not in str(budget) + hit.summary()
     with pytest.raises(ao.InputError, match="estimate"):

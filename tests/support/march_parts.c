@@ -38,7 +38,10 @@ AOM_API double part_ripple(aom_stepper *st, double h, double depth, int fresh) {
     return ripple(st, h);
 }
 
-AOM_API double part_left_over(double finer) { return left_over(finer); }
+AOM_API double part_left_over(double finer) {
+    static const aom_stepper without_friction;
+    return left_over(&without_friction, finer);
+}
 
 AOM_API void part_bounds(const aom_law *law, int branch, const double *memory, double *out) {
     branch_bounds b = law_bounds(law, branch, memory);

@@ -498,7 +498,7 @@ OWN: dict[str, dict[str, Any]] = {
     "design_map": {"part": part, "hit": struck_part, "goal": "impulse", "by": "rho"},
     "DesignMap.plot": {"self": design, "path": "design.png"},
     "gradient": {
-        "part": lambda: lambda x: model(), "x": [1.0], "error": "estimate",
+        "part": lambda: lambda x: model(), "x": [1.0],
         "hit": history, "goal": "impulse", "contact": ("structure", "impactor"),
     },
     "simulate": {
