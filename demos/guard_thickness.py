@@ -2,8 +2,8 @@
 
 A thrown part with a round end of nylon strikes the middle of a steel panel. Where does material
 raise the contact force, where does it lower it? `design_map` says it cell by cell after one impact;
-SciPy's optimizer then finds, with gradients by `gradient(part=)`, the thicknesses of three zones
-with the least peak force at the mass of the uniform panel.
+SciPy's optimizer then finds the thicknesses of three zones with the least peak force at the mass of
+the uniform panel.
 
     .venv/bin/python demos/guard_thickness.py --help
 """
@@ -65,20 +65,17 @@ def main(
     out.mkdir(parents=True, exist_ok=True)
     found.plot(out / "guard_thickness.png")
 
-    def force(x: np.ndarray) -> tuple[float, np.ndarray]:
-        """Peak force, and its slopes, over that of the uniform panel, by relative thicknesses."""
-        struck = ao.simulate(*build(x * thickness))
-        slopes = ao.gradient(struck, "peak_force", part=part, x=x * thickness).x
-        return struck.peak_force / hit.peak_force, slopes * thickness / hit.peak_force
+    def force(x: np.ndarray) -> float:
+        """Peak force over that of the uniform panel, by relative thicknesses."""
+        return ao.simulate(*build(x * thickness)).peak_force / hit.peak_force
 
     best = minimize(
         force,
         np.ones(len(ZONES)),
-        jac=True,
         method="SLSQP",
         bounds=[(0.6, 2.0)] * len(ZONES),
         constraints={"type": "eq", "fun": lambda x: areas @ (x - 1) / areas.sum()},
-        options={"maxiter": 3},
+        options={"maxiter": 3, "eps": 1e-2},
     )
     numbers = {
         "uniform": hit.peak_force,

@@ -213,8 +213,9 @@ def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
 def _tell_cracks(raw: RawMesh, name: str) -> None:
     """Warn of nodes in one place, at which a mesh has a crack."""
     distance = SAME_PLACE * float(np.ptp(raw.points, axis=0).max())
-    pairs = cKDTree(raw.points).query_pairs(distance, output_type="ndarray")
-    nodes = np.unique(pairs)
+    used = np.unique(raw.cells)
+    pairs = cKDTree(raw.points[used]).query_pairs(distance, output_type="ndarray")
+    nodes = used[np.unique(pairs)]
     if len(nodes):
         warn(
             f"{len(nodes)} nodes of {name} lie where others lie, one at "
