@@ -125,7 +125,7 @@ def test_units_of_mass_and_length(law: Any, model: dict[str, Any], goal: str) ->
     values = {name: model[name] for name in ("m0", "k0", "m", "omega")}
     values |= {"mass": 0.5, "velocity": 1.0, "gap": 1e-5, "stiffness": law.stiffness}
     for name in ("compliance", "yield_indentation", "critical"):
-        values |= {name: getattr(law, name)} if hasattr(law, name) else {}
+        values |= {name: given} if (given := getattr(law, name, None)) else {}
     exponent = 1.0 if isinstance(law, ao.Linear) else getattr(law, "exponent", 1.5)
     found = in_units(g, values, exponent) / g.value
     assert found[:2] == pytest.approx(UNITS[goal][:2], abs=1e-5)

@@ -303,7 +303,7 @@ WRONG = {
         MODEL + HIT.replace('"Hertz"\nstiffness = 5e8', '"impactor.hertz"') + '[sweep]\n'
         'contact.stiffness = [1e8]\nsimulate.n = [1]\n',
         [(7, "number"), (7, "number"), (13, "duration")]),
-    "map": (MODEL + HIT + '[map]\non = "x"\n', [(12, "map"), (13, "Anti-oscillators")]),
+    "map": (MODEL + HIT + '[map]\non = "x"\n', [(12, "map"), (13, "no key")]),
     "parts": (
         '[parts.a]\nsource = 3\n[parts]\nb = 2\n' + SITE,
         [(1, "parts.a"), (2, "section"), (4, "parts.b")]),

@@ -104,7 +104,6 @@ def test_an_assembly_runs(tmp_path, capsys):
         ("[at.second]", "[material]\n[at.second]", "parts.NAME"),
         ("near = [[0, 0, 0], 1e-6]", "near = [[0, 0, 0]]", "1 entries"),
         ("[[parts.first.supports]]", "[[parts.first.suports]]", "[supports]"),
-        ("point = [1.0, 0, 0]\npart", 'point = "second:rihgt"\npart', "'right'"),
     ],
 )
 def test_mistakes_in_an_assembly(tmp_path, capsys, old, new, held):
@@ -263,15 +262,9 @@ def test_a_yield_strength_has_its_verdict(
     assert cli.main(["run", "drop.toml", "--out", "out", "--report"]) == 0
     printed, page = capsys.readouterr().out, (box_folder / "drop.html").read_text()
     for text in (printed, page):
-        assert re.search(
-            r"yield .*? reached outside 3 radii of the contact \(.*? mm\), which itself yields\.",
-            text.lower(),
-        )
-        assert "margin of safety" in text
+        assert re.search(r"A dent of .*? remains; elsewhere it stays elastic, .*? of 275 MPa", text)
         assert "Thornton" not in text
         assert "g (unfiltered), in impact 1" in text
-        assert text.lower().count("the largest von mises stress there,") == 1
-    assert page.index("The contact yields: a dent") < page.index("which itself yields")
     (by_law,) = set(re.findall(r"that force may be off by ([\d.]+) %", page))
     (bar,) = set(re.findall(r"<dd[^>]*>[\d.]+ k?N ± ([\d.]+) %", page))
     assert bar == by_law
