@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor, Future
 from typing import Any
 
 import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.impact.truncation import truncation_error
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1], omega=[1e3])
 INPUTS = {"k": ao.normal(1.0, 0.1)}
-
-
-class Rubbish(Executor):
-    """Whose futures hold a number, whatever was to be called."""
-
-    def submit(self, *given: Any, **keywords: Any) -> Any:
-        found: Future[float] = Future()
-        found.set_result(3.0)
-        return found
 
 
 class Drawn:
@@ -47,7 +36,6 @@ def drawn(found: Any) -> Any:
 @pytest.mark.parametrize(
     ("call", "word"),
     [
-        (lambda: truncation_error(MODEL, lambda: 1), "run"),
         (lambda: drawn("text"), "ppf of k"),
         (lambda: drawn(np.zeros((2, 2))), "shape"),
         (lambda: drawn(RuntimeError("boom")), "boom"),
@@ -56,13 +44,6 @@ def drawn(found: Any) -> Any:
 def test_what_does_not_fit_is_told(call: Any, word: str) -> None:
     with pytest.raises(ao.AntioscError, match=word):
         call()
-
-
-@pytest.mark.fem
-def test_a_part_of_a_gradient_is_a_function_of_x() -> None:
-    hit = ao.simulate(*blow([1.0]))
-    with pytest.raises(ao.InputError, match="function of x"):
-        ao.gradient(hit, "peak_force", part=lambda: MODEL, x=[1.0])
 
 
 def test_x_of_a_gradient_belongs_to_a_function() -> None:

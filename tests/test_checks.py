@@ -111,52 +111,6 @@ def test_simulate_warns_at_the_line_that_called_it():
     assert caught[0].filename == __file__
 
 
-def takes_any(function) -> bool:
-    try:
-        parameters = inspect.signature(function).parameters.values()
-    except ValueError:
-        return False
-    return any(each.kind is each.VAR_KEYWORD for each in parameters)
-
-
-@pytest.mark.fem
-def test_every_public_name_tells_of_a_keyword_that_it_does_not_take():
-    pytest.importorskip("dolfinx")
-    told = 0
-    for name in ao.__all__:
-        value = getattr(ao, name)
-        exempt = inspect.isclass(value) and (
-            issubclass(value, BaseException) or inspect.isabstract(value)
-        )
-        if exempt or not callable(value) or getattr(value, "_is_protocol", False):
-            continue
-        if takes_any(value):
-            continue
-        with pytest.raises(ao.InputError, match=f"{name} takes no argument 'nosuch'"):
-            value(nosuch=1)
-        told += 1
-    assert told > 80
-
-
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: ao.RigidMass(mass=1.0, velocty=2.0), r"RigidMass .*'velocty'.*'velocity'"),
-        (lambda: ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omegas=[]), r"'omegas'.*'omega'"),
-        (lambda: ao.Hertz.from_radii(radius=1.0), r"from_radii .*'radius'"),
-        (lambda: ao.RigidMass(), r"RigidMass: missing .*'mass'"),
-        (lambda: ao.RigidMass(1, 2, 3, 4, 5, 6, 7, 8), "RigidMass: too many positional"),
-        (lambda: ao.SavedFields(None), "SavedFields: missing .*'cells'"),
-        (lambda: ao.Sphere(0.01, 210e9, 0.3, 7850.0).hertz(E=70e9), "hertz: missing .*'nu'"),
-        (lambda: ao.Flores(stifness=1e9), r"Flores .*'stifness'.*'stiffness'"),
-    ],
-)
-def test_the_nearest_argument_is_named(call, says):
-    with pytest.raises(ao.InputError, match=says) as raised:
-        call()
-    assert isinstance(raised.value, TypeError)  # what Python itself raises
-
-
 @pytest.mark.parametrize(
     ("text", "depth"),
     [

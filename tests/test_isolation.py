@@ -260,35 +260,3 @@ def test_quiet_holds_back_chatter_alone(caplog):
         logging.getLogger("mine").info("this is mine")
     logging.getLogger("chatter").warning("this too")
     assert [r.message for r in caplog.records] == ["this matters", "this is mine", "this too"]
-
-
-FREED = """
-    import numpy as np
-    import antiosc.fem
-    from antiosc.base.process import arrays_mapped
-
-    def resident():
-        with open("/proc/self/statm") as file:
-            return int(file.read().split()[1]) * 4096
-
-    def kept(size):  # arrays of this size that are freed between others that stay
-        before = resident()
-        arrays = [np.ones(size // 8) for _ in range(2 * (1 << 27) // size)]
-        assert resident() - before > 2e8
-        del arrays[::2]
-        return (resident() - before - sum(array.nbytes for array in arrays)) / (1 << 27)
-
-    print(kept(1 << 26))
-    with arrays_mapped():
-        print(kept(1 << 22))
-"""
-
-
-@pytest.mark.fem
-@pytest.mark.skipif(not Path("/proc/self/statm").is_file(), reason="memory as Linux tells it")
-def test_freed_arrays_are_given_back():
-    """SuperLU_DIST lets the process keep them."""
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(FREED)], capture_output=True, text=True, check=True
-    )
-    assert all(abs(float(line)) < 0.1 for line in done.stdout.split()), done.stdout

@@ -96,31 +96,6 @@ def test_a_terminal_without_unicode_gets_question_marks():
     assert stream.buffer.getvalue() == "force × 2, ?\n".encode("latin-1")
 
 
-def test_a_notebook_shows_what_is_done_and_how_long_it_took(monkeypatch):
-    told: list[str] = []
-    clock = iter([0.0, 5.0, 5.01, 20.0, 30.0, 30.0])
-
-    def shown(line, **options):
-        told.append(line["text/plain"])
-        return SimpleNamespace(update=shown)
-
-    display = ModuleType("IPython.display")
-    display.display = shown
-    notebook = ModuleType("IPython")
-    notebook.get_ipython = lambda: SimpleNamespace(kernel=True)
-    monkeypatch.setitem(sys.modules, "IPython", notebook)
-    monkeypatch.setitem(sys.modules, "IPython.display", display)
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: next(clock)))
-    with progress.doing("reducing") as further:
-        further("3 of 20")
-        further("4 of 20")  # too soon after the one before
-        further("9 of 20")
-    assert told == [
-        *("antiosc: reducing …", "antiosc: reducing: 3 of 20 …", "antiosc: reducing: 9 of 20 …"),
-        "antiosc: reducing: 30.0 s",
-    ]
-
-
 @pytest.mark.parametrize("backend", ["agg", "module://matplotlib_inline.backend_inline"])
 def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkeypatch):
     pyplot = pytest.importorskip("matplotlib.pyplot")

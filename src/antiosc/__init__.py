@@ -42,9 +42,7 @@ def __getattr__(name: str) -> Any:
             value = getattr(import_module(_MODULES[name]), name)
     else:
         value = getattr(import_module(_MODULES[name]), name)
-    from antiosc.base.errors import with_call_errors
-
-    globals()[name] = value = with_call_errors(value)
+    globals()[name] = value
     return value
 
 

@@ -210,9 +210,8 @@ class Inspection:
         parts = source(self.structure).materials_of(self.structure, None)
         known = {(one.E, one.rho) for one in parts if hasattr(one, "yield_strength")}
         strong = [one for one in map(materials.record, materials.names()) if one.yield_strength]
-        alike = materials.same_kind
-        of_deck = (m for m in strong if any(alike((E, m.E), (rho, m.rho)) for E, rho in known))
-        return [one.name for one in of_deck]
+        alike = [np.isclose((m.E, m.rho), list(known), rtol=0.1).all(axis=-1).any() for m in strong]
+        return [m.name for m, like in zip(strong, alike, strict=True) if like]
 
     def unstated(self) -> dict[str, str]:
         """Key -> what is taken for it because the deck does not state it."""

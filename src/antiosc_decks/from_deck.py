@@ -31,7 +31,7 @@ from antiosc import (
 from antiosc.base import checks
 from antiosc.base._types import IntArray, SolverChoice
 from antiosc.base.errors import InputError, NotTakenWarning
-from antiosc.base.materials import growth_like, yielding
+from antiosc.base.materials import yielding
 from antiosc.base.texts import engineering
 from antiosc.extension import (
     Attachment,
@@ -409,27 +409,36 @@ def _part(
     return Structure(mesh, families, [*supports, *added_supports], attached=attached, solver=solver)
 
 
+#: Young's modulus [Pa] above which a strength without a name is that of a steel; D [1/s] and q of
+#: mild steel at its tensile strength, which grows most, and that over its yield strength (S275).
+STEEL, MILD_STEEL, TENSILE = 150e9, (6844.0, 3.91), 430 / 275
+
+
 class Strength(NamedTuple):
-    """The yield strength of all isotropic materials of a deck, and its range [Pa]."""
+    """The yield strength of all isotropic materials of a deck, its range [Pa], its rate."""
 
     value: float | None = None
     range: tuple[float, float] | None = None
+    rate: tuple[float, ...] | None = None
 
     @classmethod
     def given(cls, value: float | str | None, ends: tuple[float, float] | None) -> Strength:
         """That of the arguments `yield_strength` and `yield_range` of `read_model`."""
+        rate = None
         if isinstance(value, str):
             named = yielding(value)
-            value, ends = named.yield_strength, ends or named.yield_range
+            value, ends, rate = named.yield_strength, ends or named.yield_range, named.rate
         if value is not None:
             value = checks.positive("yield_strength", value, "Pa")
-        return cls(value, None if ends is None else checks.strength_range(ends, value))
+        return cls(value, None if ends is None else checks.strength_range(ends, value), rate)
 
     def options(self, family: Callable[..., Family], E: float, rho: float) -> dict[str, object]:
         """The arguments of a family that state the strength of its material."""
         if self.value is None or "yield_strength" not in signature(family).parameters:
             return {}
-        rate = growth_like(E, rho, self.value)
+        rate = self.rate
+        if rate is None and E > STEEL:
+            rate = (*MILD_STEEL, TENSILE * self.value)
         return {"yield_strength": self.value, "yield_range": self.range, "rate": rate}
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array, Numbers
-from antiosc.base.errors import AccuracyError, InputError, check_signature
+from antiosc.base.errors import AccuracyError, InputError
 from antiosc.base.process import within_memory
 from antiosc.base.texts import FieldsRepr
 
@@ -334,14 +334,10 @@ def new_file(name: str, value: object) -> Path:
     return target
 
 
-def function(
-    name: str, value: object, what: str = "a function", count: int | None = None
-) -> Callable[..., Any]:
-    """`value` if it can be called, with `count` arguments, or InputError; `what` describes it."""
+def function(name: str, value: object, what: str = "a function") -> Callable[..., Any]:
+    """`value` if it can be called, or InputError; `what` describes it."""
     if not callable(value):
         raise InputError(f"{name} must be {what}; got {shown(value)}.")
-    if count is not None:
-        check_signature(f"{name} must be {what}; it", value, (), count)
     return value
 
 

@@ -1,22 +1,14 @@
-"""The errors antiosc raises: one sentence with the number, the rule and the remedy.
-
-Wrong calls of public names raise them too (`with_call_errors`), because Python's own TypeError
-names no argument that is meant. The arguments are compared with the signature only after a call has
-failed, so that sound calls cost nothing.
-"""
+"""The errors antiosc raises: one sentence with the number, the rule and the remedy."""
 
 from __future__ import annotations
 
 import difflib
-import inspect
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from functools import wraps
-from types import FunctionType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 
 class AntioscError(Exception):
@@ -119,25 +111,9 @@ def labelled(message: str) -> str:
     return f"{'note' if weight(message) == NOTE else 'warning'}: {message}"
 
 
-#: Begins the last sentence of a warning or of a verdict, on what narrows an error.
-NARROWING = "To narrow it, "
-
-
-def by_weight(messages: Iterable[str], told: str = "") -> list[str]:
-    """Warnings in the order of their weight, each once, without what `told` contains of them: the
-    whole, or the remedy at their end.
-    """
-    told = told.lower()
-    others = [one for one in dict.fromkeys(messages) if one.lower() not in told]
-    return sorted((_without_remedy(one, told) for one in others), key=weight)
-
-
-def _without_remedy(message: str, told: str) -> str:
-    """The message without a remedy at its end that `told`, in small letters, contains."""
-    start, found, remedy = message.rpartition(f" {NARROWING}")
-    if not found or f"{NARROWING}{remedy}".lower() not in told:
-        return message
-    return Message(start, getattr(message, "category", AntioscWarning))
+def by_weight(messages: Iterable[str]) -> list[str]:
+    """Warnings in the order of their weight, each once."""
+    return sorted(dict.fromkeys(messages), key=weight)
 
 
 #: what takes antiosc's warnings of this thread; None: Python's own filters
@@ -243,97 +219,3 @@ def name_list(wanted: object, names: Iterable[str], what: str) -> str:
     similar = difflib.get_close_matches(str(wanted).lower(), lowered, NEAREST, cutoff=0.0)
     nearest = ", ".join(repr(lowered[name]) for name in similar)
     return f"the nearest of {what} ({len(sorted_names)}) are: {nearest}"
-
-
-P = ParamSpec("P")
-T = TypeVar("T")
-
-
-class CallError(InputError, TypeError):
-    """Arguments that a constructor or a function does not take, or lacks."""
-
-
-def with_call_errors(value: object) -> object:
-    """Make wrong calls of a public class or function raise CallError; other objects stay."""
-    if isinstance(value, FunctionType) and not hasattr(value, "checks_calls"):
-        wrapped = _guarded(value, value.__name__, 0)
-        # pickle finds a function by its name in its module
-        setattr(sys.modules[value.__module__], value.__name__, wrapped)
-        return wrapped
-    if isinstance(value, type) and not issubclass(value, BaseException):
-        _check_class(value)
-    return value
-
-
-def _check_class(kind: Any) -> None:
-    """Guard the constructors of a class, its class methods and its public methods."""
-    init = kind.__init__
-    if isinstance(init, FunctionType) and getattr(init, "checks_calls", None) != kind.__name__:
-        kind.__init__ = _guarded(init, kind.__name__, 1)
-    for name, member in list(vars(kind).items()):
-        inner = getattr(member, "__func__", member)
-        if name.startswith("_") or hasattr(inner, "checks_calls"):
-            continue
-        if isinstance(member, classmethod):
-            setattr(kind, name, classmethod(_guarded(inner, f"{kind.__name__}.{name}", 1)))
-        elif isinstance(member, FunctionType):
-            setattr(kind, name, _guarded(member, f"{kind.__name__}.{name}", 1))
-
-
-def _guarded(function: Callable[P, T], name: str, leading: int) -> Callable[P, T]:
-    """Wrap `function` so that wrong arguments raise InputError.
-
-    `leading` is the number of arguments that the caller does not write, such as self.
-    """
-    # that of a base class tells the name of the base
-    inner: Callable[P, T] = getattr(function, "__wrapped__", function)
-    if not hasattr(function, "checks_calls"):
-        inner = function
-
-    @wraps(inner)
-    def called(*args: P.args, **kwargs: P.kwargs) -> T:
-        try:
-            try:
-                return inner(*args, **kwargs)
-            except TypeError:
-                sentence = call_error(inner, name, leading, args, kwargs)
-                if sentence is None:
-                    raise
-                raise CallError(sentence) from None
-        except Exception as error:  # the traceback leads from the call into the function itself
-            error.__traceback__ = error.__traceback__ and error.__traceback__.tb_next
-            raise
-
-    called.checks_calls = name  # type: ignore[attr-defined]
-    return called
-
-
-def call_error(
-    function: Callable[..., object],
-    name: str,
-    leading: int,
-    args: tuple[object, ...],
-    kwargs: Mapping[str, object],
-) -> str | None:
-    """The sentence on arguments that do not fit the signature; None if they fit."""
-    signature = inspect.signature(function)
-    try:
-        signature.bind(*args, **kwargs)
-    except TypeError as error:
-        names = list(signature.parameters)[leading:]
-        unknown = sorted(kwargs.keys() - set(names))
-        fault = f" takes no argument {unknown[0]!r}" if unknown else f": {error}"
-        return f"{name}{fault}; {name_list((unknown or [''])[0], names, 'its arguments')}."
-    return None
-
-
-def check_signature(
-    name: str, function: Callable[..., object], names: Iterable[str], count: int = 0
-) -> None:
-    """InputError unless a user's function accepts `count` arguments and those of these names."""
-    try:
-        sentence = call_error(function, name, 0, (None,) * count, dict.fromkeys(names))
-    except (TypeError, ValueError):  # its signature is not known
-        return
-    if sentence is not None:
-        raise InputError(sentence)

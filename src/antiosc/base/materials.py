@@ -7,7 +7,6 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from math import log10
 from pathlib import Path
 from typing import Any
 
@@ -100,57 +99,6 @@ def yielding(name: str) -> MaterialRecord:
 def names() -> list[str]:
     """The names of all materials."""
     return list(_table()["material"])
-
-
-#: Change of Young's modulus and density, over those of a material, up to which another is of its
-#: kind: the strength of alloys of one metal grows alike with the strain rate, that of a plastic
-#: not as that of steel.
-SAME_KIND = 0.1
-
-
-def same_kind(*pairs: tuple[object, float]) -> bool:
-    """Whether a material is of the kind of another, by pairs of their constants; None: the same.
-
-    What is no number is refused by the material itself.
-    """
-    numbers = ((own or old, old) for own, old in pairs if isinstance(own, (int, float)))
-    return all((1 - SAME_KIND) * old <= own <= (1 + SAME_KIND) * old for own, old in numbers)
-
-
-def growth(origin: MaterialRecord, strength: float) -> tuple[float, ...] | None:
-    """`rate` of a material of this yield strength [Pa] that is of the kind of another."""
-    if origin.rate is None or origin.yield_strength is None:
-        return None
-    D, q, *strengths = origin.rate
-    share = strength / origin.yield_strength
-    return D, q, *(share * one for one in strengths)
-
-
-#: Factor between the strengths of materials of one kind, up to which their growth is compared, and
-#: the strain rate [1/s] for that: of blows at some m/s it is 100 to 10 000.
-LIKE_STRENGTH = 1.5
-BLOW_RATE = 1e3
-
-
-def growth_like(E: float, rho: float, strength: float) -> tuple[float, ...] | None:
-    """`growth` of the material of the table of this kind that grows most, of those with a like
-    strength, or of the one with the nearest; None if it has none of which the growth is known.
-    """
-    records = [_read(name, entry) for name, entry in _table()["material"].items()]
-    alike = [
-        (abs(log10(one.yield_strength / strength)), grown)
-        for one in records
-        if one.yield_strength
-        and same_kind((E, one.E), (rho, one.rho))
-        and (grown := growth(one, strength)) is not None
-    ]
-    if not alike:
-        return None
-    limit = max(min(alike)[0], log10(LIKE_STRENGTH))
-    return max(
-        (grown for far, grown in alike if far <= limit),
-        key=lambda one: strength_at(one, strength, BLOW_RATE),
-    )
 
 
 def strength_at(rate: tuple[float, ...], strength: float, strain_rate: float) -> float:

@@ -2,11 +2,10 @@
 
 **Packages.** FFCx adds a handler to the root logger and redirects Python's warnings to it; dolfinx
 changes the flags of the dynamic loader; PETSc installs signal handlers; setuptools, which calls the
-compiler, changes the environment and the module path. `restored` undoes it, `map_arrays` what
-SuperLU_DIST changes of the allocator. When they load, several packages take files of the working
-folder for their configuration (`.petscrc`, `petsc.cfg`, `ucx.conf`, `matplotlibrc`); such a file
-can name programs and libraries to run. They load in `/` instead (`loading`), so that a folder from
-elsewhere configures nothing.
+compiler, changes the environment and the module path. `restored` undoes it. When they load, several
+packages take files of the working folder for their configuration (`.petscrc`, `matplotlibrc`, …),
+which can name programs and libraries to run. They load in `/` instead (`loading`), so that a folder
+from elsewhere configures nothing.
 
 **Threads.** One BLAS thread, unless a factorization is large and cores are free. OpenBLAS threads
 synchronise in busy loops, thousands of times in one sparse factorization. If another program uses
@@ -20,7 +19,6 @@ the environment is respected; other libraries are not changed.
 from __future__ import annotations
 
 import atexit
-import ctypes
 import locale
 import logging
 import os
@@ -405,14 +403,6 @@ CONTAINERS = (
 )
 #: Bytes below which the free memory is not looked up: that takes longer than a short run.
 NEGLIGIBLE = 1 << 26
-#: Options of glibc's `mallopt`, and its default of `M_MMAP_MAX`.
-TRIM_THRESHOLD, MMAP_THRESHOLD, MMAP_MAX, MAPPINGS = -1, -3, -4, 1 << 16
-#: Bytes from which arrays have pages of their own: glibc's own largest threshold, so that products
-#: take no new pages for their vectors (from 1 MB: 0.1 of the time of a model of 130 000 dofs).
-MAPPED = 1 << 25
-#: The same while structures, solvers and models are made: 340 560 dofs on two ranks then take 0.70
-#: GB for 0.74.
-MAPPED_IN_SET_UP = 1 << 20
 #: Remedy where a run needs too much.
 MEMORY_REMEDY = "use a coarser mesh or elements of order 1, or free some memory"
 
@@ -432,41 +422,6 @@ def free_memory() -> float:
                 free, float(limit_text[0]) - float(used_memory[0]) + float((cached or ["0"])[0])
             )
     return min(free, _process_limit())
-
-
-def trim_heap() -> None:
-    """Return the memory that glibc keeps after `free` to the system, so that it counts as free."""
-    _glibc("malloc_trim", 0)
-
-
-def map_arrays(least: int = MAPPED) -> None:
-    """Give arrays of `least` bytes or more pages of their own, which `free` returns to the system.
-
-    SuperLU_DIST, which PETSc loads, ends this for the whole process, and what is freed stays.
-    """
-    for option, value in (
-        (MMAP_MAX, MAPPINGS),
-        (MMAP_THRESHOLD, least),
-        (TRIM_THRESHOLD, 2 * least),
-    ):
-        _glibc("mallopt", option, value)
-
-
-@contextmanager
-def arrays_mapped() -> Iterator[None]:
-    """Map smaller arrays too, where those that stay are made among many that are freed."""
-    map_arrays(MAPPED_IN_SET_UP)
-    try:
-        yield
-    finally:
-        map_arrays()
-
-
-def _glibc(name: str, *numbers: int) -> None:
-    """Call a function of glibc, if this is the library of this process."""
-    function = getattr(ctypes.CDLL(None) if os.name == "posix" else None, name, None)
-    if function is not None:
-        function(*numbers)
 
 
 def _process_limit() -> float:

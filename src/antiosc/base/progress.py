@@ -1,24 +1,21 @@
 """The progress of long work on one line of the terminal, which is erased at the end.
 
-If the amount of work is known, the line shows the remaining share. The command tells how long it
-lasts too, in files and pipes by a line after half a minute and then ever fewer ones.
-
-A notebook shows the line below the cell, and in the end how long the work took. Otherwise nothing
-is written to files and pipes, and on MPI ranks other than the first.
+If the amount of work is known, the line shows how much is done. The command tells how long it lasts
+too, in files and pipes by a line after half a minute and then ever fewer ones. Otherwise nothing is
+written to files and pipes, to notebooks, and on MPI ranks other than the first.
 """
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 import shutil
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import TextIO
 
 #: Carriage return, and the sequence that clears the line.
 CLEAR = "\r\x1b[2K"
@@ -30,8 +27,6 @@ REFRESH = 0.1
 #: Seconds between two looks at the clock of lasting work, from which on a terminal shows it, and
 #: after which a line is printed elsewhere.
 TICK, LASTS, FIRST_LINE = 1.0, 5.0, 30.0
-#: Seconds of work from which a notebook keeps the line that tells them.
-KEPT_FROM = 1.0
 
 #: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
 RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
@@ -44,10 +39,6 @@ class _Lines(threading.local):
         self.texts: list[str] = []
         #: what is told of each change besides
         self.told: Callable[[str], None] | None = None
-        #: the line in a notebook, when it began, and when it was written last
-        self.shown: Any = None
-        self.work = ""
-        self.began = self.written = 0.0
 
     @property
     def innermost(self) -> str:
@@ -137,10 +128,11 @@ def _tell_time(texts: list[str], stream: TextIO, ended: threading.Event) -> None
 
 @contextmanager
 def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
-    """Show how many of `total` are done and the remaining time; yields a function of the number
-    done.
+    """Show how many of `total` are done; yields a function of the number done.
+
+    Of a number that is estimated more may be done.
     """
-    start_time = shown_time = time.monotonic()
+    shown_time = time.monotonic()
     with doing(text, rank) as report:
 
         def done(count: int) -> None:
@@ -148,20 +140,9 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
             now = time.monotonic()
             if now - shown_time >= REFRESH or count >= total:
                 shown_time = now
-                report(progress_text(count, total, now - start_time))
+                report(f"{min(count, total)} of {total}")
 
         yield done
-
-
-def progress_text(count: int, total: int, elapsed: float) -> str:
-    """How many of `total` are done after `elapsed` seconds, and how long the others will take.
-
-    Of a number that is estimated more may be done.
-    """
-    text = f"{min(count, total)} of {total}"
-    if 0 < count < total:
-        text += f", about {seconds_text(elapsed * (total - count) / count)} left"
-    return text
 
 
 def seconds_text(seconds: float) -> str:
@@ -171,20 +152,11 @@ def seconds_text(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.0f} h"
 
 
-def range_text(ends: Sequence[float]) -> str:
-    """Times [s], the shortest first, as one: "12 s", "30 s to 4 min"."""
-    texts = [seconds_text(max(end, 1.0)) for end in ends]
-    return " to ".join(dict.fromkeys([texts[0], texts[-1]]))
-
-
 def _write(rank: int) -> None:
     """Write the innermost work on the line, or clear the line if there is none."""
     if _lines.told is not None:
         _lines.told(_lines.innermost)
     stream = sys.stderr
-    if not rank and not world_rank() and _in_notebook():
-        _write_in_notebook()
-        return
     if not (rank or world_rank() or stream is None) and _is_terminal(stream):
         _show(stream, _lines.innermost)
 
@@ -205,41 +177,6 @@ def _show(stream: TextIO, text: str) -> None:
         stream.flush()
     except (OSError, ValueError):  # a terminal that was closed
         return
-
-
-def _in_notebook() -> bool:
-    """Whether this process is the kernel of a notebook."""
-    ipython = sys.modules.get("IPython")
-    current = getattr(ipython, "get_ipython", None)
-    shell = current() if current is not None else None
-    return hasattr(shell, "kernel") and threading.current_thread() is threading.main_thread()
-
-
-def _write_in_notebook() -> None:
-    """Show the innermost work below the cell, and at the end the work and its duration."""
-    now = time.monotonic()
-    if _lines.shown is None:
-        if not _lines.texts:
-            return
-        _lines.began = now
-        _lines.work = _lines.texts[0]
-    elif _lines.texts and now - _lines.written < REFRESH:
-        return
-    elapsed = now - _lines.began
-    text = (
-        f"antiosc: {_lines.innermost} …"
-        if _lines.texts
-        else f"antiosc: {_lines.work}: {elapsed:.1f} s"
-    )
-    line = {"text/plain": text if _lines.texts or elapsed >= KEPT_FROM else ""}
-    if _lines.shown is None:
-        display = importlib.import_module("IPython.display").display
-        _lines.shown = display(line, raw=True, display_id=True)
-    else:
-        _lines.shown.update(line, raw=True)
-    _lines.written = now
-    if not _lines.texts:
-        _lines.shown = None
 
 
 def world_rank() -> int:

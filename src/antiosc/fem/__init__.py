@@ -1,6 +1,6 @@
 """Finite elements: from a mesh (gmsh, dolfinx, PETSc, SLEPc), or matrices (SciPy), to models."""
 
-from antiosc.base.process import loading, map_arrays, restored, start_petsc
+from antiosc.base.process import loading, restored, start_petsc
 
 #: The package without which only given matrices can be extracted; None with all packages.
 missing: str | None = None
@@ -12,6 +12,5 @@ try:
         start_petsc()
         import dolfinx.fem.petsc  # noqa: F401
         import slepc4py.SLEPc  # noqa: F401
-    map_arrays()
 except ImportError as error:
     missing = error.name or str(error)

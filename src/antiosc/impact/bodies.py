@@ -160,7 +160,9 @@ class Sphere(FieldsRepr, Body):
             **_constants(matter),
         )
         if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
-            plausible.warn_each([plausible.sphere_doubt(self.radius, self.rho)])
+            size = plausible.doubt("radius", radius, "the radius of the sphere")
+            density = plausible.doubt("density", self.rho, "the density of the sphere")
+            plausible.warn_each([size, density])
 
     @property
     def mass(self) -> float:

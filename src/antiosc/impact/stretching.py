@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import NARROWING, InputError
+from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, percent
 from antiosc.engine.stretch import stretch_forces
 from antiosc.impact.assembly import Assembly
@@ -382,7 +382,7 @@ def _not_enough(
     }
     left = " and ".join(errors[name] for name in unsettled)
     name, worst = max(unsettled.items(), key=lambda entry: entry[1])
-    advice = f" {NARROWING}{NARROWED}." if max(share, deflection) > ROUGH else ""
+    advice = f" To narrow it, {NARROWED}." if max(share, deflection) > ROUGH else ""
     away = ""
     if left_out:
         numbers = " and ".join(map(str, left_out))

@@ -376,7 +376,7 @@ def _check(model: AntiOscillators, run: Run) -> None:
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; model is {checks.shown(model)}.")
     checked_body("model", model)  # of one site
-    checks.function("run", run, "a function run(model, tol) that returns a History", 2)
+    checks.function("run", run, "a function run(model, tol) that returns a History")
 
 
 def _checked_run(hit: History) -> History:

@@ -391,7 +391,7 @@ def tradeoff(
     """
     tol = checks.tolerance(tol)
     if ready is not None:
-        ready = checks.function("ready", ready, count=1)
+        ready = checks.function("ready", ready)
     if compare is not None:
         compare = checks.positive("compare", compare, "s")
     impact_options = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}

@@ -15,7 +15,6 @@ from antiosc.base.errors import (
     AccuracyWarning,
     AntioscError,
     InputError,
-    check_signature,
     warn,
     without_warnings,
 )
@@ -199,7 +198,6 @@ def monte_carlo(
     by_name = checked(inputs)
     levels = checked_levels(quantiles)
     size = checks.whole("n", n, most=MOST)
-    check_signature("run", run, by_name)
     inputs_drawn = draws(by_name, size, checks.whole("seed", seed, least=0))
     arguments = [_values(by_name, inputs_drawn, i) for i in range(size)]
     rows: list[Row] = []

@@ -46,7 +46,7 @@ class Models:
             self._middle = self._extracted(part)
             self._tree = self._of_structure(part)
         else:
-            checks.function("part", part, "a Structure, or a function of x that builds one", 1)
+            checks.function("part", part, "a Structure, or a function of x that builds one")
             if x is None:
                 raise InputError("part is a function of x: give the x at which the run was made.")
             self._middle = self._extracted(built := part(checks.column("x", x)))

@@ -18,20 +18,13 @@ def test_a_density_that_no_solid_has_is_refused_with_its_number(tmp_path, stated
 
 
 @pytest.mark.parametrize(
-    ("modulus", "density", "strength", "rate"),
-    [
-        ("2.1E5", "7.85e-9", 240e6, (6844, 3.91, 430e6 * 240 / 275)),  # as S275, which grows most
-        ("2.1E5", "7.85e-9", 700e6, (3200, 5)),  # as S690
-        ("7E4", "2.7e-9", 240e6, None),  # the growth of aluminium is not known
-    ],
+    ("modulus", "strength", "rate"),
+    [("2.1E5", 275e6, (6844, 3.91, 430e6)), ("2.1E5", "S690", (3200, 5)), ("7E4", 240e6, None)],
 )
-def test_a_strength_that_is_given_grows_as_that_of_its_kind(
-    tmp_path, modulus, density, strength, rate
-):
+def test_a_strength_of_a_steel_grows_with_the_strain_rate(tmp_path, modulus, strength, rate):
     """A steel of 235 MPa of a deck had a bar of 6.5 %, S235 by name one of 23 %."""
     path = tmp_path / "cube.inp"
-    steel = inp.STEEL.replace("2E5", modulus).replace("8.E-9", density)
-    path.write_text(inp.CUBE + steel + inp.SOLID, encoding="utf-8")
+    path.write_text(inp.CUBE + inp.STEEL.replace("2E5", modulus) + inp.SOLID, encoding="utf-8")
     part = ao.read_model(path, unit="mm", yield_strength=strength)
     ((material, _),) = part.matrices.parts
-    assert material.rate == (rate and pytest.approx(rate))
+    assert material.rate == rate

@@ -33,7 +33,9 @@ def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None
     if E2 is not None and not checks.is_rigid(E2):
         moduli.append(checks.positive("E2", E2, "Pa"))
         compliance += (1 - checks.poisson(nu1 if nu2 is None else nu2) ** 2) / moduli[1]
-    plausible.warn_each(map(plausible.modulus_doubt, moduli))
+    softest = min(moduli)
+    if softest < plausible.MODULI[0]:
+        plausible.warn_each([plausible.doubt("modulus", softest, "E of a surface in contact")])
     return 1 / compliance
 
 

@@ -168,8 +168,6 @@ def matter_of(
             overrides |= {"yield_strength": strength, "yield_range": None, "brittle": False}
             overrides["tensile"] = None
             overrides["rate"] = matter.rate and matter.rate[:2]
-    if "E" in overrides and not materials.same_kind((E, matter.E)):
-        overrides["rate"] = None
     if overrides:
         return replace(matter, **overrides)
     return matter

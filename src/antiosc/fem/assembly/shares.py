@@ -17,7 +17,6 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.parts import Superelement
@@ -129,7 +128,6 @@ class Shares:
         result = Sparse(arrays, shape=(len(counts), self.count))
         result.sort_indices()
         result.has_canonical_format = True  # as those of PETSc have: no search for duplicates
-        process.trim_heap()
         return result
 
     def _exchanged(self, pieces: list[tuple[IntArray, Sparse]]) -> list[tuple[IntArray, Sparse]]:

@@ -91,8 +91,6 @@ def material(
     if "yield_strength" in overrides:
         constants |= {"yield_range": None, "brittle": False, "tensile": None}
         constants["rate"] = record.rate and record.rate[:2]  # in proportion to this strength
-    if record.rate and not materials.same_kind((E, record.E), (rho, record.rho)):
-        constants["rate"] = None
     constants |= overrides
     if thickness is not None:
         return Shell(**constants, thickness=thickness)

@@ -357,7 +357,6 @@ def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multig
 
     `plan`: the forecast of the factor; a `PlanByLinear` already has the matrix of the coarse level.
     """
-    process.trim_heap()
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     coarser = levels.coarser()
     factored = coarser is not None and coarser.getSize()[1] <= FACTORED
@@ -375,7 +374,6 @@ def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multig
     else:
         solver = TwoLevels(A, levels.motions, coarser, preconditioner)
     solver.cost = Cost(sizes.bytes)
-    process.trim_heap()
     return solver
 
 

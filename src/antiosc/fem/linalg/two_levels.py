@@ -22,7 +22,6 @@ import scipy.sparse
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray
-from antiosc.base.process import trim_heap
 from antiosc.fem.linalg.multigrid import Multigrid, set_near_null_space
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
@@ -78,7 +77,6 @@ class TwoLevels(Multigrid):
             solve, steps = Aggregation(coarse), STEPS_AGGREGATED
         del coarse, self._inverse  # an analysis in it became the factor in double precision
         free(self.A.getComm().tompi4py())
-        trim_heap()
         self._cycle = pc  # what becomes another type stays as long as the solver
         self._cycle.setType(PETSc.PC.Type.PYTHON)
         self._cycle.setPythonContext(Cycle(self.A, self._P, solve, steps))

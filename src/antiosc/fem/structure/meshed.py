@@ -684,7 +684,7 @@ def _section_doubt(material: Family, extent: float) -> str:
     """Why the size of a section is implausible; "" if it is not."""
     section = getattr(material, "section", None)
     thickness = getattr(section, "thickness", None)
-    if thickness is not None:
-        return plausible.thickness_doubt(thickness, extent)
-    area = getattr(section, "A", 0.0)
-    return plausible.thickness_doubt(float(np.sqrt(area)), extent, "beam")
+    what = "the thickness of the shell" if thickness is not None else "the thickness of the beam"
+    if thickness is None:
+        thickness = float(np.sqrt(getattr(section, "A", 0.0)))
+    return "" if thickness <= extent else plausible.doubt("length", thickness, what, high=extent)

@@ -19,7 +19,6 @@ from antiosc.base._types import Array, Box, Matrix, SolverChoice
 from antiosc.base.checks import choice
 from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, finite_element_packages
-from antiosc.base.process import arrays_mapped
 from antiosc.base.progress import doing
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.linalg import algebra
@@ -144,10 +143,9 @@ class Structure(ReprMixin):
         options: Options = {
             "order": order, "attached": attached, "solver": solver, "prestress": prestress,
         }  # fmt: skip
-        with arrays_mapped():
-            matrices = assembled(
-                mesh, material, supports, order=order, attached=attached, solver=solver
-            )
+        matrices = assembled(
+            mesh, material, supports, order=order, attached=attached, solver=solver
+        )
         if prestress is not None:
             matrices = with_prestress(matrices, prestress)
         self._hold(matrices, start_time)
@@ -299,7 +297,7 @@ class Structure(ReprMixin):
             self._factored = None
         if self._factored is None:
             start_time = clock()
-            with arrays_mapped(), doing(f"factorization of {self.dofs} dofs", self.comm.rank):
+            with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
                 factor, shift = self.matrices.factored(columns)
             self.seconds["factorization"] = clock() - start_time
             self._factored = factor, shift
@@ -314,7 +312,7 @@ class Structure(ReprMixin):
         if self._expanded is None or self._expanded[1] != shift:
             self._expanded = None  # there may be no room for two
             start_time = clock()
-            with arrays_mapped(), doing(f"factorization of {self.dofs} dofs", self.comm.rank):
+            with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
                 self._expanded = self.matrices.solver_of(shift, columns), shift
             self.seconds["expansion"] = clock() - start_time
         return self._expanded[0]

@@ -22,7 +22,7 @@ from antiosc.base.checks import (
     within_range,
 )
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
-from antiosc.base.process import arrays_mapped, one_thread
+from antiosc.base.process import one_thread
 from antiosc.base.texts import engineering
 from antiosc.fem.linalg.forecast import SOLVES, of_sheet
 from antiosc.fem.platform import collective, on_root
@@ -125,49 +125,48 @@ def models_of(
         pairs = zip(statics, counts, strict=True)
         computed = [by_modes(structure, static, n, *limits) for static, n in pairs]
     models: list[AntiOscillators] = []
-    with arrays_mapped():
-        for group, static, n in zip(groups, statics, counts, strict=True):
-            modes, remainder = computed.pop(0)
-            lumped_modes = lumped(structure, static, modes)
-            selected = (
-                every_mode(lumped_modes, n) if terms else oscillators(lumped_modes, n, options.tol)
+    for group, static, n in zip(groups, statics, counts, strict=True):
+        modes, remainder = computed.pop(0)
+        lumped_modes = lumped(structure, static, modes)
+        selected = (
+            every_mode(lumped_modes, n) if terms else oscillators(lumped_modes, n, options.tol)
+        )
+        at_site = at_one_site(static, selected, options.n) if UNNAMED in group else None
+        band: Band | None = None
+        if options.band is not None and isinstance(remainder, DampedBand):
+            band = _band(remainder.bottom, options.band, remainder.error)
+        elif options.band is not None and callable(remainder):
+            omega = selected.omega if at_site is None else at_site.omega
+            bound, lowest = error_bound(
+                structure, lumped_modes, remainder, selected, options.band, omega
             )
-            at_site = at_one_site(static, selected, options.n) if UNNAMED in group else None
-            band: Band | None = None
-            if options.band is not None and isinstance(remainder, DampedBand):
-                band = _band(remainder.bottom, options.band, remainder.error)
-            elif options.band is not None and callable(remainder):
-                omega = selected.omega if at_site is None else at_site.omega
-                bound, lowest = error_bound(
-                    structure, lumped_modes, remainder, selected, options.band, omega
-                )
-                band = _band(lowest, options.band, bound)
-            seconds = {
-                "site": spent,
-                "modes": (time.perf_counter() - start_time) / (len(models) + 1),
-            }
-            record = info_of_model(structure, group, lumped_modes, selected, options.method)
-            info = replace(
-                record,
-                band=band,
-                expansion=options.expansion,
-                seconds={**structure.seconds, **seconds},
-            )
-            elastic = len(selected.omega)
-            complete = modes.complete
-            del lumped_modes, modes  # as large as the shapes
-            if at_site is None:
-                model = model_of_named_sites(structure, group, static, selected, info)
-            else:
-                (target,) = group[UNNAMED]
-                del selected
-                model = model_of_one_site(structure, target, at_site, elastic, info)
-                if errors is not None:
-                    model = errors.added_to(model, target)
-            if terms or structure.matrices.lossy:
-                model = with_damping(structure, model, static, terms)
-            on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
-            models.append(model if shapes else replace(model, shapes=None, hidden=None))
+            band = _band(lowest, options.band, bound)
+        seconds = {
+            "site": spent,
+            "modes": (time.perf_counter() - start_time) / (len(models) + 1),
+        }
+        record = info_of_model(structure, group, lumped_modes, selected, options.method)
+        info = replace(
+            record,
+            band=band,
+            expansion=options.expansion,
+            seconds={**structure.seconds, **seconds},
+        )
+        elastic = len(selected.omega)
+        complete = modes.complete
+        del lumped_modes, modes  # as large as the shapes
+        if at_site is None:
+            model = model_of_named_sites(structure, group, static, selected, info)
+        else:
+            (target,) = group[UNNAMED]
+            del selected
+            model = model_of_one_site(structure, target, at_site, elastic, info)
+            if errors is not None:
+                model = errors.added_to(model, target)
+        if terms or structure.matrices.lossy:
+            model = with_damping(structure, model, static, terms)
+        on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
+        models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
 
 
