@@ -241,7 +241,7 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
     spans = [shortest * 2**k for k in range(MOST_DOUBLINGS + 1)] if duration is None else [duration]
     for span in spans:
         assembly = _assembled(scene, span, tol)
-        converged, _ = integrate_exact(assembly, span, tol, None, *_MAX)
+        converged = integrate_exact(assembly, span, tol, None, *_MAX)
         if not without_body or not open_contacts(
             converged.run, assembly.system
         ):  # scenes may come to rest

@@ -86,7 +86,7 @@ def scene(law: ao.ContactLaw, compliance: float = 0.0, bounces: bool = False) ->
 
 
 def solve(made: Assembly, duration: float) -> Run:
-    return integrate_exact(made, duration, TOL, None, 100, 100_000)[0].run
+    return integrate_exact(made, duration, TOL, None, 100, 100_000).run
 
 
 def at(made: Assembly, run: Run, t: Array) -> tuple[Array, Array]:

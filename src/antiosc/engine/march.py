@@ -374,6 +374,19 @@ def converge(
     return Converged(run, solution.share, solution.force, solution.peak, solution.certain)
 
 
+#: Share of a run with a given step: what the step does not resolve is integrated with halvings.
+LOOSE = 0.05
+
+
+def with_step(
+    system: System, duration: float, step: float, max_contacts: int, max_steps: int
+) -> Converged:
+    """One run with steps of `step` [s] during contact, whose errors are not known (0)."""
+    limits = {"max_contacts": max_contacts, "max_steps": max_steps}
+    marched = run(system, duration, LOOSE, step=step, fine=step / 4, **limits)
+    return Converged(marched, step, 0.0, 0.0, duration)
+
+
 def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
     """Why the integration stopped at t before the end; "" if it did not."""
     if answer == library.DONE:

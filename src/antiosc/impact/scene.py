@@ -26,12 +26,12 @@ from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn, without_warnings
 from antiosc.base.process import within_memory
+from antiosc.base.texts import COMPLETED, INEXACT, TOUCHING
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.equilibrium import initial_forces, settle
-from antiosc.engine.march import Converged, converge
-from antiosc.engine.stability import checked_step, stepped
+from antiosc.engine.march import Converged, converge, with_step
 from antiosc.engine.system import ContactState
-from antiosc.impact.assembly import Assembly, assemble_scene, stiffness_at
+from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.error_budget import error_budget, warn_low_band
 from antiosc.impact.histories import History, SceneHistory
 from antiosc.impact.histories.bars import ErrorBudget
@@ -218,17 +218,24 @@ def _integrate(
     step = settings.step
     tol = settings.tol
     limits = settings.limits
-    step = None if step is None else checked_step(step, duration)
+    if step is not None:
+        step = checks.positive("step", step, "s")
+        if step > duration:
+            raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
     if settings.method == "exact":
-        converged, failure = integrate_exact(assembly, duration, tol, step, *limits)
+        converged = integrate_exact(assembly, duration, tol, step, *limits)
     else:
         converged = integrate_reference(assembly, duration, settings)
-        failure = ""
     run = converged.run
     still_open = open_contacts(run, assembly.system)
     errors = converged.force, converged.peak, converged.certain
     end = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
-    check = check_result(assembly, end, tol, limits, failure, lambda: energy_gain(assembly, run))
+    check = check_result(assembly, end, tol, limits, lambda: energy_gain(assembly, run))
+    often_refused = step is not None and run.refused > MOST_REFUSED * run.steps
+    if often_refused and check.status in (COMPLETED, TOUCHING):
+        told = f"The contact excites the motion at the step of {step:g} s, which was halved"
+        sentence = f"{told} {run.refused} times: use a smaller step, or none. {check.message}"
+        check = CheckResult(INEXACT, sentence)
     bounded = step is None and settings.method not in IVP_METHODS
     error = {"force": converged.force, "peak": converged.peak} if bounded else {}
     untouched = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
@@ -280,6 +287,10 @@ def set_initial_forces(
         system.contact_energy += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
 
 
+#: Share of the steps of a run from which so many that were refused put a given step in doubt.
+MOST_REFUSED = 0.1
+
+
 def integrate_exact(
     assembly: Assembly,
     duration: float,
@@ -287,25 +298,13 @@ def integrate_exact(
     step: float | None,
     max_contacts: int,
     max_steps: int,
-) -> tuple[Converged, str]:
-    """Run the exact method; returns (run, reason why a given step [s] failed)."""
+) -> Converged:
+    """Run the exact method; a given step [s] is taken as it is."""
     system = assembly.system
-    laws = assembly.laws
-    if step is None:
-        limits = max_contacts, max_steps
-        return converge(system, assembly.contact_time_estimate, duration, tol, *limits), ""
-
-    def stiffness() -> Array:
-        """Stiffness of each contact at its depth [N/m]."""
-        return np.array(
-            [
-                stiffness_at(law, float(depth), law.touch(float(speed)))
-                for law, depth, speed in zip(laws, system.depth, system.speed, strict=True)
-            ]
-        )
-
-    marched, failure = stepped(system, stiffness, duration, step, max_contacts, max_steps)
-    return Converged(marched, step, 0.0, 0.0, duration), failure
+    if step is not None:
+        return with_step(system, duration, step, max_contacts, max_steps)
+    estimate = assembly.contact_time_estimate
+    return converge(system, estimate, duration, tol, max_contacts, max_steps)
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:

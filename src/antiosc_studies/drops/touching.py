@@ -168,7 +168,7 @@ def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, 
     law, or friction jams.
     """
     with without_warnings():
-        converged, _ = integrate_exact(assembly, duration, tol, None, *LIMITS)
+        converged = integrate_exact(assembly, duration, tol, None, *LIMITS)
     ended = converged.run
     friction, wedge = _wedge(assembly.system)
     at_start = ended.time[-1] <= JAMMED * assembly.contact_time_estimate

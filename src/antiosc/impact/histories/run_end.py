@@ -77,13 +77,12 @@ def check_result(
     ended: RunEnd,
     tol: float,
     limits: tuple[int, int],
-    failure: str = "",
     gain: Callable[[], float] = lambda: 0.0,
 ) -> CheckResult:
     """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: spurious gain of
     energy.
     """
-    failure = failure or stopped(ended.answer, ended.time, *limits)
+    failure = stopped(ended.answer, ended.time, *limits)
     ringing = "" if assembly.system.damped else UNDAMPED
     if failure:
         reason = failure[0].upper() + failure[1:] + "."
