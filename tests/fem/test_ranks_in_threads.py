@@ -123,27 +123,6 @@ def test_a_warning_is_given_once():
     assert [str(one.message) for one in said] == ["a coarse mesh"]
 
 
-def test_parts_of_one_rank_stay_and_shared_ones_are_made_whole(monkeypatch):
-    """Also where one part has several names; superelements are whole on every rank already."""
-    from antiosc.fem.assembly import parts
-
-    monkeypatch.setattr(parts, "whole", lambda mesh: f"{mesh}, whole")
-
-    class Part(Thing):
-        mesh = "mesh"
-
-        def again(self, mesh, *, bare):
-            assert bare
-            return mesh
-
-    def call(comm):
-        shared, own = Part(comm), Part(SimpleNamespace(size=1))
-        made = parts.on_every_rank({"a": shared, "b": own, "c": shared}, comm)
-        return made["a"], made["b"] is own, made["c"]
-
-    assert on_ranks(call) == [("mesh, whole", True, "mesh, whole")] * 2
-
-
 def test_nodes_of_cells_with_those_of_other_ranks(monkeypatch):
     """Of a list of all nodes in turn, as older versions give it: two own cells and a ghost."""
     nodes = np.arange(12, dtype=np.int32)

@@ -252,31 +252,23 @@ def at_point(
     InputError for a point farther off than `reach`.
     """
     parts = with_parts(structure).fields(shapes, part)
-    return with_parts(structure).decided(lambda: _displacements(parts, x, reach))
+    return _displacements(parts, x, reach)
 
 
 def nearest_point(structure: Structure, x: Array, part: str | None, reach: Reach) -> Array:
     """The point (3,) [m] of a structure that is nearest to x (3,), as `at_point` takes it."""
     parts = with_parts(structure).fields(np.zeros((structure.rows, 1)), part)
-
-    def nearest() -> Array:
-        number, found = _nearest(parts, x[None], reach)
-        return np.asarray(parts[number][0].at.placed(found[0].x[None])[0])
-
-    return with_parts(structure).decided(nearest)
+    number, found = _nearest(parts, x[None], reach)
+    return np.asarray(parts[number][0].at.placed(found[0].x[None])[0])
 
 
 def isotropic_sheet_at(structure: Structure, x: Array) -> tuple[Shell, float] | None:
     """The isotropic sheet nearest to x (3,), and the size [m] of its cell there; None of others."""
     parts = with_parts(structure).fields(np.zeros((structure.rows, 1)), None)
-
-    def found() -> tuple[Shell, float] | None:
-        number, closest = _nearest(parts, x[None], Reach("the point of the contact", np.inf))
-        part = parts[number][0].part
-        material = part.material_at(closest[0])
-        return (material, size_at(part.mesh, closest[0])) if isinstance(material, Shell) else None
-
-    return with_parts(structure).decided(found)
+    number, closest = _nearest(parts, x[None], Reach("the point of the contact", np.inf))
+    part = parts[number][0].part
+    material = part.material_at(closest[0])
+    return (material, size_at(part.mesh, closest[0])) if isinstance(material, Shell) else None
 
 
 def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
@@ -310,11 +302,7 @@ def recovered(
     if second_order:
         parts = _whole(parts)
     shares = [shares_of(structure, quantity, member) for member, _ in parts]
-
-    def work() -> Array:
-        return _recovered(parts, points, quantity, place, reach, shares)
-
-    return with_parts(structure).decided(work)
+    return _recovered(parts, points, quantity, place, reach, shares)
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:

@@ -24,7 +24,7 @@ from antiosc.fem.assembly.assembled import (
     Added,
     AssembledMatrices,
     RigidDofs,
-    block_of,
+    as_petsc,
     modes_of,
     reduced,
     stacked,
@@ -47,12 +47,9 @@ from antiosc.fem.assembly.parts import (
     checked_parts,
     checked_places,
     checked_points,
-    communicator,
-    on_every_rank,
 )
-from antiosc.fem.assembly.shares import Shares
 from antiosc.fem.linalg.solver import checked_choice
-from antiosc.fem.platform import collective, on_root
+from antiosc.fem.platform import collective
 from antiosc.fem.structure import TURN, Placement
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.structure import Structure, holding
@@ -434,40 +431,26 @@ def assemble_checked(
     part."""
     start_time = clock()
     solver = checked_choice(solver)
-    members_by_name = checked_parts(parts)
-    comm = communicator(members_by_name)
-    members = on_every_rank(members_by_name, comm)
+    members = checked_parts(parts)
     layout = Layout(members, checked_places(members, at), checked_points(members, points))
-    constraints_on_root: list[Constraints] = []  # what rank 0 does not send to others
+    joined = _joined(layout, joints, supports, attachments_of(attached), apart)
+    eliminated = joined.eliminated
+    K, M = reduced(layout, eliminated, joined.added)
+    modes, shift = modes_of(layout, K, M, eliminated, *joined.motions)
+    if modes.shape[1] == np.count_nonzero(~eliminated.dependent):  # a rigid body: K is rounding
+        K = as_petsc("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr(), layout)
 
-    def work() -> _Joined:
-        joined_parts, constraints = _joined(
-            layout, joints, supports, attachments_of(attached), apart
-        )
-        constraints_on_root.append(constraints)
-        return joined_parts
-
-    joined_parts = on_root(comm, work)
-    layout.points = joined_parts.points
-    local = Shares(comm, layout, block_of(layout), members_by_name)
-    dependent = joined_parts.eliminated.dependent
-    K, M = reduced(local, joined_parts.eliminated, joined_parts.added)
-    modes, shift = modes_of(layout, local, K, M, joined_parts.eliminated, *joined_parts.motions)
-    if modes.shape[1] == np.count_nonzero(~dependent):  # a rigid body: its K is rounding
-        rows = scipy.sparse.diags(dependent.astype(float)).tocsr()[local.rows]
-        K = local.matrix("K", rows)
     matrices = AssembledMatrices(
         K,
         M,
-        np.flatnonzero(local.own(dependent)),
+        np.flatnonzero(eliminated.dependent),
         modes,
         shift,
         solver,
         layout=layout,
-        eliminated=joined_parts.eliminated,
-        added=joined_parts.added,
-        local=local,
-        constraints=constraints_on_root[0] if constraints_on_root else None,
+        eliminated=eliminated,
+        added=joined.added,
+        constraints=joined.constraints,
     )
     self = holding(matrices, start_time)
     self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
@@ -476,9 +459,9 @@ def assemble_checked(
 
 @dataclass(frozen=True, eq=False)
 class _Joined:
-    """The results of an assembly on rank 0."""
+    """Parts that are joined, before their matrices are."""
 
-    points: dict[str, Array]  # all reference points, those that joints bring included
+    constraints: Constraints
     eliminated: Eliminated
     added: Added
     #: rigid motions (n, r), mechanisms (n, m), the bodies that move in them
@@ -491,8 +474,8 @@ def _joined(
     supports: Sequence[Support],
     attached: Sequence[PointMass | Spring | Damper],
     allow_apart: bool,
-) -> tuple[_Joined, Constraints]:
-    """(results, constraints) of parts that are complete on this rank."""
+) -> _Joined:
+    """The constraints and terms of all joints, supports and attachments."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
@@ -523,7 +506,7 @@ def _joined(
     motions = assembled.free_motions(layout, C, fixed, scale)
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
     warn_of_motions(layout, *motions, supported=supported)
-    return _Joined(layout.points, eliminated, added, motions), constraints
+    return _Joined(constraints, eliminated, added, motions)
 
 
 # -- the dofs

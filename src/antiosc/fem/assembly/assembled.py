@@ -18,15 +18,14 @@ import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from antiosc.base import process
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
 from antiosc.base.checks import floats
 from antiosc.base.errors import AccuracyError, InputError, name_list, warn
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded, row_numbers
-from antiosc.fem.assembly.shares import Share, Shares
 from antiosc.fem.linalg.algebra import by_strains, dot, force_ratios, multiply
-from antiosc.fem.linalg.petsc_algebra import PRODUCT
-from antiosc.fem.platform import on_root
+from antiosc.fem.linalg.petsc_algebra import PRODUCT, from_csr, with_entries
 from antiosc.fem.structure import (
     SHIFT,
     Dissipation,
@@ -196,7 +195,6 @@ MECHANISM_FORCE = 1e-9
 
 def modes_of(
     layout: Layout,
-    local: Shares,
     K: Matrix,
     M: Matrix,
     eliminated: Eliminated,
@@ -204,15 +202,14 @@ def modes_of(
     mechanisms: Array,
     moving: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
-    """(M-orthonormal strain-free motions (rows of this rank, r), first shift)."""
-    motions = local.own(eliminated.coordinates(np.hstack([rigid, mechanisms])))
-    comm = local.comm
+    """(M-orthonormal strain-free motions (n, r), first shift)."""
+    comm = MPI.COMM_SELF
+    motions = eliminated.coordinates(np.hstack([rigid, mechanisms]))
     modes = orthonormal(comm, M, motions)
     if modes.shape[1] < motions.shape[1]:
         values, rotation = np.linalg.eigh(dot(comm, motions, multiply(M, motions)))
-        massless_motions = eliminated.T @ local.whole(
-            motions @ rotation[:, values <= IDLE_MASS * values[-1]]
-        )
+        massless = motions @ rotation[:, values <= IDLE_MASS * values[-1]]
+        massless_motions = eliminated.T @ massless
         points = [body for body in moving if np.abs(massless_motions[body.rows]).max() > STILL]
         raise InputError(
             "a reference point moves without resistance and without mass: "
@@ -220,11 +217,10 @@ def modes_of(
         )
     if not modes.shape[1]:
         return modes, 0.0
-    u = eliminated.T @ local.whole(modes)
+
+    u = eliminated.T @ modes
     threshold = AT_REST * np.abs(u).max()
-    force = max(
-        _force_ratio(local.of[m.name], u, u[m.rows], threshold) for m in layout.members.values()
-    )
+    force = max(_force_ratio(m.part.K, u[m.rows], threshold) for m in layout.members.values())
     if force > MECHANISM_FORCE:
         raise AccuracyError(
             f"a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = {force:.1e}, "
@@ -237,25 +233,19 @@ def modes_of(
     places = layout.places
     polynomial = np.column_stack(
         [
-            local.own(eliminated.coordinates(places.values(field, layout.middle, size)))
+            eliminated.coordinates(places.values(field, layout.middle, size))
             for _, field in polynomials(2 if layout.plane else 3)
         ]
     )
     return modes, SHIFT * support.first_elastic(comm, K, M, polynomial, modes)
 
 
-def _force_ratio(share: Share, u: Array, motions: Array, least: float) -> float:
-    """Largest of `force_ratios` of motions u (n, k) in a part; about 1e-16 if they do not strain
-    it.
-
-    Motions whose rows in the part, `motions` (rows, k), are below `least` count as rounding.
-    """
-    is_moving = np.abs(motions).max(axis=0) > least
-    if not is_moving.any():
+def _force_ratio(K: Matrix, motions: Array, least: float) -> float:
+    """Largest of `force_ratios` of motions (rows, k) of a part that are not below `least`."""
+    moving = motions[:, np.abs(motions).max(axis=0) > least]
+    if not moving.shape[1]:
         return 0.0
-    moving_rows = u[share.rows][:, is_moving]
-    K = share.part.K
-    return float(force_ratios(K, moving_rows, multiply(K, moving_rows)).max())
+    return float(force_ratios(K, moving, multiply(K, moving)).max())
 
 
 def warn_of_motions(
@@ -287,7 +277,6 @@ def _in_words(mechanisms: Array, moving: Sequence[RigidDofs]) -> str:
     return "; ".join(f"{name!r}: {words}" for name, words in names.items())
 
 
-Found = TypeVar("Found")
 Loads = TypeVar("Loads", Array, Sparse)
 
 
@@ -358,22 +347,16 @@ class AssembledMatrices(StructureMatrices):
     layout: Layout  # the parts in their places
     eliminated: Eliminated  # T and the dofs that depend on others
     added: Added  # what joints and attachments add
-    #: the rows of this rank; what is said of all dofs (layout, T) every rank has whole
-    local: Shares
-    #: from which T was made, the supports of the assembly first; on rank 0 alone
-    constraints: Constraints | None
+    constraints: Constraints  # from which T was made, the supports of the assembly first
 
     assembled: ClassVar[bool] = True
+    #: an assembly works on one rank
+    comm: ClassVar[MPI.Comm] = MPI.COMM_SELF
 
     @property
     def T(self) -> Sparse:
         """(n, n), u = T q; the columns of dependent dofs are empty."""
         return self.eliminated.T
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """The MPI communicator that shares the matrices."""
-        return self.local.comm
 
     @property
     def mass(self) -> float:
@@ -410,16 +393,13 @@ class AssembledMatrices(StructureMatrices):
         if self.layout.condensed:  # their sites do not tell all of their mass
             return None
         translation = self.places.rigid_motions(np.zeros(3))[:, :3] @ direction
+        attached_loads, _ = self.added.inertial_loads(translation[:, None])
 
-        def work() -> Array:  # by one rank: the form is compiled once
-            of_parts = np.zeros(self.layout.count)
-            load = self.added.inertial_loads(translation[:, None])[0][:, 0]
-            for member in self.layout.members.values():
-                local_direction = member.at.rotation.T @ direction
-                of_parts[member.rows] = member.part.uniform_inertia(local_direction)
-            return np.asarray(self.T.T @ of_parts + load)
-
-        return self.local.own(on_root(self.comm, work))
+        of_parts = np.zeros(self.layout.count)
+        for member in self.layout.members.values():
+            local_direction = member.at.rotation.T @ direction
+            of_parts[member.rows] = member.part.uniform_inertia(local_direction)
+        return np.asarray(self.T.T @ of_parts + attached_loads[:, 0])
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
@@ -428,15 +408,15 @@ class AssembledMatrices(StructureMatrices):
         point = self.layout.middle
         motions = self.places.rigid_motions(point)
         attached_loads, S = self.added.inertial_loads(motions)
-        loads = self.local.of_parts(MeshedStructure.inertial_loads, motions)
-        S += self.comm.allreduce(motions.T @ loads)
-        loads = self.local.summed(np.asarray(self.T.T @ loads)) + self.local.own(attached_loads)
+        loads = of_members(self.layout, MeshedStructure.inertial_loads, motions)
+        S += motions.T @ loads
+        loads = np.asarray(self.T.T @ loads) + attached_loads
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     @property
     def rigid_motions(self) -> Array:
         motions = self.eliminated.coordinates(self.layout.places.rigid_motions(self.layout.middle))
-        return self.local.own(motions[:, np.abs(motions).max(axis=0) > 0])
+        return motions[:, np.abs(motions).max(axis=0) > 0]
 
     def describe(self, dofs: int) -> str:
         names = self.layout.names
@@ -450,12 +430,11 @@ class AssembledMatrices(StructureMatrices):
     def dissipation(self) -> list[Dissipation]:
         """All damping terms on q: dashpots, Maxwell branches, relaxing layers, damping of
         superelements."""
-        rows = self.local.rows
-        terms = [replace(term, G=term.G[:, rows]) for term in self.added.dissipation()]
+        terms = self.added.dissipation()
         for member in self.layout.members.values():
             T = self.T[member.rows]
             dashpots = [term for term in member.part.dissipation() if term.matrix is None]
-            terms += [replace(term, G=(term.G @ T)[:, rows]) for term in dashpots]
+            terms += [replace(term, G=term.G @ T) for term in dashpots]
         return terms + self._layers
 
     @cached_property
@@ -466,11 +445,11 @@ class AssembledMatrices(StructureMatrices):
         for part in self.layout.condensed.values():
             if part.part.C is not None:
                 T = self.T[part.rows]
-                C = (T.T @ scipy.sparse.csr_matrix(part.part.C) @ T).tocsr()[self.local.rows]
+                C = (T.T @ scipy.sparse.csr_matrix(part.part.C) @ T).tocsr()
                 C.sort_indices()
-                terms.append(Dissipation(matrix=self.local.matrix("C", C)))
-        for name, share in self.local.of.items():
-            for term in share.part.dissipation():
+                terms.append(Dissipation(matrix=as_petsc("C", C, self.layout)))
+        for name, member in self.layout.members.items():
+            for term in member.part.dissipation():
                 if term.matrix is None:
                     continue
                 key = name, id(term.matrix)
@@ -483,19 +462,19 @@ class AssembledMatrices(StructureMatrices):
     def _on_q(self, matrices: Mapping[str, PETSc.Mat]) -> PETSc.Mat:
         """Tᵀ A T of the assembly for the matrices A of some parts."""
         zero_matrix = Sparse((self.layout.count,) * 2)
-        K = _projected(self.local, self.eliminated, self.local.rows_of(matrices), zero_matrix)
-        return self.local.matrix("K", K)
+        blocks = block_diagonal(self.layout, matrices)
+        return as_petsc("K", _projected(self.T, blocks, zero_matrix), self.layout)
 
     @property
     def lossy(self) -> bool:
         return any(member.part.lossy for member in self.layout.members.values())
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        parts = [share for share in self.local.of.values() if share.part.lossy]
+        parts = [member for member in self.layout.members.values() if member.part.lossy]
         if not parts:
             return None
         u = self.expanded(V)
-        of_parts = [share.part.loss_stiffness(u[share.rows]) for share in parts]
+        of_parts = [member.part.loss_stiffness(u[member.rows]) for member in parts]
         return np.asarray(np.sum([matrix for matrix in of_parts if matrix is not None], axis=0))
 
     # -- from u to the parts
@@ -513,39 +492,24 @@ class AssembledMatrices(StructureMatrices):
             raise InputError(f"the assembly has no part {name!r}; {parts}.")
         return [self.layout.members[name]]
 
-    #: every rank has u whole and works alone
-    workers: ClassVar[MPI.Comm] = MPI.COMM_SELF
-
     @property
     def places(self) -> DofPlaces:
         """Node, direction and kind of each dof of u."""
         return self.layout.places
 
     def expanded(self, q: Array) -> Array:
-        """Motions u of the whole assembly for columns q (rows of this rank, k)."""
-        return np.asarray(self.T @ self.local.whole(q))
+        """Motions u of the whole assembly for columns q (n, k)."""
+        return np.asarray(self.T @ q)
 
     def joined(self, loads: Loads, rows: slice = slice(None)) -> Loads:
-        """Loads on the given rows of u, as loads on the whole vector q."""
+        """Loads on the given rows of u, as loads on q."""
         return self.T[rows].T @ loads
 
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
-        """(part, shapes on its dofs (rows, k)) of all parts, or of part `name`, for columns of q.
-
-        All ranks must call it.
-        """
+        """(part, shapes on its dofs (rows, k)) of all parts, or of part `name`."""
         members = self.members(name)
         u = self.expanded(shapes)
         return [(member, u[member.rows]) for member in members]
-
-    def decided(self, work: Callable[[], Found]) -> Found:
-        """The result of `work()` on rank 0, sent to all ranks: rounding could change a decision
-        between ranks."""
-        return on_root(self.comm, work)
-
-    def own(self, rows: Array) -> Array:
-        """The rows of this rank of a complete vector, as `decided` returns it."""
-        return self.local.own(rows)
 
 
 def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
@@ -567,41 +531,79 @@ def block_of(layout: Layout) -> int:
     return int(np.gcd(blocks.pop(), POINT_DOFS if has_points else 0))
 
 
-def reduced(local: Shares, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
+def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
     """(K, M) of the joined parts: Tᵀ K T and Tᵀ M T, with 1 on the diagonal of K at dependent
     dofs.
     """
-    parts = {name: share.part for name, share in local.of.items()}
-    diagonal = scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr()
-    rows = local.rows_of({name: part.K for name, part in parts.items()})
-    K = local.matrix("K", _projected(local, eliminated, rows, added.K + diagonal))
-    rows = local.rows_of({name: part.M for name, part in parts.items()})
-    M = local.matrix("M", _projected(local, eliminated, rows, added.M))
+    T = eliminated.T
+    parts = {name: member.part for name, member in layout.members.items()}
+    small = added.K + scipy.sparse.diags(eliminated.dependent.astype(float))
+
+    blocks = block_diagonal(layout, {name: part.K for name, part in parts.items()})
+    K = as_petsc("K", _projected(T, blocks, small), layout)
+
+    blocks = block_diagonal(layout, {name: part.M for name, part in parts.items()})
+    M = as_petsc("M", _projected(T, blocks, added.M), layout)
+
     if any(by_strains(part.K) for part in parts.values()):
-        K.setAttr(PRODUCT, _product(local, eliminated, added))
+        K.setAttr(PRODUCT, _product(layout, T, small.tocsr()))
     return K, M
 
 
-def _projected(local: Shares, eliminated: Eliminated, K: Sparse, added: Sparse) -> Sparse:
-    """The rows of this rank of Tᵀ K T + added; `K` (m, n) holds the same rows of K and is
-    overwritten.
+def block_diagonal(layout: Layout, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
+    """The block-diagonal matrix (n, n) of the matrices of some parts."""
+    counts = np.zeros(layout.count, dtype=PETSc.IntType)
+    indices = [np.zeros(0, PETSc.IntType)]
+    data = [np.zeros(0)]
+    for name, matrix in matrices.items():  # in the order of their dofs
+        rows = layout.members[name].rows
+        pointers, columns, values = with_entries(matrix).getValuesCSR()
+        counts[rows] = np.diff(pointers)
+        indices.append(columns + rows.start)
+        data.append(values)
+
+    pointers = np.append(0, np.cumsum(counts))
+    arrays = np.concatenate(data), np.concatenate(indices), pointers
+    result = Sparse(arrays, shape=(layout.count, layout.count))
+    result.has_canonical_format = True  # as those of PETSc have: no search for duplicates
+    process.trim_heap()
+    return result
+
+
+def of_members(layout: Layout, work: Callable[[MeshedStructure, Array], Array], u: Array) -> Array:
+    """work(part, its rows of u (n, k)) of all parts, on u (n, k)."""
+    result = np.zeros(u.shape)
+    for member in layout.members.values():
+        result[member.rows] = work(member.part, u[member.rows])
+    return result
+
+
+def as_petsc(name: str, matrix: Sparse, layout: Layout) -> PETSc.Mat:
+    """A matrix (n, n) of q in PETSc, with the block size of the nodes."""
+    result = from_csr(name, matrix)
+    block = block_of(layout)
+    result.setBlockSizes(block, block)
+    return result
+
+
+def _projected(T: Sparse, K: Sparse, added: Sparse) -> Sparse:
+    """Tᵀ K T + added; K is overwritten.
 
     With E the identity on the dofs that stay and D the rows of T of the others, the first term is
-    E K E + E K D + Dᵀ K E + Dᵀ K D, in which all products except E K E are small: every rank has
-    them whole.
+    E K E + E K D + Dᵀ K E + Dᵀ K D, in which all products except E K E are small.
     """
-    unchanged = _unchanged(eliminated.T)
+    unchanged = _unchanged(T)
     dofs = np.flatnonzero(~unchanged)
-    rows = np.flatnonzero(~unchanged[local.rows])
-    forces = local.added((K[rows].T @ eliminated.T[local.rows][rows]).tocsr())  # K symmetric
+    forces = (K[dofs].T @ T[dofs]).tocsr()  # K symmetric
     coupling = (scipy.sparse.diags(unchanged.astype(float)) @ forces).tocsr()
-    projected = (eliminated.T[dofs].T @ forces[dofs]).tocsr()
+    projected = (T[dofs].T @ forces[dofs]).tocsr()
     small = (coupling + coupling.T + (projected + projected.T) / 2 + added).tocsr()
     small.sum_duplicates()
-    for row in rows:
-        K.data[K.indptr[row] : K.indptr[row + 1]] = 0.0
+
+    for dof in dofs:
+        K.data[K.indptr[dof] : K.indptr[dof + 1]] = 0.0
     K.data[~unchanged[K.indices]] = 0.0
-    result = (K + local.own(small)).tocsr()
+    result = (K + small).tocsr()
     result.eliminate_zeros()
     result.sort_indices()
     return result
@@ -616,19 +618,14 @@ def _unchanged(T: Sparse) -> BoolArray:
     return unchanged
 
 
-def _product(local: Shares, eliminated: Eliminated, added: Added) -> Callable[[Array], Array]:
-    """Function that multiplies rows of this rank by the K of the assembly, by the products of the
-    parts."""
-    T = eliminated.T
+def _product(layout: Layout, T: Sparse, small: Sparse) -> Callable[[Array], Array]:
+    """Function that multiplies columns by the K of the assembly, by the products of the parts."""
     transposed = T.T.tocsr()
-    small = (added.K + scipy.sparse.diags(eliminated.dependent.astype(float))).tocsr()[local.rows]
 
     def force(part: MeshedStructure, u: Array) -> Array:
         return multiply(part.K, u)
 
-    def product(rows_of_rank: Array) -> Array:
-        x = local.whole(rows_of_rank)
-        forces = local.of_parts(force, T @ x)
-        return local.summed(np.asarray(transposed @ forces)) + np.asarray(small @ x)
+    def product(q: Array) -> Array:
+        return np.asarray(transposed @ of_members(layout, force, T @ q) + small @ q)
 
     return product

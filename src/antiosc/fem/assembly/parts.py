@@ -1,4 +1,4 @@
-"""The parts of an assembly: their meshes whole on every rank, and superelements of a few dofs.
+"""The parts of an assembly: meshes on one rank, and superelements of a few dofs.
 
 A superelement is an anti-oscillator model of several sites (the form of Craig and Bampton, see
 `antiosc.models.model_file`), or given matrices whose nodes have coordinates. Joints act on
@@ -13,16 +13,13 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse
-from mpi4py import MPI
 
 from antiosc.base import checks
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import coordinates, shown
-from antiosc.base.errors import InputError, name_list, without_warnings
+from antiosc.base.errors import InputError, name_list
 from antiosc.engine.damping import DampingMatrix
 from antiosc.fem.linalg import algebra
-from antiosc.fem.mesh import Mesh, local_groups
-from antiosc.fem.platform import agreed, alike, compat
 from antiosc.fem.structure import (
     AMPLITUDE,
     MOVE,
@@ -313,7 +310,13 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
     if isinstance(part.matrices, NodalMatrices):
         return matrix_superelement(name, part.matrices)
     text = "the part {!r} has no mesh, and its matrices no map= of nodes, dofs and coordinates."
-    return on_mesh(part, text.format(name))
+    meshed = on_mesh(part, text.format(name))
+    if meshed.comm.size > 1:
+        raise InputError(
+            f"an assembly works on one rank, and the part {name!r} is spread over "
+            f"{meshed.comm.size}: read its mesh with comm=MPI.COMM_SELF, or start one process."
+        )
+    return meshed
 
 
 def checked_places(members: Mapping[str, object], at: object) -> dict[str, Placement]:
@@ -340,81 +343,3 @@ def checked_points(members: Mapping[str, object], points: object) -> dict[str, A
             raise InputError(f"{name!r} names both a part and a reference point.")
         result[name] = in_space(coordinates(f"points[{name!r}]", x))
     return result
-
-
-def whole(mesh: Mesh) -> Mesh:
-    """A copy of `mesh` on this rank alone, with the same nodes, cells and groups on every rank.
-
-    All ranks of the mesh must call it. Nodes keep the numbers with which the mesh was made, cells
-    the order in which they were given.
-    """
-    numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices, dtype=np.int64)
-    of_ranks = mesh.comm.allgather((numbers, mesh.dolfinx.geometry.x[:, : mesh.gdim]))
-    last = max((int(of_rank.max()) for of_rank, _ in of_ranks if len(of_rank)), default=-1)
-    points = np.zeros((last + 1, mesh.gdim))  # zero for numbers that no cell uses
-    for of_rank, x in of_ranks:
-        points[of_rank] = x
-    count = compat.cell_map(mesh.dolfinx).size_local
-    original = np.asarray(mesh.dolfinx.topology.original_cell_index)[:count]
-    nodes = numbers[compat.geometry_nodes(mesh.dolfinx)[:count]]
-    original, nodes = (
-        np.concatenate(pair) for pair in zip(*mesh.comm.allgather((original, nodes)), strict=True)
-    )
-    cells = np.ascontiguousarray(nodes[np.argsort(original, kind="stable")])
-    copy = compat.create_mesh(MPI.COMM_SELF, cells, points, mesh.cell, mesh.order)
-    return Mesh(copy, local_groups(copy, _groups(mesh, numbers)), mesh.name)
-
-
-def _groups(mesh: Mesh, numbers: IntArray) -> dict[str, dict[int, IntArray]]:
-    """The vertices of the entities in each group on all ranks, by the node numbers `numbers`."""
-    # a collective call of dolfinx: for every dimension on all ranks
-    vertices = [numbers[compat.entity_vertices(mesh.dolfinx, d)] for d in range(mesh.tdim + 1)]
-    local = {
-        name: {dim: vertices[dim][entities] for dim, entities in parts.items()}
-        for name, parts in mesh.groups.items()
-    }
-    joined: dict[str, dict[int, IntArray]] = {name: {} for name in local}
-    for part in mesh.comm.allgather(local):
-        for name, parts in part.items():
-            for dim, entities in parts.items():
-                earlier = joined[name].get(dim)
-                joined[name][dim] = entities if earlier is None else np.vstack([earlier, entities])
-    return joined
-
-
-def communicator(parts: Mapping[str, MeshedStructure | Superelement]) -> MPI.Comm:
-    """The communicator that shares all parts; InputError if they have different ones.
-
-    Parts that every rank has for itself fit any.
-    """
-    meshed = {n: part.comm for n, part in parts.items() if isinstance(part, MeshedStructure)}
-    shared_comms = {name: comm for name, comm in meshed.items() if comm.size > 1}
-    for name, comm in shared_comms.items():
-        first, first_comm = next(iter(shared_comms.items()))
-        if not alike(comm, first_comm):
-            raise InputError(
-                f"the parts {first!r} and {name!r} are shared by different MPI ranks: read their "
-                "meshes with the same comm."
-            )
-    return next(iter({**shared_comms, **meshed}.values()))
-
-
-def on_every_rank(
-    parts: Mapping[str, MeshedStructure | Superelement], comm: MPI.Comm
-) -> dict[str, MeshedStructure | Superelement]:
-    """Copies of the parts without matrices, whole on every rank; all ranks must call it."""
-    if comm.size == 1:
-        return dict(parts)
-    copies: dict[int, MeshedStructure] = {}  # one Structure may have several names
-    distributed = [p for p in parts.values() if not isinstance(p, Superelement) and p.comm.size > 1]
-    meshes = {
-        id(part): (part, whole(part.mesh)) for part in {id(p): p for p in distributed}.values()
-    }
-
-    def work() -> None:
-        for key, (part, mesh) in meshes.items():
-            with without_warnings():  # they were told of the part
-                copies[key] = part.again(mesh, bare=True)
-
-    agreed(comm, work)
-    return {name: copies.get(id(part), part) for name, part in parts.items()}

@@ -241,7 +241,7 @@ class _SpinningMasses:
     """
 
     def __init__(self, part: MeshedStructure, spin: Spin) -> None:
-        self._M = with_entries(part.with_matrices().M).copy()
+        self._M = with_entries(part.M).copy()
         of_cells = compat.assemble(part.form.mass, part.form.space, part.conditions, 0.0)
         self._M.axpy(-1.0, of_cells, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         start, centrifugal = accelerations(part.places, spin)

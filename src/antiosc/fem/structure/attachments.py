@@ -224,8 +224,6 @@ class Matrices:
     M: PETSc.Mat
     #: dofs of this rank, ghosts included, that the supports hold
     fixed: IntArray
-    #: whether K and M have what is added alone
-    bare: bool = False
 
 
 @dataclass(frozen=True)
@@ -395,8 +393,7 @@ def add_beams(
     matrices = [
         compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass)
     ]
-    pattern = PETSc.Mat.Structure
-    kind = pattern.UNKNOWN_NONZERO_PATTERN if structure.bare else pattern.SUBSET_NONZERO_PATTERN
+    kind = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
     for matrix, beam_matrix in zip((structure.K, structure.M), matrices, strict=True):
         matrix.axpy(1.0, beam_matrix.ptap(T), structure=kind)
     directions = np.zeros((compat.local_size(form.space), 3))

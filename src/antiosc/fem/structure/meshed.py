@@ -31,7 +31,7 @@ from antiosc.fem.elements.weak_form import (
     restricted,
 )
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, empty, of_cells
+from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
 from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.linalg.two_levels import without
@@ -156,8 +156,7 @@ class MeshedStructure(StructureMatrices):
     total_mass: float  # kg
     #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
     attached_inertia: Array
-    #: gives the same structure of a copy of its mesh, for instance on other ranks, or with other
-    #: supports, or without matrices
+    #: gives the same structure of another mesh with its groups, or with other supports
     again: Callable[..., MeshedStructure]
     supports: Sequence[Support] = ()
     #: the beams on the edges of a sheet, by group
@@ -178,8 +177,6 @@ class MeshedStructure(StructureMatrices):
     halves: dict[bytes, MeshedStructure] = field(default_factory=dict)
     #: the same without its prestress
     unloaded: MeshedStructure | None = None
-    #: whether its matrices were not made
-    bare: bool = False
     #: strains free of stress of the cells (n,): strains are then of second order; None: linear
     initial: Array | None = None
 
@@ -200,17 +197,7 @@ class MeshedStructure(StructureMatrices):
         """Number of dofs of a node."""
         return int(self.form.space.dofmap.index_map_bs)
 
-    def with_matrices(self) -> MeshedStructure:
-        """The structure with its matrices; they are assembled if they were left out."""
-        if not self.bare:
-            return self
-        with without_warnings():
-            return self.again(self.mesh)
-
     # -- the one part of an assembly without joints: the dofs u of all parts are those of K and M
-
-    #: the ranks that work on u together: each has its own rows
-    workers = comm
 
     def members(self, name: str | None = None) -> list[Member]:
         """The structure as its only part; InputError if another part is named."""
@@ -236,14 +223,6 @@ class MeshedStructure(StructureMatrices):
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
         """[(part, its rows)] of `shapes` (rows of this rank, k)."""
         return [(member, shapes) for member in self.members(name)]
-
-    def decided(self, work: Callable[[], T]) -> T:
-        """The result of `work()`: all ranks compute the same (see `AssembledMatrices.decided`)."""
-        return work()
-
-    def own(self, rows: T) -> T:
-        """The rows unchanged: a result of `decided` holds those of this rank."""
-        return rows
 
     @property
     def kind(self) -> Kind:
@@ -523,12 +502,8 @@ def assembled(
     order: int,
     attached: Sequence[Attachment],
     solver: SolverChoice,
-    bare: bool = False,
 ) -> MeshedStructure:
-    """The matrices of a mesh; parameters and errors are those of `Structure`.
-
-    `bare`: without the entries of the matrices and without rigid-body modes.
-    """
+    """The matrices of a mesh; parameters and errors are those of `Structure`."""
     if not isinstance(mesh, Mesh):
         raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
     order = whole("order", order)
@@ -551,11 +526,8 @@ def assembled(
     form = parts[0][0].weak_form(mesh, parts, order)
     conditions = fixed_dofs(mesh, form, checked_supports)
     with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
-        by_cells = None if bare else cell_by_cell(mesh, form, parts, conditions)
-        if bare:
-            rows = compat.local_size(form.space)
-            K, M = empty(rows, mesh.comm), empty(rows, mesh.comm)
-        elif by_cells is not None:
+        by_cells = cell_by_cell(mesh, form, parts, conditions)
+        if by_cells is not None:
             K = of_cells(by_cells, 1.0, 0.0)
             M = of_cells(by_cells, 0.0, 1.0)
         else:
@@ -568,18 +540,16 @@ def assembled(
     mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
     # What is added to K, apart where K is taken by its strains or its cells.
     stored, heavier = (K, M) if by_cells is None else by_cells.added
-    by_strains = form.strains is not None and not bare
-    if by_strains:
+    if form.strains is not None:
         stored = K.duplicate()
         stored.zeroEntries()
-    assembled_matrices = Matrices(mesh, form, stored, heavier, fixed, bare)
+    assembled_matrices = Matrices(mesh, form, stored, heavier, fixed)
     on_edges = {
         name: add_beams(assembled_matrices, name, beam, edges) for name, beam, edges in beams
     }
     edge_materials = [entry for entry, _ in on_edges.values()]
     edge_materials += [add_at_points(assembled_matrices, entry) for entry in attachments]
-    if by_strains:
-        assert form.strains is not None
+    if form.strains is not None:
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
         _take_by_strains(K, S, stored, fixed)
@@ -591,11 +561,7 @@ def assembled(
     )
     held_by = [spring for entry in edge_materials for spring in entry.springs]
     springs = np.column_stack([attached_inertia[:, :0], *(s.G.toarray().T for s in held_by)])
-    modes, shift = np.zeros((len(springs), 0)), 0.0
-    if bare:
-        K = M = None
-    else:
-        modes, shift = support.mesh_modes(form, fixed, K, M, springs)
+    modes, shift = support.mesh_modes(form, fixed, K, M, springs)
     if conditions and modes.shape[1]:
         motions = support.described(mesh, form, modes)
         warn(
@@ -605,9 +571,7 @@ def assembled(
         )
     materials_by_group = dict(material) if isinstance(material, Mapping) else material
 
-    def reassembled(
-        copy: Mesh, supports: Sequence[Support] = checked_supports, bare: bool = False
-    ) -> MeshedStructure:
+    def reassembled(copy: Mesh, supports: Sequence[Support] = checked_supports) -> MeshedStructure:
         return assembled(
             copy,
             materials_by_group,
@@ -615,7 +579,6 @@ def assembled(
             order=order,
             attached=attachments,
             solver=solver,
-            bare=bare,
         )
 
     thickness, along_line = _stretched(mesh, form, fixed, [entry for entry, _ in parts])
@@ -637,7 +600,6 @@ def assembled(
         dampers=[damper for entry in edge_materials for damper in entry.dampers],
         springs=held_by,
         conditions=conditions,
-        bare=bare,
         doubts=doubts,
         thickness=None if along_line else thickness,
         bends=thickness if along_line and parts[0][0].kind.sheet else None,

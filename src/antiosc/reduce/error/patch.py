@@ -38,8 +38,7 @@ def patch_of(structure: Structure, site: Functional) -> PatchData | None:
     direction = (site.direction @ member.at.rotation)[None]
 
     def of_radius(radius: float) -> Sites:
-        radii = np.array([radius])
-        return matrices.decided(lambda: located(member.part, point, direction, radii))
+        return located(member.part, point, direction, np.array([radius]))
 
     first = of_radius(site.radius)
     facts: PatchData = {"faces": float(first.size[0]), "cut": float(first.share[0] < WHOLE_PATCH)}
@@ -51,7 +50,7 @@ def patch_of(structure: Structure, site: Functional) -> PatchData | None:
             break
     else:
         return facts
-    b = matrices.own(matrices.joined(second.loads[:, 0].toarray().ravel(), member.rows))
+    b = matrices.joined(second.loads[:, 0].toarray().ravel(), member.rows)
     # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
     solution = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
     change = float(dot(structure.comm, solution, b + site.b))

@@ -53,7 +53,7 @@ class Recovery:
     def energies(self, model: AntiOscillators, part: str | None) -> tuple[Array, None]:
         """Energies and products (N + 1, N + 1) of the errors of the shapes of a model."""
         fields = self._matrices.fields(np.asarray(model.shapes))
-        grams = self._matrices.decided(lambda: [gram(member.part, u) for member, u in fields])
+        grams = [gram(member.part, u) for member, u in fields]
         return np.sum(grams, axis=0), None
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:

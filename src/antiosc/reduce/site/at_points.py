@@ -50,12 +50,8 @@ AS_NEAR = 1e-9
 
 def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functional]:
     """Load vectors of sites at points, computed in one pass; errors as in `functionals`."""
-
-    def work() -> list[Functional]:
-        loads = before_joining(structure, sites, lambda member: member.part)
-        return [_on_q(structure, *pair) for pair in zip(sites, loads, strict=True)]
-
-    return [_mapped(structure.own, loads) for loads in structure.decided(work)]
+    loads = before_joining(structure, sites, lambda member: member.part)
+    return [_on_q(structure, *pair) for pair in zip(sites, loads, strict=True)]
 
 
 def _mapped(change: Callable[[Array], Array], functional: Functional) -> Functional:
@@ -69,7 +65,7 @@ def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functio
     move.
     """
     on_q = _mapped(structure.joined, functional)
-    comm = structure.workers
+    comm = structure.comm
     if norm(comm, on_q.b) <= LEAST_FREE_SHARE * norm(comm, functional.b):
         assert functional.point is not None
         place = repr(site.point) if isinstance(site.point, str) else f"at {text(functional.point)}"

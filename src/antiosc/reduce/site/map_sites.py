@@ -172,28 +172,21 @@ def sites_of(
     `where` None: on all surfaces; `most`: on each surface at most so many. InputError if no site of
     a named surface can move.
     """
-
-    def work() -> MapSites:
-        names = targets(where)
-        if where is None:
-            surfaces = [
-                _on_part(structure, member, None, direction, radius, member.name, most)
-                for member in structure.members()
-            ]
-            return movable(concatenated(surfaces), None)
-        if names is None:
-            return _at_points(structure, where, direction, radius)
-        surfaces = []
-        for name in names:
-            member, group = _part_and_group(structure, name)
-            on_part = _on_part(structure, member, group, direction, radius, name, most)
-            surfaces.append(movable(on_part, name))
-        return concatenated(surfaces)
-
-    surfaces = structure.decided(work)
-    return replace(
-        surfaces, sites=replace(surfaces.sites, loads=structure.own(surfaces.sites.loads))
-    )
+    names = targets(where)
+    if where is None:
+        surfaces = [
+            _on_part(structure, member, None, direction, radius, member.name, most)
+            for member in structure.members()
+        ]
+        return movable(concatenated(surfaces), None)
+    if names is None:
+        return _at_points(structure, where, direction, radius)
+    surfaces = []
+    for name in names:
+        member, group = _part_and_group(structure, name)
+        on_part = _on_part(structure, member, group, direction, radius, name, most)
+        surfaces.append(movable(on_part, name))
+    return concatenated(surfaces)
 
 
 def movable(sites: MapSites, where: object) -> MapSites:

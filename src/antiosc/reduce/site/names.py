@@ -62,12 +62,8 @@ def point_of(
     without_mesh = motion_of(matrices, point)
     if without_mesh is not None:
         return without_mesh.point, None, without_mesh
-
-    def work() -> tuple[Array, str | None]:
-        member, point_in_part = middle_of(matrices, point)
-        return member.at.placed(point_in_part[None])[0], member.name or None
-
-    return *matrices.decided(work), None
+    member, point_in_part = middle_of(matrices, point)
+    return member.at.placed(point_in_part[None])[0], member.name or None, None
 
 
 def middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:

@@ -94,8 +94,7 @@ class Released:
         self._motions = np.zeros((0, 0))
         self._springs: list[Element] = []
         self._damping: list[Element] = []
-        self.centres, forces = matrices.decided(lambda: self._released(supports))
-        self.pulled: Array = matrices.own(forces)
+        self.centres, self.pulled = self._released(supports)
 
     def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
         """(M g, M r), rows of this rank, for the motions g of the supports and rigid motions r.
@@ -103,14 +102,8 @@ class Released:
         `following` (rows of this rank, 6 S): the motions of the free dofs due to those of the
         supports; `rigid` as in `applied`.
         """
-        motions_of_u = self._of.expanded(following)
-
-        def work() -> tuple[Array, Array]:
-            self._motions = self._motions + motions_of_u
-            return self._forces("M", self._motions), self._forces("M", rigid)
-
-        products = self._of.decided(work)
-        return self._of.own(products[0]), self._of.own(products[1])
+        self._motions = self._motions + self._of.expanded(following)
+        return self._forces("M", self._motions), self._forces("M", rigid)
 
     @property
     def motions(self) -> Array:
@@ -123,20 +116,16 @@ class Released:
 
     def applied(self, sites: Sequence[Site], rigid: Array) -> tuple[Array, Array]:
         """(bᵀg (P, 6 S), bᵀr (P, 3)) for the load vectors b of the sites along their contacts."""
-
-        def work() -> tuple[Array, Array]:
-            with without_warnings():  # they were told of when the model was extracted
-                functionals_found = [self._functional(site) for site in sites]
-            b = np.column_stack(
-                [
-                    load.b
-                    for functional in functionals_found
-                    for load in (functional, *functional.across)
-                ]
-            )
-            return dot(self._of.workers, b, self._motions), dot(self._of.workers, b, rigid)
-
-        return self._of.decided(work)
+        with without_warnings():  # they were told of when the model was extracted
+            functionals_found = [self._functional(site) for site in sites]
+        b = np.column_stack(
+            [
+                load.b
+                for functional in functionals_found
+                for load in (functional, *functional.across)
+            ]
+        )
+        return dot(self._of.comm, b, self._motions), dot(self._of.comm, b, rigid)
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
         """(relaxation time, reactions (6 S, B) due to motions of the shapes (rows of this rank, B))
@@ -145,15 +134,11 @@ class Released:
         The terms of the damping are in the order of the structure's. Call `inertia` first.
         """
         u = self._of.expanded(shapes)
-
-        def work() -> list[tuple[float | None, Array]]:
-            return [(element.term.tau, self._by_damping(element, u)) for element in self._damping]
-
-        return self._of.decided(work)
+        return [(element.term.tau, self._by_damping(element, u)) for element in self._damping]
 
     def _by_damping(self, element: Element, u: Array) -> Array:
         """Reactions due to one term of the damping."""
-        comm = self._of.workers
+        comm = self._of.comm
         loads = element.loads(comm, u)
         reactions = dot(comm, self._motions, loads)
         if element.name:
@@ -166,7 +151,7 @@ class Released:
         """(grounded springs, all damping terms in the order of the structure)."""
         springs: list[Element] = []
         terms: list[Element] = []
-        comm = self._of.workers
+        comm = self._of.comm
         rigid = self._of.places.rigid_motions(np.zeros(3))
         if self._assembly:
             attached = self._assembly.added
@@ -247,13 +232,13 @@ class Released:
         forces = -self._forces("K", motions)
         for spring in self._springs:
             rigid = places.rigid_motions(centres[spring.name])
-            forces[:, column[spring.name]] += self._on_free(spring.loads(self._of.workers, rigid))
+            forces[:, column[spring.name]] += self._on_free(spring.loads(self._of.comm, rigid))
         return centres, forces
 
     def _part(self, member: Member) -> MeshedStructure:
         """A part without its supports and its prestress."""
         part = member.part.unloaded or member.part
-        if not part.supports and not part.bare:
+        if not part.supports:
             return part
         if id(part) not in self._parts:
             self._parts[id(part)] = part.unsupported()

@@ -57,23 +57,19 @@ def surface_at(
         raise InputError("the site is no point of a surface.")
     matrices = with_parts(structure, NO_SURFACE)
     corner = corner_radius(structure)
-
-    def work() -> Surface:
-        struck = _Struck.of(matrices, point, direction, part)
-        material = struck.material
-        matter = _contact_material(material)
-        if matter is None:
-            raise InputError("a plane part has no surface in space.")
-        if isinstance(material, Beam):
-            return _bar_surface(material, matter, radius)
-        curved = struck.curvature(lengths)
-        surface = placed(curved, matter, corner, radius)
-        if curved.kind in SHARP:
-            return surface
-        ball_radius, second_contact = _room(matrices, curved, radius or 0.0)
-        return replace(surface, largest_ball=ball_radius, meets=second_contact)
-
-    return matrices.decided(work)
+    struck = _Struck.of(matrices, point, direction, part)
+    material = struck.material
+    matter = _contact_material(material)
+    if matter is None:
+        raise InputError("a plane part has no surface in space.")
+    if isinstance(material, Beam):
+        return _bar_surface(material, matter, radius)
+    curved = struck.curvature(lengths)
+    surface = placed(curved, matter, corner, radius)
+    if curved.kind in SHARP:
+        return surface
+    ball_radius, second_contact = _room(matrices, curved, radius or 0.0)
+    return replace(surface, largest_ball=ball_radius, meets=second_contact)
 
 
 def _room(
@@ -131,13 +127,13 @@ def curvature_at(
         unit_direction = in_space(checks.coordinates("direction", direction, ""))
         if not unit_direction.any():
             raise InputError("direction must not be the zero vector.")
-    return matrices.decided(lambda: _Struck.of(matrices, x, unit_direction).curvature(lengths))
+    return _Struck.of(matrices, x, unit_direction).curvature(lengths)
 
 
 def material_at(structure: Structure, point: Array, direction: Array | None = None) -> Any:
     """The material of a meshed structure at its point nearest to `point` [m]."""
     matrices = with_parts(structure, NO_SURFACE)
-    return matrices.decided(lambda: _Struck.of(matrices, point, direction).material)
+    return _Struck.of(matrices, point, direction).material
 
 
 @dataclass(frozen=True)
