@@ -18,7 +18,6 @@ import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc.base import process
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
 from antiosc.base.checks import floats
 from antiosc.base.errors import AccuracyError, InputError, name_list, warn
@@ -566,7 +565,6 @@ def block_diagonal(layout: Layout, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
     arrays = np.concatenate(data), np.concatenate(indices), pointers
     result = Sparse(arrays, shape=(layout.count, layout.count))
     result.has_canonical_format = True  # as those of PETSc have: no search for duplicates
-    process.trim_heap()
     return result
 
 
