@@ -18,9 +18,9 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.choice import Choice
-from antiosc.engine.contact.cracking import cracks
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.peak_error import error_of_peak, largest_strain
+from antiosc.engine.contact.surfaces import crack_note
 from antiosc.extension import YieldingZone
 from antiosc_studies.drops.crushed import ERROR, PRESSURE
 from antiosc_studies.drops.episode import Episode
@@ -266,12 +266,9 @@ def yielding_zones(floor: Floor, episodes: Sequence[Episode]) -> list[YieldingZo
 
 
 def cracking(floor: Floor, episodes: Sequence[Episode]) -> str:
-    """Sentence on the tension beside the largest force, on a part that cracks; else ""."""
+    """Sentence that cracks of a brittle part are not computed; else ""."""
     largest = strongest(floor, episodes)
-    if largest is None or not np.isfinite(largest.radius) or not largest.radius:
-        return ""
-    pressure = largest.force / (pi * largest.radius**2)
-    return cracks(largest.body.matters, pressure).rstrip(".")
+    return "" if largest is None else crack_note(largest.body.matters).rstrip(".")
 
 
 #: Least number of vertices of a face.

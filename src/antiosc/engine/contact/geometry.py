@@ -244,15 +244,6 @@ def contact_stress(
     )
 
 
-def hertz_pressure(stiffness: float, modulus: float, force: float) -> float:
-    """Largest pressure [Pa] of Hertz's law with k_H [N m^-3/2] and E* [Pa] at a force [N].
-
-    For an elliptic contact it is that of the circular one with the same k_H. Johnson, (4.24).
-    """
-    radius = (0.75 * stiffness / modulus) ** 2
-    return float((6 * force * modulus**2 / (np.pi**3 * radius**2)) ** (1 / 3))
-
-
 def _shear_on_axis(nu: float) -> Array:
     """|σz − σr|/2 over p0 on the axis at `DEPTHS`."""
     z = DEPTHS

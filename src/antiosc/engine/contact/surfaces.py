@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from math import inf, isinf
@@ -75,6 +75,14 @@ class Matter:
 
 
 RIGID = Matter(inf)
+
+
+def crack_note(sides: Iterable[Matter]) -> str:
+    """Sentence that cracks of brittle sides of a contact are not computed; "" without any."""
+    names = dict.fromkeys(m.name or "the brittle side" for m in sides if m.tensile is not None)
+    if not names:
+        return ""
+    return f"Whether {' or '.join(names)} cracks beside the contact is not computed."
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, percent, restitution_text, rounded_up
-from antiosc.engine.contact import cracking
 from antiosc.engine.contact.choice import Choice, elastic_pressure, lacks_strength
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.half_space import (
@@ -24,7 +23,7 @@ from antiosc.engine.contact.half_space import (
 )
 from antiosc.engine.contact.laws import ElasticPlastic, Hertz
 from antiosc.engine.contact.peak_error import error_of_peak
-from antiosc.engine.contact.surfaces import Matter
+from antiosc.engine.contact.surfaces import Matter, crack_note
 from antiosc.impact.histories.parts import OneContact
 from antiosc.impact.scene_parts import find_site
 from antiosc.models.auto_contact import choice_at_sites
@@ -337,10 +336,10 @@ def unknown_dent(contact: OneContact) -> str:
 
 
 def sentence(contact: OneContact) -> str:
-    """Sentence on whether the contact yields, with its permanent indentation, and on the tension
-    beside it of what cracks; empty if nothing is known.
+    """Sentence on whether the contact yields, with its permanent indentation, and that cracks are
+    not computed; empty if nothing is known.
     """
-    return " ".join(filter(None, [_yielding(contact), cracking.sentence(contact, _sides(contact))]))
+    return " ".join(filter(None, [_yielding(contact), crack_note(_sides(contact))]))
 
 
 def _sides(contact: OneContact) -> list[Matter]:
