@@ -150,9 +150,7 @@ def test_a_site_in_a_hole_is_told_with_its_radius_and_what_can_be_done():
         choose(groove, ball(STEEL, 0.01))
     words = str(refusal.value)
     assert "groove of radius 1.90 mm" in words
-    assert "a radius of 10.0 mm" in words
     assert "below 1.71 mm" in words
-    assert "Move the site" in words
 
 
 @pytest.mark.parametrize(

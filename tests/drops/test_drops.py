@@ -18,7 +18,6 @@ from antiosc.base import progress
 from antiosc.base.cfc import memory_of
 from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.curvature import Curvature
-from antiosc.engine.contact.laws import restitution_of
 from antiosc.engine.contact.surfaces import RIGID
 from antiosc_app import falls, results
 from antiosc_studies.drops.body import free_body
@@ -33,6 +32,7 @@ from antiosc_studies.drops.touching import BODY, Touch
 from antiosc_studies.drops.trajectory import initial_state
 from antiosc_studies.drops.yielding import law_error, point_contacts
 from falling import CORNERS, HALF, G, bar, block, floating, landed, setting, started
+from law_formulas import restitution_of
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
 HARD = ao.Sphere(0.015, material="bearing steel 100Cr6")

@@ -110,3 +110,13 @@ def permanent(law: ao.ContactLaw, m: float) -> float:
     if isinstance(law, ao.YangSun):
         return m * (1 - (law.critical / m) ** 0.4) if m > law.critical else 0.0
     return law.parameters()[1] * m
+
+
+def restitution_of(d: float) -> float:
+    """Ratio e' of parting and closing speed of two free bodies for a damping factor d > 0."""
+
+    def mismatch(e: float) -> float:
+        return np.log1p(d) - d - (np.log1p(-e * d) + e * d)
+
+    high = min(1.0, (1 - 1e-15) / d)
+    return high if mismatch(high) <= 0 else float(brentq(mismatch, 0.0, high, xtol=1e-16))

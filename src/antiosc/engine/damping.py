@@ -262,22 +262,6 @@ class StackedModes:
                 rows_of_modes[:, :, span] = projected.reshape(-1, 2, first.omega.size)
         return rows_of_modes.reshape(len(values), 2 * size)
 
-    def begun(self, by_a: Array, by_b: Array) -> Array:
-        """Derivatives (J,) by the initial displacements, from those by the state (a, b)."""
-        derivatives = np.zeros(self.free)
-        for free, span, _, first in self._spans():
-            if first is None:
-                derivatives[free] = by_a[span]
-            else:
-                by_state = np.append(by_a[span], by_b[span]) @ first.inverse
-                derivatives[free] = by_state[: free.stop - free.start]
-        return derivatives
-
-    @property
-    def spans(self) -> list[slice]:
-        """The slices of the integrated modes of each body."""
-        return [span for _, span, _, _ in self._spans()]
-
     def state(self, q: Array, v: Array) -> Array:
         """First-order states (2, I) for displacements and velocities (J,) of the free modes."""
         states = np.zeros((2, self.omega.size))

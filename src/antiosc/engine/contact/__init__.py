@@ -14,7 +14,6 @@ from antiosc.engine.contact.laws import (
     Tabulated,
     Thornton,
     YangSun,
-    restitution_of,
 )
 
 __all__ = [
@@ -32,5 +31,4 @@ __all__ = [
     "Tabulated",
     "Thornton",
     "YangSun",
-    "restitution_of",
 ]

@@ -155,19 +155,16 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
 
 def _in_a_hollow(one: Surface, other: Surface) -> str:
     """Why two surfaces that fit into each other have no law, and what can be done."""
-    hollow, body = sorted((one, other), key=lambda surface: min(surface.curvatures))
-    told = "the surfaces fit into each other, which is no contact at a point: "
+    deepest = min(surface.curvatures[0] for surface in (one, other))
     remedy = "give the law of the contact (its kind and stiffness)"
-    if min(hollow.curvatures) >= 0:
-        return f"{told}{remedy}."
-    radius = -1 / min(hollow.curvatures)
-    roundest = max(body.curvatures)
-    against = f"a radius of {engineering(1 / roundest, 'm')}" if roundest > 0 else "no such radius"
-    return (
-        f"{told}the site lies in a hole or groove of radius {engineering(radius, 'm')}, and the"
-        f" other surface has {against}. Move the site out of it (in the page: click beside it),"
-        f" strike with a ball of a radius below {engineering(0.9 * radius, 'm')}, or {remedy}."
-    )
+    if deepest < 0:
+        radius = engineering(-1 / deepest, "m")
+        smaller = engineering(-0.9 / deepest, "m")
+        remedy = (
+            f"the site lies in a hole or groove of radius {radius}. Move it (in the page: click"
+            f" beside it), strike with a ball of a radius below {smaller}, or {remedy}"
+        )
+    return f"the surfaces fit into each other, which is no contact at a point: {remedy}."
 
 
 @lru_cache(maxsize=256)

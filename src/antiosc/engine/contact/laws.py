@@ -4,8 +4,8 @@ Powers F = k delta^n are Hertz's, linear, or of any exponent, elastic or with da
 grows with the indentation: F = k delta^n (1 + d delta'/v0) >= 0. v0 is the speed of approach of the
 present contact and d follows from a coefficient of restitution e. For two free rigid bodies the
 motion has the first integral d (1 + e') = ln[(1 + d)/(1 - d e')] between d and the ratio e' of
-parting and closing speed, whatever k, n and the masses (`restitution_of`); among the laws here only
-Gonthier's returns e itself. In chatter v0 -> 0 and d/v0 would grow without bound: v0 is kept above
+parting and closing speed, whatever k, n and the masses; among the laws here only Gonthier's returns
+e itself. In chatter v0 -> 0 and d/v0 would grow without bound: v0 is kept above
 1 % of the fastest approach so far.
 
 Of laws with a permanent indentation, loading, unloading and reloading follow different curves. All
@@ -300,23 +300,6 @@ class Gonthier(_Damped):
             if slope_at_end < 1e-15:
                 return 1 / e
         return float(brentq(mismatch, low, (1 - slope_at_end) / e, xtol=1e-16, rtol=1e-14))
-
-
-def restitution_of(d: float) -> float:
-    """Ratio e' of parting and closing speed of two free bodies for a damping factor d >= 0."""
-    d = checks.nonnegative("d", d)
-    if d == 0:
-        return 1.0
-
-    from scipy.optimize import brentq  # loaded where it is used: it takes long
-
-    def mismatch(e: float) -> float:
-        return log1p(d) - d - (log1p(-e * d) + e * d)
-
-    high = min(1.0, (1 - 1e-15) / d)
-    if mismatch(high) <= 0:  # the root lies within rounding of 1/d
-        return high
-    return float(brentq(mismatch, 0.0, high, xtol=1e-16))
 
 
 def _checked_share(name: str, value: object) -> float:
