@@ -40,8 +40,6 @@ from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.closed_form import pinned_pinned
 
 ROOT = Path(__file__).resolve().parent.parent
-#: Newmark's curve lies under the one of the conserving method, which is drawn after it.
-WIDTHS = {"newmark": 6.0, "conserving": 1.5}
 WINDOW = 3e-4  # s, about the first rise of the force
 
 
@@ -159,7 +157,7 @@ def windows(count: int, path: Path) -> list[dict[str, Any]]:
     for method in METHODS:
         mine = [r for r in rows if r["method"] == method]
         x, y_error = [r["h_omega"] for r in mine], [r["error"] for r in mine]
-        ax.semilogy(x, y_error, ".-", lw=WIDTHS.get(method, 1.5), label=method)
+        ax.semilogy(x, y_error, ".-", lw=1.5, label=method)
     ax.set(xlabel=r"step, $h\,\omega_{max}$", ylabel="error of the force", ylim=(3e-4, 3))
     ax.legend(fontsize=9, ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1))
     plotting.save_figure(fig, path, dpi=120)

@@ -11,9 +11,9 @@ from stability_scenes import Scene, stable_steps
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.impact.reference import SCENE_STEPS
+from antiosc.impact.reference import FIXED_STEPS
 
-METHODS = ("exact", *SCENE_STEPS)
+METHODS = ("exact", *FIXED_STEPS)
 CLASSES = ("good", "energy", "wrong", "diverged")
 COLOURS = ListedColormap(["#4c9f70", "#f2c14e", "#e07a3f", "#8c2f39"])
 

@@ -11,11 +11,9 @@ psi_1 > 4 chi - 1, chi = 3.5 kappa/2, and rebounds then with psi_2 = psi_1 - 4 c
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
-import scipy.integrate
 from scipy.optimize import brentq
 from scipy.special import beta
 
@@ -118,17 +116,10 @@ def test_a_patch_that_gives_way_more_than_was_asked_is_told() -> None:
     assert "less than a tenth of the compliance of tangential_stiffness" in " ".join(hit.details)
 
 
-@pytest.mark.parametrize("method", ["newmark", "conserving", "leapfrog", "DOP853"])
-@pytest.mark.parametrize("psi", [0.3, 1.2, 3.0])
-def test_other_methods_rub_alike(psi: float, method: str) -> None:
-    scene = struck(psi, ao.Hertz(1e9)).assembly.scene
-    hit = scene.run(1e-3, tol=5e-3, method=method)
-    exact = scene.run(1e-3, tol=1e-4)
-    assert rebound(hit) == pytest.approx(rebound(exact), abs=5e-3)
-    contact, other = hit["ball:foot", "floor"], exact["ball:foot", "floor"]
-    most = MU * contact.force + 1e-9 * contact.peak_force
-    assert np.all(np.abs(contact.friction[::2, 0]) <= most[::2])
-    assert np.abs(contact.friction).max() == pytest.approx(np.abs(other.friction).max(), rel=0.02)
+@pytest.mark.parametrize("method", ["newmark", "DOP853"])
+def test_other_methods_refuse_friction(method: str) -> None:
+    with pytest.raises(ao.InputError, match="friction"):
+        struck(1.2, ao.Hertz(1e9)).assembly.scene.run(1e-3, method=method)
 
 
 @pytest.mark.parametrize("vx", [0.1, 0.3])
@@ -229,12 +220,11 @@ def test_gross_sliding_with_spin() -> None:
 
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], ids=["rest", "past"])
-@pytest.mark.parametrize("method", ["exact", "newmark"])
 @pytest.mark.filterwarnings("ignore:Never touched")
-def test_what_does_not_approach_runs(velocity: tuple[float, ...], method: str) -> None:
+def test_what_does_not_approach_runs(velocity: tuple[float, ...]) -> None:
     parts = struck(1.0, ao.Hertz(1e9)).assembly.scene
     start = {"ball": ao.Motion(velocity=velocity)}
-    hit = ao.Scene(parts.bodies, parts.contacts, motion=start).run(1e-3, method=method)
+    hit = ao.Scene(parts.bodies, parts.contacts, motion=start).run(1e-3)
     assert hit.status == 0
     assert hit["ball:foot", "floor"].peak_force == 0
     moved = hit.bodies["ball"].displacement("foot", (1, 0, 0))[-1]
@@ -258,22 +248,3 @@ def test_an_oscillator_that_is_let_go_rubs_as_one_that_swings() -> None:
         found.append((hit.peak_force, float(np.abs(hit.friction).max()), hit.impulse))
     assert found[0][0] > 10.0
     np.testing.assert_allclose(found[0], found[1], rtol=1e-4)
-
-
-def test_an_event_at_the_end_of_a_step_is_passed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Which solve_ivp refuses: the run goes on with other steps, or says that it cannot."""
-    solve, calls, refused = scipy.integrate.solve_ivp, [0], {0}
-
-    def refusing(*given: Any, **options: Any) -> Any:
-        calls[0] += 1
-        if calls[0] - 1 in refused:
-            raise ValueError("`ts` must be strictly increasing or decreasing.")
-        return solve(*given, **options)
-
-    scene = struck(1.2, ao.Hertz(1e9)).assembly.scene
-    plain = scene.run(1e-3, method="DOP853")
-    monkeypatch.setattr(scipy.integrate, "solve_ivp", refusing)
-    assert rebound(scene.run(1e-3, method="DOP853")) == pytest.approx(rebound(plain), rel=1e-4)
-    calls[0], refused = 0, set(range(10))
-    with pytest.raises(ao.NotConvergedError, match="exact"):
-        scene.run(1e-3, method="DOP853")

@@ -39,12 +39,12 @@ from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
 from antiosc.impact.histories.run_end import CheckResult, RunEnd, check_result, open_contacts
 from antiosc.impact.reference import (
+    IVP_METHODS,
     MAX_CONTACTS,
     MAX_STEPS,
     Settings,
     integrate_reference,
 )
-from antiosc.impact.reference_ivp import IVP_METHODS
 from antiosc.impact.scene_parts import Contact, SceneParts, direction_notes
 from antiosc.impact.stretching import stretched
 from antiosc.impact.truncation import (
@@ -115,9 +115,10 @@ class Scene(SceneParts):
             peak. The error of a contact with a small force is relative to at least a thousandth of
             the force of the heaviest contact.
         method : str
-            "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
-            `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states
-            no error. Flights are exact, unless loads or a base act: these are integrated too.
+            "exact"; to compare with, without friction, "newmark" and "leapfrog" in equal steps, or
+            a method of `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory,
+            which runs once, to tol/100, and states no error. Its flights are exact, unless loads or
+            a base act.
         step : float, optional
             Step [s] of one run, whose error is then not known; otherwise steps are refined until
             `tol` is met. For `solve_ivp` it is the largest step. "exact" halves it where it does
@@ -420,9 +421,9 @@ def simulate(
     duration : float
         Time to simulate [s].
     method : str
-        "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
-        `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states no
-        error. Flights are exact with all of them.
+        "exact"; to compare with, "newmark" and "leapfrog" in equal steps, or a method of
+        `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory, which runs once, to
+        tol/100, and states no error.
     n : int or "auto", optional
         Number of anti-oscillators of the model to use; default all. "auto" takes the smallest
         number whose estimated truncation error of peak force, impulse and contact time meets
