@@ -113,7 +113,9 @@ def permanent(law: ao.ContactLaw, m: float) -> float:
 
 
 def restitution_of(d: float) -> float:
-    """Ratio e' of parting and closing speed of two free bodies for a damping factor d > 0."""
+    """Ratio e' of parting and closing speed of two free bodies for a damping factor d >= 0."""
+    if d == 0:
+        return 1.0
 
     def mismatch(e: float) -> float:
         return np.log1p(d) - d - (np.log1p(-e * d) + e * d)
