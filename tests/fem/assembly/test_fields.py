@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.fem.assembly.assemble import eliminate
+from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fields.fields import shapes_of
 from antiosc.impact.histories.factors import amplitudes

@@ -9,7 +9,7 @@ closest to the motion of the group.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import ClassVar, TypeAlias
@@ -353,10 +353,6 @@ def mean(layout: Layout, member: Member, points: WeightedPoints) -> EndMotion:
     return EndMotion(stacked(displacements, rotations), space, centre)
 
 
-#: (joint, the joints from which some of its rows follow, number of these rows)
-Redundant = tuple[str, list[str], int]
-
-
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Homogeneous linear constraints of one joint."""
@@ -405,7 +401,6 @@ class Constraints:
     rows: Sequence[Rows]
     fixed: BoolArray
     scale: Array
-    basis: Sparse | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -414,14 +409,13 @@ class Eliminated:
 
     T: Sparse  # (n, n), u = T q; the columns of dependent dofs are empty
     dependent: BoolArray  # (n,) which dofs are not in q, those that are fixed included
-    redundant: list[Redundant]  # joints with rows that follow from those of other joints
-    basis: Sparse | None = None  # the orthogonal change of basis in T, if any
+    redundant: Mapping[str, int]  # joint -> number of its rows that follow from others
     #: (n, k) motions that satisfy the constraints with prescribed values, if any
     particular: Array | None = None
 
     def coordinates(self, u: Array) -> Array:
         """Independent coordinates q of admissible motions u (n, k)."""
-        q = np.array(u if self.basis is None else self.basis.T @ u)
+        q = np.array(u)
         q[self.dependent] = 0.0
         return q
 

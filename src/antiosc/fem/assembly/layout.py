@@ -4,12 +4,6 @@ The vector u holds the dofs of each part (in the axes of the part) one after the
 parts with meshes, then of superelements, and then six dofs (in the axes of the assembly) for each
 reference point. A linear functional of u is a row of a sparse matrix with as many columns as u has
 dofs.
-
-Dense rows: if k of them act on c dofs, elimination would couple all c of them. Instead these
-dofs get a basis of their own that is orthonormal and nested (multiwavelets; Alpert, *SIAM J. Math.
-Anal.* 24 (1993)): in each half of the group, and in each half of it, all but k vectors are chosen
-so that the functionals vanish on them. Of the whole group k vectors remain on which the functionals
-act. A dof takes part in k vectors for each of log(c) levels, so that K stays sparse.
 """
 
 from __future__ import annotations
@@ -22,7 +16,7 @@ import scipy.linalg
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.parts import Condensed, Superelement
 from antiosc.fem.platform import compat
@@ -259,59 +253,8 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
     return flat
 
 
-#: A functional of more dofs is a dense row; of fewer a dense block is as good. With 5000 dofs K has
-#: a third of the entries and is made in a fifth of the time; with 1300 the factor is 1.5 times as
-#: large.
-DENSE_ROW = 1500
-#: Most functionals that share their dofs, for instance six of each of two means of one group.
-MOST_SHARING = 24
-#: Dofs of a piece of a group that is not halved any more.
-SMALLEST_PIECE = 48
 #: Fraction of the largest coefficient below which one is rounding.
 ROUNDED_COEFFICIENT = 1e-13
-
-
-def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Sparse | None:
-    """Orthogonal W (n, n), u = W q, for which dense functionals f W have few entries; None if not
-    needed.
-
-    Parameters
-    ----------
-    functionals : (m, n) all constraints and functionals of springs and masses.
-    fixed : (n,) dofs that are zero.
-    positions : (n, 3) where each dof is [m].
-    """
-    free = scipy.sparse.diags((~fixed).astype(float))
-    on_free = (functionals @ free).tocsr()
-    on_free.eliminate_zeros()
-    count = np.diff(on_free.indptr)
-    dense = np.flatnonzero(count > DENSE_ROW)
-    if not len(dense):
-        return None
-    in_sparse_row = np.zeros(on_free.shape[1], dtype=bool)
-    in_sparse_row[on_free[count <= DENSE_ROW].indices] = True
-    pattern = abs(on_free[dense])
-    coupling = pattern @ pattern.T
-    _, label = scipy.sparse.csgraph.connected_components(coupling, directed=False)
-    entries: list[tuple[IntArray, IntArray, Array]] = []
-    is_changed = np.zeros(on_free.shape[1], dtype=bool)
-    for k in np.unique(label):
-        rows = on_free[dense[label == k]]
-        columns = np.unique(rows.indices)
-        if rows.shape[0] > MOST_SHARING or in_sparse_row[columns].any():
-            # those of its dofs that others act on keep their places; few of them do no harm
-            columns = columns[~in_sparse_row[columns]]
-        if rows.shape[0] > MOST_SHARING or len(columns) <= DENSE_ROW:
-            continue
-        is_changed[columns] = True
-        entries.append(_basis(rows[:, columns].toarray(), columns, positions[columns]))
-    if not entries:
-        return None
-    unchanged = np.flatnonzero(~is_changed)
-    row, column, value = (np.concatenate(arrays) for arrays in zip(*entries, strict=True))
-    value = np.concatenate([value, np.ones(len(unchanged))])
-    indices = np.concatenate([row, unchanged]), np.concatenate([column, unchanged])
-    return scipy.sparse.csr_matrix((value, indices), shape=(on_free.shape[1],) * 2)
 
 
 def rounded(matrix: Sparse) -> Sparse:
@@ -322,51 +265,3 @@ def rounded(matrix: Sparse) -> Sparse:
     matrix.data[size < ROUNDED_COEFFICIENT * largest(size, row, matrix.shape[0])[row]] = 0.0
     matrix.eliminate_zeros()
     return matrix
-
-
-def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, IntArray, Array]:
-    """Entries (row, column, value) of the orthogonal basis of the dofs `columns`, for functionals A
-    (k, c)."""
-    A = A / np.linalg.norm(A, axis=1, keepdims=True)
-    blocks: list[tuple[IntArray, Array]] = []
-    last_basis, last, _ = _split_by_halves(A, positions, np.arange(len(columns)), blocks)
-    blocks.append((last_basis, last))
-    rows = []
-    cols = []
-    values = []
-    first = 0
-    for members, vectors in blocks:
-        width = vectors.shape[1]
-        rows.append(np.repeat(columns[members], width))
-        cols.append(np.tile(columns[first : first + width], len(members)))
-        values.append(vectors.ravel())
-        first += width
-    return np.concatenate(rows), np.concatenate(cols), np.concatenate(values)
-
-
-def _split_by_halves(
-    A: Array, positions: Array, members: IntArray, blocks: list[tuple[IntArray, Array]]
-) -> tuple[IntArray, Array, Array]:
-    """(dofs, vectors on which functionals A (k, c) do not vanish, values A on them) of the dofs
-    `members`.
-
-    The vectors on which all functionals vanish are added to `blocks`.
-    """
-    if len(members) <= SMALLEST_PIECE:
-        vectors = np.eye(len(members))
-        values = A[:, members]
-        order = members
-    else:
-        x = positions[members]
-        axis = int(np.argmax(np.ptp(x, axis=0)))
-        sorted_ones = members[np.argsort(x[:, axis], kind="stable")]
-        half = len(members) // 2
-        parts: Sequence[IntArray] = (sorted_ones[:half], sorted_ones[half:])
-        halves = [_split_by_halves(A, positions, part, blocks) for part in parts]
-        order = np.concatenate([part for part, _, _ in halves])
-        vectors = scipy.linalg.block_diag(*(v for _, v, _ in halves))
-        values = np.hstack([value for _, _, value in halves])
-    Q, R = scipy.linalg.qr(values.T)
-    rank = min(values.shape)
-    blocks.append((order, vectors @ Q[:, rank:]))
-    return order, vectors @ Q[:, :rank], R[:rank].T

@@ -11,8 +11,8 @@ from mpi4py import MPI
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.assembled import AssembledMatrices
+from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure import Dissipation
 from antiosc.fem.structure.meshed import Member, MeshedStructure
@@ -223,7 +223,6 @@ class Released:
                 rows,
                 constraints.fixed,
                 constraints.scale,
-                constraints.basis,
                 np.vstack([np.zeros((0, motions.shape[1])), *prescribed]),
             )
             assert eliminated.particular is not None
