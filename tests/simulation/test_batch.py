@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 import antiosc as ao
-from antiosc.models.body import ModelInfo
 
 
 def test_the_patch_that_a_batch_asks_for_is_that_of_its_hardest_blow():
@@ -20,17 +19,3 @@ def test_the_patch_that_a_batch_asks_for_is_that_of_its_hardest_blow():
     assert radii[1] == max(radii)
     with pytest.raises(ao.AccuracyError, match="scene 1: the patch radius"):
         ao.simulate_many(model, balls[1:], ao.Hertz(1e9), 1e-2)
-
-
-def test_a_batch_of_several_places_names_them():
-    """The place of the one site that needs the largest patch comes first."""
-    given = {"m0": 0.1, "k0": 1e7, "m": [], "omega": [], "local_compliance": 2e-8, "radius": 1e-3}
-    infos = [ModelInfo(point=[1e-3 * i, 0.0, 0.02]) for i in range(3)]
-    models = [ao.AntiOscillators(**given, info=info) for info in infos]
-    balls = [ao.RigidMass(1.0, v) for v in (1e-3, 10.0, 30.0)]
-    words = r"at 2 of 3 sites \(worst at \(2, 0, 20\) mm, others at \(1, 0, 20\) mm\): the patch"
-    with pytest.warns(ao.AccuracyWarning, match=words):
-        ao.simulate_many(models, balls, ao.Hertz(1e9), 1e-2)
-    models[2] = models[0]  # one place is struck twice: numbers tell the scenes apart
-    with pytest.warns(ao.AccuracyWarning, match="2 of 3 scenes .1, 2., as scene 2: the patch"):
-        ao.simulate_many(models, balls, ao.Hertz(1e9), 1e-2)

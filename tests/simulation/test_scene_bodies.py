@@ -191,13 +191,11 @@ def test_boxes_that_collide_at_two_points(friction: float) -> None:
 
 @pytest.mark.parametrize("up", [1.0, -1.0])
 def test_a_site_that_is_named_second_is_pushed_against_its_direction(up: float) -> None:
-    """A box falls through a floor that is named on its wrong side; of the first is told."""
+    """A box falls through a floor that is named on its wrong side."""
     box = ao.RigidBody(0.5, (1e-3,) * 3, {"foot": ((0, 0, 0), (0, 0, up))})
     bodies = {"box": box, "floor": ao.Obstacle()}
     motion = {"box": ao.Motion(velocity=(0, 0, -1.0))}
     for ends, pushed in ((("box:foot", "floor"), up), (("floor", "box:foot"), -up)):
         hit = ao.Scene(bodies, [ao.Contact(*ends, ao.Hertz(1e8))], motion=motion).run(3e-3)
-        told = "pushes 'box:foot' against the direction of its site" in hit.message
-        assert told == (ends[0] == "floor" and pushed < 0)
         assert hit[ends].impulse == pytest.approx(1.0 if pushed > 0 else 0.0, rel=1e-3)
         assert ("opens at 1 m/s at first" in hit.message) == (pushed < 0)

@@ -20,29 +20,24 @@ from antiosc.base import checks, plausible, process
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
 from antiosc.base.progress import counting
-from antiosc.base.texts import COMPLETED, STOPPED, Result, point_text, range_text
+from antiosc.base.texts import COMPLETED, STOPPED, Result, range_text
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
 from antiosc.impact.histories.energy import GAIN
-from antiosc.impact.histories.linear_theory import (
-    SLIGHT_CHANGE,
-    SLIGHT_DEFLECTION,
-    warn_large_rotation,
-)
+from antiosc.impact.histories.linear_theory import warn_large_rotation
 from antiosc.impact.histories.run_end import (
     CheckResult,
     RunEnd,
-    SceneNames,
     check_result,
+    several,
     warn_batch,
 )
 from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
 from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
-from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
-from antiosc.models.body import LinearBody, info_of, site_points
+from antiosc.models.body import LinearBody, info_of
 from antiosc.plot.charts import figure_or_path, panels
 
 if TYPE_CHECKING:
@@ -243,22 +238,15 @@ def simulate_many(
             told = partial(_report_progress, report, begin)
             rows += _solve_chunk(scenes[part], steps[part], n, settings, told)
 
-    names = SceneNames([_place(scene.model) for scene in scenes])
-    _raise(rows, names)
-    warn_batch([r.result for r in rows], [r.needed_radius for r in rows], names)
+    _raise(rows)
+    warn_batch([r.result for r in rows], [r.needed_radius for r in rows])
     if warned := [(i, row.told) for i, row in enumerate(rows) if row.told]:
         first, sentence = warned[0]
-        which = names.several([i for i, _ in warned], first)
+        which = several([i for i, _ in warned], size, first)
         warn(f"{which}: {sentence}", AccuracyWarning)
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
-    warn_large_rotation(f"{rows[scene].rotation[0]} of {names.one(scene)}", rows[scene].rotation[1])
+    warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
     return _batch_of(rows)
-
-
-def _place(model: LinearBody) -> str:
-    """The place of the one site of a model; "" if it is not known."""
-    places = [*site_points(model).values()]
-    return point_text(places[0]) if len(places) == 1 else ""
 
 
 def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
@@ -274,18 +262,6 @@ def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[
         except InputError as error:
             raise InputError(f"scene {i}: {error}") from error
     return laws
-
-
-def _bend(model: LinearBody, impulse: float) -> float:
-    """Bound on the elastic deflection of a sheet by an impulse [N s], over its thickness.
-
-    A force F ≥ 0 deflects a mode of frequency ω from rest by at most b² ∫F dt / ω.
-    """
-    modal = model.modal()
-    thickness = info_of(model).thickness
-    assert thickness is not None
-    elastic = modal.omega > 0
-    return impulse * float(np.sum(modal.b[elastic] ** 2 / modal.omega[elastic])) / thickness
 
 
 @dataclass(eq=False)
@@ -318,54 +294,24 @@ def _solve_chunk(
     settings: Settings,
     report: Callable[[int], None],
 ) -> list[_Row]:
-    """Results of scenes: those of a group in one call of the C library, the others one by one.
-
-    Scenes whose linear run decides on second-order forces take part in the groups with that run.
-    """
+    """Results of scenes: those of a group in one call of the C library, the others one by one."""
     rows: dict[int, _Row] = {}
-    linear_models: dict[int, LinearBody] = {}
-    linear = [_linear(scene, linear_models) for scene in scenes]
     groups: dict[tuple[object, ...], list[int]] = {}
     can_group = settings.method == "exact" and n is None
-    for i, (scene, step) in enumerate(zip(linear, steps, strict=True)):
+    for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         key = scene.group() if can_group and step is None else None
         if key is not None:
             groups.setdefault(key, []).append(i)
     for group in groups.values():
-        members = [linear[i] for i in group]
+        members = [scenes[i] for i in group]
         group_rows = _solve_group(members, settings, partial(_report_progress, report, len(rows)))
-        for i, row in zip(group, group_rows, strict=True):
-            is_valid = linear[i] is scenes[i] or (
-                row is not None and _is_slight(linear[i].model, row)
-            )
-            if row is not None and is_valid:
-                rows[i] = row
+        rows.update((i, row) for i, row in zip(group, group_rows, strict=True) if row is not None)
+
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         if i not in rows:
             rows[i] = _solve_single(scene, step, n, settings)
             report(len(rows))
     return [rows[i] for i in range(len(scenes))]
-
-
-def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
-    """The scene with a linear model, if a linear run decides whether the sheet stretches."""
-    model = scene.model
-    if not isinstance(model, AntiOscillators) or info_of(model).thickness is None:
-        return scene
-    if model.stretch is None or model.stretch.count != "auto":
-        return scene
-    if id(model) not in known:
-        known[id(model)] = replace(model, stretch=None)
-    return scene._replace(model=known[id(model)])
-
-
-def _is_slight(model: LinearBody, row: _Row) -> bool:
-    """Whether the deflection in a linear run is too small for the sheet to stretch noticeably."""
-    info = info_of(model)
-    ratio = _bend(model, row.impulse)
-    changes = [abs(change) for change in (info.second_order or {}).values()]
-    curved = max(changes, default=0.0) * ratio * (info.thickness or 0.0)
-    return ratio <= SLIGHT_DEFLECTION and curved <= SLIGHT_CHANGE
 
 
 def _report_progress(report: Callable[[int], None], before: int, count: int) -> None:
@@ -476,18 +422,18 @@ def _row(hit: History, check: CheckResult) -> _Row:
     )
 
 
-def _raise(rows: list[_Row], names: SceneNames) -> None:
+def _raise(rows: list[_Row]) -> None:
     """Raise the first InputError among the rows, or, if every scene failed, the error of the one
     that needs the largest patch, else of the first.
     """
     for i, row in enumerate(rows):
         if isinstance(row.error, InputError):
-            raise type(row.error)(f"{names.one(i)}: {row.error}") from row.error
+            raise type(row.error)(f"scene {i}: {row.error}") from row.error
     if all(row.error is not None for row in rows):
         i = max(range(len(rows)), key=lambda k: rows[k].needed_radius)
         error = rows[i].error
         assert error is not None
-        raise type(error)(f"{names.one(i)}: {error}") from error
+        raise type(error)(f"scene {i}: {error}") from error
 
 
 def _batch_of(rows: list[_Row]) -> Batch:

@@ -45,7 +45,7 @@ from antiosc.impact.reference import (
     Settings,
     integrate_reference,
 )
-from antiosc.impact.scene_parts import Contact, SceneParts, direction_notes
+from antiosc.impact.scene_parts import Contact, SceneParts
 from antiosc.impact.stretching import stretched
 from antiosc.impact.truncation import (
     Run,
@@ -239,14 +239,7 @@ def _integrate(
         check = CheckResult(INEXACT, sentence)
     bounded = step is None and settings.method not in IVP_METHODS
     error = {"force": converged.force, "peak": converged.peak} if bounded else {}
-    untouched = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
-    notes = []
-    if untouched:
-        notes = direction_notes(
-            [assembly.scene.contacts[c] for c in sorted(untouched)], assembly.bodies
-        )
-    message = " ".join([check.message, *notes])
-    return kind(assembly, run, error, check.status, message, given=step), check
+    return kind(assembly, run, error, check.status, check.message, given=step), check
 
 
 def set_initial_forces(

@@ -53,8 +53,8 @@ class Contact(Checked):
     a, b : str
         The ends; the force pushes a along the direction of its site and b against it. Where a has
         no direction, as an obstacle, the force pushes b against its own: two stops on either side
-        of a tip are ("tip", "one") and ("other", "tip"). The history's message says so. Whether
-        the ends meet is not checked: it is one contact along the first direction that is known.
+        of a tip are ("tip", "one") and ("other", "tip"). Whether the ends meet is not checked: it
+        is one contact along the first direction that is known.
     law : ContactLaw or "auto"
         Force along the direction of the contact; "auto": as for `simulate`.
     gap : float, optional
@@ -387,22 +387,6 @@ def _relative_row(
     for (body, site), sign, end in ((b, 1, contact.b), (a, -1, contact.a)):
         row[stacked.columns[body.name]] += sign * site_row(body, site, direction, end)
     return row
-
-
-def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
-    """Notes on untouched contacts that push their second end away from its site's direction."""
-    notes = []
-    for contact in contacts:
-        (a, at), (b, bt) = (find_site(end, bodies) for end in (contact.a, contact.b))
-        direction = a.pushes.get(at)
-        other_direction = b.pushes.get(bt)
-        if other_direction is not None and (direction is None or direction @ other_direction > 0):
-            notes.append(
-                f"The contact {contact.a!r}, {contact.b!r} pushes {contact.b!r} against the"
-                f" direction of its site, as it is named second; name it first if it should be"
-                f" pushed along it."
-            )
-    return notes
 
 
 def tangential_rows(

@@ -18,8 +18,8 @@ from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.histories.energy import GAIN
 
-#: Contacts and scenes of a batch that a message names, and places.
-_NAMED, _PLACED = 5, 2
+#: Contacts, and scenes of a batch, that a message names.
+_NAMED = 5
 UNDAMPED = " The bodies have no damping, so that their vibrations go on: Damping ends them."
 
 
@@ -182,35 +182,14 @@ def _without_rounding(beta: Array, modal: Array) -> Array:
     return np.where(abs(product) > ROUNDING * (abs(beta) @ abs(modal)), product, 0.0)
 
 
-class SceneNames:
-    """What messages call the scenes of a batch: their places, "" of an unknown one, where all are
-    known and differ; else their numbers.
-    """
-
-    def __init__(self, places: Sequence[str]) -> None:
-        self._size = len(places)
-        self._places = places if all(places) and len({*places}) == len(places) > 1 else ()
-
-    def one(self, scene: int) -> str:
-        """The name of a scene."""
-        return f"the site at {self._places[scene]}" if self._places else f"scene {scene}"
-
-    def several(self, scenes: Sequence[int], worst: int) -> str:
-        """The number of some scenes, the first of them, and the worst."""
-        if not self._places:
-            more = ", ..." * (len(scenes) > _NAMED)
-            numbers = ", ".join(map(str, scenes[:_NAMED]))
-            return f"{len(scenes)} of {self._size} scenes ({numbers}{more}), as scene {worst}"
-        others = [self._places[i] for i in scenes if i != worst]
-        more = ", ..." * (len(others) > _PLACED)
-        also = f", others at {', '.join(others[:_PLACED])}{more}" if others else ""
-        worst_text = "worst " * bool(others) + f"at {self._places[worst]}"
-        return f"at {len(scenes)} of {self._size} sites ({worst_text}{also})"
+def several(scenes: Sequence[int], size: int, worst: int) -> str:
+    """The number of some scenes of a batch, the first of them, and the worst."""
+    more = ", ..." * (len(scenes) > _NAMED)
+    numbers = ", ".join(map(str, scenes[:_NAMED]))
+    return f"{len(scenes)} of {size} scenes ({numbers}{more}), as scene {worst}"
 
 
-def warn_batch(
-    results: Sequence[CheckResult], needed_radii: Sequence[float], names: SceneNames
-) -> None:
+def warn_batch(results: Sequence[CheckResult], needed_radii: Sequence[float]) -> None:
     """Warn once of each kind of failure in a batch, with the scenes in which it occurred.
 
     Its message is that of the scene that needs the largest patch [m]; it suffices for all.
@@ -219,9 +198,10 @@ def warn_batch(
     for i, result in enumerate(results):
         if result.status or result.unusual:
             kinds.setdefault((result.status, result.unusual), []).append(i)
+
     for (status, _), scenes in kinds.items():
         worst = max(scenes, key=needed_radii.__getitem__)
         errors.warn(
-            f"{names.several(scenes, worst)}: {results[worst].message}",
+            f"{several(scenes, len(results), worst)}: {results[worst].message}",
             errors.AccuracyWarning if status else errors.AntioscWarning,
         )
