@@ -1,9 +1,4 @@
-"""Load vectors of sites on matrices: at a dof, by a vector, or at the nodes of a map.
-
-On nodes a patch has Hertz's pressure √(1 − r²/a²) over the circle of radius a across the direction
-of impact; each node takes the load of the points that are next to it. Nodes below the surface do
-not count: those that another node covers against the direction of impact.
-"""
+"""Load vectors of sites on matrices: at a dof, by a vector, or at a node of a map."""
 
 from __future__ import annotations
 
@@ -13,10 +8,8 @@ from typing import cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import (
-    floats,
-)
+from antiosc.base._types import Array
+from antiosc.base.checks import floats
 from antiosc.base.errors import InputError, SiteError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
@@ -24,6 +17,10 @@ from antiosc.fem.reach import Reach, check_reach
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
 from antiosc.fem.structure.structure import Structure
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
+
+#: Largest distance of a point from the node that it denotes, over the part's size.
+AT_NODE = 1e-6
+PATCH = "matrices have no surface for a patch: leave radius out, and the site is a node or a row."
 
 
 def algebraic(structure: StructureMatrices, site: Site) -> Functional:
@@ -38,7 +35,8 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
             "map=…)."
         )
     if site.radius is not None:
-        raise InputError("radius needs a mesh; a site given by dof or vector has none.")
+        raise InputError(PATCH)
+
     if site.vector is not None:
         b = floats("vector", site.vector, (n,))[first:last].copy()
     else:
@@ -47,23 +45,12 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
         b = np.zeros(last - first)
         if first <= site.dof < last:
             b[site.dof - first] = 1.0
+
     size = norm(comm, b)
     b[structure.fixed[structure.fixed < len(b)]] = 0.0
     if norm(comm, b) <= LEAST_FREE_SHARE * size:
         raise SiteError(constrained("the site"))
     return Functional(b)
-
-
-#: Largest distance of a point from the node that it denotes, over the part's size.
-AT_NODE = 1e-6
-#: Radius, over that of the patch, within which nodes may take load from its edge.
-NEIGHBOURHOOD = 2.0
-#: Rings of points on the circle of a patch.
-CIRCLE_RINGS = 64
-#: Points per ring.
-SPOKES = 128
-#: A node covers another if the cosine between their connection and the direction exceeds this.
-COVERS = 0.75
 
 
 def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
@@ -72,90 +59,76 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
     Raises
     ------
     InputError
-        A node or dof that is not in the map, a point that is no node, a patch without nodes, a
-        site whose dofs are fixed.
+        A node or dof that is not in the map, a point that is no node, a site whose dofs are fixed.
     """
     matrices = cast(NodalMatrices, structure.matrices)
-    if site.node is not None and site.direction is None:
-        b = np.zeros(structure.size)
-        component = cast(int, site.dof)
-        row = matrices.map.row(site.node, component)
-        b[row] = 1.0
-        direction = np.eye(3)[component - 1] if 1 <= component <= 3 else None
-        return _checked_load(structure, b, f"node {site.node}", _position(matrices, row), direction)
-    if site.direction is None:
+    if site.node is None and site.direction is None:
         return None
+    if site.radius is not None:
+        raise InputError(PATCH)
+    if site.direction is None:
+        return _at_row(structure, matrices, site)
+
     direction = in_space(site.direction)
     direction /= np.linalg.norm(direction)
-    if site.node is not None:
-        rows = np.flatnonzero(matrices.map.node == site.node)
-        if not len(rows):
-            raise InputError(f"node {site.node} is not in the matrices' map of nodes and dofs.")
-        nodes = np.array([site.node])
-        weights = np.ones(1)
-        point = _position(matrices, rows[0])
-        label = f"node {site.node}"
-        if site.radius is not None:
-            raise InputError("a patch needs a point: Site(point=…, direction=…, radius=…).")
-    else:
-        nodes, weights, point = _at_point(matrices, site, direction)
-        label = f"the site at ({', '.join(f'{c:.6g}' for c in point)}) m"
-    checked_load = _checked_load(
-        structure, _load(matrices, nodes, weights, direction), label, point, direction, site.radius
-    )
+    node = _nearest_node(matrices, site) if site.node is None else site.node
+    rows = np.flatnonzero(matrices.map.node == node)
+    if not len(rows):
+        raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
+
+    point = _position(matrices, rows[0])
+    b = _freed(structure, _along(matrices, node, direction))
+    if b is None:
+        raise SiteError(constrained(f"node {node}"))
+    functional = Functional(b, point=point, direction=direction)
     if not site.tangential:
-        return checked_load
+        return functional
+
     sides = []
     for (side,) in tangents(direction[None], not (matrices.map.component == 3).any()):
-        b = _load(matrices, nodes, weights, side)
-        size = float(np.linalg.norm(b))
-        b[structure.fixed] = 0.0
-        if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * size:
-            b[:] = 0.0  # the supports hold the site along it
-        sides.append(Functional(b, point=point, direction=side))
-    return replace(checked_load, across=tuple(sides))
+        b = _freed(structure, _along(matrices, node, side))
+        sides.append(Functional(np.zeros(structure.size) if b is None else b, None, 0, point, side))
+    return replace(functional, across=tuple(sides))
 
 
-def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: Array) -> Array:
-    """Load vector of a force along `direction` on weighted nodes, fixed dofs included."""
+def _at_row(structure: Structure, matrices: NodalMatrices, site: Site) -> Functional:
+    """The functional of one dof of a node."""
+    component = cast(int, site.dof)
+    row = matrices.map.row(cast(int, site.node), component)
+    b = np.zeros(structure.size)
+    b[row] = 1.0
+    freed = _freed(structure, b)
+    if freed is None:
+        raise SiteError(constrained(f"node {site.node}"))
+    direction = np.eye(3)[component - 1] if 1 <= component <= 3 else None
+    return Functional(freed, point=_position(matrices, row), direction=direction)
+
+
+def _along(matrices: NodalMatrices, node: int, direction: Array) -> Array:
+    """Load vector of a unit force along `direction` on a node, fixed dofs included."""
     b = np.zeros(len(matrices.map.node))
-    order = np.argsort(nodes)
-    index = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
-    is_mapped = nodes[order][index] == matrices.map.node
     axis = matrices.map.component - 1
-    is_displacement = is_mapped & (axis >= 0) & (axis < 3)
-    b[is_displacement] = weights[order][index[is_displacement]] * direction[axis[is_displacement]]
+    loaded = (matrices.map.node == node) & (axis >= 0) & (axis < 3)
+    b[loaded] = direction[axis[loaded]]
     return b
 
 
-def _checked_load(
-    structure: Structure,
-    b: Array,
-    label: str,
-    at: Array | None,
-    direction: Array | None,
-    radius: float | None = None,
-) -> Functional:
-    """The functional with b on free dofs; InputError if the site cannot move."""
+def _freed(structure: Structure, b: Array) -> Array | None:
+    """The load on free dofs; None if supports hold it."""
     size = float(np.linalg.norm(b))
     b[structure.fixed] = 0.0
-    if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * size or not size:
-        raise SiteError(constrained(label))
-    return Functional(b, radius, 0.0, at, direction)
+    held = float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * size
+    return None if held or not size else b
 
 
 def _position(matrices: NodalMatrices, row: int) -> Array | None:
     """Coordinates of the node of a row; None if unknown."""
     point = matrices.map.points[row]
-    if np.isfinite(point).all():
-        return point
-    return None
+    return point if np.isfinite(point).all() else None
 
 
-def _at_point(
-    matrices: NodalMatrices, site: Site, direction: Array
-) -> tuple[IntArray, Array, Array]:
-    """(nodes, weights with sum 1, point) of a point among the nodes of the matrices."""
+def _nearest_node(matrices: NodalMatrices, site: Site) -> int:
+    """The number of the node at the point of a site."""
     if not matrices.located:
         raise InputError(
             "the coordinates of the nodes are not known: give them in the map, or use "
@@ -163,62 +136,18 @@ def _at_point(
         )
     if isinstance(site.point, str):
         raise InputError("matrices have no groups: give the point's coordinates.")
+
     points, _ = matrices.nodes()
     located = np.isfinite(matrices.map.points).all(axis=1)
     numbers = np.unique(matrices.map.node[located])
     point = in_space(site.point or ())
-    tree = cKDTree(points)
-    if site.radius is None:
-        distance, nearest = tree.query(point)
-        size = float(np.ptp(points, axis=0).max())
-        if site.snap:
-            snap = None if site.snap is True else site.snap
-            check_reach(Reach("the point of the site", snap), point, points, int(nearest))
-        elif distance > AT_NODE * size:
-            raise InputError(
-                f"the point is no node: the nearest is node {numbers[nearest]}, {distance:.3g} m "
-                "away; use that, Site(..., snap=True), or a patch with radius=."
-            )
-        return numbers[[nearest]], np.ones(1), points[nearest]
-    candidates = np.array(tree.query_ball_point(point, NEIGHBOURHOOD * site.radius), dtype=int)
-    if len(candidates):
-        candidates = candidates[~_covered(points[candidates], direction, site.radius)]
-    is_loaded = np.zeros(0, dtype=bool)
-    if len(candidates):
-        is_loaded = np.linalg.norm(points[candidates] - point, axis=1) < site.radius
-    if not is_loaded.any():
-        distance, nearest = tree.query(point)
+    distance, nearest = cKDTree(points).query(point)
+    if site.snap:
+        snap = None if site.snap is True else site.snap
+        check_reach(Reach("the point of the site", snap), point, points, int(nearest))
+    elif distance > AT_NODE * float(np.ptp(points, axis=0).max()):
         raise InputError(
-            f"the patch of radius {site.radius:g} m has no node on the surface: the nearest node, "
-            f"{numbers[nearest]}, is {distance:.3g} m away; increase the radius or refine the mesh."
+            f"the point is no node: the nearest is node {numbers[nearest]}, {distance:.3g} m "
+            "away; use that, or Site(..., snap=True)."
         )
-    offsets = points[candidates] - point
-    offsets = offsets - np.outer(offsets @ direction, direction)
-    next_to = cKDTree(offsets).query(_hertz(site.radius, direction))[1]
-    weights = np.bincount(next_to, minlength=len(candidates)) / len(next_to)
-    loaded = weights > 0
-    return numbers[candidates[loaded]], weights[loaded], point
-
-
-def _covered(points: Array, direction: Array, radius: float) -> BoolArray:
-    """Mask of the points that lie behind another point, seen along the direction of impact."""
-    covered = np.zeros(len(points), dtype=bool)
-    for k, point in enumerate(points):
-        offsets = points - point
-        distance = np.linalg.norm(offsets, axis=1)
-        in_front = (-(offsets @ direction) > COVERS * distance) & (distance > AT_NODE * radius)
-        covered[k] = in_front.any()
-    return covered
-
-
-def _hertz(radius: float, direction: Array) -> Array:
-    """Points (n, 3) perpendicular to `direction` at which equal forces approximate Hertz's
-    pressure.
-    """
-    basis = np.linalg.svd(direction[None, :])[2][1:]
-    # the load within r is 1 - (1 - r²/a²)^(3/2) of the whole
-    share = (np.arange(CIRCLE_RINGS) + 0.5) / CIRCLE_RINGS
-    r = radius * np.sqrt(1 - (1 - share) ** (2 / 3))
-    angle = 2 * np.pi * (np.arange(SPOKES) + 0.5) / SPOKES
-    circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.asarray((r[:, None, None] * circle).reshape(-1, 2) @ basis)
+    return int(numbers[nearest])
