@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
-import scipy.linalg
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_triangular
 
@@ -18,8 +16,6 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.models import driving_point as bands
 from antiosc.models.free_modes import error_bound, site_models
 from antiosc.models.motion import with_rigid_mode
-from antiosc.reduce.extraction import oscillators, site_shapes
-from antiosc.reduce.extraction.eigenmodes import Modes
 from chains import loose_chains
 from loose_bodies import (
     check_bounds,
@@ -140,7 +136,7 @@ def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
     monkeypatch.setattr(eigenmodes, "DENSE", 0)
     monkeypatch.setattr(eigenmodes, "DENSE_MANY", 0)
     monkeypatch.setattr(sys.modules["antiosc.reduce.extraction.oscillators"], "SEARCHED", 1)
-    K = scipy.linalg.block_diag(_row(3), _row(200))  # the site sees the first row only
+    K = block_diag(_row(3), _row(200))  # the site sees the first row only
     structure = ao.Structure.from_matrices(K, np.eye(203))
     site = ao.Site(dof=0)
     with pytest.warns(ao.AccuracyWarning, match="of the first 25 modes"):
@@ -276,70 +272,3 @@ def test_bound_of_what_krylov_steps_leave_out(held, p, rng):
     # 1/|sin arg z| is 50 at one per cent of damping; ‖H‖‖ΔZ‖ is far above ‖HΔZ‖ where one
     # combination of several sites resonates and others do not
     assert min(ratios) <= (50 if p == 1 else 1e4)
-
-
-N = 10
-X = (np.linspace(0.3, 6.0, 40) * (1 + 0.02j)) ** 2
-
-
-@pytest.fixture(scope="module")
-def pair() -> tuple[np.ndarray, np.ndarray]:
-    """Full matrices K and M."""
-    rng = np.random.default_rng(3)
-    r, s = rng.normal(size=(2, N, N))
-    return r @ r.T + 10 * np.diag(np.arange(1.0, N + 1)), s @ s.T / N + np.eye(N)
-
-
-def constrained(K: np.ndarray, M: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(ω², M-orthonormal modes) where the sites are held."""
-    free = scipy.linalg.null_space(B.T)
-    x, v = scipy.linalg.eigh(free.T @ K @ free, free.T @ M @ free)
-    return x, free @ v
-
-
-def found(pair, B: np.ndarray, modes: Modes):
-    """(Z of these modes, bound on its rounding, loads in whose basis they are)."""
-    part = ao.Structure.from_matrices(*pair)
-    shapes = site_shapes(part, B)
-    known = oscillators.lumped(part, shapes, modes)
-    return known.stiffness(X), oscillators._rounding(part, known, X), B @ shapes.W
-
-
-#: Errors of the modes: their frequencies, sizes, and parts of each other in them.
-OFF: dict[str, Callable] = {
-    "frequencies": lambda rng, n: (np.eye(n), 1 + 1e-5 * rng.normal(size=n)),
-    "sizes": lambda rng, n: (np.diag(1 + 1e-5 * rng.normal(size=n)), np.ones(n)),
-    "shapes": lambda rng, n: (np.eye(n) + 1e-5 * rng.normal(size=(n, n)), np.ones(n)),
-}
-
-
-@pytest.mark.parametrize("sites", [[0], [0, 4, 7]])
-@pytest.mark.parametrize("name", list(OFF))
-def test_the_bound_holds_and_is_not_wide(pair, name, sites):
-    K, M = pair
-    B = np.eye(N)[:, sites]
-    x, phi = constrained(K, M, B)
-    largest = []
-    for seed in range(4):
-        mix, factor = OFF[name](np.random.default_rng(seed), len(x))
-        Z, bound, load = found(pair, B, Modes(np.sqrt(x) * factor, phi @ mix, True))
-        exact = np.array([np.linalg.inv(load.T @ np.linalg.solve(K - one * M, load)) for one in X])
-        share = np.linalg.norm(Z - exact, 2, axis=(1, 2)) / bound
-        assert share.max() < 1
-        largest.append(share.max())
-    assert max(largest) > 0.1
-
-
-@pytest.mark.parametrize("sites", [[0], [0, 4, 7]])
-def test_exact_modes_leave_the_rounding_of_the_entries(pair, sites):
-    """64 ε of φᴴ(|K| + |x||M|)φ by the diagonals, φ the shape at that frequency."""
-    K, M = pair
-    B = np.eye(N)[:, sites]
-    x, phi = constrained(K, M, B)
-    _, bound, load = found(pair, B, Modes(np.sqrt(x), phi, True))
-    for value, one in zip(bound, X, strict=True):
-        shape = np.linalg.solve(K - one * M, load)
-        shape = shape @ np.linalg.inv(load.T @ shape)
-        parts = [np.linalg.norm(shape.conj().T @ (np.diag(A)[:, None] * shape), 2) for A in pair]
-        entries = 64 * np.finfo(float).eps * (parts[0] + abs(one) * parts[1])
-        assert 0.999 * entries < value < 2 * entries

@@ -31,7 +31,7 @@ import scipy.linalg
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import NotConvergedError
-from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
+from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE
@@ -49,8 +49,6 @@ STATIC_SOUND = 1e-8
 STATIC_STEPS = 200
 #: Number of steps without progress after which only rounding is left.
 STATIC_IDLE = 5
-#: Rounding of the terms of RᵀB: those of R, and their sum.
-SUM_ROUNDING = 4 * float(np.finfo(float).eps)
 #: A site follows the motion of others if less than this share of its compliance is independent of
 #: them; otherwise Z = H⁻¹ would lose digits by the square of the share.
 FOLLOWS = 1e-10
@@ -77,7 +75,6 @@ class SiteShapes:
     weak : (h, p) displacements of the sites in those modes of `nodal` that hardly move the sites
         and are modelled separately; usually 0.
     missed : (h, p) displacements of the sites in these modes that the model omits.
-    uncertainty : (r, p) rounding of the displacements in all rigid-body modes.
     y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
     share : largest share σ² of a rigid-body mode in the compliances.
     solver, shift : solver of A = K + sM, and s [rad²/s²].
@@ -95,7 +92,6 @@ class SiteShapes:
     nodal: Array
     weak: Array
     missed: Array
-    uncertainty: Array
     y: Array
     bAb: Array
     share: float
@@ -148,7 +144,6 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
     """The `SiteShapes` of loads B (rows, c), from their static solutions Y = A⁻¹B."""
     comm = structure.comm
     columns, dependence, W, Y, V, sigma = _basis(structure, solver, B, Y)
-    independent_loads = B[:, columns]
     B = B[:, columns] @ W
     R = structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
@@ -165,21 +160,16 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
     y = Y - nodal @ (slides / root**2)
     phi = strong / rigid_displacements[:q]
     k0 = np.zeros_like(W)
-    strain = np.zeros(len(columns))
     if q < len(columns):
         y0 = y[:, q:]
         if R.shape[1]:
             y0 = np.column_stack([beside_rigid(structure, solver, b) for b in B[:, q:].T])
-            strain[q:] = moved_by_strain(structure, R, y0)
         C0 = dot(comm, B[:, q:], y0)
         k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
         elastic = y0 @ k0[q:, q:] if len(columns) > 1 else y0 / C0
         elastic = elastic - phi @ dot(comm, B[:, :q], elastic)
         phi = np.hstack([phi, elastic])
     m_phi = multiply(structure.M, phi)
-    uncertainty = (
-        SUM_ROUNDING * dot(comm, np.abs(R), np.abs(independent_loads)) @ np.abs(W) + strain
-    )
     return SiteShapes(
         kept=columns,
         dependence=dependence,
@@ -193,7 +183,6 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
         nodal=nodal,
         weak=weak,
         missed=slides - weak,
-        uncertainty=uncertainty,
         y=y,
         bAb=dot(comm, load, y),
         share=float(sigma.max(initial=0.0) ** 2),
@@ -276,23 +265,6 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     dependence = dependence * size[:, None] * scale[columns]
     dependence[columns] = np.eye(len(columns))
     return columns, dependence
-
-
-def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
-    """Bound (p,) on site displacements due to the strain in the rigid-body modes R (rows, r).
-
-    Such an error strains the body. It moves a site, whose deflection under its load is the column y
-    of Y (rows, p), by yᵀKR. This is known up to the rounding of KR, |y|ᵀ|K||R| ε; the diagonal of K
-    bounds its entries, and products by strains have their own rounding.
-    """
-    comm = structure.comm
-    K = structure.K
-    entries = diagonal(K)
-    forces = multiply(K, Y) if by_strains(K) else entries[:, None] * Y
-    sizes = comm.allreduce(np.einsum("ij,ij->j", Y, forces))
-    sizes = sizes * comm.allreduce(np.einsum("ij,i,ij->", R, entries, R))
-    strained = np.linalg.norm(dot(comm, Y, multiply(K, R)), axis=1)
-    return np.asarray(strained + np.sqrt(sizes) * np.finfo(float).eps)
 
 
 def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:

@@ -301,7 +301,7 @@ def extract(
         chosen so that the error of Z(ω) up to this frequency is at most `accuracy`.
     accuracy : float
         Largest |ΔZ|/|Z| over the band, at 1 % damping. `info.band["error_bound"]` is the bound
-        that was reached, including truncation and rounding. For several sites: the largest relative
+        that was reached, 2e-6 at least for rounding. For several sites: the largest relative
         error of their displacements under any forces, in units in which their compliances are the
         identity, ‖H ΔZ‖₂, from `info.band["bottom"]` [Hz] on.
     shapes : bool
