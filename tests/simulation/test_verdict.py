@@ -255,11 +255,9 @@ def test_a_sheet_that_is_held_along_one_line_is_told_to_bend_without_stretching(
         "structure")).max()  # fmt: skip
     (sentence,) = told(u / 0.8, "bends").stretch_texts
     ratio = float(sentence.split(" times its thickness")[0].split()[-1])
-    assert "is held along one line, so that it bends by" in sentence
+    assert "is held along one line" in sentence
     assert ratio == pytest.approx(0.8, rel=0.02)
-    assert "up to 9 % larger" in sentence
-    assert told(u / 0.01, "bends").stretch_texts == told(u / 0.01, "thickness").stretch_texts
-    assert "explicit finite element program" in next(iter(told(u / 5, "bends").stretch_texts))
+    assert told(u / 0.01, "bends").stretch_texts == []
 
 
 @pytest.mark.fem

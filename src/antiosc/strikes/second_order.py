@@ -19,17 +19,16 @@ from antiosc.base.errors import (
     warn,
     warnings_to,
 )
-from antiosc.base.texts import STOPPED, percent
+from antiosc.base.texts import STOPPED, percent, plain
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
     HOPELESS,
-    hopeless_text,
     is_far,
     large_deflection_message,
     may_stretch,
-    run_away_text,
+    neither_theory,
     stretch_estimate,
 )
 from antiosc.impact.stretching import shares_of
@@ -69,7 +68,10 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
         if energy <= SLIGHT_ENERGY:
             linear, warnings = _left_out(linear, warnings, of_any)
         elif HOPELESS < of_any < inf:
-            linear, warnings = _refused(linear, warnings, hopeless_text(linear, of_any))
+            why = (
+                f"second-order strain would take {plain(of_any)} times the energy of linear strain"
+            )
+            linear, warnings = _refused(linear, warnings, neither_theory(linear, why))
         else:
             for most in _counts(linear, energy):
                 with _collected_warnings() as stretched_warnings:
@@ -109,13 +111,14 @@ def _run_away(linear: History, run: History) -> str:
     its force is not known; "" if it is.
     """
     if run.status == STOPPED:
-        return run_away_text(linear, "have no bounded energy")
+        return neither_theory(linear, "second-order forces have no bounded energy")
     if run.assembly.stretch_settled or not run.assembly.stretched:
         return ""
     share = shares_of(run)["peak_force"]
     if share <= MOST_SHARE:
         return ""
-    return run_away_text(linear, f"leave an error of {percent(share)} of the force")
+    why = f"second-order forces leave an error of {percent(share)} of the force"
+    return neither_theory(linear, why)
 
 
 def _counts(linear: History, energy: float) -> list[int]:

@@ -743,8 +743,6 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
         assert float(energy) == pytest.approx(second_order.energy_of_solid(part, hit), rel=0.2)
     deflection = linear_theory.deflection(hit, "structure")
     assert deflection > 12 * 2e-3
-    (slower,) = re.findall(r"program; up to about (\S+) m/s its deflection is small", told)
-    assert float(slower) == pytest.approx(3 * 2e-3 / deflection * 6.0, rel=0.2)
     budget = hit.error_budget
     assert budget.no_bar
     assert budget["peak_force"].total is None
