@@ -411,9 +411,9 @@ typedef struct aom_expected {
  * and the offset at the start alone; NaN where its law is none, or one of the caller's fails. */
 AOM_API aom_expected aom_expect(const aom_system *system, int contact, double duration);
 
-/* Indentation, at most `high`, that absorbs an energy and the work of a force `push`, of a new contact
+/* Indentation, at most `high`, that absorbs an energy and the work of a `force`, of a new contact
  * that closes at a speed; `close` is its relative error. aom_law_check passed the law. */
-AOM_API double aom_law_deepest(const aom_law *law, double speed, double energy, double push,
+AOM_API double aom_law_deepest(const aom_law *law, double speed, double energy, double force,
                                double high, double close);
 
 /* A system of one contact that is open at the start, with a gap >= 0, one row and one time of loads.

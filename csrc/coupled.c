@@ -2,7 +2,7 @@
  * complex pairs and real poles of damping that couples modes.
  *
  * With y = beta J + gamma J' a force f moves mode j by q = f y and v = -omega^2 gamma J + (beta -
- * 2 d gamma) J', J the displacement that a modal force of this course causes, J' its rate. */
+ * 2 d gamma) J', J the displacement that a modal force of this history causes, J' its rate. */
 #include "internal.h"
 
 /* Add what the rates of the modes do to the rows of a slot. */
@@ -26,8 +26,8 @@ void add_rates(aom_stepper *st, slot *s) {
 
 /* Add what the forces 1, t, t^2/2 on b do to a row, or a, after the time of the responses: the rate by
  * the first, then displacements. */
-void couple(const aom_stepper *st, const double *response, const row_span *span, arm a, arm b,
-            double total[4]) {
+void couple(const aom_stepper *st, const double *response, const row_span *span, modal_vector a,
+            modal_vector b, double total[4]) {
     ptrdiff_t J = st->system.n_modes;
     const double *omega = st->system.omega, *decay = st->system.decay, *W = response + J;
     const double *S = W + J;
@@ -49,9 +49,9 @@ void couple(const aom_stepper *st, const double *response, const row_span *span,
 
 /* Take from (q, v) what a force f[0] + f[1] t + f[2] t^2/2 does in the time of the responses, to the
  * modes from `begin` to `end`; without rates. */
-static void push_modes(ptrdiff_t J, int begin, int end, const double *restrict beta,
-                       const double *restrict S, const double f[3], double *restrict q,
-                       double *restrict v) {
+static void apply_to_modes(ptrdiff_t J, int begin, int end, const double *restrict beta,
+                           const double *restrict S, const double f[3], double *restrict q,
+                           double *restrict v) {
     const double *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
     double f0 = f[0], f1 = f[1], f2 = f[2];
     for (int j = begin; j < end; j++) {
@@ -61,8 +61,8 @@ static void push_modes(ptrdiff_t J, int begin, int end, const double *restrict b
 }
 
 /* The same, with rates. */
-static void push_rates(const aom_stepper *st, const double *S, int begin, int end, arm a,
-                       const double f[3], double *q, double *v) {
+static void apply_with_rates(const aom_stepper *st, const double *S, int begin, int end,
+                             modal_vector a, const double f[3], double *q, double *v) {
     ptrdiff_t J = st->system.n_modes;
     const double *omega = st->system.omega, *decay = st->system.decay;
     for (int j = begin; j < end; j++) {
@@ -78,26 +78,26 @@ static void push_rates(const aom_stepper *st, const double *S, int begin, int en
 }
 
 /* The same, of all modes. */
-void push(const aom_stepper *st, const double *response, const row_span *span, arm a,
-          const double f[3], double *q, double *v) {
+void apply_force(const aom_stepper *st, const double *response, const row_span *span,
+                 modal_vector a, const double f[3], double *q, double *v) {
     ptrdiff_t J = st->system.n_modes;
     for (int part = 0; part < 2; part++) {
         int begin = span->begin[part], end = span->end[part];
         if (a.gamma == NULL)
-            push_modes(J, begin, end, a.beta, response + 2 * J, f, q, v);
+            apply_to_modes(J, begin, end, a.beta, response + 2 * J, f, q, v);
         else
-            push_rates(st, response + 2 * J, begin, end, a, f, q, v);
+            apply_with_rates(st, response + 2 * J, begin, end, a, f, q, v);
     }
 }
 
 /* The energy that the contacts have given the bodies grows by that of a step: of modes whose rate
  * counts too, the squares of q and v are no energy. */
-void give(aom_stepper *st, double h) {
-    course *now = &st->now;
+void add_contact_work(aom_stepper *st, double h) {
+    run_state *now = &st->now;
     for (int i = 0; i < st->system.n_rows; i++) {
         const double *f = st->work.force[i].f, *rate = st->work.motion[i].rate;
         double power = f[0] * st->rows[i].rate + 4.0 * f[1] * rate[0] + f[2] * rate[1];
-        now->pushed -= h / 6.0 * power;
+        now->contact_work -= h / 6.0 * power;
     }
-    now->highest = larger(now->highest, -now->pushed);
+    now->highest = larger(now->highest, -now->contact_work);
 }

@@ -44,7 +44,7 @@ static void add_loads(const aom_stepper *st, int i, const slot *s, motion *out) 
     const double *of[2] = {st->work.load, st->work.load_rate};
     for (int n = 0; n <= st->rising; n++) {
         double by[4] = {0.0, 0.0, 0.0, 0.0};
-        couple(st, s->response, st->spans + i, row_arm(st, i), load_arm(st, of[n]), by);
+        couple(st, s->response, st->spans + i, row_vector(st, i), load_vector(st, of[n]), by);
         out->depth += by[n + 1];
         out->rate += by[n];
     }

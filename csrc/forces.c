@@ -106,8 +106,8 @@ static bool alone(const aom_stepper *st, int g) { return st->first[g] == st->sec
 
 /* What the forces at a node of all rows take from the indentation and rate of row i at a stage:
  * those of the groups, and what its own coupling is beyond its group's. */
-static void held_back(const aom_stepper *st, const influence *local, int stage, int i, int node,
-                      double *delta, double *rate) {
+static void subtract_coupled(const aom_stepper *st, const influence *local, int stage, int i,
+                             int node, double *delta, double *rate) {
     int g = st->group[i], G = st->n_groups;
     const influence *by = local + pair_of(st, g, 0);
     double d = 0.0, v = 0.0, own = st->work.force[i].f[node];
@@ -139,8 +139,8 @@ static void start_forces(aom_stepper *st, const influence *local) {
             memcpy(st->contacts[c].anchor[node], st->contacts[c].anchor[0], sizeof(double[2]));
     for (int i = 0; i < st->system.n_rows; i++)
         for (int stage = 0; stage < 2; stage++)
-            held_back(st, local, stage, i, 0, st->work.base[i].depth + stage,
-                      st->work.base[i].rate + stage);
+            subtract_coupled(st, local, stage, i, 0, st->work.base[i].depth + stage,
+                             st->work.base[i].rate + stage);
 }
 
 /* Change the force of a row at a stage. */
@@ -156,22 +156,23 @@ static void row_motion(const aom_stepper *st, const influence *local, int stage,
                  double *rate) {
     *delta = st->work.base[i].depth[stage];
     *rate = st->work.base[i].rate[stage];
-    held_back(st, local, stage, i, 1, delta, rate);
-    held_back(st, local, stage, i, 2, delta, rate);
+    subtract_coupled(st, local, stage, i, 1, delta, rate);
+    subtract_coupled(st, local, stage, i, 2, delta, rate);
 }
 
-/* T (2) of C T = b; C: give[3] = C11, C22, C12. */
-static void stuck(const double give[3], const double b[2], double T[2]) {
-    double all = give[0] * give[1], det = larger(all - give[2] * give[2], 1e-12 * all);
-    T[0] = (give[1] * b[0] - give[2] * b[1]) / det;
-    T[1] = (give[0] * b[1] - give[2] * b[0]) / det;
+/* T (2) of C T = b; C: compliance[3] = C11, C22, C12. */
+static void stuck(const double compliance[3], const double b[2], double T[2]) {
+    double all = compliance[0] * compliance[1];
+    double det = larger(all - compliance[2] * compliance[2], 1e-12 * all);
+    T[0] = (compliance[1] * b[0] - compliance[2] * b[1]) / det;
+    T[1] = (compliance[0] * b[1] - compliance[2] * b[0]) / det;
 }
 
 /* T (2) of (C + x) T = b with that x for which |T| is `most`. */
-static void sliding(const double give[3], const double b[2], double most, double T[2]) {
-    double x = 0.0, least = -0.9 * smaller(give[0], give[1]), size = 0.0;
+static void sliding(const double compliance[3], const double b[2], double most, double T[2]) {
+    double x = 0.0, least = -0.9 * smaller(compliance[0], compliance[1]), size = 0.0;
     for (int tries = 0; tries < 50 && most > 0.0; tries++) {
-        const double with[3] = {give[0] + x, give[1] + x, give[2]};
+        const double with[3] = {compliance[0] + x, compliance[1] + x, compliance[2]};
         stuck(with, b, T);
         size = sqrt(T[0] * T[0] + T[1] * T[1]);
         if (!(fabs(size - most) > most * 1e-14))
@@ -200,25 +201,26 @@ static double friction_force(aom_stepper *st, const influence *local, int stage,
     int first = contact->first_tangential, count = contact->n_tangential, node = stage + 1;
     double soft = 1.0 / contact->tangential_stiffness, change = 0.0, rate;
     double most = contact->friction * larger(force[c].f[node], 0.0);
-    double way[2] = {0.0, 0.0}, old[2] = {0.0, 0.0}, new[2] = {0.0, 0.0}, held[3] = {0.0, 0.0, 0.0};
+    double way[2] = {0.0, 0.0}, old[2] = {0.0, 0.0}, new[2] = {0.0, 0.0};
+    double coupling[3] = {0.0, 0.0, 0.0};
     for (int r = 0; r < count; r++) {
         row_motion(st, local, stage, first + r, way + r, &rate);
         old[r] = force[first + r].f[node];
-        held[r] = local[first + r].depth[stage][node];
+        coupling[r] = local[first + r].depth[stage][node];
     }
     if (count == 2)
-        held[2] = local[pair_of(st, st->group[first], st->group[first + 1])].depth[stage][node];
+        coupling[2] = local[pair_of(st, st->group[first], st->group[first + 1])].depth[stage][node];
     for (int r = 0; r < count; r++) /* without these forces */
-        way[r] += held[r] * old[r] + held[2] * old[1 - r];
+        way[r] += coupling[r] * old[r] + coupling[2] * old[1 - r];
 
-    const double give[3] = {held[0] + soft, held[1] + soft, held[2]};
+    const double compliance[3] = {coupling[0] + soft, coupling[1] + soft, coupling[2]};
     double stretch[2] = {0.0, 0.0};
     for (int r = 0; r < count; r++)
         stretch[r] = way[r] - (state->slips ? slider_base(state, stage, r) : state->anchor[0][r]);
     if (!state->slips)
-        stuck(give, stretch, new);
+        stuck(compliance, stretch, new);
     else if (count == 2)
-        sliding(give, stretch, most, new);
+        sliding(compliance, stretch, most, new);
     else
         new[0] = state->direction[0] * most;
 
@@ -226,7 +228,7 @@ static double friction_force(aom_stepper *st, const influence *local, int stage,
         set_force(st, stage, first + r, new[r]);
         state->anchor[node][r] = state->anchor[0][r];
         if (state->slips)
-            state->anchor[node][r] = way[r] - give[r] * new[r] - held[2] * new[1 - r];
+            state->anchor[node][r] = way[r] - compliance[r] * new[r] - coupling[2] * new[1 - r];
         change = larger(change, fabs(new[r] - old[r]));
     }
     return change;
@@ -453,12 +455,12 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
                 tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
                                           st->contacts[c].memory);
                 const influence *own = local + c;
-                double give = own->depth[stage][stage + 1] * law.by_delta +
-                              own->rate[stage][stage + 1] * law.by_rate;
-                double grip = 1.0 + larger(give, 0.0);
+                double slope = own->depth[stage][stage + 1] * law.by_delta +
+                               own->rate[stage][stage + 1] * law.by_rate;
+                double divisor = 1.0 + larger(slope, 0.0);
                 double rounding =
-                    1e-15 * law.by_delta / grip * fabs(st->work.base[c].depth[stage]);
-                new = old - (old - law.force) / grip;
+                    1e-15 * law.by_delta / divisor * fabs(st->work.base[c].depth[stage]);
+                new = old - (old - law.force) / divisor;
                 out[2] = larger(out[2], rounding);
                 set_force(st, stage, c, new);
             }

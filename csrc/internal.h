@@ -1,5 +1,11 @@
 /* What the files of the march share, which are one unit: the stepper's memory, and the functions of
- * each file. */
+ * each file.
+ *
+ * Words: a row is an indentation or a sliding; its modal vector (beta, gamma) says how it sees the
+ * modes and how its force acts on them; its compliance is the indentation that a unit of its own
+ * force takes away, its coupling with another row what a unit of that one's force does. A step is
+ * tried (the attempt), and accepted or refused; a contact is in a branch of its law; the run state
+ * is what a step changes. */
 #ifndef AOM_INTERNAL_H
 #define AOM_INTERNAL_H
 
@@ -87,10 +93,10 @@ typedef struct row_span {
     int begin[2], end[2];
 } row_span;
 
-/* What a force pushes the modes by, and sees of them: the row of a contact, or loads. */
-typedef struct arm {
+/* By what a force acts on the modes, and sees them: the row of a contact, or loads. */
+typedef struct modal_vector {
     const double *beta, *gamma; /* [J], by displacements and by rates; gamma may be NULL */
-} arm;
+} modal_vector;
 
 typedef struct row_state {
     double force, middle; /* at the end and in the middle of the last step */
@@ -111,21 +117,21 @@ typedef struct contact_state {
 } contact_state;
 
 /* All that a run changes, but for the arrays beside it. */
-typedef struct course {
+typedef struct run_state {
     double time, last_step, step, left; /* left: until the loads change */
     double force_scale, longest;   /* longest step */
     double stiffness, lacking; /* of the law at the last end; force that it lacks at h/2 of a long step */
     double cap, first_cap; /* of the present contact: longest step now and as its begin lets expect */
-    double worked, given, highest, surplus;
+    double load_work, initial_energy, highest, surplus;
     double stretch_scale; /* [N] that errors of stretching are weighed by */
-    double pushed; /* energy that the contacts gave the bodies, of modes with gamma */
+    double contact_work; /* energy that the contacts gave the bodies, of modes with gamma */
     int level, segment, flown_segment;
     bool flying;
     bool smooth; /* the slopes of the forces at the end of the last step go on */
     bool scaled; /* the scales of the forces are known from the start */
     int64_t steps, retries, touches, refused, idle;
     int64_t lasting; /* steps since a contact went over to another branch */
-} course;
+} run_state;
 
 /* One contact in Newton's method for all forces: the slopes of its law and its residual, at h/2, h;
  * of a contact that slides, the forces of its rows over the normal one. */
@@ -183,7 +189,7 @@ struct aom_stepper {
     slot slots[SLOTS];
     workspace work;
     /* what aom_save keeps: contiguous from here */
-    course now;
+    run_state now;
     size_t changing_bytes;
     double *x; /* [2][J]: q, v, and one number beyond, 0 */
     row_state *rows;
@@ -206,11 +212,11 @@ static void find_spans(aom_stepper *st);
 
 /* ---- coupled.c */
 static void add_rates(aom_stepper *st, slot *s);
-static void couple(const aom_stepper *st, const double *response, const row_span *span, arm a, arm b,
-            double total[4]);
-static void push(const aom_stepper *st, const double *response, const row_span *span, arm a,
-          const double f[3], double *q, double *v);
-static void give(aom_stepper *st, double h);
+static void couple(const aom_stepper *st, const double *response, const row_span *span,
+                   modal_vector a, modal_vector b, double total[4]);
+static void apply_force(const aom_stepper *st, const double *response, const row_span *span,
+                        modal_vector a, const double f[3], double *q, double *v);
+static void add_contact_work(aom_stepper *st, double h);
 
 /* ---- laws.c */
 #define SLOWEST 0.01 /* share of the fastest approach that a damped law's speed is held above */
@@ -301,7 +307,7 @@ static int start_run(aom_stepper *st, const aom_system *system, const aom_option
                      const double *highest);
 static void set_scale(aom_stepper *st, int c, double force);
 static double expect_contact(aom_stepper *st, int c, double speed);
-static double held_energy(aom_stepper *st);
+static double body_energy(aom_stepper *st);
 
 /* ---- stepper.c */
 static void write_state(const aom_stepper *st, aom_record *out);
@@ -340,12 +346,12 @@ static inline const double *gamma_row(const aom_stepper *st, int i) {
 static inline double gamma_at(const aom_stepper *st, int i, int j) {
     return st->system.gamma == NULL ? 0.0 : gamma_row(st, i)[j];
 }
-static inline arm row_arm(const aom_stepper *st, int i) {
-    return (arm){beta_row(st, i), st->system.gamma == NULL ? NULL : gamma_row(st, i)};
+static inline modal_vector row_vector(const aom_stepper *st, int i) {
+    return (modal_vector){beta_row(st, i), st->system.gamma == NULL ? NULL : gamma_row(st, i)};
 }
 /* Of loads or their slopes, one behind the other for displacements and for rates. */
-static inline arm load_arm(const aom_stepper *st, const double *load) {
-    return (arm){load, st->system.gamma == NULL ? NULL : load + st->system.n_modes};
+static inline modal_vector load_vector(const aom_stepper *st, const double *load) {
+    return (modal_vector){load, st->system.gamma == NULL ? NULL : load + st->system.n_modes};
 }
 /* Whether row i moves mode j. */
 static inline bool moves_mode(const aom_system *s, int i, int j) {

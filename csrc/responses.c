@@ -299,7 +299,7 @@ static void ready_coupling(aom_stepper *st, slot *s) {
             continue;
         }
         double total[4] = {0.0, 0.0, 0.0, 0.0};
-        couple(st, s->response, st->spans + a, row_arm(st, a), row_arm(st, b), total);
+        couple(st, s->response, st->spans + a, row_vector(st, a), row_vector(st, b), total);
         for (int k = 0; k < 4; k++)
             s->coupling[k * pairs + n] = total[k];
     }

@@ -2,21 +2,21 @@
 #include "internal.h"
 
 /* Energy of the bodies. */
-double held_energy(aom_stepper *st) {
+double body_energy(aom_stepper *st) {
     const aom_system *s = &st->system;
     return mechanical_energy(s->n_modes, st->x, s->omega) + stretch_energy(st);
 }
 
 /* Mass that a contact seems to push if a constant force acts for a time t. */
-static double mass_felt(const aom_stepper *st, int c, double t) {
-    double give = st->system.residual[(ptrdiff_t)c * (st->system.n_rows + 1)];
+static double effective_mass(const aom_stepper *st, int c, double t) {
+    double compliance = st->system.residual[(ptrdiff_t)c * (st->system.n_rows + 1)];
     const double *beta = beta_row(st, c);
     for (int j = 0; j < st->system.n_modes; j++) {
         double z = 0.5 * st->system.omega[j] * t;
         double part = beta[j] * (z > 1e-4 ? t * sin(z) / z : t);
-        give += 0.5 * part * part;
+        compliance += 0.5 * part * part;
     }
-    return give > 0.0 ? 0.5 * t * t / give : INFINITY;
+    return compliance > 0.0 ? 0.5 * t * t / compliance : INFINITY;
 }
 
 /* A force of a contact that was met or is expected, unless its scale is known. */
@@ -37,7 +37,7 @@ double expect_contact(aom_stepper *st, int c, double speed) {
         return depth;
     double all = depth;
     for (int tries = 0; tries < 3; tries++) { /* with the mass that takes part while it lasts */
-        double mass = smaller(mass_felt(st, c, 1.5 * depth / speed), contact->mass);
+        double mass = smaller(effective_mass(st, c, 1.5 * depth / speed), contact->mass);
         law_expected(st, &contact->law, mass, speed, state->memory, &depth, &force);
     }
     set_scale(st, c, force);
@@ -144,7 +144,7 @@ int start_run(aom_stepper *st, const aom_system *system, const aom_options *opti
     memset(w->load_rate, 0, (size_t)L * sizeof *w->load_rate);
     memset(w->offset, 0, (size_t)m * sizeof *w->offset);
     memset(w->drift, 0, (size_t)m * sizeof *w->drift);
-    course now = {.level = 4};
+    run_state now = {.level = 4};
     double unit = options->step > 0.0 ? options->step : 1.0;
     now.longest = unit * exp2(ceil(log2(options->duration / unit)));
     now.cap = now.first_cap = options->duration / 16.0;
@@ -160,7 +160,7 @@ int start_run(aom_stepper *st, const aom_system *system, const aom_options *opti
     start_rows(st);
     start_contacts(st, highest);
     start_stretch(st);
-    st->now.given = st->now.highest = system->stored + held_energy(st);
+    st->now.initial_energy = st->now.highest = system->stored + body_energy(st);
     return st->law_failed ? AOM_LAW_FAILED : AOM_DONE;
 }
 

@@ -28,25 +28,26 @@ static void move(aom_stepper *st, int index, double h) {
     double *q = st->x, *v = st->x + J;
     const double *response = st->slots[index].response;
     if (st->loaded)
-        st->now.worked -= loads_on(st, h);
+        st->now.load_work -= loads_on(st, h);
     turn(J, st->system.omega, response, q, v);
     for (int i = 0; i < m; i++) {
         const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
         if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
-            push(st, response, st->spans + i, row_arm(st, i), f, q, v);
+            apply_force(st, response, st->spans + i, row_vector(st, i), f, q, v);
     }
     if (st->loaded) {
         const row_span all = {{0, J}, {J, J}};
-        push(st, response, &all, load_arm(st, st->work.load), (double[]){-1.0, 0.0, 0.0}, q, v);
+        modal_vector load = load_vector(st, st->work.load);
+        apply_force(st, response, &all, load, (double[]){-1.0, 0.0, 0.0}, q, v);
+        modal_vector load_rate = load_vector(st, st->work.load_rate);
         if (st->rising)
-            push(st, response, &all, load_arm(st, st->work.load_rate), (double[]){0.0, -1.0, 0.0}, q,
-                 v);
-        st->now.worked += loads_on(st, h);
+            apply_force(st, response, &all, load_rate, (double[]){0.0, -1.0, 0.0}, q, v);
+        st->now.load_work += loads_on(st, h);
     }
     if (st->shifted) /* the moving gaps: loads on sites without mass */
         for (int i = 0; i < m; i++) {
             const double *f = st->work.force[i].f;
-            st->now.worked -= st->work.drift[i] * h / 6.0 * (f[0] + 4.0 * f[1] + f[2]);
+            st->now.load_work -= st->work.drift[i] * h / 6.0 * (f[0] + 4.0 * f[1] + f[2]);
         }
 }
 
@@ -92,7 +93,7 @@ static void aim_friction(aom_stepper *st, int c, int node) {
 
 /* Go to the end of the step and write it down. */
 static void accept_step(aom_stepper *st, int index, aom_record *out) {
-    course *now = &st->now;
+    run_state *now = &st->now;
     int J = st->system.n_modes;
     double h = now->step;
     write_state(st, out);
@@ -100,9 +101,9 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
     move(st, index, h);
     write_nodes(st, out, h);
     if (st->system.gamma != NULL)
-        give(st, h);
+        add_contact_work(st, h);
     else if (nothing_touches(st) && st->system.n_stretch == 0) /* flight is exact */
-        now->worked = mechanical_energy(J, st->x, st->system.omega) - now->given;
+        now->load_work = mechanical_energy(J, st->x, st->system.omega) - now->initial_energy;
     now->steps++;
     now->lasting++;
     now->idle = 0;
@@ -120,15 +121,15 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
     scale_stretch(st);
     for (int c = 0; c < st->system.n_contacts; c++) {
         contact_state *contact = st->contacts + c;
-        const aom_contact *given = st->system.contacts + c;
+        const aom_contact *contact_data = st->system.contacts + c;
         contact->speed_scale = larger(contact->speed_scale, fabs(st->rows[c].rate));
         if (contact->branch == AOM_APART)
             continue;
         memcpy(contact->anchor[0], contact->anchor[2], sizeof contact->anchor[0]);
         aim_friction(st, c, 2);
         set_scale(st, c, st->rows[c].force);
-        if (given->law.kind == AOM_USER)
-            user_advance(st, given->law.user, st->rows[c].depth, st->rows[c].rate,
+        if (contact_data->law.kind == AOM_USER)
+            user_advance(st, contact_data->law.user, st->rows[c].depth, st->rows[c].rate,
                          contact->memory);
     }
 }
@@ -137,7 +138,7 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
 
 /* The scales of a contact that begins, and the level of its first step; `active`: others touch. */
 static void begin_contact(aom_stepper *st, int c, double rate, bool active) {
-    course *now = &st->now;
+    run_state *now = &st->now;
     double speed = larger(rate, 1e-2 * st->contacts[c].speed_scale);
     now->touches++;
     double lasts = 3.0 * expect_contact(st, c, speed) / speed, cap = lasts / 4.0, first = lasts / 64.0;
@@ -181,9 +182,9 @@ static void switch_friction(aom_stepper *st, bool at_once) {
 static void free_rows(aom_stepper *st, int i) {
     int m = st->system.n_rows;
     for (int k = 0; k < m; k++) {
-        double give = st->system.residual[(ptrdiff_t)k * m + i];
-        st->rows[k].depth += give * st->rows[i].force;
-        st->rows[k].rate += give * st->rows[i].slope;
+        double compliance = st->system.residual[(ptrdiff_t)k * m + i];
+        st->rows[k].depth += compliance * st->rows[i].force;
+        st->rows[k].rate += compliance * st->rows[i].slope;
     }
 }
 
@@ -223,14 +224,14 @@ static void enter_branch(aom_stepper *st, aom_record *out, bool active) {
 
 /* Whether the bodies hold more energy than they were given. */
 static bool grew(aom_stepper *st) {
-    course *now = &st->now;
+    run_state *now = &st->now;
     if (st->system.gamma != NULL) {
-        now->surplus = larger(now->surplus, now->pushed - st->system.stored);
+        now->surplus = larger(now->surplus, now->contact_work - st->system.stored);
         return !(now->surplus <= (GROWTH - 1.0) * now->highest);
     }
-    double given = now->given + now->worked;
-    now->highest = larger(now->highest, given);
-    double surplus = held_energy(st) - given;
+    double expected = now->initial_energy + now->load_work;
+    now->highest = larger(now->highest, expected);
+    double surplus = body_energy(st) - expected;
     now->surplus = larger(now->surplus, surplus);
     return !(surplus <= (GROWTH - 1.0) * now->highest);
 }
@@ -258,10 +259,10 @@ static bool bend_forces(aom_stepper *st, int c) {
     const aom_contact *contact = system->contacts + c;
     contact_state *state = st->contacts + c;
     row_state *row = st->rows + c, *sides = st->rows + contact->first_tangential;
-    double give = system->residual[(ptrdiff_t)c * (system->n_rows + 1)], turn = row->kink;
+    double compliance = system->residual[(ptrdiff_t)c * (system->n_rows + 1)], turn = row->kink;
     tangent law = law_tangent(st, &contact->law, state->branch, row->depth, row->rate, state->memory);
-    double jump = give > 0.0 ? 0.0 : law.by_rate * turn;
-    double kink = law.by_delta * turn / (1.0 + law.by_delta * give);
+    double jump = compliance > 0.0 ? 0.0 : law.by_rate * turn;
+    double kink = law.by_delta * turn / (1.0 + law.by_delta * compliance);
     row->rate += turn;
     bend_row(st, row, jump, kink);
 
@@ -296,7 +297,7 @@ static void write_jump(aom_stepper *st, aom_record *out) {
 
 /* The next step, or event; AOM_DONE: go on. */
 static int one_step(aom_stepper *st, aom_record *out) {
-    course *now = &st->now;
+    run_state *now = &st->now;
     int segment = now->segment;
     now->left = acting_now(st);
     bool jumps = false;
@@ -341,7 +342,7 @@ static int one_step(aom_stepper *st, aom_record *out) {
 }
 
 int aom_integrate(aom_stepper *st, aom_record *out, double until, int64_t max_attempts) {
-    course *now = &st->now;
+    run_state *now = &st->now;
     double duration = st->options.duration;
     int64_t before = now->steps + now->retries;
     if (out->n_nodes == 0 && out->max_nodes > 0)
@@ -372,9 +373,9 @@ void aom_clear(aom_record *record) {
 /* ---- what is told of a run */
 
 aom_summary aom_summarize(const aom_stepper *st) {
-    const course *now = &st->now;
+    const run_state *now = &st->now;
     return (aom_summary){now->time,   now->force_scale, now->highest,
-                         now->surplus, now->worked,     now->steps,
+                         now->surplus, now->load_work,   now->steps,
                          now->steps + now->retries, now->touches, now->refused};
 }
 

@@ -170,16 +170,16 @@ static double first_exit(aom_stepper *st) {
 /* The rate of a contact at the end of the step. Of what has no mass it is that which the slope of the
  * law's force leaves: of a stiff law that of the parabola is rounding. */
 static double end_rate(aom_stepper *st, int c) {
-    double give = st->system.residual[(ptrdiff_t)c * (st->system.n_rows + 1)];
+    double compliance = st->system.residual[(ptrdiff_t)c * (st->system.n_rows + 1)];
     double rate = st->work.motion[c].rate[1];
     const contact_state *contact = st->contacts + c;
-    if (give == 0.0 || st->rated || !pressing(contact->branch))
+    if (compliance == 0.0 || st->rated || !pressing(contact->branch))
         return rate;
     const double *f = st->work.force[c].f;
     double stiffness = law_tangent(st, &st->system.contacts[c].law, contact->branch,
                                    st->work.motion[c].depth[1], rate, contact->memory).by_delta;
     double slope = (f[0] - 4.0 * f[1] + 3.0 * f[2]) / st->now.step;
-    return (rate + give * slope) / (1.0 + give * stiffness);
+    return (rate + compliance * slope) / (1.0 + compliance * stiffness);
 }
 
 /* How far the contact of the exit lies beyond its bound at the start (0) or the end (1) of the step; of
@@ -335,7 +335,7 @@ static double ripple(aom_stepper *st, double h) {
 /* A contact may last far longer than its own masses let expect, as that of a heavy mass that bends a
  * beam. Its longest step grows while no vibration shows in the force, and shrinks where one does. */
 static void adapt_cap(aom_stepper *st, double h, bool coarser) {
-    course *now = &st->now;
+    run_state *now = &st->now;
     if (!lasts(st) || now->flying || now->steps % ADAPT != 0)
         return;
     double limit = UNSEEN * st->options.rel_tol;
@@ -362,7 +362,7 @@ static int first_level(aom_stepper *st, bool blind) {
 
 /* By how many levels the step that was tried is to be finer; `worst`: its error over its limit. */
 static int refinement(aom_stepper *st, int index, bool found, bool blind, double *worst) {
-    course *now = &st->now;
+    run_state *now = &st->now;
     if (now->flying)
         return !clear_of_touches(st, index);
     bool jump = now->step <= 1e-9 * now->cap; /* no smaller step helps */
@@ -375,7 +375,7 @@ static int refinement(aom_stepper *st, int index, bool found, bool blind, double
 
 /* The next step, up to the first exit: its slot, AT_ONCE or NO_STEP. */
 int try_step(aom_stepper *st) {
-    course *now = &st->now;
+    run_state *now = &st->now;
     /* exits without end at one time: step over them */
     bool blind = !now->flying && now->idle > 4 * st->system.n_contacts + 8;
     int level = now->flying ? now->level : first_level(st, blind);

@@ -77,15 +77,15 @@ double stretch_energy(aom_stepper *st) {
 /* The force by which the modes of a row resist, at most, as the row sees it. */
 static double resistance(const aom_stepper *st, int i) {
     int J = st->system.n_modes;
-    double held = 0.0, moving = 0.0, size = 0.0;
+    double elastic = 0.0, moving = 0.0, size = 0.0;
     for (int part = 0; part < 2; part++)
         for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
             double w = st->system.omega[j], beta = beta_row(st, i)[j];
-            held += beta * w * w * st->x[j];
+            elastic += beta * w * w * st->x[j];
             moving += beta * w * st->x[J + j];
             size += beta * beta;
         }
-    return size > 0.0 ? sqrt(held * held + moving * moving) / size : 0.0;
+    return size > 0.0 ? sqrt(elastic * elastic + moving * moving) / size : 0.0;
 }
 
 void scale_stretch(aom_stepper *st) {

@@ -22,7 +22,7 @@ AOM_API double part_chord(aom_stepper *st, int c, double h) {
 }
 
 AOM_API double part_mass_felt(const aom_stepper *st, int c, double t) {
-    return mass_felt(st, c, t);
+    return effective_mass(st, c, t);
 }
 
 /* Force that vibrations which a step h does not resolve may cause, with contacts closed. */
