@@ -17,6 +17,7 @@ import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.impact import truncation
 from antiosc.impact.truncation import (
+    TRUNCATION_SAFETY,
     choose_n,
     halved,
     softest_model,
@@ -151,7 +152,7 @@ def test_simulate_chooses():
     assert set(hit.error) == {"force", "peak", *(f"truncation {q}" for q in QUANTITIES)}
 
 
-def test_estimate_is_twice_what_the_two_extremes_differ_by():
+def test_estimate_is_a_multiple_of_what_the_two_extremes_differ_by():
     """What is left out follows the site rigidly, or hangs on one spring at the next frequency."""
     whole, striker = case_two(6)
     law, tol = ao.Hertz(HERTZ), 1e-4
@@ -163,9 +164,9 @@ def test_estimate_is_twice_what_the_two_extremes_differ_by():
     rigid, hung = (run(model, tol) for model in (short, soft))
     apart = abs(hung.peak_force - rigid.peak_force) / max(hung.peak_force, rigid.peak_force)
     estimate = truncation_error(short, run, next_omega=whole.omega[2], tol=tol)
-    assert estimate.worst >= estimate.peak_force >= 2 * (apart - tol) * (1 - 1e-9)
+    assert estimate.worst >= estimate.peak_force >= TRUNCATION_SAFETY * (apart - tol) * (1 - 1e-9)
     if estimate.peak_force > estimate.worst / 2:  # not raised to the share of the worst
-        assert estimate.peak_force == pytest.approx(2 * (apart - tol), rel=1e-6)
+        assert estimate.peak_force == pytest.approx(TRUNCATION_SAFETY * (apart - tol), rel=1e-6)
     assert apart > 100 * tol
 
 
@@ -178,9 +179,9 @@ def test_without_a_residual_mass_the_last_anti_oscillator_is_what_may_be_missing
     apart = abs(peaks[0] - peaks[1]) / max(peaks)
     estimate = truncation_error(model, run, tol=tol)
     assert apart > 100 * tol
-    assert estimate.worst >= estimate.peak_force >= 2 * (apart - tol) * (1 - 1e-9)
+    assert estimate.worst >= estimate.peak_force >= TRUNCATION_SAFETY * (apart - tol) * (1 - 1e-9)
     if estimate.peak_force > estimate.worst / 2:
-        assert estimate.peak_force == pytest.approx(2 * (apart - tol), rel=1e-6)
+        assert estimate.peak_force == pytest.approx(TRUNCATION_SAFETY * (apart - tol), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -239,7 +240,7 @@ def test_the_hung_model_keeps_the_dampers():
 
 @pytest.mark.parametrize("apart", [(0.4, 0.01, 0.0), (0.0, 0.2, 0.19), (0.0, 0.0, 0.3)])
 def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
-    """Impacts of the two extremes that differ by given shares: twice that, at least."""
+    """Impacts of the two extremes that differ by given shares: 2.5 times that, at least."""
     model = case_two(3)[0]
 
     def run(one, tol):
@@ -248,22 +249,19 @@ def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
 
     monkeypatch.setattr(truncation, "_checked_run", lambda found: found)
     found = truncation_error(model, run, tol=1e-6)
-    errors = 2 * (np.array(apart) - 1e-6).clip(0)
+    errors = truncation.TRUNCATION_SAFETY * (np.array(apart) - 1e-6).clip(0)
     expected = np.maximum(errors, errors.max() / 2)
     assert [getattr(found, name) for name in QUANTITIES] == pytest.approx(expected, rel=1e-9)
-
-
-#: One of eight: the force is 36.1 % off with a bar of 35.2 %, most of it by the cell at the stop.
-MISSED = pytest.mark.xfail(reason="the mass of one cell at the stop has more than the bar")
 
 
 @pytest.mark.fem
 @pytest.mark.parametrize(
     ("method", "stiffness", "n"),
     [
-        *(("krylov", stiffness, n) for stiffness in (1e10, 1e11) for n in (20, 80)),
-        *(("modes", 1e10, 20), ("modes", 1e10, 80), ("modes", 1e11, 20)),
-        pytest.param("modes", 1e11, 80, marks=MISSED),
+        (method, stiffness, n)
+        for method in ("krylov", "modes")
+        for stiffness in (1e10, 1e11)
+        for n in (20, 80)
     ],
 )
 @pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")

@@ -67,7 +67,7 @@ def too_few(n: int, error: float) -> str:
 Run = Callable[[AntiOscillators, float], History]
 
 #: Factor of safety of the estimate.
-TRUNCATION_SAFETY = 2.0
+TRUNCATION_SAFETY = 2.5
 #: Factor of safety of the changes on the softest and on the lightest model of the Krylov method.
 TRUNCATION_SAFETY_RITZ = 4.0
 #: Least share of a value that is left on the model with half as many anti-oscillators.
