@@ -141,7 +141,7 @@ SITES = [
     ({"point": (0, np.nan, 0), **UP}, "point must be finite"),
     ({**POINT, "direction": (0, np.inf, 1)}, "direction must be finite"),
     ({**POINT, **UP, "radius": 0.0}, "radius must be > 0"),
-    ({"dof": 0, "radius": 0.1}, "radius needs a mesh"),
+    ({"dof": 0, "radius": 0.1}, "no surface"),
     ({"dof": -1}, "dof must be a whole number >= 0"),
     ({"vector": "b"}, "vector must"),
     ({"node": 3}, "at a node needs one of: dof, as 'z', or direction"),

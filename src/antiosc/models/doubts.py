@@ -4,7 +4,6 @@ from antiosc.base.texts import SMALLER_CELLS
 
 #: Reasons.
 CUT = "an edge cuts the patch"
-SUPPORTED = "supports hold a part of it"
 NEAR = "a support is within two radii of the patch"
 EDGE = "an edge or a corner is struck"
 HOLLOW = "a hollow is too narrow for the striker"
@@ -14,7 +13,6 @@ BEYOND_WALL = "the force exceeds that on a wall"
 #: Reason -> what leaves fewer doubtful sites.
 REMEDIES = {
     CUT: f"take a smaller radius of the patch, on cells not larger than it ({SMALLER_CELLS})",
-    SUPPORTED: "hold the part elsewhere, or map another face",
     NEAR: "hold the part elsewhere, or map another face",
     EDGE: "map one face (where)",
     HOLLOW: "take a smaller striker",

@@ -18,7 +18,7 @@ from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.structure.structure import Structure
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
-from antiosc.reduce.site.map_sites import MapSites, Radius, sites_of
+from antiosc.reduce.site.map_sites import MapSites, sites_of
 
 #: Number of free modes if neither `modes` nor a band is given.
 FREE_MODES = 20
@@ -58,7 +58,7 @@ def free_sites(
     matrices: MeshedParts,
     where: Where,
     direction: Sequence[float] | None,
-    radius: Radius,
+    radius: float | None,
     modes: int | None,
     band: float | None,
     most: float = math.inf,

@@ -89,7 +89,6 @@ from antiosc.reduce.extraction.oscillators import (
 )
 from antiosc.reduce.extraction.stretching import candidates, part_of, stretch_of_map
 from antiosc.reduce.site.doubts import doubtful_patches
-from antiosc.reduce.site.map_sites import FACETS, Radius, Resolved
 from antiosc.reduce.site.sites import Sites
 from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FREE_MODES, FreeSites, free_sites
@@ -139,7 +138,7 @@ def impact_map(
     duration: float | None = None,
     *,
     direction: Sequence[float] | None = None,
-    radius: Radius = None,
+    radius: float | None = None,
     n: int | None = None,
     modes: int | None = None,
     band: float | None = None,
@@ -165,9 +164,8 @@ def impact_map(
         an assumption, are doubtful. Without an impactor: extraction only, no impacts.
     direction : sequence of float, optional
         Direction of impact at all sites; None: against the outward normal (solids, by group).
-    radius : float or "facets", optional
-        Radius of the patch, m, as for `Site`. "facets": at each site of a solid what the facets
-        there resolve; vertices on sharp edges are then no sites.
+    radius : float, optional
+        Radius of the patch, m, as for `Site`.
     n : int, optional
         Anti-oscillators at each site, by the Krylov method on the free modes. Default: 12; with an
         impactor 12, 25, 50 or 100, the fewest whose Z(ω) keeps `accuracy` over the band.
@@ -206,9 +204,7 @@ def impact_map(
     """
     instance("structure", structure, Structure, "a Structure")
     accuracy = positive("accuracy", accuracy)
-    if isinstance(radius, str) and radius == FACETS:
-        radius = Resolved()
-    if radius is not None and not isinstance(radius, Resolved):
+    if radius is not None:
         radius = positive("radius", radius, "m")
     if longest is not None:
         longest = positive("longest", longest, "s")
@@ -283,7 +279,6 @@ def impact_map(
         structure=structure.describe(),
         free_modes=len(omega),
         cell_dimension=map_sites.dimension,
-        edges=map_sites.edges,
         sites=len(sites),
         highest_mode=float(omega[-1]) / (2 * math.pi),
         seconds={**structure.seconds, **seconds},

@@ -39,14 +39,13 @@ if TYPE_CHECKING:
 
 
 class MapInfo(TypedDict, total=False):
-    """Data of a map: description of the structure, free modes, dimension of the cells, vertices on
-    sharp edges that are no sites, frequency of the last free mode [Hz], seconds by step.
+    """Data of a map: description of the structure, free modes, dimension of the cells,
+    frequency of the last free mode [Hz], seconds by step.
     """
 
     structure: str
     free_modes: int
     cell_dimension: int
-    edges: int
     sites: int
     highest_mode: float
     seconds: dict[str, float]

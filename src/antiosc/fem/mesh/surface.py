@@ -12,7 +12,7 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh import CellEntities, Mesh
 from antiosc.fem.mesh.closest import clamped, excess, pairs_within, projected
@@ -309,16 +309,6 @@ class Faces(Entities):
             -_least_over_ranks(comm, -np.abs(height).max(axis=1, initial=0.0), site, count),
             np.where(np.isfinite(label), label, 0).astype(int),
         )
-
-    def sharp(self, points: Array, reach: Array) -> BoolArray:
-        """Mask (P,) of the points at which faces within `reach` (P,) meet in a sharp edge."""
-        _, site, normal, _ = self._feet(points, reach)
-        first = np.zeros((len(points), 3))
-        first[site[::-1]] = normal[::-1]
-        cosine = np.einsum("nd,nd->n", normal, first[site])
-        is_sharp = np.zeros(len(points), dtype=bool)
-        is_sharp[site[cosine < SAME_FACE]] = True
-        return np.any(self.mesh.comm.allgather(is_sharp), axis=0)
 
     def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
         """(face, point, unit normal, distance) of the nearest place on each face of this rank, for

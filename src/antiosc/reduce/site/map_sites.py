@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse
@@ -15,12 +14,11 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, floats, positive
 from antiosc.base.errors import InputError
-from antiosc.base.progress import counting
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import group_end
 from antiosc.fem.mesh.closest import closest_many
-from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.at_points import ON_STRUCTURE, in_part, nearest_parts
@@ -29,17 +27,6 @@ from antiosc.reduce.site.names import at_node, on_face
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
 from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, Sites, located
 
-#: As the radius of the patches: at each site of a solid, what the facets there resolve.
-FACETS = "facets"
-
-
-class Resolved(NamedTuple):
-    """As the radius of the patches: what the facets resolve, and at least so much, m."""
-
-    least: float = 0.0
-
-
-Radius: TypeAlias = float | Literal["facets"] | Resolved | None
 #: Radius of a patch that facets resolve over their size.
 RESOLVED = 1.05
 #: Distance over the size of the mesh within which facets touch a point.
@@ -59,7 +46,6 @@ class MapSites:
     kept : (P,) number of each site among all `count` requested sites.
     names : (P,) name of the group or part of each site; "" for none.
     dimension : dimension of the cells.
-    edges : number of vertices on sharp edges that are no sites; they count in no other number.
     """
 
     sites: Sites
@@ -68,7 +54,6 @@ class MapSites:
     count: int
     names: NDArray[np.str_]
     dimension: int
-    edges: int = 0
 
     def only(self, keep: BoolArray) -> MapSites:
         """The sites in the mask `keep`, and the elements all of whose corners are kept."""
@@ -140,7 +125,6 @@ def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
         sum(surface.count for surface in surfaces),
         np.concatenate([surface.names for surface in surfaces]),
         min(surface.dimension for surface in surfaces),
-        sum(surface.edges for surface in surfaces),
     )
 
 
@@ -164,7 +148,7 @@ def sites_of(
     structure: MeshedParts,
     where: object,
     direction: Sequence[float] | None,
-    radius: Radius,
+    radius: float | None,
     most: int | None = None,
 ) -> MapSites:
     """The sites of a map: on groups ("part:group" of an assembly), on parts, or at points.
@@ -173,20 +157,19 @@ def sites_of(
     a named surface can move.
     """
     names = targets(where)
-    if where is None:
-        surfaces = [
-            _on_part(structure, member, None, direction, radius, member.name, most)
-            for member in structure.members()
-        ]
-        return movable(concatenated(surfaces), None)
-    if names is None:
+    if where is not None and names is None:
         return _at_points(structure, where, direction, radius)
+    if names is None:
+        places = [(member, None, member.name) for member in structure.members()]
+    else:
+        places = [(*_part_and_group(structure, name), name) for name in names]
+
     surfaces = []
-    for name in names:
-        member, group = _part_and_group(structure, name)
-        on_part = _on_part(structure, member, group, direction, radius, name, most)
-        surfaces.append(movable(on_part, name))
-    return concatenated(surfaces)
+    for member, group, name in places:
+        sample = thinned(surface(member.part, group), most)
+        on_part = _on_part(structure, member, sample, direction, radius, name)
+        surfaces.append(on_part if names is None else movable(on_part, name))
+    return movable(concatenated(surfaces), None)
 
 
 def movable(sites: MapSites, where: object) -> MapSites:
@@ -212,26 +195,27 @@ def _part_and_group(structure: MeshedParts, name: str) -> tuple[Member, str | No
 
 
 def _at_points(
-    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: Radius
+    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
     """Sites at points, each on the part that a `Site` at this point is on."""
     points = points_given(where, direction)
     assert direction is not None  # points_given has seen to that
     members = structure.members()
-    if isinstance(structure, AssembledMatrices):
-        distance = np.min([m.closest(points).distance for m in members], axis=0)
-        on_structure(points, distance, structure.layout.size)
     nearest = nearest_parts(structure, points, _in_space(direction))
+    distance = np.min([member.closest(points).distance for member in members], axis=0)
+    size = structure.layout.size if isinstance(structure, AssembledMatrices) else None
+    _on_structure(points, distance, size or members[0].part.mesh.extent())
+
     of_parts = []
     order = []
     for member in members:
         of_part = np.flatnonzero([struck_part.name == member.name for struck_part in nearest])
         if len(of_part):
-            points_in_part = member.at.own(points[of_part])
-            of_parts.append(
-                _on_part(structure, member, points_in_part, direction, radius, member.name)
-            )
-            order.append(of_part[of_parts[-1].kept])
+            x = closest_many(member.part.mesh, member.at.own(points[of_part])).x
+            sample = SurfaceSample(x, np.zeros_like(x), np.zeros((0, 3), dtype=int))
+            on_part = _on_part(structure, member, sample, direction, radius, member.name)
+            of_parts.append(on_part)
+            order.append(of_part[on_part.kept])
     all_sites = movable(concatenated(of_parts), None)
     return all_sites.taken(np.argsort(np.concatenate(order)))
 
@@ -239,25 +223,40 @@ def _at_points(
 def _on_part(
     structure: MeshedParts,
     member: Member,
-    where: str | Array | None,
+    sample: SurfaceSample,
     direction: Sequence[float] | None,
-    radius: Radius,
+    radius: float | None,
     name: str,
-    most: int | None = None,
 ) -> MapSites:
-    """Sites of a part in the axes of the assembly, possibly none."""
-    if direction is None and not member.part.kind.outside:
+    """Sites at sample points of a part, in the axes of the assembly, possibly none."""
+    part = member.part
+    if direction is None and not part.kind.outside:
         suffix = f" (the part {member.name!r})" if member.name else ""
         raise InputError(
             f"shells and beams have no outward normal{suffix}: give the direction of impact, for "
             "instance (0, 0, -1)."
         )
     R = member.at.rotation
-    direction_of_part = None if direction is None else (_in_space(direction) @ R).tolist()
-    map_sites = sites_on(member.part, where, direction_of_part, radius, most)
-    sites = map_sites.sites
-    if not len(sites):
-        return map_sites
+    count = len(sample.points)
+    directions = -sample.normals
+    if direction is not None:
+        along = _in_space(direction) @ R
+        directions = np.tile(along / np.linalg.norm(along), (count, 1))
+
+    radii = np.full(count, np.nan if radius is None else positive("radius", radius, "m"))
+    sites = located(part, sample.points, directions, radii, most_rings=MOST_RINGS_OF_MAP)
+    sites = replace(sites, clear=_from_supports(part, sample.points))
+    on_face = np.isnan(sites.radii) | ((sites.share > 0) & (sites.depth <= sites.radii))
+    is_movable = on_face & (sites.moving > LEAST_FREE_SHARE_ON_MAP)
+    numbers = np.arange(count)
+    names = np.full(count, name)
+    found = MapSites(sites, sample.elements, numbers, count, names, part.mesh.tdim)
+    found = found.only(is_movable)
+    if not is_movable.any():
+        return found
+    warn_of_doubts(part, found.sites, True)
+
+    sites = found.sites
     loads = structure.joined(sites.loads, member.rows).tocsr()
     is_movable = np.ones(len(sites), dtype=bool)
     if structure.assembled:
@@ -270,69 +269,7 @@ def _on_part(
         loads=loads,
         weighted=None,
     )
-    names = np.full(len(sites), name)
-    return replace(map_sites, sites=in_assembly, names=names).only(is_movable)
-
-
-def sites_on(
-    structure: MeshedStructure,
-    where: object,
-    direction: Sequence[float] | None,
-    radius: Radius,
-    most: int | None = None,
-) -> MapSites:
-    """The sites on one surface (a group; None: all surfaces), at most so many, or at points;
-    possibly none.
-    """
-    unit_direction = None if direction is None else _in_space(direction)
-    if unit_direction is not None:
-        unit_direction = unit_direction / np.linalg.norm(unit_direction)
-    if isinstance(radius, str) and radius == FACETS:
-        radius = Resolved()
-    if radius is not None and not isinstance(radius, Resolved):
-        positive("radius", radius, "m")
-    if where is None or isinstance(where, str):
-        ground, edges = _sampled(structure, where, radius, most)
-    else:
-        ground, edges = _clear(structure, _sample(structure, where, unit_direction), radius)
-    count = len(ground.points)
-    directions = -ground.normals if unit_direction is None else np.tile(unit_direction, (count, 1))
-    radii = (
-        resolved_radii(structure, ground.points, directions, radius.least)
-        if isinstance(radius, Resolved)
-        else np.full(count, np.nan if radius is None else radius)
-    )
-    candidates = located(structure, ground.points, directions, radii, most_rings=MOST_RINGS_OF_MAP)
-    candidates = replace(candidates, clear=_from_supports(structure, ground.points))
-    on_face = np.isnan(candidates.radii) | (
-        (candidates.share > 0) & (candidates.depth <= candidates.radii)
-    )
-    is_movable = on_face & (candidates.moving > LEAST_FREE_SHARE_ON_MAP)
-    names = np.full(count, where if isinstance(where, str) else "")
-    dimension = structure.mesh.tdim
-    numbers = np.arange(count)
-    all_sites = MapSites(candidates, ground.elements, numbers, count, names, dimension, edges)
-    result = all_sites.only(is_movable)
-    if is_movable.any():
-        warn_of_doubts(structure, result.sites, True, isinstance(radius, Resolved))
-    return result
-
-
-def _sampled(
-    structure: MeshedStructure, group: str | None, radius: Radius, most: int | None
-) -> tuple[SurfaceSample, int]:
-    """(the vertices of a surface that are sites, at most so many, number of those on edges)."""
-    ground, edges = _clear(structure, surface(structure, group), radius)
-    return thinned(ground, most), edges
-
-
-def _clear(
-    structure: MeshedStructure, ground: SurfaceSample, radius: Radius
-) -> tuple[SurfaceSample, int]:
-    """(the sample, for radii by the facets of a solid without points on edges, number of these)."""
-    if isinstance(radius, Resolved) and structure.kind.outside:
-        return clear_of_edges(structure, ground)
-    return ground, 0
+    return replace(found, sites=in_assembly).only(is_movable)
 
 
 #: Distance between points with opposite normals, for the spread of sites over a surface, over its
@@ -364,73 +301,42 @@ def thinned(ground: SurfaceSample, most: int | None) -> SurfaceSample:
     return SurfaceSample(ground.points[kept], ground.normals[kept], elements[own][first])
 
 
-def resolved_radii(
-    structure: MeshedStructure, points: Array, directions: Array, least: float = 0.0
-) -> Array:
-    """Radii (P,) [m], at least `least`, of patches that all facets under them resolve; NaN of
-    sheets.
-
-    They begin with those that the facets which touch the points resolve, or the nearest ones: a
-    point between the corners of a curved facet lies within the solid.
-    """
-    if not structure.kind.outside:
-        return np.full(len(points), np.nan)
-    faces = structure.faces
-    extent = structure.mesh.extent()
-    labels = np.zeros(len(faces.facets), dtype=int)
-    largest = faces.contact(
-        points, directions, np.full(len(points), TOUCHING * extent), labels
-    ).largest
-    within = np.flatnonzero(largest <= 0)
-    if within.size:
-        inner = points[within], directions[within]
-        depth = faces.contact(*inner, np.full(within.size, extent), labels).depth
-        reach = TOUCHING * extent + np.where(np.isfinite(depth), depth, 0.0)
-        largest[within] = faces.contact(*inner, reach, labels).largest
-    radii = np.where(largest > 0, np.maximum(RESOLVED * largest, least), np.nan)
-    left = np.flatnonzero(np.isfinite(radii))
-    with counting("radii of the patches", len(points), structure.comm.rank) as ready:
-        while left.size:
-            largest = faces.contact(points[left], directions[left], radii[left], labels).largest
-            is_coarse = largest > radii[left]
-            left = left[is_coarse]
-            radii[left] = RESOLVED * largest[is_coarse]
-            ready(len(points) - left.size)
-    return radii
-
-
 def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
     """Radius [m] of the smallest patch at a site that all facets under it resolve; None of sheets
     and bars.
+
+    It begins with the facets that touch the point, or the nearest ones: a point between the corners
+    of a curved facet lies within the solid.
     """
     site = site if site.face is None else on_face(structure, site)
     site = site if site.node is None else at_node(structure, site)
     assert site.direction is not None
     member, aim = in_part(structure, site, in_space(site.direction))
     part = member.part
-    assert aim.point is not None
-    assert not isinstance(aim.point, str)
-    assert aim.direction is not None
-    points = closest_many(part.mesh, in_space(aim.point)[None])[0].x[None]
-    directions = in_space(aim.direction)[None]
-    directions /= np.linalg.norm(directions)
-    radius = float(resolved_radii(part, points, directions)[0])
-    return radius if np.isfinite(radius) else None
+    if not part.kind.outside:
+        return None
+    faces = part.faces
+    labels = np.zeros(len(faces.facets), dtype=int)
+    point = closest_many(part.mesh, np.asarray(aim.point, dtype=float)[None])[0].x[None]
+    direction = np.asarray(aim.direction, dtype=float)[None]
+    direction /= np.linalg.norm(direction)
 
+    def contact(reach: float) -> SurfaceAtSites:
+        return faces.contact(point, direction, np.array([reach]), labels)
 
-def clear_of_edges(structure: MeshedStructure, ground: SurfaceSample) -> tuple[SurfaceSample, int]:
-    """(the sample without its points on sharp edges, their number); all of it if there are no
-    others.
-    """
-    reach = np.full(len(ground.points), TOUCHING * structure.mesh.extent())
-    keep = ~structure.faces.sharp(ground.points, reach)
-    if not keep.any():
-        return ground, 0
-    number = np.cumsum(keep) - 1
-    elements = ground.elements
-    if len(elements):
-        elements = number[elements[keep[elements].all(axis=1)]]
-    return SurfaceSample(ground.points[keep], ground.normals[keep], elements), int(np.sum(~keep))
+    extent = part.mesh.extent()
+    largest = float(contact(TOUCHING * extent).largest[0])
+    if largest <= 0:
+        depth = float(contact(extent).depth[0])
+        reach = TOUCHING * extent + (depth if np.isfinite(depth) else 0.0)
+        largest = float(contact(reach).largest[0])
+    if largest <= 0:
+        return None
+
+    radius = RESOLVED * largest
+    while (largest := float(contact(radius).largest[0])) > radius:
+        radius = RESOLVED * largest
+    return radius
 
 
 def _from_supports(structure: MeshedStructure, points: Array) -> Array:
@@ -494,16 +400,7 @@ def _in_space(direction: Sequence[float]) -> Array:
     return in_space(components)
 
 
-def _sample(structure: MeshedStructure, points: object, along: Array | None) -> SurfaceSample:
-    """A `SurfaceSample` at points that the caller gives; `along`: the direction of impact."""
-    coordinates = points_given(points, along)
-    mesh = structure.mesh
-    nearest = closest_many(mesh, coordinates)
-    on_structure(coordinates, nearest.distance, mesh.extent())
-    return SurfaceSample(nearest.x, np.zeros_like(coordinates), np.zeros((0, 3), dtype=int))
-
-
-def on_structure(points: Array, distance: Array, size: float) -> None:
+def _on_structure(points: Array, distance: Array, size: float) -> None:
     """InputError if points (P, 3) at a `distance` (P,) [m] lie off a structure of this size [m]."""
     off_points = np.flatnonzero(distance > ON_STRUCTURE * size)
     if len(off_points):
