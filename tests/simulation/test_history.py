@@ -202,3 +202,26 @@ def test_field_is_the_model_s(hit):
     assert run.field([1e-4, 5e-4]).shape == (2, 5)
     with pytest.raises(ao.InputError, match="has no shapes"):
         hit.field(1e-3)
+
+
+def test_again_is_the_same_impact_with_other_numbers():
+    model, striker = case_two(6)
+    hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 4e-3, gap=1e-5)
+    faster = ao.RigidMass(striker.mass, 2 * striker.velocity)
+    other = ao.simulate(model, faster, ao.Hertz(2 * HERTZ), 3e-3, gap=1e-5)
+    again = hit.again(velocity=faster.velocity, law=ao.Hertz(2 * HERTZ), duration=3e-3)
+    assert again.peak_force == other.peak_force
+    assert hit.again(model=model.truncated(3)).model.n == 3
+    assert hit.again(step=1e-5).step == 1e-5
+
+
+def test_again_of_a_scene_names_its_bodies():
+    bodies = {"m": ao.RigidMass(0.5, 1.0), "w": ao.Obstacle()}
+    scene = ao.Scene(bodies, [ao.Contact("w", "m", ao.Hertz(1e9))])
+    hit = scene.run(2e-3)
+    again = hit.again(velocity={"m": 2.0}, law={("w", "m"): ao.Hertz(4e9)}, duration=1e-3)
+    assert again["w", "m"].peak_force == pytest.approx(
+        2**1.2 * 4**0.4 * hit["w", "m"].peak_force, rel=5e-3
+    )
+    with pytest.raises(ao.InputError, match="budget"):
+        print(hit.error_budget)

@@ -15,6 +15,7 @@ from antiosc.base.cfc import cfc_filter, memory_of, sampled
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, without_warnings
 from antiosc.base.texts import engineering
 from antiosc.fem.platform import on_root
+from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AT_ONCE, AnyHistory, modes_of
 from antiosc.impact.histories.motion import RunHistory
 
@@ -72,9 +73,9 @@ def long_enough(history: AnyHistory, times: Array, name: str, comm: Comm) -> Run
             " and name the body."
         )
     end = times.max() + memory_of(name)
-    if history.time[-1] < end and history.longer is not None:
+    if history.time[-1] < end and isinstance(history, History) and history.source is not None:
         with suppress(AntioscError), without_warnings():  # the law may end its range
-            history = history.longer(end)
+            history = history.again(duration=end)
     run_end = history.time[-1]
     if run_end < end * (1 - 1e-9):
         sentence = (

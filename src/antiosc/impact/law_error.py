@@ -115,10 +115,11 @@ def by_other_laws(hit: History, tol: float) -> list[list[History]]:
     was given, and where its error is not known.
     """
     choice = choice_of(hit.law, hit.model, hit.impactor)
-    if choice is None or hit.by_law is None or not hit.contacts:
+    by_law = getattr(hit.source, "by_law", None)
+    if choice is None or by_law is None or not hit.contacts:
         return []
     changed, _ = _changed_laws(hit, choice)
-    return [[hit.by_law(law, tol) for law in cause] for cause in changed]
+    return [[by_law(law, tol) for law in cause] for cause in changed]
 
 
 def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:

@@ -15,10 +15,10 @@ structure, < 0 makes a structure fall on an obstacle. The displacement of a supp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -32,8 +32,9 @@ from antiosc.engine.equilibrium import initial_forces, settle
 from antiosc.engine.march import Converged, converge, with_step
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.impact.bodies import Obstacle
 from antiosc.impact.error_budget import error_budget, warn_low_band
-from antiosc.impact.histories import History, SceneHistory
+from antiosc.impact.histories import History, SceneHistory, Source
 from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
@@ -168,13 +169,33 @@ def _run_scene(
     """Integrate a scene; returns its history and the result of its check before warnings."""
     assembly = assemble_scene(scene, duration, stretch=True)
     set_initial_forces(assembly)
-    kind = partial(SceneHistory, longer=partial(_longer_scene, scene, settings))
+    kind = partial(SceneHistory, source=SceneSource(scene, settings, duration))
     return integrate(kind, assembly, duration, settings)
 
 
-def _longer_scene(scene: Scene, settings: Settings, duration: float) -> SceneHistory:
-    """Run the same scene for another duration [s]."""
-    return _run_scene(scene, settings, duration)[0]
+@dataclass(frozen=True, eq=False)
+class SceneSource(Source):
+    """A scene with the options of its run."""
+
+    scene: Scene
+    settings: Settings
+    duration: float
+
+    def again(self, changes: Mapping[str, Any]) -> History:
+        scene = self.scene
+        bodies = {**scene.bodies, **changes.get("model", {})}
+        motion = dict(scene.motion)
+        for name, velocity in changes.get("velocity", {}).items():
+            if hasattr(bodies.get(name), "velocity"):
+                bodies[name] = replace(cast("Any", bodies[name]), velocity=velocity)
+            else:
+                motion[name] = velocity
+
+        laws = changes.get("law", {})
+        contacts = [replace(c, law=laws.get((c.a, c.b), c.law)) for c in scene.contacts]
+        other = replace(scene, bodies=bodies, contacts=contacts, motion=motion)
+        options = {**vars(self.settings), "step": changes.get("step", self.settings.step)}
+        return other.run(changes.get("duration", self.duration), **options)
 
 
 def with_warning(history: H, sentence: str) -> H:
@@ -375,8 +396,6 @@ def _ends(contact: Contact) -> str:
     return f"{contact.a!r} and {contact.b!r}"
 
 
-Budget = Callable[[History], ErrorBudget]
-
 #: Relative error of the forces by the step: little beside the errors of meshes and of laws.
 DEFAULT_TOL = 1e-3
 
@@ -468,14 +487,11 @@ def simulate(
     law = law_of(contact, model, impactor)
     doubts = plausible.warn_each([plausible.impact_doubt(model, [impactor], initial_velocity)])
     scene = Impact(model, impactor, law, duration, initial_velocity, gravity, gap)
-    reruns = partial(_rerun, scene, settings), partial(_rerun_by, scene, settings)
-    budget = partial(error_budget, rerun=reruns[0], by_law=reruns[1])
-    history, check = simulate_impact(scene, settings, n, budget)
-    history = replace(history, rerun=reruns[0], by_law=reruns[1])
+    history, check = simulate_impact(scene, settings, n)
     check.warn()
     if n != "auto" and history.run.touches:
         used = model if n is None else history.model
-        history = with_warning(history, _too_few(used, history, reruns[0], accuracy))
+        history = with_warning(history, _too_few(used, history, accuracy))
     if history.run.touches:
         history = with_warning(
             history, coarse_cell(model, "", history.assembly.contact_time_estimate)
@@ -489,9 +505,10 @@ def simulate(
     return history
 
 
-def _too_few(model: LinearBody, hit: History, rerun: Run, tol: float) -> str:
+def _too_few(model: LinearBody, hit: History, tol: float) -> str:
     """Warning that the anti-oscillators of the model of a run are too few for it, or ""."""
-    if not is_reduced(model):
+    rerun = hit.rerun
+    if not is_reduced(model) or rerun is None:
         return ""
 
     def known(other: AntiOscillators, tol: float) -> History:
@@ -502,14 +519,13 @@ def _too_few(model: LinearBody, hit: History, rerun: Run, tol: float) -> str:
 
 
 def simulate_impact(
-    scene: Impact, settings: Settings, n: int | str | None = None, budget: Budget | None = None
+    scene: Impact, settings: Settings, n: int | str | None = None
 ) -> tuple[History, CheckResult]:
     """Simulate one impact; returns the history and the check result before warnings."""
 
     def integrated(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
         assembly = assemble_pair(scene._replace(model=model), stretch=True)
-        longer = partial(_longer, scene._replace(model=model), settings)
-        kind = partial(History, budget=budget, longer=longer)
+        kind = partial(History, source=Blow(scene._replace(model=model), settings))
         return integrate(kind, assembly, scene.duration, settings)
 
     def rerun(model: AntiOscillators, tol: float) -> History:
@@ -530,27 +546,43 @@ def simulate_impact(
     return history, check
 
 
-def _longer(scene: Impact, settings: Settings, duration: float) -> History:
-    """Simulate the same impact for another duration [s]."""
-    return simulate_impact(scene._replace(duration=duration), settings)[0]
+@dataclass(frozen=True, eq=False)
+class Blow(Source):
+    """An impact of two bodies with the options of its run."""
 
+    impact: Impact
+    settings: Settings
 
-def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> History:
-    """Simulate the same impact on another model by the exact method to `tol`."""
-    exact = replace(settings, tol=tol, method="exact", step=None)
-    with without_warnings():
-        return simulate_impact(scene._replace(model=model), exact)[0]
+    def again(self, changes: Mapping[str, Any]) -> History:
+        named = {"contact": changes.get("law"), **changes}
+        velocity = changes.get("velocity")
+        if velocity is not None and isinstance(self.impact.impactor, Obstacle):
+            named["initial_velocity"] = velocity
+        elif velocity is not None:
+            named["impactor"] = replace(cast("Any", self.impact.impactor), velocity=velocity)
 
+        arguments = self.impact._asdict() | vars(self.settings)
+        arguments |= {name: named[name] for name in arguments if named.get(name) is not None}
+        return simulate(**arguments)
 
-def _rerun_by(scene: Impact, settings: Settings, law: ContactLaw, tol: float) -> History:
-    """Simulate the same impact with another law, by the exact method to `tol`.
+    def rerun(self, model: LinearBody, tol: float) -> History:
+        """Simulate the impact on another model by the exact method, without warnings."""
+        return self._exactly(tol, model=model)
 
-    Second-order forces of the part are left out.
-    """
-    model = scene.model
-    if isinstance(model, AntiOscillators) and model.stretch is not None:
-        model = replace(model, stretch=None)
-    return _rerun(scene._replace(contact=law), settings, model, tol)
+    def by_law(self, law: ContactLaw, tol: float) -> History:
+        """As `rerun`, with another law and without second-order forces of the part."""
+        model = self.impact.model
+        if isinstance(model, AntiOscillators) and model.stretch is not None:
+            model = replace(model, stretch=None)
+        return self._exactly(tol, model=model, contact=law)
+
+    def _exactly(self, tol: float, **changes: Any) -> History:
+        exact = replace(self.settings, tol=tol, method="exact", step=None)
+        with without_warnings():
+            return simulate_impact(self.impact._replace(**changes), exact)[0]
+
+    def error_budget(self, hit: History) -> ErrorBudget:
+        return error_budget(hit, self.rerun, self.by_law)
 
 
 def _truncated(

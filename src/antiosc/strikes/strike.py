@@ -658,7 +658,7 @@ def _finished(
         with_model(hit, model),
         status=1 if reason and hit.status == 0 else hit.status,
         message=" ".join(filter(None, (hit.message, story, reason))),
-        budget=partial(_return_budget, budget),
+        budget=budget,
         structure=answer.structure,
     )
 
@@ -674,8 +674,3 @@ def _missed_by_law(budget: ErrorBudget, tol: float) -> str:
         f" tol = {percent(tol)}, and no finer mesh helps; a measured law or measured strengths of"
         " both bodies would."
     )
-
-
-def _return_budget(budget: ErrorBudget, _hit: History) -> ErrorBudget:
-    """The budget itself: a history takes this function in place of a new computation."""
-    return budget

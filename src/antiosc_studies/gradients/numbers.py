@@ -64,8 +64,7 @@ class Struck:
         self.scene = hit.assembly.scene
         self.end = float(hit.run.time[-1])
         self.turn = turn
-        given = getattr(hit.rerun, "args", ())
-        self._pair = given[0] if given and isinstance(given[0], Impact) else None
+        self._pair: Impact | None = getattr(hit.source, "impact", None)
         self.base = self.posed()
 
         a, b = self.base.system, hit.assembly.system

@@ -214,7 +214,7 @@ def test_a_filter_sees_the_motion_after_the_run(sheet):
 
     np.testing.assert_allclose(seen(short), seen(long), atol=2e-3 * np.abs(seen(long)).max())
     with pytest.warns(ao.AccuracyWarning, match=r"ends at 1\.00 ms.*Simulate for 3\.00 ms"):
-        seen(replace(short, longer=None))
+        seen(replace(short, source=None))
     with pytest.raises(ao.InputError, match=r"filter must be 'CFC60'.*got 'CFC100'"):
         ao.probe(part, short, POINTS[1], "acceleration", filter="CFC100")
     with pytest.raises(ao.InputError, match="before and after the times"):

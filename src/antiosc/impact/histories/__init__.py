@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,10 +29,11 @@ from antiosc.models.parameters import has_bars
 from antiosc.plot.charts import plot_history
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from matplotlib.figure import Figure
 
-    from antiosc.engine.contact import ContactLaw
-    from antiosc.models.anti_oscillators import AntiOscillators
+    from antiosc.models.body import LinearBody
 
 
 #: Width of the names of results.
@@ -59,17 +60,14 @@ class History(RunHistory, Results):
         a contact that touched during the run goes on at its end: its contact time, impulse and
         peak force count up to there.
     message : explanation of the status, and changes made to contact laws.
-    budget : computes the `error_budget` of a run of `simulate`.
-    rerun : simulates the same impact on another model to a tolerance; of `simulate` and `strike`.
-    by_law : simulates it with another contact law to a tolerance, without second-order forces.
     given : the step [s] that was given, or None.
-    longer : simulates the same impact for another duration [s]; of `simulate`, `strike` and scenes.
     structure : structure with the last mesh of `strike`, for `probe` and fields; not pickled.
+    source : the scene or impact with its options, by which `again` repeats it.
+    budget : the `error_budget` of `strike`.
     """
 
-    budget: Callable[[History], ErrorBudget] | None = None
-    rerun: Callable[[AntiOscillators, float], History] | None = None
-    by_law: Callable[[ContactLaw, float], History] | None = None
+    source: Source | None = None
+    budget: ErrorBudget | None = None
 
     @cached_property
     def error_budget(self) -> ErrorBudget:
@@ -80,9 +78,40 @@ class History(RunHistory, Results):
         for a model that was extracted without `error="estimate"`; of parts that this refuses the
         budget has all other causes, and "mesh" is among its `unknown`.
         """
-        if self.budget is None:
+        if self.budget is not None:
+            return self.budget
+        if self.source is None:
             raise InputError("only a History that simulate or strike returned has an error budget.")
-        return self.budget(self)
+        return self.source.error_budget(self)
+
+    def again(
+        self,
+        *,
+        model: object = None,
+        law: object = None,
+        velocity: object = None,
+        duration: float | None = None,
+        step: float | None = None,
+    ) -> History:
+        """The same run with other numbers, as `simulate` or `Scene.run` makes it.
+
+        `velocity` [m/s] is that of the impactor, or of the structure before an obstacle. For a
+        scene `model` and `velocity` are dicts by the names of bodies, `law` by the two ends.
+        """
+        if self.source is None:
+            raise InputError(
+                "only a History that simulate, strike or Scene.run returned has again."
+            )
+        changes = {"model": model, "law": law, "velocity": velocity}
+        changes |= {"duration": duration, "step": step}
+        return self.source.again({k: v for k, v in changes.items() if v is not None})
+
+    @property
+    def rerun(self) -> Rerun | None:
+        """Simulates the same impact on another model to a tolerance, without warnings; None of a
+        scene.
+        """
+        return None if self.source is None else self.source.rerun
 
     @cached_property
     def site_motion(self) -> SiteMotion | None:
@@ -271,6 +300,24 @@ class History(RunHistory, Results):
         ]
 
 
+#: Simulates an impact on another model to a tolerance.
+Rerun: TypeAlias = "Callable[[LinearBody, float], History]"
+
+
+class Source:
+    """What a history is repeated by; `rerun` of an impact of two bodies."""
+
+    rerun: Rerun | None = None
+
+    def again(self, changes: Mapping[str, Any]) -> History:
+        """The same run with other numbers."""
+        raise NotImplementedError
+
+    def error_budget(self, hit: History) -> ErrorBudget:
+        """The error budget of a history."""
+        raise InputError("only a History that simulate or strike returned has an error budget.")
+
+
 H = TypeVar("H", bound=History)
 
 
@@ -309,7 +356,7 @@ def error_scope(history: History) -> str:
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
     if has_estimate(history) or has_budget(history):
-        law = "law, " if history.budget is not None else ""
+        law = "law, " if history.rerun is not None else ""
         return f"time integration; {law}truncation and mesh: see the error budget"
     if not any(info.structure for info in facts):
         return "time integration"
@@ -321,7 +368,7 @@ def error_scope(history: History) -> str:
 
 def has_budget(history: History) -> bool:
     """Whether an impact of two bodies has an error budget."""
-    return history.budget is not None and has_bars(history.model)
+    return history.rerun is not None and has_bars(history.model)
 
 
 def has_estimate(history: History) -> bool:
@@ -342,7 +389,7 @@ def error_text(history: History) -> str:
     if budget:
         return budget.causes_text("peak_force")
     error_text = percent(history.error["force"]) if "force" in history.error else "not estimated"
-    if has_budget(history) or (has_estimate(history) and history.budget is not None):
+    if has_budget(history) or (has_estimate(history) and history.rerun is not None):
         return f"see hit.error_budget; that of the time integration alone is {error_text}"
     numerical = f"numerical {error_text} ({error_scope(history)})"
     strongest = max(history.contact_histories, key=lambda contact: contact.peak_force)

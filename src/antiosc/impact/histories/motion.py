@@ -5,7 +5,6 @@ The motion is in the coordinates of the body's model, with its time derivatives.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar
@@ -48,7 +47,6 @@ class RunHistory(OneContact):
     message: str
     given: float | None = None
     structure: object = None
-    longer: Callable[[float], RunHistory] | None = None
 
     #: Whether every contact and body has a name; else they are a structure and an impactor.
     named: ClassVar[bool] = False
