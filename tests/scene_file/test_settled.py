@@ -100,8 +100,6 @@ def test_a_run_beside_a_sheet_goes_on_until_the_striker_is_out_of_its_reach(mass
     assert DURATION <= choice.duration < LONGER * DURATION
     long, _ = run(Choice(duration=8 * choice.duration))
     assert len(long.contacts) == len(hit.contacts)
-    assert hit.impactor_displacement[-1] <= -hit.site_motion.later
-    assert long.site_motion.largest <= max(hit.site_motion.largest, hit.site_motion.later)
 
 
 #: Masses that fall as those of a thin plate, which flees from a short contact.

@@ -17,15 +17,10 @@ import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, percent
 from antiosc.impact import stretching
-from antiosc.impact.error_budget import _beyond_third_order
-from antiosc.impact.histories import linear_theory
 from antiosc.impact.histories.bars import CAUSES
 from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.stretching import (
     NEGLIGIBLE,
-    Series,
-    beyond_third_order,
-    energies_of,
     with_rows,
 )
 from antiosc.impact.truncation import WARN_SHARE
@@ -151,66 +146,6 @@ def run_of(count, well=0.0):
     return ao.simulate(
         replace(body, stretch=replace(forces, quadratic=quadratic)), BALL, LAW, DURATION
     )
-
-
-def test_a_run_whose_motion_ran_away_by_chance_is_left_out():
-    """Two that run away in the same way are no chance: they snap through."""
-    sound = [run_of(count) for count in (4, 5, 5)]
-    away = run_of(4, well=8.0)
-    assert energies_of(away).released > 0.5 > 100 * max(energies_of(one).released for one in sound)
-    alone = Series([*sound[:2], away, sound[2]])
-    assert alone.kept().left_out == (4,)
-    assert alone.kept().runs == sound
-    assert alone.kept().unsettled < 0.2 * alone.unsettled
-    twice = Series([*sound, away, away])
-    assert twice.kept() is twice
-    few = Series([sound[0], away, sound[1]])
-    assert few.kept() is few
-
-
-def test_what_second_order_forces_release_is_the_energy_of_the_modes():
-    """The largest sum of linear and second-order energy that is below the linear one alone."""
-    hit = run_of(4, well=8.0)
-    omega, forces = hit.model.modal().omega, hit.assembly.stretched["structure"]
-    t = np.linspace(0, hit.time[-1], 4000)
-    q = hit.states(t)[0][:, : omega.size]
-    linear = ((omega * q) ** 2).sum(axis=1) / 2
-    assert energies_of(hit).released == pytest.approx(
-        -forces.energy(q @ forces.modes).min() / linear.max(), rel=0.05
-    )
-
-
-def test_the_motion_of_a_run_is_sampled_once_for_what_is_asked_of_it(monkeypatch):
-    hit, sampled = run_of(4), []
-
-    def counted(history, omega):
-        sampled.append(history)
-        return linear_theory.sampled_motion(history, omega)
-
-    monkeypatch.setattr(stretching, "sampled_motion", counted)
-    found = [energies_of(hit).released, energies_of(hit).beyond, beyond_third_order(hit)]
-    assert found[2] == stretching.BEYOND * found[1]
-    assert sampled == [hit]
-
-
-def test_strain_beyond_third_order_is_noted_where_it_exceeds_the_bar():
-    """About twice the product of the energies of third and fourth order; none of a flat sheet."""
-    body = model(5, size=5)
-    hit = ao.simulate(body, BALL, LAW, DURATION)
-    forces, omega = body.stretch, body.modal().omega
-    q = hit.states(np.linspace(0, hit.time[-1], 4000))[0][:, : omega.size]
-    a, linear = q @ forces.modes, ((omega * q) ** 2).sum(axis=1).max() / 2
-    third = np.einsum("kij,nk,ni,nj->n", forces.quadratic, a, a, a) / 3
-    four = forces.energy(a) - third
-    wanted = 2 * np.abs(third).max() * np.abs(four).max() / linear**2
-    assert beyond_third_order(hit) == pytest.approx(wanted, rel=0.05)
-    assert "beyond third order" not in str(_beyond_third_order(hit, 2 * wanted))
-    flat = replace(forces, quadratic=0 * forces.quadratic)
-    assert beyond_third_order(ao.simulate(replace(body, stretch=flat), BALL, LAW, DURATION)) == 0
-    deep = run_of(4, well=8.0)
-    assert "by more than 50 % at" in str(deep.error_budget.notes)
-    told = _beyond_third_order(run_of(2, well=8.0), 0.0)
-    assert f"by about {percent(beyond_third_order(run_of(2, well=8.0)))} at" in told
 
 
 def test_too_few_anti_oscillators_are_in_the_bar_without_an_estimate_of_the_mesh():

@@ -56,10 +56,7 @@ from antiosc.impact.law_error import ByLaw, law_errors
 from antiosc.impact.shell_error import SAFETY_SHELL, inexact_shell
 from antiosc.impact.stretching import (
     NEGLIGIBLE,
-    ROUGH,
-    WARN,
     before_peak,
-    beyond_third_order,
     differences,
     shares_of,
     stretch_shares,
@@ -354,8 +351,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     elif unresolved := _unresolved(hit, model, CUT_PATCH in patch_notes):
         unknown = ("mesh",)
         without_mesh = unresolved
-    beyond = _beyond_third_order(hit, shares["stretch"]["peak_force"])
-    band_notes = filter(None, [low_band_message(raw), linear, beyond])
+    third = THIRD_ORDER if hit.assembly.stretched else ""
+    band_notes = filter(None, [low_band_message(raw), linear, third])
     if NO_PATCH in patch_notes:
         unknown += ("patch",)
     notes = (*patch_notes, *geometry_notes, *model_notes, *of_mesh.doubts, *band_notes)
@@ -422,6 +419,7 @@ def _no_bar(value: float) -> ErrorBar:
     return ErrorBar(value, 0.0, 0.0, 0.0, 0.0, without_mesh=True)
 
 
+THIRD_ORDER = "Not included: strain beyond third order, which an explicit FE program has."
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 #: Start of the note on parts whose mesh's error has no estimator, as those with joints.
 WITHOUT_MESH = "The mesh's error, and that of beams or shells in place of solids, is not known: "
@@ -469,19 +467,6 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
         count = min(stretch.size + 2, model.stretch.size)
         stretch_errors = differences(hit, rerun(with_count(model, count), tol))
     return stretch_shares(stretch_errors, before_peak(hit))
-
-
-def _beyond_third_order(hit: History, share: float) -> str:
-    """Note on strain beyond third order that exceeds a share of the bar; "" if it does not."""
-    change = beyond_third_order(hit)
-    if change <= max(share, WARN):
-        return ""
-    much = f"about {percent(change)}" if change < ROUGH else f"more than {percent(ROUGH)}"
-    return (
-        "Not included: strain beyond third order, by which the force of a tube changes by"
-        f" {much} at this deflection, of a shallow cap by less: an explicit finite"
-        " element program has it."
-    )
 
 
 def with_count(model: AntiOscillators, count: int) -> AntiOscillators:

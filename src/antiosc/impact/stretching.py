@@ -7,12 +7,9 @@ force acts on the site.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import pairwise
-from typing import Generic, NamedTuple, TypeVar
-from weakref import WeakKeyDictionary
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -43,13 +40,6 @@ SPACE = 12
 #: Steps of two modes that must agree: one may by chance, and had an error of 15 % in one of 25
 #: random sheets (measured).
 AGREE = 2
-#: Factor on the least energy that second-order forces release in a run, beyond which the motion of
-#: another ran away; and the change between two of these above which they did so by chance.
-RAN_AWAY = 2.0
-BY_CHANCE = 0.05
-#: Error of the force over the product of its energies of third and fourth order: 0.2 to 2.2 of nine
-#: random pieces of tubes, less of shallow caps.
-BEYOND = 2.0
 #: Times up to the peak of a force at which energies are compared.
 SAMPLES = 200
 #: Change by the last of them from which a sentence tells it; below, the error budget does.
@@ -177,27 +167,22 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
             break
         count = min(count + 2, most_modes)
     limit = max(tol, WARN)
-    if series.unsettled > limit:
-        series = series.kept()
     found = series.runs[-1] if series.runs else run
     last = series.last
     found.error.update({f"stretch {name}": value for name, value in last.items()})
     found.assembly.stretch_settled = series.unsettled <= aim
     if last and series.unsettled > limit:
         share = shares_of(found)["peak_force"]
-        return found, _not_enough(motions(found), last, share, limit, series.left_out)
+        return found, _not_enough(motions(found), last, share, limit)
     return found, ""
 
 
 class Series(Generic[H]):
     """Runs with more and more motions, and how much each changes the one before."""
 
-    def __init__(self, runs: Sequence[H] = (), left_out: Sequence[H] = ()) -> None:
+    def __init__(self) -> None:
         self.runs: list[H] = []
         self.changes: list[dict[str, float]] = []
-        self.left_out = tuple(motions(run) for run in left_out)
-        for run in runs:
-            self.add(run)
 
     def add(self, run: H) -> None:
         """Take a run with more motions."""
@@ -215,22 +200,6 @@ class Series(Generic[H]):
         """The largest of these, each over what it may change more than the force."""
         return worst_of(self.last)
 
-    def kept(self) -> Series[H]:
-        """The series without the runs whose motion ran away; itself if it settles no better.
-
-        Forces to third order may release energy that whole second-order strain would hold: some
-        choices of motions then fall into a well that their neighbours do not have. What truly snaps
-        through does so with more motions too, and in the same way.
-        """
-        releases = [energies_of(run).released for run in self.runs]
-        most = RAN_AWAY * min(releases, default=0.0) + NEGLIGIBLE
-        kept = [run for run, energy in zip(self.runs, releases, strict=True) if energy <= most]
-        away = [run for run, energy in zip(self.runs, releases, strict=True) if energy > most]
-        alike = min((worst_of(differences(*pair)) for pair in pairwise(away)), default=np.inf)
-        without = Series(kept, away)
-        chance = alike > BY_CHANCE and len(kept) > AGREE
-        return without if chance and without.unsettled < self.unsettled else self
-
 
 def worst_of(changes: Mapping[str, float]) -> float:
     """The largest of what decides, over how much more it may change; no end without changes."""
@@ -242,35 +211,6 @@ def motions(history: History) -> int:
     return max(forces.size for forces in history.assembly.stretched.values())
 
 
-class Energies(NamedTuple):
-    """What second-order forces do in a run, over the largest linear energy of their body.
-
-    Attributes
-    ----------
-    released : the largest energy that they release.
-    beyond : the largest product of their energies of third and fourth order.
-    """
-
-    released: float
-    beyond: float
-
-
-#: Energies of runs: to sample the motion of one takes as long as many of its steps.
-_of_runs: WeakKeyDictionary[History, Energies] = WeakKeyDictionary()
-
-
-def energies_of(history: History) -> Energies:
-    """The energies of the second-order forces in a run, whose motion is sampled once."""
-    if history not in _of_runs:
-        found = Energies(0.0, 0.0)
-        for third, fourth in _energies(history, partial(sampled_motion, history)):
-            product = float(np.abs(third).max() * np.abs(fourth).max())
-            release = -float((third + fourth).min())
-            found = Energies(max(found.released, release), max(found.beyond, product))
-        _of_runs[history] = found
-    return _of_runs[history]
-
-
 def before_peak(history: History) -> float:
     """The largest energy of the second-order forces before the last peak of a contact's force, over
     the largest linear one before it: about the most by which they may change the peak.
@@ -279,38 +219,18 @@ def before_peak(history: History) -> float:
     peaks = [float(contact.time[int(np.argmax(contact.force))]) for contact in contacts]
     times = np.linspace(0.0, max(peaks, default=0.0), SAMPLES)
     motion = history.states(times)[0]
-    shares = [
-        np.abs(third).max() + np.abs(four).max()
-        for third, four in _energies(history, lambda _: motion)
-    ]
-    return float(max([0.0, *shares]))
 
-
-def beyond_third_order(history: History) -> float:
-    """About the share of a force by strain beyond third order, which more motions do not show.
-
-    Energies of third and fourth order are U₃ and U₄, of the linear one; the next is about U₃ U₄. A
-    flat sheet has no U₃, and none beyond U₄.
-    """
-    return BEYOND * energies_of(history).beyond
-
-
-def _energies(history: History, motion: Callable[[Array], Array]) -> Iterator[tuple[Array, Array]]:
-    """Energies (n,) of the quadratic and the cubic forces of each body, over the largest linear.
-
-    motion : modal displacements (n, J) from the frequencies of a body.
-    """
     a = history.assembly
+    most = 0.0
     for name, forces in a.stretched.items():
-        omega = a.bodies[name].omega
-        q = motion(omega)[:, a.spans[name]]
-        linear = float(np.sum((omega * q) ** 2, axis=1).max()) / 2 or 1e-300
+        q = motion[:, a.spans[name]]
+        linear = float(np.sum((a.bodies[name].omega * q) ** 2, axis=1).max()) / 2 or 1e-300
         amplitude = q @ forces.modes
         quadratic, cubic = stretch_forces(forces.quadratic, forces.cubic, amplitude)
-        yield (
-            np.sum(quadratic * amplitude, axis=1) / (3 * linear),
-            np.sum(cubic * amplitude, axis=1) / (4 * linear),
-        )
+        third = np.abs(np.sum(quadratic * amplitude, axis=1)).max() / 3
+        fourth = np.abs(np.sum(cubic * amplitude, axis=1)).max() / 4
+        most = max(most, float(third + fourth) / linear)
+    return most
 
 
 def largest_force(history: History) -> float:
@@ -362,9 +282,7 @@ def shares_of(run: History) -> dict[str, float]:
     return stretch_shares(changes, before_peak(run))
 
 
-def _not_enough(
-    count: int, last: dict[str, float], share: float, limit: float, left_out: Sequence[int] = ()
-) -> str:
+def _not_enough(count: int, last: dict[str, float], share: float, limit: float) -> str:
     """Sentence on the quantities that change by more than a limit with each two modes more; `share`
     of the error bar of the force.
 
@@ -383,12 +301,8 @@ def _not_enough(
     left = " and ".join(errors[name] for name in unsettled)
     name, worst = max(unsettled.items(), key=lambda entry: entry[1])
     advice = f" To narrow it, {NARROWED}." if max(share, deflection) > ROUGH else ""
-    away = ""
-    if left_out:
-        numbers = " and ".join(map(str, left_out))
-        away = f" Runs of {numbers} motions, which ran away from the others, are left out."
     return (
         f"Second-order forces leave an error {left}: the deflection is so large or so local that"
         f" those of {count} motions still change the {name.removeprefix('peak_')} by"
-        f" {percent(worst)} with each two more, and more are not taken.{away}{settled}{advice}"
+        f" {percent(worst)} with each two more, and more are not taken.{settled}{advice}"
     )

@@ -116,7 +116,7 @@ class History(RunHistory, Results):
     @cached_property
     def site_motion(self) -> SiteMotion | None:
         """Largest displacement of the site along the impact within the run, `largest` [m] and
-        `time` [s], and the bound `later` [m] of what follows; None of a free part or of a scene.
+        `time` [s]; None of a free part or of a scene.
         """
         return None if self.named else site_motion(self)
 

@@ -1,4 +1,4 @@
-"""How far the site of a struck part moves, then and later, and when the striker is out of reach.
+"""How far the site of a struck part moves, and when the striker is out of its reach.
 
 Without forces a mode vibrates with the amplitude A = √(q² + (v/ω)²), and less if it is damped: a
 site never moves further than Σ |b| A.
@@ -24,13 +24,10 @@ class SiteMotion(NamedTuple):
     """The displacement of a site along the impact, of `History.displacement`.
 
     largest : the largest within the run [m]; `time` [s]: when.
-    later : it is never more than this after the run [m], if nothing touches it again; inf if that
-        is not known.
     """
 
     largest: float
     time: float
-    later: float
 
 
 def site_motion(hit: RunHistory) -> SiteMotion | None:
@@ -57,7 +54,7 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
         beside = np.linspace(*near, BESIDE)
         times, sizes = np.append(times, beside), np.append(sizes, moved(beside))
     k = int(sizes.argmax())
-    return SiteMotion(float(sizes[k]), float(times[k]), _reach(hit, body.b))
+    return SiteMotion(float(sizes[k]), float(times[k]))
 
 
 def out_of_reach(hit: RunHistory) -> float | None:
@@ -69,7 +66,7 @@ def out_of_reach(hit: RunHistory) -> float | None:
     if part is None or striker is None or striker.omega.any() or not part.omega.all():
         return None
     end = float(hit.run.time[-1])
-    swing = _reach(hit, a.system.beta[0, a.spans["structure"]], stretched=True)
+    swing = _reach(hit, a.system.beta[0, a.spans["structure"]])
     if not np.isfinite(swing) or a.system.first is not None:
         return None
     q, v = (state[-1, a.spans["impactor"]] for state in hit.states([end]))
@@ -81,14 +78,12 @@ def out_of_reach(hit: RunHistory) -> float | None:
     return end + nearest / away if away > 0 else inf
 
 
-def _reach(hit: RunHistory, b: Array, stretched: bool = False) -> float:
-    """The largest Σ |b| A [m] after the run; inf of a part under loads, or that stretches if it is
-    not taken as linear (`stretched`).
-    """
+def _reach(hit: RunHistory, b: Array) -> float:
+    """The largest Σ |b| A [m] after the run; inf of a part under loads."""
     a = hit.assembly
     scene = a.scene
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
-    if loaded or ("structure" in a.stretched and not stretched):
+    if loaded:
         return inf
     span = a.spans["structure"]
     q, v = (state[-1, span] for state in hit.states([float(hit.run.time[-1])]))
