@@ -21,6 +21,7 @@ from types import ModuleType
 import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
+from antiosc.base.texts import percent
 from antiosc.io import cad, facets, geo_script
 from antiosc.io.cad import CAD, Names
 from antiosc.io.mesh_files import as_carried, known
@@ -45,6 +46,8 @@ MOST_CELLS = 10_000_000
 TIME = 120.0
 #: Least size of elements by the curvature over the one that is asked for.
 LEAST_SIZE = 0.02
+#: Share of the volume by which a mesh may differ without a word, and words of what is told.
+TOLD_VOLUME, CUT = 5e-3, "elements cut off bends and holes"
 #: Number of regular simplices with edges of length 1 per unit of length, area or volume.
 CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
@@ -211,8 +214,6 @@ def read(ask: Request) -> FileMesh:
 
 def generate(ask: Request) -> FileMesh:
     """Mesh a geometry."""
-    if ask.tetrahedra:
-        return facets.by_ftetwild(ask)
     source = Path(ask.path)
     suffix = source.suffix.lower()
     # a script may take long to build the geometry
@@ -278,12 +279,36 @@ def _opened(gmsh: ModuleType, ask: Request, path: Path, suffix: str) -> FileMesh
     if suffix != ".msh":
         mesh_model(gmsh, ask, unit * ask.unit[0])
     mesh = _arrays(gmsh, ask.name, names, numbered=suffix == ".msh")
-    if ask.solid:
-        notes += facets.deviation(mesh, surface)
+    if ask.order != 1 and suffix != ".msh":
+        exact = surface.volume if ask.solid else _volume(gmsh)
+        notes += _volume_told(gmsh, ask.name, exact)
     mesh.points *= unit
-    mesh.volume *= unit**3
     mesh.remarks = [*notes, *mesh.remarks]
     return mesh
+
+
+def _volume(gmsh: ModuleType) -> float:
+    """Volume of the solids of CAD; 0 if there are none or others."""
+    solids = [_mass(gmsh, 3, tag) or 0.0 for _, tag in gmsh.model.getEntities(3)]
+    return sum(map(abs, solids)) if all(solids) else 0.0
+
+
+def _volume_told(gmsh: ModuleType, name: str, exact: float) -> list[str]:
+    """A sentence (in a list) on tetrahedra whose volume differs from that of the geometry."""
+    meshed = 0.0
+    for kind in gmsh.model.mesh.getElementTypes(3):
+        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss3")
+        det = gmsh.model.mesh.getJacobians(kind, points)[1]
+        meshed += float(np.abs(det.reshape(-1, len(weights)) @ weights).sum())
+    change = meshed / exact - 1 if exact else 0.0
+    if abs(change) <= TOLD_VOLUME:
+        return []
+
+    sense = "large" if change > 0 else "small"
+    return [
+        f"{name}: the mass of the mesh is {percent(abs(change))} too {sense} beside that of the "
+        f"geometry, as {CUT}; a smaller size follows them."
+    ]
 
 
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
@@ -368,8 +393,6 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
     mesh = FileMesh(points, cells, "gmsh", named | groups, of_gmsh=True, aids=bool(groups))
     if numbered:
         mesh.labels = np.asarray(tags, dtype=np.int64)
-    solids = [_mass(gmsh, 3, tag) for _, tag in gmsh.model.getEntities(3)]
-    mesh.volume = sum(abs(volume) for volume in solids if volume) if all(solids) else 0.0
     return as_carried(mesh, name)
 
 

@@ -1,5 +1,5 @@
 """Surfaces of triangles (`.stl`, `.obj`, `.ply`, `.off`): loaded and mended by trimesh, oriented,
-and filled as solids by gmsh, or by fTetWild where gmsh cannot.
+and filled as solids by gmsh.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from types import ModuleType
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
-from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
+from antiosc.base.errors import MeshError, MissingDependencyError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.cad import Names
-from antiosc.io.neutral import FACETS, FileMesh, IntArray, Piece
+from antiosc.io.neutral import FileMesh, IntArray, Piece
 from antiosc.io.request import Request
 
 #: Endings of such files.
@@ -45,14 +45,6 @@ SAMPLES = 40
 SIDES = ((0, 1), (1, 2), (2, 0))
 #: Group of all triangles of a sheet that is the closed surface of a solid.
 CLOSED = "closed surface"
-#: Share of the volume from which on the deviation of a mesh from the surface of its file is told: a
-#: regular polygon of 25 sides has 1 % less area than its circle.
-TOLD_VOLUME = 0.01
-#: Envelope of fTetWild over the diagonal of the box, the energy at which its tetrahedra are good
-#: enough (its default), and the processor time that it may take, s.
-ENVELOPE, ENERGY, FTETWILD_TIME = 1e-3, 10.0, 600.0
-#: Points of the surface by which the faces of its tetrahedra are found.
-POINTS_OF_FACES = 50_000
 
 
 # --- Triangles ------------------------------------------------------------------------------------
@@ -307,9 +299,7 @@ def read(ask: Request) -> FileMesh:
 
 
 def _bodies(surface: Surface, name: str) -> tuple[list[list[int]], bool]:
-    """(the pieces of each body, its outer one first, then its cavities, whether some pierce each
-    other).
-    """
+    """(pieces of each body, the outer one first, then cavities; whether some pierce each other)."""
     count = int(surface.piece.max()) + 1
     if count > MOST_BODIES:
         raise MeshError(
@@ -358,14 +348,10 @@ def winding(corners: Array, point: Array) -> float:
     return float(angles.sum() / (2 * np.pi))
 
 
-def _wanted(ask: Request) -> tuple[Surface, list[list[int]], bool]:
-    """(the closed surface that is filled, with the cavities turned inward, its bodies, whether
-    they pierce each other).
+def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
+    """(the closed surface that is filled, with the cavities turned inward; its bodies).
 
-    Raises
-    ------
-    MeshError
-        A surface that is not closed.
+    MeshError for a surface that is not closed, and for bodies that pierce each other.
     """
     surface = surface_of(ask)
     if surface.open_edges:
@@ -382,11 +368,15 @@ def _wanted(ask: Request) -> tuple[Surface, list[list[int]], bool]:
         if len(bodies) > 1:
             surface.remarks.append(piece_is_read(ask.name, ask.piece, len(bodies)))
         bodies = [_by_volume(surface, bodies)[ask.piece - 1]]
-        pierced = False
+    elif pierced:
+        raise MeshError(
+            f"the closed surfaces of {ask.name} pierce each other: unite them in the program that "
+            "wrote it, or read one alone (piece)."
+        )
 
     cavities = np.isin(surface.piece, [k for body in bodies for k in body[1:]])
     surface.triangles[cavities] = surface.triangles[cavities][:, ::-1]
-    return surface.only([k for body in bodies for k in body]), bodies, pierced
+    return surface.only([k for body in bodies for k in body]), bodies
 
 
 # --- Filling --------------------------------------------------------------------------------------
@@ -399,11 +389,7 @@ def fill(gmsh: ModuleType, ask: Request) -> tuple[Surface, Names]:
     """
     import trimesh
 
-    surface, bodies, pierced = _wanted(ask)
-    if pierced:
-        raise UnmeshableError(
-            f"gmsh cannot mesh {ask.name}: its closed surfaces pierce each other."
-        )
+    surface, bodies = _wanted(ask)
     side = surface.sides()
     points, triangles, piece = surface.points, surface.triangles, surface.piece
     size = np.inf if ask.size is None else ask.size / ask.unit[0]
@@ -448,76 +434,3 @@ def _first_triangles(gmsh: ModuleType, middles: Array, surfaces: list[int]) -> I
         place = dict(zip(nodes.tolist(), np.reshape(x, (-1, 3)), strict=True))
         places.append(np.mean([place[node] for node in corners[:3].tolist()], axis=0))
     return np.asarray(cKDTree(middles).query(np.array(places))[1])
-
-
-def by_ftetwild(ask: Request) -> FileMesh:
-    """The tetrahedra by which fTetWild (Hu et al., ACM Trans. Graph. 39 (2020) 117) fills a surface
-    within an envelope, with its faces as groups.
-    """
-    import pytetwild
-    from scipy.spatial import cKDTree
-
-    ask.allow(FTETWILD_TIME)
-    surface, _, pierced = _wanted(ask)
-    corners = surface.points[surface.triangles]
-    diagonal = float(np.linalg.norm(np.ptp(corners, axis=(0, 1))))
-    size = diagonal / 20 if ask.size is None else ask.size / ask.unit[0]
-
-    points, cells = pytetwild.tetrahedralize(
-        surface.points,
-        surface.triangles.astype(np.int32),
-        edge_length_fac=min(size / diagonal, 1.0),
-        epsilon=ENVELOPE,
-        stop_energy=ENERGY,
-        num_threads=1,
-    )
-    cells = cells.astype(np.int64)
-    x = points[cells]
-    turned = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
-    cells[turned] = cells[turned][:, [1, 0, 2, 3]]
-
-    # the outer faces, each with the side of the nearest place of the surface
-    faces = np.vstack([cells[:, list(side)] for side in FACETS["tetrahedron"]])
-    _, first, uses = np.unique(
-        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    outer = faces[first[uses == 1]]
-    places, owner = _spread(surface)
-    side = surface.sides()[owner[cKDTree(places).query(points[outer].mean(axis=1))[1]]]
-    groups = {f"face {k + 1}": {"triangle": np.flatnonzero(side == k)} for k in np.unique(side)}
-
-    mesh = FileMesh(points, {"tetra": cells, "triangle": outer}, "gmsh", groups, of_gmsh=True)
-    smaller = " of one size, without smaller ones at points (refine)" if ask.refine else ""
-    mesh.remarks = [
-        *surface.remarks,
-        f"{ask.name} is filled by fTetWild with tetrahedra{smaller}, whose faces lie within "
-        f"{100 * ENVELOPE:g} % of its diagonal from its surface.",
-    ]
-    if not pierced:
-        mesh.remarks += deviation(mesh, surface)
-    return mesh
-
-
-def _spread(surface: Surface) -> tuple[Array, IntArray]:
-    """(places (n, 3) all over a surface, the triangle of each)."""
-    area = areas(surface.points, surface.triangles)
-    counts = 1 + np.round(POINTS_OF_FACES * area / area.sum()).astype(int)
-    owner = np.repeat(np.arange(len(area)), counts)
-    weights = np.random.default_rng(0).dirichlet(np.ones(3), len(owner))
-    return np.einsum("nk,nki->ni", weights, surface.points[surface.triangles[owner]]), owner
-
-
-def deviation(mesh: FileMesh, surface: Surface) -> list[str]:
-    """A sentence (in a list) on a mesh of tetrahedra whose volume differs from that of the
-    surface.
-    """
-    x = mesh.points[mesh.cells["tetra"]]
-    meshed = float(np.abs(np.linalg.det(x[:, 1:] - x[:, :1])).sum() / 6)
-    change = meshed / surface.volume - 1
-    if abs(change) < TOLD_VOLUME:
-        return []
-    less = "less" if change < 0 else "more"
-    return [
-        f"the mesh has {100 * abs(change):.2g} % {less} volume than the surface of the file, whose "
-        "edges and holes it cuts: a smaller size follows them."
-    ]

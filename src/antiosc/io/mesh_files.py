@@ -85,7 +85,6 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
     deck.node_sets = mesh.node_sets
     result = as_mesh(deck)
     result.of_gmsh, result.aids = mesh.of_gmsh, mesh.aids
-    result.volume = mesh.volume
     result.remarks = [*mesh.remarks, *result.remarks]
     return result
 

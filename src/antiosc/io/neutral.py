@@ -223,8 +223,6 @@ class FileMesh:
     model: Model | None = None
     #: numbers of the first nodes in the file, -1 of those without one; none: it has no numbers
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    #: volume of its solids in CAD, m³; 0: unknown
-    volume: float = 0.0
     #: of which one can be read alone, by their ranks; none: there is one, or they are not known
     pieces: list[Piece] = field(default_factory=list)
 
@@ -251,8 +249,6 @@ class RawMesh:
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: as in `FileMesh`
     pieces: list[Piece] = field(default_factory=list)
-    #: as in `FileMesh`
-    volume: float = 0.0
 
 
 def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
@@ -278,68 +274,68 @@ def kind_of(label: str) -> CellKind:
     return SERENDIPITY[label]
 
 
+#: Fields of a `FileMesh` that are values of JSON.
+_PLAIN = ("convention", "of_gmsh", "aids", "remarks", "model")
+#: Fields that are dicts of arrays of rows.
+_SETS = ("groups", "node_sets", "fixed")
+
+
 def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
     """The mesh as (JSON values, arrays); groups, maybe thousands, are concatenated."""
-    rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
-    nodes = list(mesh.node_sets.values())
-    spans = [(name, dim, e) for name, parts in mesh.fixed.items() for dim, e in parts.items()]
-    header = {
-        "cells": list(mesh.cells),
-        "convention": mesh.convention,
-        "groups": [[n, k, len(r)] for n, g in mesh.groups.items() for k, r in g.items()],
-        "node_sets": [[name, len(r)] for name, r in mesh.node_sets.items()],
-        "fixed": [[name, dim, *e.shape] for name, dim, e in spans],
-        "of_gmsh": mesh.of_gmsh,
-        "aids": mesh.aids,
-        "told": mesh.remarks,
-        "model": mesh.model,
-        "volume": mesh.volume,
-        "pieces": [(name, list(low), list(high)) for name, low, high in mesh.pieces],
-    }
-    empty = np.zeros(0, dtype=np.int64)
-    nodes += [e.ravel() for _, _, e in spans]
-    rows = [empty, *rows]
-    nodes = [empty, *nodes]
-    arrays = [np.concatenate(rows), np.concatenate(nodes), mesh.points, mesh.labels]
-    return header, [*arrays, *mesh.cells.values()]
+    rows = [np.zeros(0, dtype=np.int64)]
+
+    def shapes(value: Any) -> Any:
+        """Dicts as lists of pairs, arrays as their shapes."""
+        if isinstance(value, dict):
+            return [[key, shapes(entry)] for key, entry in value.items()]
+        rows.append(value.ravel())
+        return {"shape": value.shape}
+
+    header = {name: getattr(mesh, name) for name in _PLAIN}
+    header["cells"] = list(mesh.cells)
+    header["sets"] = [shapes(getattr(mesh, name)) for name in _SETS]
+    header["pieces"] = [(name, list(low), list(high)) for name, low, high in mesh.pieces]
+    arrays = [np.concatenate(rows), mesh.points, mesh.labels, *mesh.cells.values()]
+    return header, arrays
 
 
 def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
     """The inverse of `packed`; ValueError if sizes, kinds and indices are inconsistent."""
-    rows, nodes, points, labels, *blocks = arrays
+    rows, points, labels, *blocks = arrays
     cells = dict(zip(head["cells"], blocks, strict=True))
-    mesh = FileMesh(points, cells, head["convention"])
-    mesh.of_gmsh, mesh.aids = bool(head["of_gmsh"]), bool(head["aids"])
     if points.dtype != float or points.ndim != 2 or points.shape[1] != 3:
         raise ValueError("points must be of shape (n, 3)")
     if labels.dtype != np.int64 or labels.ndim != 1 or len(labels) > len(points):
         raise ValueError(f"{len(labels)} numbers of {len(points)} nodes")
-    mesh.labels = labels
     for label, block in cells.items():
         if block.ndim != 2 or block.shape[1] != kind_of(label).nodes:
             raise ValueError(f"{label} cells of shape {block.shape}")
         _check_indices(block, len(points), f"the {label} cells name nodes")
     start = 0
-    for name, label, count in head["groups"]:
-        part = rows[start : start + count]
-        _check_indices(part, len(cells[label]), f"group {name!r} names {label} cells")
-        mesh.groups.setdefault(name, {})[label] = part
-        start += count
-    start = 0
-    for name, count in head["node_sets"]:
-        mesh.node_sets[name] = nodes[start : start + count]
-        start += count
-    for name, dim, count, width in head.get("fixed", []):
-        part = nodes[start : start + count * width].reshape(count, width)
-        mesh.fixed.setdefault(name, {})[dim] = part
-        start += count * width
-    mesh.remarks = [str(sentence) for sentence in head.get("told", [])]
-    mesh.model = head.get("model")
-    mesh.volume = float(head.get("volume", 0.0))
-    boxes = head.get("pieces", [])
-    mesh.pieces = [Piece(str(name), *np.array(box, float)) for name, *box in boxes]
-    _check_indices(nodes, len(points), "a node set names nodes")
-    return mesh
+
+    def values(content: Any) -> Any:
+        """The inverse of `shapes`."""
+        nonlocal start
+        if isinstance(content, list):
+            return {key: values(entry) for key, entry in content}
+        end = start + int(np.prod(content["shape"]))
+        part = rows[start:end].reshape(content["shape"])
+        start = end
+        return part
+
+    sets = dict(zip(_SETS, map(values, head["sets"]), strict=True))
+    for name, parts in sets["groups"].items():
+        for label, part in parts.items():
+            _check_indices(part, len(cells[label]), f"group {name!r} names {label} cells")
+    for part in [
+        *sets["node_sets"].values(),
+        *(e for d in sets["fixed"].values() for e in d.values()),
+    ]:
+        _check_indices(part, len(points), "a node set names nodes")
+
+    pieces = [Piece(str(name), *np.array(box, float)) for name, *box in head["pieces"]]
+    plain = {name: head[name] for name in _PLAIN}
+    return FileMesh(points, cells, labels=labels, pieces=pieces, **plain, **sets)
 
 
 def _check_indices(rows: IntArray, most: int, what: str) -> None:

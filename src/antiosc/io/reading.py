@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
-from antiosc.base.texts import percent, piece_is_read, printable
+from antiosc.base.texts import piece_is_read, printable
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import CAD, STATES_UNIT
 from antiosc.io.facets import SURFACES
@@ -59,11 +58,8 @@ _NOUNS = {1: "lines", 2: "faces", 3: "volumes"}
 AS_GROUPS, LEFT_OUT = "are read as groups, not as elements", "are left out"
 #: Words of remarks on how a mesh was made that has the shape of its file.
 CLOSELY = "is meshed with elements that follow the curvature"
-BY_FTETWILD = "is filled by fTetWild"
 NOT_READ = "flat cells that gmsh left at the surface are not read"
-HOW_MADE = (CLOSELY, BY_FTETWILD, NOT_READ)
-#: Share of the volume in CAD by which a mesh may differ without a word, and words of what is told.
-TOLD_VOLUME, CUT = 5e-3, "elements cut off bends and holes"
+HOW_MADE = (CLOSELY, NOT_READ)
 #: Share of the largest piece by which the volumes of two must differ to rank them.
 AS_LARGE = 0.01
 #: Largest coordinate of a part: squares and volumes of it are numbers still.
@@ -93,7 +89,6 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     raw.remarks = mesh.remarks
     raw.model = mesh.model
     raw.pieces = mesh.pieces
-    raw.volume = mesh.volume if wanted is None else 0.0
     if len(mesh.labels):
         raw.labels = np.full(len(mesh.points), -1, dtype=np.int64)
         raw.labels[: len(mesh.labels)] = mesh.labels
@@ -383,7 +378,7 @@ def read(
 
     `sizes`: element sizes in the whole geometry; `sound`: checks the mesh, and may raise;
     `options`: other fields of a `Request`. A geometry that cannot be meshed as asked is meshed once
-    more: with elements that follow its curvature, a surface of triangles by fTetWild.
+    more, with elements that follow its curvature.
     """
     name = printable(path.name)
     suffix = path.suffix.lower()
@@ -401,68 +396,25 @@ def read(
         raw = selected(_content(path, timeout, unit, merge, **options, **how), cells, order, name)
         if piece is not None and not (by_reader and raw.kind.dim == 3):
             raw = one_piece(raw, piece, name)
-        raw = sound(raw)
-        if order != 1:
-            raw.remarks = [*raw.remarks, *_volume_told(raw, name)]
-        return raw
+        return sound(raw)
 
     try:
         return attempt()
     except UnmeshableError as error:
-        if not (suffix in GEOMETRY or solid) or merge is not None:
+        fault = str(error).rstrip(".")
+        remedy = f"repair {name} in the program that wrote it, or mesh it there and give the mesh"
+        if solid:
+            raise UnmeshableError(f"{fault}: {remedy}.") from error
+        if suffix not in GEOMETRY or merge is not None:
             raise
-        reason = error
 
-    fault = str(reason).rstrip(".")
-    remedy = f"repair {name} in the program that wrote it, or mesh it there and give the mesh"
-    if solid and not find_spec("pytetwild"):
-        raise UnmeshableError(
-            f"{fault}: {remedy}; with pytetwild it is filled here (pip install pytetwild==0.2.3)."
-        ) from reason
     try:
-        raw = attempt(**({"tetrahedra": True} if solid else {"around": AROUND_CLOSELY}))
+        raw = attempt(around=AROUND_CLOSELY)
     except UnmeshableError as error:
         raise UnmeshableError(f"{fault}, nor otherwise: {remedy}, or give another size.") from error
-    how = "" if solid else f"{name} {CLOSELY}, since it cannot be meshed otherwise: "
-    raw.remarks = [*raw.remarks, f"{how}{fault}."]
+    how = f"{name} {CLOSELY}, since it cannot be meshed otherwise: {fault}."
+    raw.remarks = [*raw.remarks, how]
     return raw
-
-
-def _volume_told(raw: RawMesh, name: str) -> list[str]:
-    """A sentence (in a list) on a mesh whose volume differs from that in CAD."""
-    if raw.volume == 0.0 or raw.kind.shape != "tetrahedron":
-        return []
-    change = _volume(raw.points, raw.cells) / raw.volume - 1
-    if abs(change) <= TOLD_VOLUME:
-        return []
-    sense = "large" if change > 0 else "small"
-    return [
-        f"{name}: the mass of the mesh is {percent(abs(change))} too {sense} beside that in CAD, "
-        f"as {CUT}; a smaller size follows them."
-    ]
-
-
-def _volume(points: Array, cells: IntArray) -> float:
-    """Volume of tetrahedra in gmsh's order, with 4 or 10 nodes [m³]: cubics are integrated
-    exactly.
-    """
-    at = np.vstack([np.full((1, 4), 1 / 4), np.full((4, 4), 1 / 6) + np.eye(4) / 3])
-    weights = np.array([-4 / 5, 9 / 20, 9 / 20, 9 / 20, 9 / 20]) / 6
-    of_corners = np.vstack([-np.ones((1, 3)), np.eye(3)])
-    slopes = np.repeat(of_corners.T[None], len(at), axis=0)
-    if cells.shape[1] == 10:
-        first, second = np.array([(0, 1), (1, 2), (2, 0), (3, 0), (3, 2), (3, 1)]).T
-        corners = (4 * at[:, None] - 1) * of_corners.T
-        mids = at[:, None, first] * of_corners.T[:, second]
-        mids += at[:, None, second] * of_corners.T[:, first]
-        slopes = np.concatenate([corners, 4 * mids], axis=2)
-
-    total = 0.0
-    for block in np.array_split(cells, 1 + len(cells) // 50_000):
-        a, b, c = np.moveaxis(slopes @ points[block][:, None], 2, 0)
-        det = np.einsum("cqi,cqi->cq", a, np.cross(b, c))
-        total += float(np.abs(det @ weights).sum())
-    return total
 
 
 # --- Pieces ---------------------------------------------------------------------------------------
@@ -506,7 +458,7 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     if piece > count:
         raise MeshError(f"{name} has {count} pieces that share no node; there is no piece {piece}.")
     of_piece = label == piece - 1
-    raw = compact(replace(raw, cells=raw.cells[of_piece], volume=0.0 if count > 1 else raw.volume))
+    raw = compact(replace(raw, cells=raw.cells[of_piece]))
     raw.groups = {name: parts for name, parts in raw.groups.items() if parts}
     if count > 1:
         raw.remarks = [*raw.remarks, piece_is_read(name, piece, count)]
@@ -649,7 +601,6 @@ def _content(
             "damaged; write it anew in the program that made it."
         )
     content.points = content.points * unit.length
-    content.volume *= unit.length**3
     content.pieces = [piece.scaled(unit.length) for piece in content.pieces]
     if merge is None:
         return content

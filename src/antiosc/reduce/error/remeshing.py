@@ -22,9 +22,9 @@ from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform import bounds, compat, on_root, warn
 from antiosc.fem.structure import in_space
-from antiosc.io.by_gmsh import GEOMETRY, SizeField
+from antiosc.io.by_gmsh import CUT, GEOMETRY, SizeField
 from antiosc.io.neutral import RawMesh
-from antiosc.io.reading import CUT, read
+from antiosc.io.reading import read
 from antiosc.io.request import GRADING as USUAL, Refinement
 from antiosc.reduce.error.bisection import (
     DIVIDED,
