@@ -55,7 +55,7 @@ def main(cells: tuple[int, ...], out: Path | None) -> None:
     log("solver")
     site = ao.Site((0.9 * SIZE[0], 0.3 * SIZE[1], SIZE[2]), (0, 0, -1), radius=0.1 * SIZE[0])
     model = ao.extract(part, site, n=20, shapes=False)
-    log(f"model of {model.n} anti-oscillators ({model.info.solver})")
+    log(f"model of {model.n} anti-oscillators ({model.info['solver']})")
     ball = ao.Sphere(radius=0.02, material="bearing steel 100Cr6", velocity=1.0)
     hit = ao.simulate(model, ball, ao.Hertz(1e10), duration=1e-3)
     log(f"force, peak {hit.peak_force:.4g} N")

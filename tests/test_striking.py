@@ -370,7 +370,7 @@ def test_numbers_whose_force_exceeds_the_law_are_passed_by(monkeypatch):
     given = {"material": SHEET, "supports": HELD}
     hit = ao.strike(coarse(), SITE, *IMPACT, tol=0.05, **given)
     assert hit.status == 0
-    assert all(mesh["n"] >= 45 for mesh in hit.model.info.strike)
+    assert all(mesh["n"] >= 45 for mesh in hit.model.info["strike"])
     monkeypatch.setattr(striking, "MOST_N", 44)
     with pytest.raises(RangeError):
         ao.strike(coarse(), SITE, *IMPACT, tol=0.05, **given)

@@ -214,7 +214,6 @@ from antiosc.models.body import (
     resolved_frequency as resolved_frequency,
 )
 from antiosc.models.closed_form.soil import (
-    SoilCone as SoilCone,
     soil_cone as soil_cone,
 )
 from antiosc.models.free_modes import (
@@ -224,9 +223,6 @@ from antiosc.models.modal import (
     Damping as Damping,
     ModalBody as ModalBody,
     SiteModes as SiteModes,
-)
-from antiosc.models.model_file import (
-    ReducedMatrices as ReducedMatrices,
 )
 from antiosc.models.motion import (
     Inertia as Inertia,

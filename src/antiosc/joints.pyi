@@ -24,6 +24,5 @@ from antiosc.fem.structure.attachments import (
     Spring as Spring,
 )
 from antiosc.models.closed_form.soil import (
-    SoilCone as SoilCone,
     soil_cone as soil_cone,
 )

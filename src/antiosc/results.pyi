@@ -60,9 +60,6 @@ from antiosc.impact.histories.vibration import (
 from antiosc.models.modal import (
     SiteModes as SiteModes,
 )
-from antiosc.models.model_file import (
-    ReducedMatrices as ReducedMatrices,
-)
 from antiosc.models.motion import (
     ModalState as ModalState,
 )

@@ -579,7 +579,7 @@ BRANCHES = ao.DampingMatrix([[50.0, 1.0], [1.0, 20.0]], branches=[([[4e6, 1e3], 
     ],
     ids=["cone", "footing", "branches", "modes"],
 )
-def test_a_ball_on_soil_is_one_scene(soil: ao.SoilCone | ao.AntiOscillators) -> None:
+def test_a_ball_on_soil_is_one_scene(soil: ao.LinearBody) -> None:
     """Three impacts and the flights between: the floor has the state that one integration gives."""
     height, law = 0.05, ao.Hertz(1e9)
     ball = ao.Sphere(0.05, 200e9, 0.3, 7800.0)

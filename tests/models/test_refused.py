@@ -25,7 +25,7 @@ from antiosc.models.closed_form import (
 )  # fmt: skip
 from antiosc.models.free_modes import error_bound, from_free_modes, site_models as at_sites_of
 from antiosc.models.modal import SiteModes
-from antiosc.models.model_file import ReducedMatrices
+from antiosc.models.model_file import VERSION
 from antiosc.plot import charts
 from plates import SupportedLaminate, SupportedPlate
 from refusals import refused
@@ -149,8 +149,6 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: DEPENDENT.to_matrices(), "follow"),
     (lambda: BOTH.to_matrices(nodes=[1, 2**31]), "below 2^31"),
     (lambda: BOTH.to_matrices(nodes=[5, 5], dofs=3), "twice"),
-    (lambda: ReducedMatrices(np.eye(1), np.eye(1), np.array([[1.5, 0]])), "labels"),
-    (lambda: ReducedMatrices(np.eye(2, k=1), np.eye(2), np.ones((2, 2))), "K must"),
     (lambda: MODEL.to_matrices().save("model.txt"), "model.txt"),
     # bodies in free modes
     (lambda: ao.ModalBody(OMEGA, B, decay=[0, -1]), "negative"),
@@ -231,7 +229,7 @@ def test_fields_of_a_body_with_several_sites() -> None:
     assert SITES.field(x).shape == (7, 4)
 
 
-HEADER = {"format": "antiosc-model", "version": 1}
+HEADER = {"format": "antiosc-model", "version": VERSION}
 
 
 @pytest.mark.parametrize(

@@ -348,7 +348,7 @@ def test_a_name_for_a_type_holds_what_the_type_holds():
 
 
 #: Bodies that are no impactors.
-BODIES = (ao.AntiOscillators, ao.LinearBody, ao.SoilCone)
+BODIES = (ao.AntiOscillators, ao.LinearBody)
 
 
 @pytest.mark.fem

@@ -91,27 +91,6 @@ def test_bars_of_the_corrected_run_are_nearer_by_the_correction(share):
         assert (bar.truncation, bar.time) == (raw.truncation, raw.time)
 
 
-def test_flat_faces_count_by_what_they_cut_off():
-    """A tenth of the stiffness of each shape, and a fiftieth of the mass, all at once."""
-    own = model()
-    facts = {"note": "Flat faces.", "mass": 0.02, "stiffness": (0.1 * np.append(own.k0, own.k))}
-    facts["stiffness"] = facts["stiffness"].tolist()
-    budget = struck(model(info={"geometry": facts})).error_budget
-    m, omega = 1.02 * own.m, own.omega * np.sqrt(1.1 / 1.02)
-    curved = ao.AntiOscillators(m0=1.02 * own.m0, k0=1.1 * own.k0, m=m, omega=omega)
-    off = differences(struck(own, tol=1e-5), struck(curved, tol=1e-5))
-    for name, bar in budget.items():
-        expected = SAFETY * max(off[name], FLOOR * max(off.values()))
-        assert bar.geometry == pytest.approx(expected, rel=0.02)
-        assert bar.total == pytest.approx(sum(getattr(bar, cause) for cause in CAUSES))
-    assert "Flat faces." in budget.notes
-    little = facts | {"mass": 0.0, "stiffness": (1e-4 * np.append(own.k0, own.k)).tolist()}
-    beside = struck(model(info={"geometry": little})).error_budget  # a curved side away from it
-    assert 0 < beside["peak_force"].geometry < 0.01
-    assert "Flat faces." not in beside.notes
-    assert struck(own).error_budget["peak_force"].geometry == 0
-
-
 def test_energy_of_the_amplitudes_is_the_strain_energy_of_the_contact():
     hit = struck(model())
     W = amplitudes(hit)
@@ -276,7 +255,7 @@ def test_a_part_whose_mesh_has_no_estimator_has_the_shares_that_are_known():
         assert budget.shares(name)["mesh"] is None
         assert budget.shown(name).endswith(" (no error bar)")
         assert budget.shares(name)["total"] is budget.shares(name)["above"] is None
-    assert not {"mesh", "geometry", "model"} & set(budget.causes)
+    assert not {"mesh", "model"} & set(budget.causes)
     assert budget.no_mesh.endswith("it is an assembly")
     assert str(budget).count("mesh's error") == 1
     assert force_bar(budget) is None  # a stress counts with all of the force's error, or none

@@ -331,7 +331,7 @@ def test_a_model_is_exact_at_its_expansion_point_and_at_rest():
         assert model.m_st == pytest.approx(static.m_st, rel=1e-9)
         assert model.m0 > 0
         assert (model.m > 0).all()
-        assert model.info.expansion == POINT
+        assert model.info["expansion"] == POINT
 
 
 @pytest.mark.slow

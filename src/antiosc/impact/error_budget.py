@@ -9,22 +9,7 @@ since error and misfit have opposite signs and may cancel. Parts without an esti
 (`ModelInfo.no_estimate`) have a budget of the other causes, and a note that the mesh's is missing.
 The truncation error is that of `antiosc.impact.truncation`.
 
-"model": the error of Timoshenko's beam theory for a solid bar. A point load on a solid bar deforms
-the section around it. In addition to the half-space compliance in the contact law, this changes
-three properties. They were measured on solid bars of rectangular section against closed forms
-(lengths of 5 to 40 heights, widths of half to twice the height; x is a
-frequency over the lowest one at which the section deforms):
-
-    compliance of the site    by up to LOCAL/(E √A)
-    values of modes there     by up to VALUES x   (stresses across the axis, as in von Kármán's and
-                              Seewald's correction of the deflection under a point load)
-    natural frequencies       by up to FREQUENCIES x, and CLAMP d/L for each clamped end (d the
-                              larger side, L the length: the clamp hinders Poisson's contraction)
-
-The impact was repeated with all changes at once, in either direction. Its change exceeded the true
-error on the solid bar for 449 of 450 quantities, and was 0.97 times it for one; `SAFETY_BEAM` is
-for other bars. For a round tube the impact is repeated with `SAFETY_TUBE` times the dent of its
-wall (`antiosc.reduce.error.beam_facts`), for a shell on the body of `antiosc.impact.shell_error`.
+"model": for a shell the impact is repeated on the body of `antiosc.impact.shell_error`.
 
 "noise" and "band": the record of a measured model (`ModelInfo.measured`) contains other bodies that
 fit the measurement as well; some differ by the noise, some by the unknown modes above the band. The
@@ -64,7 +49,6 @@ from antiosc.impact.stretching import (
 from antiosc.impact.truncation import WARN_SHARE, is_reduced, truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import (
-    BeamSection,
     Coarse,
     LinearBody,
     ModalModel,
@@ -74,20 +58,6 @@ from antiosc.models.body import (
 )
 from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import energy_error, has_bars, no_estimate
-
-#: Measured errors of Timoshenko's beam theory: see above.
-LOCAL = 0.8
-VALUES = 0.6
-FREQUENCIES = 0.06
-CLAMP = 0.05
-SAFETY_BEAM = 1.25  # for other bars than those that were measured
-#: Factor of a tube's dent. Without it the change was 0.77 of the true one at the least, for forces
-#: and contact times of five tubes of shells (R/t of 6 to 20, strikers of 0.02 to 3 kg).
-SAFETY_TUBE = 2.0
-TUBE = (
-    "The wall of the tube dents under the blow (stiffness about {}), which a beam leaves out: the"
-    " true force may be smaller by up to {}; a model of shells holds the dent."
-)
 
 Shares = dict[str, float]
 T = TypeVar("T")
@@ -127,47 +97,8 @@ def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
         return bars.NO_ERROR, [facts]
     if facts is None:
         return bars.NO_ERROR, []
-    if "disc" in facts:
-        change = impact.change(inexact_shell(model.modal(), model.local_compliance, facts))
-        return bars.with_floor({name: SAFETY_SHELL * share for name, share in change.items()}), []
-    if "dent" in facts:
-        return _tube_errors(impact, facts["dent"])
-    softer, stiffer = map(impact.change, _softer_and_stiffer(model, facts))
-    return bars.with_floor(
-        {name: SAFETY_BEAM * max(softer[name], stiffer[name]) for name in softer}
-    ), []
-
-
-def _tube_errors(impact: RepeatedImpact, dent: float) -> tuple[Shares, list[str]]:
-    """Errors of a beam in place of a tube, whose wall has the compliance `dent` [m/N], and a note.
-
-    That of the contact time is a share of the beam's, which the dent can more than double.
-    """
-    modes = impact.model.modal()
-    dented = impact.simulate_on(ModalModel(replace(modes, r=modes.r + SAFETY_TUBE * dent)))
-    shares = bars.with_floor(bars.all_changes(impact.raw, dented))
-    shares["contact_time"] = abs(dented.contact_time / impact.raw.contact_time - 1)
-    return shares, [TUBE.format(engineering(1 / dent, "N/m"), percent(shares["peak_force"]))]
-
-
-def _softer_and_stiffer(
-    model: AntiOscillators, facts: BeamSection
-) -> tuple[ModalModel, ModalModel]:
-    """Softest and stiffest model of a solid bar within the errors of its beam theory.
-
-    The stiffest has a local compliance, which is subtracted from laws that contain a half-space.
-    """
-    modes = model.modal()
-    x = np.minimum(modes.omega / facts["omega"], 1.0)
-    slower = FREQUENCIES * x + CLAMP * facts["clamps"]
-    local = LOCAL * facts["compliance"]
-
-    def beam(sign: float, r: float) -> ModalBody:
-        omega = modes.omega * (1 - sign * slower)
-        b = modes.b * (1 + sign * VALUES * x)
-        return replace(modes, omega=omega, b=b, r=r)
-
-    return ModalModel(beam(1.0, modes.r + local)), ModalModel(beam(-1.0, modes.r), local)
+    change = impact.change(inexact_shell(model.modal(), model.local_compliance, facts))
+    return bars.with_floor({name: SAFETY_SHELL * share for name, share in change.items()}), []
 
 
 #: Error bar, in standard deviations over the bodies (measured).
@@ -268,10 +199,6 @@ MOST = 1e-4
 LEFT_OUT_SAFETY, LEFT_OUT_LEAST = 2.5, 5e-3
 #: Instants of the contact at which the amplitudes of the shapes are taken.
 INSTANTS = 200
-#: Largest change of stiffness or mass assumed for the gaps between flat faces and the true surface.
-MOST_GAP = 0.5
-#: Share of a bar from which flat faces in place of a curved surface are told.
-TOLD_GEOMETRY = 0.01
 #: Notes if a second radius gives no estimate. What to do at an edge is in the warning of its site.
 NO_PATCH = "Not included: the radius of the patch."
 #: Of a patch that an edge cuts, where the cells resolve no whole one.
@@ -311,7 +238,6 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     of_mesh = _mesh(impact, weights, WITHOUT_STRETCHING if hit.assembly.stretched else "")
     noise, band = measured_errors(impact)
     patch, patch_notes = _patch(impact)
-    geometry, geometry_notes = _geometry(impact, weights)
     family, model_notes = model_errors(impact)
     law, left_out = law_errors(raw, by_law, tol)
     finer = None if hit.assembly.stretched else raw  # that is linear
@@ -320,7 +246,6 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         "truncation": of_mesh.truncation,
         "time": _time(hit, finer, tol),
         "patch": patch,
-        "geometry": geometry,
         "noise": noise,
         "band": band,
         "model": family,
@@ -338,7 +263,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     unresolved = ""
     without_mesh = ""
     if refused and not stretches:
-        unknown = ("mesh", "geometry", "model")
+        unknown = ("mesh", "model")
         without_mesh = f"{WITHOUT_MESH}{model.info.no_estimate}"
     elif model.strain_error is None and model.info.measured is None:
         rough = of_mesh.truncation["peak_force"] > 0  # too few anti-oscillators
@@ -355,7 +280,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     band_notes = filter(None, [low_band_message(raw), linear, third])
     if NO_PATCH in patch_notes:
         unknown += ("patch",)
-    notes = (*patch_notes, *geometry_notes, *model_notes, *of_mesh.doubts, *band_notes)
+    notes = (*patch_notes, *model_notes, *of_mesh.doubts, *band_notes)
     settled = all(bars.comparable(raw, run) for run in runs)
     incomparable = () if settled else ("contact_time",)
     by_quantity = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
@@ -565,7 +490,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
         )
     if model.info.divided == "triangle":
         safety *= TRIANGLES
-    if model.info.inside_element:
+    if model.info.get("inside_element"):
         safety = max(safety, SAFETY_INSIDE)
         doubts.append(
             "The site lies inside an element of a beam: the mesh's bar is wider; put a node there."
@@ -655,35 +580,3 @@ def _wide_patch(hit: History, model: AntiOscillators) -> Coarse | None:
     if not isinstance(hit.law, AT_POINT):
         return None
     return wide_patch(model, "", hit.assembly.contact_time_estimate)
-
-
-def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]]:
-    """Errors due to flat faces in place of a curved surface, and notes.
-
-    Between the faces and the surface lie layers that the mesh lacks or has in excess. Their strain
-    energy over that of the contact, and their mass over the structure's, change all stiffnesses and
-    masses of the run.
-    """
-    model = impact.model
-    facts = model.info.geometry
-    if facts is None:
-        return bars.NO_ERROR, []
-    squares = np.diag(weights)
-    energy = squares @ np.append(model.k0, model.k)
-    layers = squares @ np.asarray(facts["stiffness"])[: len(squares)]
-    stiffer = 1 + float(np.clip(layers / energy if energy > 0 else 0.0, -MOST_GAP, MOST_GAP))
-    heavier = 1 + float(np.clip(facts["mass"], -MOST_GAP, MOST_GAP))
-    p = model.participation
-    curved = replace(
-        model,
-        strain_error=None,
-        strain_misfit=None,
-        m0=model.m0 * heavier,
-        k0=model.k0 * stiffer,
-        m=model.m * heavier,
-        omega=model.omega * np.sqrt(stiffer / heavier),
-        participation=None if p is None else p * heavier,
-    )
-    changes = impact.change(curved)
-    shares = bars.with_floor({name: SAFETY * change for name, change in changes.items()})
-    return shares, [facts["note"]] if max(shares.values()) >= TOLD_GEOMETRY else []

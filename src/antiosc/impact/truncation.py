@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf, log
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -345,7 +345,8 @@ def _unconverged(model: AntiOscillators) -> bool:
 
 def _expansion(model: AntiOscillators) -> float:
     """The square [rad²/s²] of the expansion point of a model."""
-    return (2 * np.pi * (model.info.expansion or 0.0)) ** 2
+    point: Any = model.info.get("expansion", 0.0)
+    return (2 * np.pi * point) ** 2
 
 
 def _gauss(m: Array, omega: Array, point: float = 0.0) -> tuple[Array, Array, Array]:

@@ -280,7 +280,7 @@ _PLAIN = ("convention", "of_gmsh", "aids", "remarks", "model")
 _SETS = ("groups", "node_sets", "fixed")
 
 
-def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
+def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[Any]]]:
     """The mesh as (JSON values, arrays); groups, maybe thousands, are concatenated."""
     rows = [np.zeros(0, dtype=np.int64)]
 
@@ -295,8 +295,7 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
     header["cells"] = list(mesh.cells)
     header["sets"] = [shapes(getattr(mesh, name)) for name in _SETS]
     header["pieces"] = [(name, list(low), list(high)) for name, low, high in mesh.pieces]
-    arrays = [np.concatenate(rows), mesh.points, mesh.labels, *mesh.cells.values()]
-    return header, arrays
+    return header, [np.concatenate(rows), mesh.points, mesh.labels, *mesh.cells.values()]
 
 
 def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:

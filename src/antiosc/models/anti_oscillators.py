@@ -371,7 +371,7 @@ class AntiOscillators(ReprMixin, Parameters):
         return reduced_matrices(k0, m_st, P, self.omega, slide, nodes, dofs, first)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the model to one NumPy .npz file with a self-describing JSON header.
+        """Write the model to one NumPy .npz file with a header in JSON.
 
         The file is complete or absent. Shapes are not stored. InputError where it cannot be
         written.

@@ -12,9 +12,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from math import inf, pi, sqrt
-from typing import Any, NamedTuple, Protocol, TypedDict, final, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypedDict, runtime_checkable
 
 import numpy as np
 
@@ -31,14 +31,6 @@ from antiosc.models.stretch import Stretch
 NOT_KNOWN = "not known"
 
 
-class Band(TypedDict, total=False):
-    """The frequency band of an extraction [Hz], and the bound on the error of Z in it."""
-
-    bottom: float
-    top: float
-    error_bound: float
-
-
 class PatchData(TypedDict, total=False):
     """Data of a site's patch for the error budget.
 
@@ -53,32 +45,6 @@ class PatchData(TypedDict, total=False):
     compliance: float
 
 
-class FacetGaps(TypedDict):
-    """The layers between flat faces and the curved surface that they approximate.
-
-    note : a sentence; stiffness : their strain energies in the shapes [N/m]; mass : their mass over
-        that of the structure.
-    """
-
-    note: str
-    stiffness: list[float]
-    mass: float
-
-
-@final
-class BeamSection(TypedDict):
-    """Data for the error of beam theory.
-
-    compliance : 1/(E √A) [m/N]; omega : frequency of the section's deformation [rad/s]; clamps :
-    number of fixed ends times the larger side over the length.
-    """
-
-    compliance: float
-    omega: float
-    clamps: float
-
-
-@final
 class ShellDisc(TypedDict):
     """Data for the error of shell theory under a blow (`antiosc.impact.shell_error`).
 
@@ -90,16 +56,6 @@ class ShellDisc(TypedDict):
     disc: float
     wave: float
     compliance: float
-
-
-@final
-class TubeWall(TypedDict):
-    """Data for the error of beam theory of a round tube (`antiosc.reduce.error.beam_facts`).
-
-    dent : compliance of the wall under a point load [m/N].
-    """
-
-    dent: float
 
 
 class MeasuredBand(TypedDict):
@@ -122,36 +78,25 @@ class MeasuredBand(TypedDict):
 class ModelInfo(ReprMixin):
     """Data of an extracted model besides its parameters, immutable.
 
-    `info.dofs` and `info["dofs"]` are the same; the latter is a KeyError if the value is unknown.
+    `info.dofs` and `info["dofs"]` are the same; the latter is a KeyError if the value is unknown,
+    and finds the `notes` too.
 
     Attributes
     ----------
     structure : description of the structure.
-    dofs : number of its dofs.
-    meshed : whether it has a mesh of its own, whose error can be estimated.
     method : "krylov", "modes", "superposition", "full" or "frf".
-    modes_computed, modes_unobservable, modes_merged : numbers of constraint modes that were
-        computed, dropped for their small share in Z, and merged with others of their frequency.
+    dofs : number of its dofs.
     converged : how many of the lowest anti-oscillators have converged to antiresonances.
-    expansion : frequency [Hz] of the expansion point of the Krylov space; None: static.
-    rigid_modes : number of rigid-body modes of the structure.
-    rigid_share : largest share of one of them in the compliance of the sites.
-    independent : columns of the sites that move independently of those before.
     point, direction : place [m] and direction of a site without a name.
     points : places [m] of named sites.
-    checks : measured errors of the modes, relative.
-    seconds : times of the steps of the extraction [s].
-    solver : how K was solved: by a factor or by iterations, and how accurately.
-    band : band of an extraction with `band`.
-    inside_element : whether the site lies inside an element of a beam.
-    model : data of the error of beam or shell theory, or a sentence why there is none.
+    model : data of the error of shell theory, or a sentence why there is none.
     divided : shape of the cells if the mesh's error is that against the same mesh with each cell
         divided.
-    patch, geometry, not_included : data of the patch and of curved surfaces, and a sentence on what
-        the estimate of the mesh error leaves out.
+    patch, not_included : data of the patch, and a sentence on what the estimate of the mesh error
+        leaves out.
     no_estimate : why `extract(…, error="estimate")` refuses the part; None if it does not.
     measured : data of the error bars of a model from measured frequency responses.
-    doubts : sentences on implausible properties of the part; wave_speed : largest √(E/ρ) [m/s].
+    doubts : sentences on implausible properties of the part.
     surfaces : site ("" without a name) -> material and curvature as for `Surface.as_dict`, or why
         they are unknown; the law of a contact follows from them.
     thickness : least thickness [m] of its sheets, or that of the walls of a thin solid, which
@@ -162,45 +107,30 @@ class ModelInfo(ReprMixin):
         speed of waves and the radius of gyration [m²/s], 0 without bending, and that speed [m/s].
     second_order : site of a curved sheet ("" without a name) -> change of the force [1/m] that
         second-order strain makes, a share of it for each metre of displacement; < 0: softer.
-    strike : dofs and errors of the meshes that `strike` has tried.
-    notes : anything else, JSON values.
+    notes : what else is known, as JSON values: numbers of modes that were computed, unobservable
+        or merged, `seconds` of the steps, the `solver`, the `band` [Hz] with its `error_bound`, the
+        `expansion` point [Hz], the meshes of `strike`.
     """
 
     structure: str | None = None
     method: str | None = None
     dofs: int | None = None
     converged: int | None = None
-    expansion: float | None = None
-    modes_computed: int | None = None
-    modes_unobservable: int | None = None
-    modes_merged: int | None = None
-    meshed: bool | None = None
-    rigid_modes: int | None = None
-    rigid_share: float | None = None
-    independent: Sequence[int] | None = None
     point: Sequence[float] | None = None
     direction: Sequence[float] | None = None
     points: Mapping[str, Sequence[float]] | None = None
-    checks: Mapping[str, float] | None = None
-    seconds: Mapping[str, float] | None = None
-    solver: str | None = None
-    band: Band | None = None
-    inside_element: bool | None = None
-    model: BeamSection | ShellDisc | TubeWall | str | None = None
+    model: ShellDisc | str | None = None
     divided: str | None = None
     patch: PatchData | None = None
-    geometry: FacetGaps | None = None
     not_included: str | None = None
     no_estimate: str | None = None
     measured: MeasuredBand | None = None
     doubts: Sequence[str] | None = None
-    wave_speed: float | None = None
     surfaces: Mapping[str, Mapping[str, Any]] | None = None
     thickness: float | None = None
     bends: float | None = None
     cells: Mapping[str, Sequence[float]] | None = None
     second_order: Mapping[str, float] | None = None
-    strike: Sequence[Mapping[str, object]] | None = None
     notes: Mapping[str, object] = field(default_factory=dict)
 
     @classmethod
@@ -210,35 +140,33 @@ class ModelInfo(ReprMixin):
             return record
         checks.instance("info", record, Mapping, "a ModelInfo, or a dict of facts")
         attributes = {name: value for name, value in record.items() if name in _NAMES}
-        notes = {name: value for name, value in record.items() if name not in _NAMES}
+        notes = {n: value for n, value in record.items() if n not in _NAMES and value is not None}
         return cls(**attributes, notes=notes)
 
+    def having(self, **facts: Any) -> ModelInfo:
+        """The record with these facts; names that it does not have are notes."""
+        return ModelInfo.of({**self.as_dict(), **facts})
+
     def __post_init__(self) -> None:
-        for name in ("dofs", "converged", "modes_computed", "rigid_modes"):
+        for name in ("dofs", "converged"):
             if getattr(self, name) is not None:
                 count = checks.whole(f"info.{name}", getattr(self, name), least=0)
                 checks.store(self, **{name: count})
         for name, (kinds, expected) in _KINDS.items():
-            value = getattr(self, name)
-            if value is None:
+            if getattr(self, name) is not None:
+                checks.instance(f"info.{name}", getattr(self, name), kinds, expected)
+
+        for name, record in _RECORDS.items():
+            values = getattr(self, name)
+            if not isinstance(values, Mapping):
                 continue
-            checks.instance(f"info.{name}", value, kinds, expected)
-            if name == "second_order":
-                for site, share in value.items():
-                    checks.number(f"info.second_order[{site!r}]", share, "1/m")
-            if name == "cells":
-                for site, numbers in value.items():
-                    checks.floats(f"info.cells[{site!r}]", numbers, (3,))
-            record = _RECORDS.get(name)
-            if record is BeamSection and not isinstance(value, str):
-                record = next((kind for key, kind in _MODELS.items() if key in value), record)
-            if record is None or isinstance(value, str):
-                continue
-            if missing_keys := sorted(record.__required_keys__ - set(value)):
-                raise InputError(f"info.{name} lacks {', '.join(missing_keys)}.")
-            for key in record.__annotations__.keys() & value.keys():
-                check = checks.text if key == "note" else partial(checks.floats, shape=None)
-                check(f"info.{name}, {key},", value[key])
+            if missing := sorted(record.__required_keys__ - set(values)):
+                raise InputError(f"info.{name} lacks {', '.join(missing)}.")
+            for key in record.__annotations__.keys() & values.keys():
+                checks.floats(f"info.{name}, {key},", values[key], None)
+        for name, shape in (("cells", (3,)), ("second_order", ())):
+            for site, numbers in (getattr(self, name) or {}).items():
+                checks.floats(f"info.{name}[{site!r}]", numbers, shape)
 
     @cached_property
     def known_surfaces(self) -> dict[str, Surface]:
@@ -269,20 +197,13 @@ class ModelInfo(ReprMixin):
 #: Types of the values in a file; with other types a model could fail during a run.
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     **dict.fromkeys(("structure", "method", "not_included", "no_estimate"), ((str,), "a text")),
-    **dict.fromkeys(
-        ("points", "checks", "seconds", "surfaces", "cells", "second_order"), ((Mapping,), "a dict")
-    ),
-    **dict.fromkeys(("band", "patch", "geometry", "measured"), ((Mapping,), "a dict")),
-    **dict.fromkeys(("doubts", "strike"), ((list, tuple), "a list")),
+    **dict.fromkeys(("points", "surfaces", "cells", "second_order"), ((Mapping,), "a dict")),
+    **dict.fromkeys(("patch", "measured"), ((Mapping,), "a dict")),
     **dict.fromkeys(("thickness", "bends"), ((int, float), "a number")),
+    "doubts": ((list, tuple), "a list"),
     "model": ((Mapping, str), "a dict or a text"),
 }
-_RECORDS: dict[str, Any] = {
-    "geometry": FacetGaps, "model": BeamSection, "patch": PatchData,
-    "measured": MeasuredBand,
-}  # fmt: skip
-#: Records of "model" by the key that others lack; without one of these it is a `BeamSection`.
-_MODELS: dict[str, Any] = {"disc": ShellDisc, "dent": TubeWall}
+_RECORDS: dict[str, Any] = {"model": ShellDisc, "patch": PatchData, "measured": MeasuredBand}
 _NAMES = tuple(entry.name for entry in dataclasses.fields(ModelInfo) if entry.name != "notes")
 #: The record of a body without known data.
 UNKNOWN = ModelInfo()

@@ -3,10 +3,8 @@
 A model file is untrusted data: it is read without pickles, and no array is larger than the bytes
 that are stored of it.
 
-Matrices of a reduced model, in the form in which another program takes it as a superelement.
-
 With u (p,) the displacements of the sites and η (N,) the amplitudes of the constraint modes of unit
-mass (Craig and Bampton, AIAA J. 6 (1968) 1313)
+mass (Craig and Bampton, AIAA J. 6 (1968) 1313), the matrices of a reduced model are
 
     K = diag(k0, ω_i²),    M = [[m_st, P], [Pᵀ, 1]],    P_i Pᵀ_i = m_i,
 
@@ -20,8 +18,6 @@ import os
 import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import pi
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -41,11 +37,11 @@ from antiosc.models.body import ModelInfo
 from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import Parameters
-from antiosc.models.stretch import Count, Stretch
+from antiosc.models.stretch import Stretch
 
 FORMAT = "antiosc-model"
-#: the newest version that is read
-VERSION = 3
+#: the only version that is read
+VERSION = 4
 
 #: Most bytes of a file's arrays. Each of a million anti-oscillators takes 8 MB.
 _LARGEST = 2**27
@@ -86,16 +82,14 @@ def read(
         if checks.nests_deeper(text, _DEEPEST):
             raise InputError(f"{path} is not {file_text}, or it is damaged.")
         header = json.loads(text)
-        version = header["version"] if header.get("format") == expected else VERSION
-        newer = bool(version > VERSION)
-    except (KeyError, TypeError, ValueError, RecursionError, AttributeError):
+        found = header["format"], header["version"]
+    except (KeyError, TypeError, ValueError, RecursionError):
         raise InputError(f"{path} is not {file_text}, or it is damaged.") from None
-    if header.get("format") != expected:
+    if found != (expected, VERSION):
         raise InputError(
-            f"{path} has format {checks.shown(header.get('format'))}, expected {expected!r}."
+            f"{path} has the format {checks.shown(found[0])} of version {checks.shown(found[1])}; "
+            f"{expected!r} of version {VERSION} is read: write it again."
         )
-    if newer:
-        raise InputError(f"{path} has version {version}; this antiosc reads up to {VERSION}.")
     missing_names = needed - arrays.keys()
     if missing_names:
         raise InputError(f"{path} lacks {', '.join(sorted(missing_names))}; write it again.")
@@ -113,116 +107,58 @@ def _check_regular(path: Path) -> None:
         raise InputError(f"there is no model file {path}: it is a folder or a device.")
 
 
-_HERTZ = "Hz"
-#: Arrays of a file -> their unit and meaning.
-_ARRAYS = {
-    "m0": ("kg", "residual mass, Article eq. (15)"),
-    "k0": ("N/m", "static stiffness at the site, Article eq. (20); 0 with a rigid-body mode"),
-    "m": ("kg", "masses of the anti-oscillators, Article eq. (12)"),
-    "omega": ("rad/s", "antiresonant circular frequencies, ascending"),
-    "participation": (
-        "kg", "generalised mass of a unit uniform acceleration along the impact direction"),
-    "direction": ("1", "unit vector of the impact in the axes of the mesh"),
-    "P": (
-        "kg^1/2", "inertias of the constraint modes of unit mass at several sites; m_i = P_i P_i'"),
-    "dependence": ("1", "displacements of all columns per unit ones of the independent columns"),
-    "rigid": ("kg^-1/2", "displacements of several sites in the rigid-body modes of unit mass"),
-    "slide": ("kg^-1/2", "the same in the hidden rigid-body motions"),
-    "strain_error": (
-        "N/m", "energies of the errors of the strains of phi_st and psi_i: the mesh's error"),
-    "strain_misfit": (
-        "N/m", "work of section forces on what interpolation changes in the strains"),
-}  # fmt: skip
-_INERTIA = {
-    "inertia.point": ("m", "reference point of all moments"),
-    "inertia.matrix": (
-        "kg, kg m, kg m^2", "momentum and angular momentum of the whole body's six rigid motions"),
-    "inertia.momentum": (
-        "kg, kg m", "those of phi_st, psi_i and the hidden rigid-body motions"),
-}  # fmt: skip
-#: What stands in the header, likewise.
-_SCALARS = {
-    "local_compliance": ("m/N", "half-space compliance of the patch, contained in 1/k0"),
-    "radius": ("m", "radius of the patch over which the site's displacement is averaged"),
-}
-_EVERY = {**_ARRAYS, **_INERTIA, **_SCALARS}
-_STRETCH = {
-    "modes": ("1", "motions that stretch the part, of the free modes of unit mass"),
-    "quadratic": ("SI", "second-order forces f_k = H_kij a_i a_j of modes of unit mass"),
-    "cubic": ("SI", "third-order forces f_k = G_kijl a_i a_j a_l of modes of unit mass"),
-}
-#: version of the files of models of several sites, and of those that stretch; those of one site are
-#: of version 1
-_SEVERAL = 2
-_STRETCHES = 3
+#: Arrays of a model, those of its inertia and of its second-order forces.
+_ARRAYS = (
+    *("m0", "k0", "m", "omega", "P", "participation", "direction", "dependence", "rigid", "slide"),
+    *("strain_error", "strain_misfit"),
+)
+_PARTS = {"inertia": ("point", "matrix", "momentum"), "stretch": ("modes", "quadratic", "cubic")}
 
 
 def save(model: Parameters, path: str | os.PathLike[str]) -> None:
     """Write a model, completely or not at all; see `AntiOscillators.save`."""
-    has_sites = len(model.sites) > 0
-    arrays = {
-        name: np.asarray(getattr(model, name))
-        for name in _ARRAYS
-        if getattr(model, name) is not None and not (has_sites and name == "m")
-    }
-    if model.inertia is not None:
-        arrays |= {name: attrgetter(name)(model) for name in _INERTIA}
-    if model.stretch is not None:
-        arrays |= {f"stretch.{name}": getattr(model.stretch, name) for name in _STRETCH}
-    stretch = None if model.stretch is None else model.stretch.count
+    arrays = {name: getattr(model, name) for name in _ARRAYS}
+    if model.sites:  # of which it follows
+        del arrays["m"]
+    for part, names in _PARTS.items():
+        arrays |= {f"{part}.{name}": getattr(getattr(model, part), name, None) for name in names}
+    local = np.asarray(model.local_compliance).tolist()
     header = {
         "format": FORMAT,
-        "version": _STRETCHES if model.stretch is not None else _SEVERAL if has_sites else 1,
-        **({} if stretch is None else {"stretch": stretch}),
-        "units": {name: unit for name, (unit, _) in _EVERY.items()},
-        "meaning": {name: meaning for name, (_, meaning) in _EVERY.items()},
-        **{name: _plain(getattr(model, name)) for name in _SCALARS},
+        "version": VERSION,
+        "local_compliance": local,
+        "radius": model.radius,
+        "stretch": None if model.stretch is None else model.stretch.count,
         "damping": None if model.damping is None else model.damping.as_dict(),
         "info": model.info.as_dict(),
-        "band_unit": _HERTZ,
+        "sites": list(model.sites),
+        "columns": {name: list(columns) for name, columns in model.columns.items()},
     }
-    if has_sites:
-        header["sites"] = list(model.sites)
-        header["columns"] = {name: list(columns) for name, columns in model.columns.items()}
-    write(path, header, arrays)
-
-
-def _info(header: Named) -> ModelInfo:
-    """The data of a file's model; its band is in rad/s unless the header says Hz."""
-    facts = header.get("info", {})
-    band = facts.get("band") if isinstance(facts, Mapping) else None
-    if isinstance(band, Mapping) and header.get("band_unit") != _HERTZ:
-        ends = {name: band[name] / (2 * pi) for name in ("bottom", "top") if name in band}
-        facts = {**facts, "band": {**band, **ends}}
-    return ModelInfo.of(facts)
+    known = {name: np.asarray(values) for name, values in arrays.items() if values is not None}
+    write(path, header, known)
 
 
 def arguments(path: str | os.PathLike[str]) -> Named:
     """The arguments of `AntiOscillators` in a model file; InputError for other files."""
     header, arrays = read(path, {"m0", "k0", "omega"})
     try:
-        damping = header.get("damping")
+        inertia, stretch = (
+            [arrays[f"{part}.{name}"] for name in names if f"{part}.{name}" in arrays]
+            for part, names in _PARTS.items()
+        )
         return {
-            "m": None,
-            **{name: arrays[name] for name in _ARRAYS if name in arrays},
-            "inertia": _inertia(arrays),
-            "stretch": _stretch(arrays, header.get("stretch")),
-            "damping": _damping(damping),
-            "info": _info(header),
-            "sites": tuple(header.get("sites", ())),
-            "columns": dict(header.get("columns", {})),
-            **{name: header[name] for name in _SCALARS},
+            **{name: arrays.get(name) for name in _ARRAYS},
+            "inertia": Inertia(*inertia) if inertia else None,
+            "stretch": Stretch(*stretch, count=header["stretch"]) if stretch else None,
+            "damping": _damping(header["damping"]),
+            "info": ModelInfo.of(header["info"]),
+            "sites": tuple(header["sites"]),
+            "columns": dict(header["columns"]),
+            "local_compliance": header["local_compliance"],
+            "radius": header["radius"],
         }
     except (InputError, KeyError, TypeError, ValueError) as error:
         raise damaged_file(path, error) from error
-
-
-def _stretch(arrays: Arrays, count: Count | None) -> Stretch | None:
-    """The second-order forces in a model file; None if it has none."""
-    if count is None:
-        return None
-    modes, quadratic, cubic = (arrays[f"stretch.{name}"] for name in _STRETCH)
-    return Stretch(modes, quadratic, cubic, count)
 
 
 def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:
@@ -249,20 +185,6 @@ def _damping(values: Named | None) -> Damping | DampingMatrix | None:
     return from_factors(factor(values["factor"]), branches)
 
 
-def _plain(value: object) -> object:
-    """A value, or one for each of several sites, as JSON."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return value
-
-
-def _inertia(arrays: Arrays) -> Inertia | None:
-    """The inertia in a model file; None if it has none."""
-    if arrays.keys() >= _INERTIA.keys():
-        return Inertia(*map(arrays.__getitem__, _INERTIA))
-    return None
-
-
 @dataclass(frozen=True, eq=False)
 class ReducedMatrices(FieldsRepr):
     """K and M of a reduced model.
@@ -277,33 +199,12 @@ class ReducedMatrices(FieldsRepr):
     M: Array
     labels: IntArray
 
-    def __post_init__(self) -> None:
-        size = len(checks.floats("K", self.K, (None, None)))
-        labels = checks.floats("labels", self.labels, (size, 2))
-        if (labels != np.floor(labels)).any() or (labels < 0).any() or (labels >= 2**31).any():
-            raise InputError("labels must be numbers of nodes and of their dofs.")
-        for name in ("K", "M"):
-            matrix = checks.floats(name, getattr(self, name), (size, size))
-            if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
-                raise InputError(f"{name} must be symmetric.")
-            checks.store(self, **{name: checks.read_only(matrix)})
-        checks.store(self, labels=checks.read_only(labels.astype(np.int64)))
-
     def save(self, path: str | os.PathLike[str]) -> list[Path]:
         """Write K and M as Matrix Market, two files `<name>_K.mtx` and `<name>_M.mtx`.
 
         `path`: `<name>.mtx`. Beside them `<name>.map` lists node and dof of each row, which
-        `Structure.from_files(K, M, map=…)` reads.
-
-        Returns
-        -------
-        list of Path
-            The files written, each complete or absent.
-
-        Raises
-        ------
-        InputError
-            Another ending, or a file that cannot be written.
+        `Structure.from_files(K, M, map=…)` reads. The files written are returned, each complete
+        or absent; InputError for another ending, or a file that cannot be written.
         """
         target = checks.path("path", path)
         if target.suffix.lower() != ".mtx":
@@ -315,13 +216,10 @@ class ReducedMatrices(FieldsRepr):
             with files.atomic_file(file, "the matrices") as part, part.open("w") as file_stream:
                 write_matrix_market(file_stream, matrix)
             written.append(file)
-        return [*written, self._map(target)]
 
-    def _map(self, target: Path) -> Path:
-        path = target.with_suffix(".map")
         rows = "".join(f"{node} {component}\n" for node, component in self.labels)
-        files.write_text(path, "# node dof\n" + rows, "the map")
-        return path
+        files.write_text(target.with_suffix(".map"), "# node dof\n" + rows, "the map")
+        return [*written, target.with_suffix(".map")]
 
 
 def reduced_matrices(

@@ -168,7 +168,7 @@ def strike(
     History
         The history on the last mesh and its corrected model, which is nearer to the truth: the bars
         of the mesh are those of `simulate` minus the correction. For shells it is the raw model.
-        `error_budget` is known, `model.info.strike` lists the meshes. Sheets with a large
+        `error_budget` is known, `model.info["strike"]` lists the meshes. Sheets with a large
         deflection have second-order forces, as for `extract(…, stretch="auto")`. Status 1 and a
         sentence in the message if the budget exceeds `tol`, with the cost of meeting it, or if the
         share of the beam model exceeds it.
@@ -638,7 +638,7 @@ def _finished(
     """
     hit = answer.hit
     budget = answer.budget
-    model = replace(hit.model, info=replace(hit.model.info, strike=records))
+    model = replace(hit.model, info=hit.model.info.having(strike=records))
     dofs = ", ".join(str(record["dofs"]) for record in records)
     worst = budget.without_law
     if aim < tol and budget.numerical <= tol:

@@ -81,7 +81,7 @@ class Floor(FieldsRepr):
         A soft sheet on top, in place of the half-space.
     law : ContactLaw, optional
         Contact law of every contact, in place of the one from curvatures and materials.
-    model : SoilCone, AntiOscillators or another model of one site, optional
+    model : soil_cone(…), AntiOscillators or another model of one site, optional
         An elastic floor that cannot fly off: soil, or a plate extracted at the struck place. All
         points that touch share its displacement.
     """

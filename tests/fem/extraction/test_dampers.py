@@ -60,7 +60,7 @@ def test_random_structures_are_passive_from_the_first_shape():
 def test_the_bound_holds_over_the_band(accuracy):
     model = ao.extract(chain(), SITE, band=5000.0 / (2 * np.pi), accuracy=accuracy, n=59)
     error = np.abs(model.modal().receptance(OMEGA) / direct(K, [45])[:, 0, 0] - 1).max()
-    assert error < model.info.band["error_bound"] <= accuracy
+    assert error < model.info["band"]["error_bound"] <= accuracy
     assert model.n < 40
 
 

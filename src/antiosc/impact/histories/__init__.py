@@ -360,8 +360,9 @@ def error_scope(history: History) -> str:
         return f"time integration; {law}truncation and mesh: see the error budget"
     if not any(info.structure for info in facts):
         return "time integration"
-    remedy = ': the error "estimate" of extract does it' if any(i.meshed for i in facts) else ""
-    if any(i.meshed and i.no_estimate for i in facts):
+    meshed = [info for info in facts if info.get("meshed")]
+    remedy = ': the error "estimate" of extract does it' if meshed else ""
+    if any(info.no_estimate for info in meshed):
         remedy = ": compare two element sizes"
     return f"time integration; truncation and mesh are not estimated{remedy}"
 
@@ -375,7 +376,7 @@ def has_estimate(history: History) -> bool:
     """Whether a body has the errors of its mesh and of its truncation."""
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     bounded = any(getattr(body, "strain_error", None) is not None for body in bodies)
-    return bounded or any(info_of(body).strike for body in bodies)
+    return bounded or any("strike" in info_of(body) for body in bodies)
 
 
 def error_text(history: History) -> str:

@@ -23,7 +23,6 @@ CAUSES = (
     "truncation",
     "time",
     "patch",
-    "geometry",
     "noise",
     "band",
     "model",
@@ -59,7 +58,6 @@ class ErrorBar:
     truncation : bound for the anti-oscillators that the model leaves out.
     time : bound for the time integration.
     patch : bound for the choice of the radius of the patch.
-    geometry : bound for flat faces in place of a curved surface.
     noise, band : for a measured model: noise, and modes above the measured band.
     model : bound for the element family, such as a beam in place of a solid bar.
     law : bound for the contact law and its parameters; None: not known.
@@ -72,7 +70,6 @@ class ErrorBar:
     truncation: float
     time: float
     patch: float
-    geometry: float = 0.0
     noise: float = 0.0
     band: float = 0.0
     model: float = 0.0

@@ -11,9 +11,8 @@ and modes of a beam are known to rounding. Timoshenko's beam, or Euler-Bernoulli
 
 from antiosc.base import checks
 from antiosc.models.closed_form import zener
-from antiosc.models.closed_form.beams import UniformBeam
+from antiosc.models.closed_form.beams import BeamModes, StruckBeam, UniformBeam
 from antiosc.models.closed_form.plates import plate_patch
-from antiosc.models.closed_form.struck import BeamModes, StruckBeam
 
 __all__ = [
     "BeamModes",

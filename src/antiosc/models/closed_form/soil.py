@@ -39,14 +39,6 @@ class SoilCone(FieldsRepr):
     damping: float
     mass: float
 
-    def __post_init__(self) -> None:
-        checks.store(
-            self,
-            stiffness=checks.positive("stiffness", self.stiffness, "N/m"),
-            damping=checks.positive("damping", self.damping, "N s/m"),
-            mass=checks.nonnegative("mass", self.mass, "kg"),
-        )
-
     def model(self, mass: float = 0.0) -> AntiOscillators:
         """A rigid footing of this mass [kg] on the soil, as a model that can be struck.
 

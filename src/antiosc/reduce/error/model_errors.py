@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from math import sqrt
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -98,15 +98,15 @@ class ModelErrors:
         energies, misfit = self._estimator.energies(model, site.part)
         (member,) = self._matrices.members(site.part if self._matrices.assembled else None)
         part = member.part
-        info = replace(
-            model.info,
+        spent: Any = model.info.get("seconds", {})
+        info = model.info.having(
             divided=part.mesh.cell if self._estimator.divided else None,
             patch=None if self._estimator.divided else patch_of(self._structure, site),
             inside_element=part.mesh.tdim == 1 and _is_inside(part, site),
             model=_of_theory(part, site),
             not_included=flat_cells(part) or None,
             no_estimate=None,
-            seconds={**(model.info.seconds or {}), "error": time.perf_counter() - start_time},
+            seconds={**spent, "error": time.perf_counter() - start_time},
         )
         return replace(model, strain_error=energies, strain_misfit=misfit, info=info)
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal, get_args, overload
+from typing import TYPE_CHECKING, Any, Literal, get_args, overload
 
 import numpy as np
 
@@ -28,7 +28,6 @@ from antiosc.fem.linalg.forecast import SOLVES, of_sheet
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import Band
 from antiosc.models.modal import Damping, as_damping
 from antiosc.models.stretch import Count, checked_count
 from antiosc.reduce.extraction import expanded_at, shapes_of_models
@@ -132,7 +131,7 @@ def models_of(
             every_mode(lumped_modes, n) if terms else oscillators(lumped_modes, n, options.tol)
         )
         at_site = at_one_site(static, selected, options.n) if UNNAMED in group else None
-        band: Band | None = None
+        band: dict[str, float] | None = None
         if options.band is not None and isinstance(remainder, DampedBand):
             band = _band(remainder.bottom, options.band, remainder.error)
         elif options.band is not None and callable(remainder):
@@ -146,8 +145,7 @@ def models_of(
             "modes": (time.perf_counter() - start_time) / (len(models) + 1),
         }
         record = info_of_model(structure, group, lumped_modes, selected, options.method)
-        info = replace(
-            record,
+        info = record.having(
             band=band,
             expansion=options.expansion,
             seconds={**structure.seconds, **seconds},
@@ -170,7 +168,7 @@ def models_of(
     return models
 
 
-def _band(bottom: float, top: float, bound: float) -> Band:
+def _band(bottom: float, top: float, bound: float) -> dict[str, float]:
     """The record of a band with the ends `bottom` and `top` [rad/s] and an error bound."""
     return {"bottom": bottom / (2 * np.pi), "top": top / (2 * np.pi), "error_bound": bound}
 
@@ -181,7 +179,7 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
     """
     if options.band is None and model.n < options.n and not complete:
         warn(
-            f"only {model.n} of the first {model.info.modes_computed} modes are observable at "
+            f"only {model.n} of the first {model.info['modes_computed']} modes are observable at "
             f"the site (share in Z above {options.tol:g}), fewer than n = {options.n}: the model "
             "contains these; reduce tol for more.",
             AccuracyWarning,
@@ -195,10 +193,11 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
             "it.",
             AccuracyWarning,
         )
-    if options.band is None or model.info.band is None:
+    band: Any = model.info.get("band")
+    if options.band is None or band is None:
         return
-    error = model.info.band["error_bound"]
-    top = engineering(model.info.band["top"], "Hz")
+    error = band["error_bound"]
+    top = engineering(band["top"], "Hz")
     if not error <= options.accuracy:
         warn(
             f"with {model.n} anti-oscillators the error of Z up to {top} is at most {error:.1e}, "
@@ -303,7 +302,7 @@ def extract(
         Largest |ΔZ|/|Z| over the band, at 1 % damping. `info.band["error_bound"]` is the bound
         that was reached, 2e-6 at least for rounding. For several sites: the largest relative
         error of their displacements under any forces, in units in which their compliances are the
-        identity, ‖H ΔZ‖₂, from `info.band["bottom"]` [Hz] on.
+        identity, ‖H ΔZ‖₂, from `info["band"]["bottom"]` [Hz] on.
     shapes : bool
         Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
     error : "estimate", optional

@@ -12,7 +12,7 @@ from antiosc.base._types import Array
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import ModelInfo
+from antiosc.models.body import UNKNOWN, ModelInfo
 from antiosc.models.motion import Inertia
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.mode_checks import checked_modes
@@ -33,8 +33,8 @@ def info_of_model(
 ) -> ModelInfo:
     """The record of an extraction."""
     measured, converged = checked_modes(structure, known, method)
-    return replace(
-        info_of_places(structure, {name: columns[0] for name, columns in group.items()}),
+    info = info_of_places(structure, {name: columns[0] for name, columns in group.items()})
+    return info.having(
         method=method,
         modes_computed=len(known.modes.omega),
         converged=converged,
@@ -50,7 +50,7 @@ def info_of_model(
 def info_of_places(structure: Structure, sites: Mapping[str, Functional]) -> ModelInfo:
     """What is known of a structure and its sites without modes."""
     cells = {name: site.cell for name, site in sites.items() if site.cell is not None}
-    info = ModelInfo(
+    info = UNKNOWN.having(
         structure=structure.describe(),
         dofs=structure.dofs,
         rigid_modes=int(structure.rigid_modes.shape[1]),
@@ -88,8 +88,7 @@ def model_of_one_site(
     structure: Structure, target: Functional, parameters: OneSite, elastic: int, info: ModelInfo
 ) -> AntiOscillators:
     """The model of a single unnamed site."""
-    info = replace(
-        info,
+    info = info.having(
         meshed=structure.matrices.meshed,
         converged=(info.converged or 0)
         + len(parameters.m)
@@ -134,7 +133,7 @@ def model_of_named_sites(
     firsts = [of_site[0] for of_site in sites.values()]
     directions = [column.direction for of_site in sites.values() for column in of_site]
     has_directions = all(direction is not None for direction in directions)
-    info = replace(info, independent=static.kept.tolist())
+    info = info.having(independent=static.kept.tolist())
     if has_directions:
         places = {name: of_site[0].point for name, of_site in sites.items()}
         points = {name: place.tolist() for name, place in places.items() if place is not None}
