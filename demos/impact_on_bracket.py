@@ -64,7 +64,7 @@ def main(
     site = ao.Site(point=POINT, direction=STRIKE, radius=radius, snap=True)
     striker = ao.Sphere(radius=sphere, material="bearing steel 100Cr6", velocity=velocity)
     model = ao.extract(part, site, n=n)
-    seconds |= model.info.seconds
+    seconds |= model.info["seconds"]
     with compared.timed(seconds, "simulation"):
         hit = ao.simulate(model, striker, duration=duration)
     with compared.timed(seconds, "output"):

@@ -132,7 +132,7 @@ def _model_rows(model: AntiOscillators) -> Rows:
     rows = [
         (f"site {name}".rstrip(), point_text(point)) for name, point in site_points(model).items()
     ]
-    point: Any = model.info.get("expansion")
+    point = model.info.get("expansion")
     about = f", expanded about {engineering(point, 'Hz')}" if point else ""
     count = ("anti-oscillators", f"{model.n}{about}")
     if np.ndim(model.k0):

@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf, log
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
 
@@ -345,7 +345,7 @@ def _unconverged(model: AntiOscillators) -> bool:
 
 def _expansion(model: AntiOscillators) -> float:
     """The square [rad²/s²] of the expansion point of a model."""
-    point: Any = model.info.get("expansion", 0.0)
+    point = model.info.get("expansion", 0.0)
     return (2 * np.pi * point) ** 2
 
 

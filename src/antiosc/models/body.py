@@ -183,10 +183,10 @@ class ModelInfo(ReprMixin):
         attributes = {name: getattr(self, name) for name in _NAMES}
         return {n: value for n, value in attributes.items() if value is not None} | dict(self.notes)
 
-    def __getitem__(self, name: str) -> object:
+    def __getitem__(self, name: str) -> Any:
         return self.as_dict()[name]
 
-    def get(self, name: str, default: object = None) -> object:
+    def get(self, name: str, default: object = None) -> Any:
         """`info[name]`, or `default` if it is unknown."""
         return self.as_dict().get(name, default)
 

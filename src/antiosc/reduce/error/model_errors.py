@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from math import sqrt
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -98,7 +98,7 @@ class ModelErrors:
         energies, misfit = self._estimator.energies(model, site.part)
         (member,) = self._matrices.members(site.part if self._matrices.assembled else None)
         part = member.part
-        spent: Any = model.info.get("seconds", {})
+        spent = model.info.get("seconds", {})
         info = model.info.having(
             divided=part.mesh.cell if self._estimator.divided else None,
             patch=None if self._estimator.divided else patch_of(self._structure, site),

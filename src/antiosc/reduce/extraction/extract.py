@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, get_args, overload
+from typing import TYPE_CHECKING, Literal, get_args, overload
 
 import numpy as np
 
@@ -193,7 +193,7 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
             "it.",
             AccuracyWarning,
         )
-    band: Any = model.info.get("band")
+    band = model.info.get("band")
     if options.band is None or band is None:
         return
     error = band["error_bound"]
@@ -299,7 +299,7 @@ def extract(
         Highest frequency of interest, Hz (see `impact_band`). The number of anti-oscillators is
         chosen so that the error of Z(ω) up to this frequency is at most `accuracy`.
     accuracy : float
-        Largest |ΔZ|/|Z| over the band, at 1 % damping. `info.band["error_bound"]` is the bound
+        Largest |ΔZ|/|Z| over the band, at 1 % damping. `info["band"]["error_bound"]` is the bound
         that was reached, 2e-6 at least for rounding. For several sites: the largest relative
         error of their displacements under any forces, in units in which their compliances are the
         identity, ‖H ΔZ‖₂, from `info["band"]["bottom"]` [Hz] on.
