@@ -12,14 +12,14 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import NamedTuple
 
 import numpy as np
 import scipy.io
 import scipy.sparse
 
 from antiosc.base import checks
-from antiosc.base._types import Array, IntArray, Matrix
+from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.io.request import loaded, registered
 
@@ -273,18 +273,6 @@ def read_matrix_market(source: MatrixFile) -> Entries:
         raise source.error(1, f"the matrix must be square; got {rows} rows and {columns} columns.")
     row, column = (index.astype(np.int64) for index in (matrix.row, matrix.col))
     return Entries(source.name, row, column, matrix.data.astype(float), rows, False)
-
-
-def write_matrix_market(out: TextIO, matrix: Matrix, comment: str = "") -> None:
-    """Write a symmetric matrix: its lower triangle, with all digits."""
-    lower = scipy.sparse.tril(scipy.sparse.csc_matrix(matrix)).tocoo()
-    out.write("%%MatrixMarket matrix coordinate real symmetric\n")
-    for line in comment.splitlines():
-        out.write(f"% {line}\n")
-    out.write(f"{lower.shape[0]} {lower.shape[1]} {lower.nnz}\n")
-    rows: tuple[Array, ...] = (lower.row, lower.col, lower.data)
-    for i, j, value in zip(*rows, strict=True):
-        out.write(f"{i + 1} {j + 1} {float(value)!r}\n")
 
 
 @dataclass(frozen=True)

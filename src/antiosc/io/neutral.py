@@ -42,26 +42,20 @@ CELLS = {
     "hexahedron20": ("hexahedron", 20, 17),
     "hexahedron27": ("hexahedron", 27, 12),
 }
-CORNERS = {
-    "point": 1,
-    "line": 2,
-    "triangle": 3,
-    "quad": 4,
-    "tetra": 4,
-    "pyramid": 5,
-    "wedge": 6,
-    "hexahedron": 8,
+#: Shape -> (dimension, corners, name of dolfinx for those that a mesh carries).
+SHAPES = {
+    "point": (0, 1, "point"),
+    "line": (1, 2, "interval"),
+    "triangle": (2, 3, "triangle"),
+    "quad": (2, 4, "quadrilateral"),
+    "tetra": (3, 4, "tetrahedron"),
+    "pyramid": (3, 5, ""),
+    "wedge": (3, 6, ""),
+    "hexahedron": (3, 8, "hexahedron"),
 }
-DIMENSION = {
-    "point": 0,
-    "line": 1,
-    "triangle": 2,
-    "quad": 2,
-    "tetra": 3,
-    "pyramid": 3,
-    "wedge": 3,
-    "hexahedron": 3,
-}
+DIMENSION = {shape: dim for shape, (dim, _, _) in SHAPES.items()}
+CORNERS = {shape: corners for shape, (_, corners, _) in SHAPES.items()}
+CARRIED = {shape: name for shape, (_, _, name) in SHAPES.items() if name}
 #: Corners of the edges, in the order of their middle nodes.
 EDGES: dict[str, tuple[tuple[int, int], ...]] = {
     "point": (),
@@ -149,15 +143,6 @@ class CellKind:
     nodes: int
 
 
-#: Shapes that a mesh carries, by the names of dolfinx.
-CARRIED = {
-    "point": "point",
-    "line": "interval",
-    "triangle": "triangle",
-    "quad": "quadrilateral",
-    "tetra": "tetrahedron",
-    "hexahedron": "hexahedron",
-}
 _EVERY = {
     label: CellKind(
         CARRIED[shape], DIMENSION[shape], 1 + (nodes > CORNERS[shape]), CORNERS[shape], nodes

@@ -444,15 +444,12 @@ class Coarse(NamedTuple):
 def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     """The cell at a site if it does not resolve the waves of a contact; otherwise None."""
     info = info_of(model)
-    cell = (info.cells or {}).get(site)
     is_estimated = getattr(model, "strain_error", None) is not None
+    cell = (info.cells or {}).get(site)
     if cell is None or (is_estimated and not info.divided):  # its budget tells it
         return None
     limit = LARGE_DIVIDED_CELL if is_estimated else LARGE_CELL
-    wave = _wave(cell, contact_time)
-    if cell[0] > limit * wave:
-        return Coarse(cell[0], wave)
-    return None
+    return _too_long(cell[0], limit, cell, contact_time)
 
 
 def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
@@ -463,15 +460,17 @@ def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
     radius = getattr(model, "patch_radius", None)
     if cell is None or radius is None or not cell[1]:
         return None
-    wave = _wave(cell, contact_time)
-    return Coarse(2 * radius, wave) if 2 * radius > LARGE_PATCH * wave else None
+    return _too_long(2 * radius, LARGE_PATCH, cell, contact_time)
 
 
-def _wave(cell: Sequence[float], contact_time: float) -> float:
-    """Length [m] of the waves that a contact sends out from a cell (`info.cells`)."""
+def _too_long(
+    size: float, limit: float, cell: Sequence[float], contact_time: float
+) -> Coarse | None:
+    """A length of more than `limit` waves that a contact sends out from a cell (`info.cells`)."""
     _, bending, speed = cell
     omega = pi / contact_time
-    return min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
+    wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
+    return Coarse(size, wave) if size > limit * wave else None
 
 
 def coarse_cell(model: object, site: str, contact_time: float) -> str:

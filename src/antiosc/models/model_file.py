@@ -22,8 +22,10 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+import scipy.io
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
+from scipy.sparse import coo_matrix
 
 from antiosc.base import archives, checks, files
 from antiosc.base._types import Array, IntArray
@@ -32,7 +34,6 @@ from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.damping import DampingMatrix, from_factors
 from antiosc.io.dof_map import component_of
-from antiosc.io.matrices import write_matrix_market
 from antiosc.models.body import ModelInfo
 from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia
@@ -213,8 +214,8 @@ class ReducedMatrices(FieldsRepr):
         written = []
         for letter, matrix in (("K", self.K), ("M", self.M)):
             file = target.with_name(f"{target.stem}_{letter}.mtx")
-            with files.atomic_file(file, "the matrices") as part, part.open("w") as file_stream:
-                write_matrix_market(file_stream, matrix)
+            with files.atomic_file(file, "the matrices") as part, part.open("wb") as stream:
+                scipy.io.mmwrite(stream, coo_matrix(matrix), precision=17, symmetry="symmetric")
             written.append(file)
 
         rows = "".join(f"{node} {component}\n" for node, component in self.labels)

@@ -436,16 +436,15 @@ class BeamModes(Body):
 
     Attributes
     ----------
-    omega : natural circular frequencies in rad/s, ascending, shape (n,); 0 for the rigid body's.
-    b : deflection at the site in kg^-1/2, shape (n,), all > 0; ∫ rhoA w² + rhoI θ² dx = 1.
-    weight : ∫ rhoA w dx in kg^1/2, shape (n,).
+    omega : (n,) natural circular frequencies in rad/s, ascending; 0 for the rigid body's.
+    b : (n,) deflection at the site in kg^-1/2, > 0; ∫ rhoA w² + rhoI θ² dx = 1.
+    weight : (n,) ∫ rhoA w dx in kg^1/2.
     r : residual compliance in m/N, 0 without static correction.
     x : points in m at which the shapes were asked for.
-    shapes : deflections of the modes at x in kg^-1/2, shape (n, len(x)).
-    residual : deflection at x per unit force in m/N that goes with r, shape (len(x),).
-    hidden : deflections at x of the h rigid-body motions that leave the site at rest, (h, len(x)).
-    inertia : momentum (h + n, 6) of the h rigid-body motions and the n modes; the beam lies on the
-        x axis from 0, the impact is along y. None without rigid-body motions.
+    shapes, residual : (n, len(x)) deflections at x in kg^-1/2; (len(x),) those in m/N with r.
+    hidden : (h, len(x)) those of the h rigid-body motions that leave the site at rest.
+    inertia : momentum (h + n, 6) of these motions and the modes; the beam lies on the x axis from
+        0, the impact is along y. None without rigid-body motions.
     """
 
     omega: Array

@@ -19,7 +19,6 @@ Static layer: I. N. Sneddon, *Fourier Transforms* (1951), article 46, from Love'
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from math import cos, cosh, exp, log, pi, sin, sinh, sqrt
 from typing import NamedTuple
 
@@ -28,32 +27,21 @@ from antiosc.base.errors import InputError
 
 #: Mindlin's shear coefficient for the static and dynamic plate alike (Reissner's).
 SHEAR = 5 / 6
-# Each of the next four is doubled or halved without more effect on the compliance than stated, for
-# Poisson's ratios of 0.01, 0.3 and 0.49.
-#: Wave numbers times the thickness below which the integrand is a straight line; its terms cancel
-#: there (8e-6).
-LONG = 0.05
-#: Wave numbers times the thickness beyond which a layer is a half-space (4e-15).
-HALF_SPACE = 40.0
-#: Wave numbers times the radius of the disc below which its spread is a parabola (2e-8).
-NARROW = 0.01
-#: Wave numbers times the radius of the disc beyond which it carries nothing (2e-7).
-SMOOTH = 300.0
+#: Wave numbers times the thickness below which the integrand is a straight line, and beyond which a
+#: layer is a half-space (8e-6, 4e-15 of the compliance).
+LONG, HALF_SPACE = 0.05, 40.0
+#: Wave numbers times the radius of the disc below which its spread is a parabola, and beyond which
+#: it carries nothing (2e-8, 2e-7).
+NARROW, SMOOTH = 0.01, 300.0
 #: Poisson's ratios below it ask for a disc too small for a mesh.
 LEAST_NU = 0.01
 
 
 class PlatePatch(NamedTuple):
-    """The patch of a site on a shell.
+    """The patch of a site on a shell: a disc, and the shell's excess of compliance under it."""
 
-    Attributes
-    ----------
-    radius : radius of the disc, m.
-    local_compliance : excess of the shell's compliance under it over that of the plate, m/N.
-    """
-
-    radius: float
-    local_compliance: float
+    radius: float  # m
+    local_compliance: float  # m/N
 
 
 @checks.within_range
@@ -62,19 +50,8 @@ def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
 
     Use `Site(…, radius=patch.radius)`, and for the model `dataclasses.replace(model,
     local_compliance=patch.local_compliance)`: this compliance is then subtracted from Hertz's law.
-    Valid for contacts smaller than the thickness, away from edges.
-
-    Parameters
-    ----------
-    E, nu, thickness : float
-        Young's modulus [Pa], Poisson's ratio, thickness [m].
-
-    Raises
-    ------
-    InputError
-        Data outside their range; Poisson's ratio below 0.01.
-
-    Source: the integral above, of Love's solution for a layer and of Reissner's plate.
+    Valid for contacts smaller than the thickness, away from edges. `E` in Pa, `thickness` in m;
+    InputError for data outside their range, and for Poisson's ratios below 0.01.
     """
     E = checks.positive("E", E, "Pa")
     thickness = checks.positive("thickness", thickness, "m")
@@ -84,13 +61,8 @@ def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
             f"nu = {nu:g}: the disc of a plate patch has the radius h sqrt(nu/(1 - nu)), which no "
             f"mesh resolves below nu = {LEAST_NU:g}; give the site a radius of its own."
         )
-    return PlatePatch(thickness * sqrt(nu / (1 - nu)), _compliance(nu) / (E * thickness))
-
-
-@lru_cache(maxsize=64)
-def _compliance(nu: float) -> float:
-    """The compliance integral for E = h = 1: that of the plate minus that of the layer."""
-    return excess_compliance(nu, sqrt(nu / (1 - nu)))
+    disc = sqrt(nu / (1 - nu))
+    return PlatePatch(thickness * disc, excess_compliance(nu, disc) / (E * thickness))
 
 
 def excess_compliance(

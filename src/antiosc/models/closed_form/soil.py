@@ -26,17 +26,13 @@ LIGHT = 1e-6
 
 @dataclass(frozen=True)
 class SoilCone(FieldsRepr):
-    """The soil under a footing.
+    """The soil under a footing."""
 
-    Attributes
-    ----------
-    stiffness : static stiffness [N/m], that of the disk on the half-space.
-    damping : dashpot of the waves that are radiated [N s/m].
-    mass : mass of the soil that moves with the disk [kg], 0 for nu <= 1/3.
-    """
-
+    #: static stiffness [N/m], that of the disk on the half-space
     stiffness: float
+    #: dashpot of the waves that are radiated [N s/m]
     damping: float
+    #: mass of the soil that moves with the disk [kg], 0 for nu <= 1/3
     mass: float
 
     def model(self, mass: float = 0.0) -> AntiOscillators:
@@ -76,11 +72,6 @@ def soil_cone(
     G, nu, rho : float
         Shear modulus [Pa], Poisson's ratio in 0 <= nu < 0.5 and density [kg/m^3] of the soil.
     motion : "vertical" or "horizontal"
-
-    Raises
-    ------
-    InputError
-        For values outside their range.
     """
     radius = checks.positive("radius", radius, "m")
     G = checks.positive("G", G, "Pa")
