@@ -38,7 +38,6 @@ REMEDIES = {
     "truncation": "extract more anti-oscillators",
     "time": "use a smaller tol",
     "patch": "take a smaller patch on smaller elements",
-    "geometry": "use smaller or curved elements along the curved surface",
     "noise": "measure with less noise, or average more blows",
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",

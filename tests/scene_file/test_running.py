@@ -152,7 +152,7 @@ def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
     made = numbers(tmp_path / "out")
     bar = made["result"]["error_budget"]["peak_force"]
     peak = made["probes"]["quarter"]
-    causes = ("mesh", "time", "patch", "geometry", "model", "law")
+    causes = ("mesh", "time", "patch", "model", "law")
     assert peak["force"] == pytest.approx(sum(bar[cause] or 0.0 for cause in causes))
     shares = peak["force"], peak["mesh"], peak["truncation"]
     assert peak["error"] == pytest.approx(sum(shares))

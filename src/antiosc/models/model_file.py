@@ -143,14 +143,11 @@ def arguments(path: str | os.PathLike[str]) -> Named:
     """The arguments of `AntiOscillators` in a model file; InputError for other files."""
     header, arrays = read(path, {"m0", "k0", "omega"})
     try:
-        inertia, stretch = (
-            [arrays[f"{part}.{name}"] for name in names if f"{part}.{name}" in arrays]
-            for part, names in _PARTS.items()
-        )
+        inertia, stretch = (_part(arrays, part) for part in _PARTS)
         return {
             **{name: arrays.get(name) for name in _ARRAYS},
             "inertia": Inertia(*inertia) if inertia else None,
-            "stretch": Stretch(*stretch, count=header["stretch"]) if stretch else None,
+            "stretch": Stretch(*[*stretch, header["stretch"]]) if stretch else None,
             "damping": _damping(header["damping"]),
             "info": ModelInfo.of(header["info"]),
             "sites": tuple(header["sites"]),
@@ -160,6 +157,12 @@ def arguments(path: str | os.PathLike[str]) -> Named:
         }
     except (InputError, KeyError, TypeError, ValueError) as error:
         raise damaged_file(path, error) from error
+
+
+def _part(arrays: Arrays, part: str) -> list[Any]:
+    """The arrays of the inertia or of the second-order forces; none if the file has none."""
+    names = (f"{part}.{name}" for name in _PARTS[part])
+    return [arrays[name] for name in names if name in arrays]
 
 
 def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:
