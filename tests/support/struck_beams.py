@@ -46,3 +46,8 @@ def hinged_roots(beam: UniformBeam, i: np.ndarray, alpha: float) -> np.ndarray:
     large = half + np.sqrt(half**2 - eta * alpha * (i * np.pi) ** 4)
     Omega = np.array([(i * np.pi) ** 4 / large, large / (eta * alpha)])
     return np.sqrt(Omega * beam.EI / (beam.rhoA * beam.length**4))
+
+
+def cutoff(beam: UniformBeam) -> float:
+    """√(kGA/rhoI) in rad/s: above it waves of the second spectrum travel."""
+    return float(np.sqrt(beam.kGA / beam.rhoI))
