@@ -150,7 +150,7 @@ def bar_of(result: Any, quantity: str) -> float | None:
         return max(float(law), UNSAID)
     with contextlib.suppress(AntioscError, AttributeError, KeyError, TypeError):
         budget = result.error_budget
-        return None if budget.unknown else float(budget[quantity].total)
+        return None if set(budget.unknown) - {"law"} else float(budget[quantity].total)
     return None
 
 

@@ -221,14 +221,13 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     rerun, by_law = _kept(rerun, runs), _kept(by_law, runs)
     stretching_model = model
     stretches = model.stretch is not None
-    refused = bool(model.info.no_estimate) and model.strain_error is None
     if not hit.contacts:
         by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
     if hopeless := hit.assembly.hopeless:
         bars_without = {name: _no_bar(getattr(hit, name)) for name in QUANTITIES}
         no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
-        return ErrorBudget(bars_without, 0.0, unknown=("mesh",), no_mesh=no_mesh)
+        return ErrorBudget(bars_without, 0.0, unknown={"mesh": no_mesh})
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
     if stretches:
         model = replace(model, stretch=None)
@@ -239,7 +238,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     noise, band = measured_errors(impact)
     patch, patch_notes = _patch(impact)
     family, model_notes = model_errors(impact)
-    law, left_out = law_errors(raw, by_law, tol)
+    law, law_reason = law_errors(raw, by_law, tol)
     finer = None if hit.assembly.stretched else raw  # that is linear
     shares = {
         "mesh": of_mesh.mesh,
@@ -252,52 +251,54 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         "stretch": _stretch(hit, stretching_model, rerun, tol),
     }
 
+    unknown = _unknown_mesh(hit, model, stretches, of_mesh, CUT_PATCH in patch_notes)
+    without_mesh = "mesh" in unknown
+    if NO_PATCH in patch_notes:
+        unknown["patch"] = NO_PATCH
+    if law_reason:
+        unknown["law"] = law_reason
+    if not all(bars.comparable(raw, run) for run in runs):
+        unknown["contact_time"] = bars.NO_BAR
+
     def bar(name: str, value: float) -> ErrorBar:
         causes = {cause: share_of[name] for cause, share_of in shares.items()}
         known_law = None if law is None else law[name]
-        return ErrorBar(value, **causes, law=known_law, without_mesh=bool(without_mesh))
+        return ErrorBar(value, **causes, law=known_law, without_mesh=without_mesh)
 
-    motion = hit.site_motion
-    linear = LINEAR_BARS if stretches else ""
-    unknown = tuple[str, ...]()
-    unresolved = ""
-    without_mesh = ""
-    if refused and not stretches:
-        unknown = ("mesh", "model")
-        without_mesh = f"{WITHOUT_MESH}{model.info.no_estimate}"
-    elif model.strain_error is None and model.info.measured is None:
-        rough = of_mesh.truncation["peak_force"] > 0  # too few anti-oscillators
-        unknown = ("mesh",) if rough else ("mesh", "truncation")
-        linear = ""
-        missing = "The mesh's error is" if rough else "The errors of mesh and truncation are"
-        reason = model.info.no_estimate
-        remedy = f"{COMPARED_WITH} ({reason.rstrip('.')})" if reason else ESTIMATED_WITH
-        without_mesh = f"{missing} not known: {remedy}."
-    elif unresolved := _unresolved(hit, model, CUT_PATCH in patch_notes):
-        unknown = ("mesh",)
-        without_mesh = unresolved
+    linear = LINEAR_BARS if stretches and model.strain_error is not None else ""
     third = THIRD_ORDER if hit.assembly.stretched else ""
     band_notes = filter(None, [low_band_message(raw), linear, third])
-    if NO_PATCH in patch_notes:
-        unknown += ("patch",)
-    notes = (*patch_notes, *model_notes, *of_mesh.doubts, *band_notes)
-    settled = all(bars.comparable(raw, run) for run in runs)
-    incomparable = () if settled else ("contact_time",)
-    by_quantity = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
+    motion = hit.site_motion
     return ErrorBudget(
-        by_quantity,
+        {name: bar(name, getattr(hit, name)) for name in QUANTITIES},
         of_mesh.share,
-        notes,
+        (*patch_notes, *model_notes, *of_mesh.doubts, *band_notes),
         of_mesh.safety,
-        left_out,
         unknown,
-        incomparable,
         rebound_of(hit),
         None if motion is None else bar(DEFLECTION, motion.largest),
-        without_mesh,
-        tuple(model_notes),
-        bool(unresolved),
     )
+
+
+def _unknown_mesh(
+    hit: History, model: AntiOscillators, stretches: bool, of_mesh: MeshErrors, is_cut: bool
+) -> dict[str, str]:
+    """Why the mesh's error is not known, and causes that are not known with it; {} where it is.
+
+    `is_cut`: whether an edge cuts the patch.
+    """
+    reason = model.info.no_estimate
+    if reason and model.strain_error is None and not stretches:
+        return dict.fromkeys(("mesh", "model"), f"{WITHOUT_MESH}{reason}")
+    if model.strain_error is not None or model.info.measured is not None:
+        unresolved = _unresolved(hit, model, is_cut)
+        return {"mesh": unresolved} if unresolved else {}
+
+    remedy = f"{COMPARED_WITH} ({reason.rstrip('.')})" if reason else ESTIMATED_WITH
+    if of_mesh.truncation["peak_force"] > 0:  # too few anti-oscillators
+        return {"mesh": f"The mesh's error is not known: {remedy}."}
+    both = f"The errors of mesh and truncation are not known: {remedy}."
+    return dict.fromkeys(("mesh", "truncation"), both)
 
 
 #: Largest relative difference of an impulse to m v (1 + e) with which no other force acts.

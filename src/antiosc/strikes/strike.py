@@ -651,7 +651,7 @@ def _finished(
             "finer mesh helps, solid elements would, shells for a tube, and on isotropic shells a"
             " closed_form.plate_patch."
         )
-    reason = reason or budget.no_mesh or _missed_by_law(budget, tol)
+    reason = reason or budget.unknown.get("mesh", "") or _missed_by_law(budget, tol)
     if reason:
         budget = replace(budget, notes=(*budget.notes, reason))
     return replace(

@@ -266,5 +266,5 @@ def test_a_patch_wider_than_most_of_a_wave_leaves_no_bar():
         bar = hit.error_budget["peak_force"]
         assert hit.peak_force > exact
         assert (bar.total is None) == wide
-        assert ("too wide for the wave of this contact" in hit.error_budget.no_mesh) == wide
+        assert ("too wide for the wave of this contact" in hit.error_budget.footnote) == wide
         assert wide or hit.peak_force / exact - 1 < bar.total

@@ -236,7 +236,7 @@ class History(RunHistory, Results):
             rows = [
                 *(("contact", text) for text in [self.verdict] if text),
                 ("peak force", self.force_text),
-                *([("", budget.footnote)] if budget and budget.left_out else []),
+                *([("", budget.footnote)] if budget and budget.footnote else []),
                 *(("site", point) for point in places.values()),
                 ("impulse", engineering(self.impulse, "N s", 4)),
                 ("contacts", self.count_text),
@@ -245,7 +245,6 @@ class History(RunHistory, Results):
                 ("energy drift", f"{self.energy.drift:.1e}"),
                 ("step", engineering(self.step, "s")),
                 ("force error", error_text(self)),
-                *(("model", note) for note in (budget.of_model if budget else ())),
                 ("law", verdict.law_text(self)),
                 *(("stretch", text) for text in self.stretch_texts),
                 ("status", self.explanation),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -126,13 +126,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     energy_error : share of the errors of strains in the strain energy, mean over the contact.
     notes : errors that the bars do not include, and reasons for doubts.
     safety : factor of the mesh's bars over the differences to the corrected model.
-    law : why the error of the contact's law is not in the bars; "" where it is. Where the law was
-        given, the bars are those for this law; else there are none (`unbarred`).
-    no_mesh : why the mesh's error is not known, so that there are no bars; "" where it is.
-    of_model : those of the notes that tell why the element family has an error.
-    unresolved : whether that is because cells or patch are too large for the contact.
-    unknown : the causes that were not estimated, with 0 in the bars.
-    incomparable : the quantities without a bar: the compared runs differ in more than their size.
+    unknown : what is not known -> why: a cause that was not estimated, with 0 in the bars; a
+        quantity whose compared runs differ in more than their size. There are no bars without
+        "mesh", or without "law", unless the law was given: then they are those for this law.
     rebound : what bounds the impulse and the restitution; None if loads act or the part moves.
     deflection : bar of the largest displacement of the site within the run; None of a free part. It
         is no member of the mapping.
@@ -142,14 +138,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     energy_error: float
     notes: tuple[str, ...] = ()
     safety: float = 2.0
-    law: str = ""
-    unknown: tuple[str, ...] = ()
-    incomparable: tuple[str, ...] = ()
+    unknown: Mapping[str, str] = field(default_factory=dict)
     rebound: Rebound | None = None
     deflection: ErrorBar | None = None
-    no_mesh: str = ""
-    of_model: tuple[str, ...] = ()
-    unresolved: bool = False
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
@@ -192,8 +183,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def causes(self) -> tuple[str, ...]:
         """Causes of error to print; noise, band and stretch if present, the law if known."""
         bars = self.bars.values()
-        omitted = (*self.unknown, *(("law",) if self.law else ()))
-        known_causes = (c for c in CAUSES if c not in omitted)
+        known_causes = (c for c in CAUSES if c not in self.unknown)
         return tuple(c for c in known_causes if c not in RARE or any(getattr(b, c) for b in bars))
 
     @property
@@ -241,7 +231,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         m v (1 + e); not relative. None if it is not known.
         """
         rebound = self.rebound
-        if rebound is None or rebound.restitution is None or "impulse" in self.unbarred:
+        if rebound is None or rebound.restitution is None or self.no_bar:
             return None
         below, above = self.sides("impulse")
         return (1 + rebound.restitution) * below, (1 + rebound.restitution) * above
@@ -254,7 +244,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         value = engineering(bar.value, UNITS[name], digits)
         if self.no_bar:
             return f"{value} ({WITHOUT_BAR})"
-        if name in self.incomparable:
+        if name in self.unknown:
             return value
         below, above = self.sides(name)
         if percent(below) == WHOLE:
@@ -265,12 +255,12 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     @property
     def no_bar(self) -> bool:
         """Whether a cause is not known that may be the largest: the law's error, or the mesh's."""
-        return bool(self.no_mesh) or self.unknown_law
+        return "mesh" in self.unknown or any(bar.law is None for bar in self.bars.values())
 
     @property
-    def unknown_law(self) -> bool:
-        """Whether the error of the contact's law is not known, where that was not given."""
-        return any(bar.law is None for bar in self.bars.values())
+    def law(self) -> str:
+        """Why the error of the contact's law is not in the bars; "" where it is."""
+        return self.unknown.get("law", "")
 
     @property
     def condition(self) -> str:
@@ -278,15 +268,12 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return BY_GIVEN_LAW * bool(self.law)
 
     @property
-    def left_out(self) -> str:
-        """What the bars leave out; "" if nothing."""
-        told = self.unknown_law or not self.no_mesh
-        return " ".join(filter(None, [self.no_mesh, self.law * told]))
-
-    @property
     def footnote(self) -> str:
         """Why there are no bars, or what they leave out, told once beside them; "" if nothing."""
-        return f"{'There is no error bar. ' * self.no_bar}{self.left_out}"
+        reasons = [self.unknown.get("mesh", "")]
+        if not reasons[0] or any(bar.law is None for bar in self.bars.values()):
+            reasons.append(self.law)
+        return " ".join(filter(None, ["There is no error bar." * self.no_bar, *reasons]))
 
     def shown_restitution(self, e: float | None, digits: int = 3) -> str:
         """A coefficient of restitution as text, with its error if that is known."""
@@ -297,24 +284,14 @@ class ErrorBudget(Mapping[str, ErrorBar]):
             return restitution_text(e, digits)
         return f"{restitution_text(e, digits)} {plus_minus(sides, two_digits)}{self.condition}"
 
-    @property
-    def unbarred(self) -> dict[str, str]:
-        """Quantity without a bar, or "restitution" -> why it has none; a reason that all have is
-        the `footnote`.
-        """
-        without = (*self.bars, "restitution") if self.no_bar else ()
-        return dict.fromkeys(without, WITHOUT_BAR) | dict.fromkeys(self.incomparable, NO_BAR)
-
     def shares(self, name: str) -> dict[str, float | None]:
         """Cause -> its share in the error of a quantity; their total, and the error "below" and
         "above" the value as far as physics allows. None where not known.
         """
         bar = self.bar(name)
-        unknown_causes = CAUSES if name in self.incomparable else self.unknown
-        shares = {
-            cause: None if cause in unknown_causes else getattr(bar, cause) for cause in CAUSES
-        }
-        if name in self.unbarred:
+        not_known = CAUSES if name in self.unknown else [c for c in self.unknown if c != "law"]
+        shares = {cause: None if cause in not_known else getattr(bar, cause) for cause in CAUSES}
+        if self.no_bar or name in self.unknown:
             return {**shares, "total": None, "below": None, "above": None}
         below, above = self.sides(name)
         return {**shares, "total": bar.total, "below": below, "above": above}
@@ -337,7 +314,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def __str__(self) -> str:
         lines = []
         for name in self.bars:
-            reason = NO_BAR if name in self.incomparable else self.causes_text(name)
+            reason = self.unknown.get(name) or self.causes_text(name)
             lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {reason}")
         if self.rebound is not None and self.restitution_sides is not None:
             lines.append(f"restitution {self.shown_restitution(self.rebound.restitution)}")
