@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import error_charts
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid, trapezoid
@@ -187,7 +188,7 @@ def plot_convergence(counts: Sequence[int], panels: Sequence[Panel], path: Path)
             name: (counts, [max(getattr(e, panel.measure), 1e-6) for e in errors])
             for name, errors in panel.table.items()
         }
-        plotting.plot_errors(series, axis, styles=dict(zip(series, styles, strict=True)))
+        error_charts.plot_errors(series, axis, styles=dict(zip(series, styles, strict=True)))
         axis.set_title(panel.title)
     for below in axes[-1]:
         below.set_xlabel("anti-oscillators, or modes")

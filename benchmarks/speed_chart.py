@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import error_charts
 import options
 from speed_tables import STYLE
 
@@ -45,7 +46,7 @@ def main(picture: Path = PICTURE) -> None:
     figure, axes = plotting.panels(1, 2, size=(9, 3.6), sharey="row")
     for ax, (name, title) in zip(axes[0], CASES.items(), strict=True):
         styles = {word: "".join(STYLE[method]) for method, word in METHODS.items()}
-        plotting.plot_errors(curves(found[name]), ax, styles=styles)
+        error_charts.plot_errors(curves(found[name]), ax, styles=styles)
         ax.set(title=title, xlabel="time of the whole computation (s)", ylabel="")
     axes[0, 0].set_ylabel("relative error of the force")
     axes[0, 1].legend(*axes[0, 0].get_legend_handles_labels(), loc="upper center")

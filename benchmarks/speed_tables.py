@@ -6,6 +6,7 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
+import error_charts
 import numpy as np
 import options
 
@@ -35,7 +36,7 @@ def plot(found: dict[str, Any], out: Path) -> None:
                 rows = [r for r in found["rows"] if r["method"] == method and r[error] and r[key]]
                 if rows:
                     series[method] = [r[key] for r in rows], [r[error] for r in rows]
-            ax = plotting.plot_errors(series, axes[row, column], styles=styles)
+            ax = error_charts.plot_errors(series, axes[row, column], styles=styles)
             ax.set_xlabel("seconds, all told" if key == "total" else "N")
         axes[row, 0].set_ylabel("error of the force (L2)" if row == 0 else "error of Z, band")
     named = {n: h for a in axes.flat for h, n in zip(*a.get_legend_handles_labels(), strict=True)}

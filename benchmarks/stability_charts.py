@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import error_charts
 import numpy as np
 from matplotlib.colors import ListedColormap
 from stability_scenes import Scene, stable_steps
@@ -40,7 +41,7 @@ def chart_numbers(
         ax.plot(numbers, limits[:, 1], "k--", label="the same with the contact's stiffness")
         ax.set(xscale="log", yscale="log", title=method, ylim=(edges_h[0], edges_h[-1]))
     _finish(fig, grid, image, ("anti-oscillators N", "step h (s)"))
-    plotting.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 2)
+    error_charts.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 2)
     plotting.save_figure(fig, path, dpi=120)
 
 
@@ -66,7 +67,7 @@ def chart_scenes(
         ax.set(xscale="log", title=method, xlim=_edges(ratios)[[0, -1]])
     axes[0].set_yticks(np.arange(len(names)) + 0.5, names)
     _finish(fig, grid, image, ("step h / first contact", ""))
-    plotting.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 1)
+    error_charts.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 1)
     plotting.save_figure(fig, path, dpi=120)
 
 

@@ -22,6 +22,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import error_charts
 import numpy as np
 import options
 from error_budget import finer
@@ -254,7 +255,7 @@ def chart(found: Found, path: Path) -> None:
     for axes in grid[:, 0]:
         axes.set_ylabel("relative error")
     handles, labels = grid.flat[0].get_legend_handles_labels()
-    plotting.legend_below(figure, dict(zip(labels, handles, strict=True)), 3)
+    error_charts.legend_below(figure, dict(zip(labels, handles, strict=True)), 3)
     plotting.save_figure(figure, path, dpi=120)
 
 

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import error_charts
 import numpy as np
 import options
 
@@ -256,13 +257,13 @@ def chart(table: list[dict[str, Any]], path: Path) -> None:
             for method in styles:
                 rows = [r for r in mine if r["method"] == method]
                 series[method] = [r[key] for r in rows], [r["error"] for r in rows]
-            plotting.plot_errors(series, ax, styles=styles)
+            error_charts.plot_errors(series, ax, styles=styles)
             ax.set_title(scene, fontsize=10)
         row[0].set_ylabel("error of the force (L2)")
     for ax, name in zip(axes[-1], names.values(), strict=True):
         ax.set_xlabel(name)
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    plotting.legend_below(fig, dict(zip(labels, handles, strict=True)), 4)
+    error_charts.legend_below(fig, dict(zip(labels, handles, strict=True)), 4)
     plotting.save_figure(fig, path, dpi=120)
 
 

@@ -30,7 +30,6 @@ from antiosc.strikes.tradeoff import (
     Made,
     Tradeoff,
     TradeoffMember,
-    number_between,
 )
 from antiosc_app import commands
 from antiosc_app.cli import main
@@ -164,33 +163,6 @@ def test_the_message_tells_the_share_of_the_law_and_the_whole_bar():
     assert "with tol = 0.01 and a site of radius = 0.00038" in of_patch.message
 
 
-def test_a_number_between_two_has_the_forecast_bar():
-    """The bar falls by the power 1.5 of the number: 0.09 at 4, 0.00142 at 64; 0.018 at 11.7."""
-    one = TradeoffMember("Solid", 1e-3, 2, 100, 4, 1e-6, 1.0, 0.1, 1.0, 0.09)
-    many = replace(one, n=64, bar=0.09 * (4 / 64) ** 1.5)
-    assert number_between(one, many, 0.02) == 12
-    assert number_between(one, replace(many, n=5), 0.02) == 0  # too close
-    assert number_between(one, many, 0.0015) == 0  # about the larger one
-    assert number_between(replace(one, bar=0.0201), many, 0.02) == 5  # at least a little more
-
-
-def test_the_message_names_what_misses_the_tolerance_beside_the_force():
-    one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
-    bars = {"peak_force": 0.008, "impulse": 0.002, "contact_time": 0.1}
-    fine = {"peak_force": 0.001, "impulse": 0.001, "contact_time": 0.009}
-    fast = replace(one, bars=bars)
-    slow = replace(one, seconds=9.0, bar=0.009, bars=fine, n=60)
-    missed = ended("No room.")
-    told = "The peak force alone meets 1 % at N = 20, 100 dofs, 1.00 s (± 0.8 %); the contact time"
-    for table in ((fast, slow), (fast,)):
-        found = Tradeoff(table, 0.01, missed)  # type: ignore[arg-type]
-        assert f"{told} does not there (± 10 %)" in found.message, table
-    assert "alone" not in Tradeoff((slow,), 0.01, missed).message  # type: ignore[arg-type]
-    early = replace(fast, difference=np.nan)
-    row = dict(zip(tradeoff.COLUMNS, early.cells(), strict=True))
-    assert (row["force ± %"], row["all ± %"], row["to finest %"]) == ("0.8", "10", "–")
-
-
 def test_a_command_that_is_ended_has_printed_the_finished_lines(tmp_path, capsys, monkeypatch):
     one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
     printed = []
@@ -312,39 +284,9 @@ def test_the_whole_costs_few_times_its_finest_member(began, monkeypatch):
     monkeypatch.setattr(tradeoff, "clock", lambda: now[0])
     monkeypatch.setattr(tradeoff, "of_number", of_few)
     monkeypatch.setattr(tradeoff, "member_of", lambda answer: answer)
-    fewer = tradeoff._fewer(made, None, 0.01, 0.0)
+    fewer = tradeoff._fewer(made, None, 0.01, 0.0, lambda _: None)
     assert now[0] <= WHOLE * 4.0
     assert [len(fewer[one]) for one in made] == {7.0: [0, 1, 1], 9.5: [1, 1, 0]}[began]
-
-
-def test_numbers_between_two_are_tried_on_the_mesh_of_the_cheapest(monkeypatch):
-    """Bars of 0.4 / n^0.9: 20 has 2.7 %, 200 has 0.34 %; within 2 % is 28, tried at 1.8 %."""
-    mesh = Made(simple(4.0), SITE, of_n(200, 4.0))
-    fewer = {mesh: [Made(simple(1.0), SITE, of_n(n, 1.0)) for n in (3, 8, 20)]}
-    tried = []
-
-    def of_number(structure, _site, _run, _accuracy, n):
-        tried.append(n)
-        return of_n(n, 1.0 + n / 100)
-
-    monkeypatch.setattr(tradeoff, "clock", lambda: 5.0)
-    monkeypatch.setattr(tradeoff, "of_number", of_number)
-    monkeypatch.setattr(tradeoff, "member_of", lambda answer: answer)
-    while tradeoff._between([mesh], fewer, None, 0.02, 0.0):
-        pass
-    assert tried[0] == np.ceil((0.4 / 0.018) ** (1 / 0.9))
-    assert len(tried) <= tradeoff.MOST_BETWEEN
-    numbers = [made.member.n for made in fewer[mesh]]
-    assert numbers == sorted(numbers)
-    assert set(tried) < set(numbers)
-    late = {mesh: fewer[mesh][:3]}
-    monkeypatch.setattr(tradeoff, "clock", lambda: 11.0)  # 12 s is the limit
-    assert tradeoff._between([mesh], late, None, 0.02, 0.0) is None
-
-
-def of_n(n: int, seconds: float) -> TradeoffMember:
-    """A member whose bar falls by the power 0.9 of its number."""
-    return TradeoffMember("Solid", 1e-3, 2, 1000, n, 1e-6, seconds, 0.1, 1.0, 0.4 / n**0.9)
 
 
 @pytest.mark.parametrize(("peak", "bar"), [(0.996, 0.005), (0.99, 0.012)])

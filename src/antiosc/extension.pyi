@@ -1,52 +1,26 @@
 # Names for other packages besides the public ones, by what they are for; `extension.py` gives them.
 
-# Contact laws, damping, and the run of an impact.
-
 # Structures: their parts, joints, elements and matrices.
-from antiosc.fem import (
-    missing as missing,
-)
-from antiosc.fem.assembly import (
-    with_parts as with_parts,
-)
-from antiosc.fem.assembly.assemble import (
-    assemble_checked as assemble_checked,
-)
-from antiosc.fem.elements.shell import (
-    GivenSheet as GivenSheet,
-)
+from antiosc.fem import missing as missing
+from antiosc.fem.assembly import with_parts as with_parts
+from antiosc.fem.assembly.assemble import assemble_checked as assemble_checked
+from antiosc.fem.elements.shell import GivenSheet as GivenSheet
 from antiosc.fem.elements.weak_form import (
     Family as Family,
     measure as measure,
 )
-from antiosc.fem.linalg import (
-    cholmod as cholmod,
-)
-from antiosc.fem.mesh import (
-    distributed as distributed,
-)
-from antiosc.fem.mesh.closest import (
-    projected as projected,
-)
-from antiosc.fem.mesh.curvature import (
-    curvature as curvature,
-)
-from antiosc.fem.mesh.halving import (
-    longest_cell as longest_cell,
-)
+from antiosc.fem.linalg import cholmod as cholmod
+from antiosc.fem.mesh import distributed as distributed
+from antiosc.fem.mesh.closest import projected as projected
+from antiosc.fem.mesh.curvature import curvature as curvature
+from antiosc.fem.mesh.halving import longest_cell as longest_cell
 from antiosc.fem.mesh.reading import (
     flattened as flattened,
     numbered_elements as numbered_elements,
 )
-from antiosc.fem.mesh.soundness import (
-    sound as sound,
-)
-from antiosc.fem.mesh.surface import (
-    Faces as Faces,
-)
-from antiosc.fem.reach import (
-    Reach as Reach,
-)
+from antiosc.fem.mesh.soundness import sound as sound
+from antiosc.fem.mesh.surface import Faces as Faces
+from antiosc.fem.reach import Reach as Reach
 from antiosc.fem.structure.attachments import (
     Attachment as Attachment,
     attachments_of as attachments_of,
@@ -74,27 +48,17 @@ from antiosc.fields.probe import (
     check_point as check_point,
     probed_point as probed_point,
 )
-from antiosc.fields.probe_error import (
-    ProbeError as ProbeError,
-)
-from antiosc.fields.probe_spectra import (
-    spectra_at as spectra_at,
-)
-from antiosc.fields.second_order import (
-    tensors_at_nodes as tensors_at_nodes,
-)
+from antiosc.fields.probe_error import ProbeError as ProbeError
+from antiosc.fields.probe_spectra import spectra_at as spectra_at
+from antiosc.fields.second_order import tensors_at_nodes as tensors_at_nodes
 
 # Impacts: bodies, scenes, and what a history tells.
 from antiosc.impact.bodies import (
     SceneBody as SceneBody,
     scene_body as scene_body,
 )
-from antiosc.impact.error_budget import (
-    SAFETY as SAFETY,
-)
-from antiosc.impact.histories import (
-    error_scope as error_scope,
-)
+from antiosc.impact.error_budget import SAFETY as SAFETY
+from antiosc.impact.histories import error_scope as error_scope
 from antiosc.impact.histories.bars import (
     DEFLECTION as DEFLECTION,
     OF_ALL_CONTACTS as OF_ALL_CONTACTS,
@@ -114,9 +78,7 @@ from antiosc.impact.histories.verdict import (
     unknown_dent as unknown_dent,
     yield_share as yield_share,
 )
-from antiosc.impact.reference import (
-    Settings as Settings,
-)
+from antiosc.impact.reference import Settings as Settings
 from antiosc.impact.scene import (
     check_range as check_range,
     integrate as integrate,
@@ -124,9 +86,7 @@ from antiosc.impact.scene import (
     set_initial_forces as set_initial_forces,
     simulate_impact as simulate_impact,
 )
-from antiosc.impact.scene_parts import (
-    SceneParts as SceneParts,
-)
+from antiosc.impact.scene_parts import SceneParts as SceneParts
 from antiosc.impact.truncation import (
     TRUNCATION_SAFETY as TRUNCATION_SAFETY,
     softest_model as softest_model,
@@ -136,24 +96,16 @@ from antiosc.impact.two_bodies import (
     assemble_pair as assemble_pair,
 )
 
-# Readers of files.
-# Models.
 # Displacements and strains at points of a structure.
-from antiosc.recovery import (
-    source as source,
-)
+from antiosc.recovery import source as source
 from antiosc.recovery.place import (
     NodeTensors as NodeTensors,
     place as place,
 )
 
 # Sites and extraction.
-from antiosc.reduce.error.model_errors import (
-    ModelErrors as ModelErrors,
-)
-from antiosc.reduce.extraction.eigenmodes import (
-    ModeSolver as ModeSolver,
-)
+from antiosc.reduce.error.model_errors import ModelErrors as ModelErrors
+from antiosc.reduce.extraction.eigenmodes import ModeSolver as ModeSolver
 
 # Defaults.
 from antiosc.strikes.defaults import (
@@ -168,9 +120,7 @@ from antiosc.strikes.defaults import (
 )
 
 # Maps, and blows with a stretch.
-from antiosc.strikes.impact_map import (
-    on_plane as on_plane,
-)
+from antiosc.strikes.impact_map import on_plane as on_plane
 from antiosc.strikes.map_results import (
     doubts_text as doubts_text,
     hardest as hardest,
@@ -178,9 +128,7 @@ from antiosc.strikes.map_results import (
     low_band as low_band,
     trusted as trusted,
 )
-from antiosc.strikes.map_stresses import (
-    sides as sides,
-)
+from antiosc.strikes.map_stresses import sides as sides
 from antiosc.strikes.second_order import (
     simulated as simulated,
     stretching as stretching,

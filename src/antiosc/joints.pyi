@@ -1,8 +1,6 @@
 # Names of this module, for type checkers and for the module itself.
 
-from antiosc.fem.assembly.bolts import (
-    Bolt as Bolt,
-)
+from antiosc.fem.assembly.bolts import Bolt as Bolt
 from antiosc.fem.assembly.followers import (
     Mean as Mean,
     Rigid as Rigid,
@@ -15,14 +13,10 @@ from antiosc.fem.assembly.pins import (
     Slider as Slider,
     Weld as Weld,
 )
-from antiosc.fem.assembly.tie import (
-    Tie as Tie,
-)
+from antiosc.fem.assembly.tie import Tie as Tie
 from antiosc.fem.structure.attachments import (
     Damper as Damper,
     PointMass as PointMass,
     Spring as Spring,
 )
-from antiosc.models.closed_form.soil import (
-    soil_cone as soil_cone,
-)
+from antiosc.models.closed_form.soil import soil_cone as soil_cone

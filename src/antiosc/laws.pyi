@@ -1,11 +1,7 @@
 # Names of this module, for type checkers and for the module itself.
 
-from antiosc.engine.contact.base import (
-    ContactLaw as ContactLaw,
-)
-from antiosc.engine.contact.dent import (
-    Dent as Dent,
-)
+from antiosc.engine.contact.base import ContactLaw as ContactLaw
+from antiosc.engine.contact.dent import Dent as Dent
 from antiosc.engine.contact.geometry import (
     ContactStress as ContactStress,
     contact_stress as contact_stress,

@@ -11,33 +11,27 @@ return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a
 from antiosc.fields.deformed import plot_deformed
 from antiosc.fields.pictures import plot_map
 from antiosc.plot.charts import (
-    legend_below,
     legend_beside,
     panels,
     plot_dynamic_stiffness,
-    plot_errors,
     plot_force,
     plot_history,
     plot_masses,
     plot_model,
     plot_motion,
-    running_mean,
     save_figure,
 )
 
 __all__ = [
-    "legend_below",
     "legend_beside",
     "panels",
     "plot_deformed",
     "plot_dynamic_stiffness",
-    "plot_errors",
     "plot_force",
     "plot_history",
     "plot_map",
     "plot_masses",
     "plot_model",
     "plot_motion",
-    "running_mean",
     "save_figure",
 ]

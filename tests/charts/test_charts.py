@@ -99,7 +99,7 @@ def impact(duration: float = 3e-3, **options) -> ao.History:
     return ao.simulate(*case_two(3), ao.Hertz(HERTZ), duration, **options)
 
 
-def test_many_contacts_have_a_mean_and_an_error_has_a_band():
+def test_an_error_has_a_band():
     hit = impact(8e-3)
     hit.error.clear()
     assert not plotting.plot_force(hit).collections
@@ -115,20 +115,6 @@ def test_many_contacts_have_a_mean_and_an_error_has_a_band():
     told_beside.no_bar = True  # the band is the error of the run alone
     (band,) = plotting.plot_force(hit).collections
     assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.1 * hit.force.max())
-    floor = ao.AntiOscillators(m0=1.0, k0=1e9, m=[], omega=[])
-    bouncing = ao.simulate(
-        floor, ao.RigidMass(0.1), ao.HuntCrossley(1e9, 0.9), 0.3, gravity=9.81, gap=1e-3
-    )
-    assert len(bouncing.contacts) > 7
-    names = [text.get_text() for text in plotting.plot_force(bouncing).get_legend().get_texts()]
-    assert [name for name in names if name.startswith("mean over")]
-
-
-def test_errors_leave_out_what_has_no_logarithm():
-    ax = plotting.plot_errors({"a": ([1, 2, 0], [0.1, 0.0, 1.0]), "b": ([1], [2.0])})
-    assert ax.lines[0].get_xydata().tolist() == [[1, 0.1]]
-    with pytest.raises(ao.InputError, match="error"):
-        plotting.plot_errors({"a": 3.0})
 
 
 @pytest.mark.parametrize(("settings", "told"), [({"text.usetex": True}, "usetex"), ({}, "names")])
@@ -213,21 +199,6 @@ def test_the_axes_of_a_force_hold_the_pulses_with_room() -> None:
     np.testing.assert_allclose(ax.get_xlim(), (1e3 * (0.01 - 0.0024), 1e3 * (0.05 + 0.0024)))
     assert not ax.texts
     assert [each.get_linewidth() for each in ax.lines[::2]] == [2.6, 1.0]
-
-
-def test_a_running_mean_of_unequal_steps_is_the_integral_over_its_window() -> None:
-    rng = np.random.default_rng(7)
-    t = np.cumsum(rng.uniform(0.1, 1, 30)) + 3
-    y = rng.normal(size=t.size)
-    window = 2.5
-    at, mean = plotting.running_mean(t, y, window)
-    assert at.size == 400
-    assert (at[0], at[-1]) == (t[0], t[-1])
-    for i in range(0, 400, 37):
-        fine = np.linspace(max(at[i] - window / 2, t[0]), min(at[i] + window / 2, t[-1]), 20_001)
-        assert mean[i] == pytest.approx(np.interp(fine, t, y).mean(), abs=2e-4)
-    still = plotting.running_mean([0.0, 0.0], [1.0, 1.0], 1.0)[1]
-    np.testing.assert_array_equal(still, 1.0)
 
 
 @pytest.mark.parametrize("whole", [False, True])

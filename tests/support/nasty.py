@@ -584,8 +584,6 @@ OWN: dict[str, dict[str, Any]] = {
     "StructureModes.write": {"path": "modes.vtu"},
     "closed_form.BeamModes.field": {"coordinates": [0.1]}, "from_free_modes": {"compliance": 1e-6},
     "plotting.plot_dynamic_stiffness": {"models": model, "omega": [1e3, 2e3]},
-    "plotting.running_mean": {"time": [0.0, 1.0, 2.0], "value": [0.0, 1.0, 0.0], "window": 0.5},
-    "plotting.plot_errors": {"series": {"a": ([1.0, 2.0], [0.1, 0.01])}},
     "plotting.plot_deformed": {"history": struck_part, "path": "part.png"},
     
     "ElasticPlastic": {"modulus": 1e10, "radius": 5e-3, "yield_strength": 1e8},

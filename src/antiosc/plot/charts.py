@@ -9,10 +9,10 @@ import contextlib
 import importlib
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -139,16 +139,6 @@ def legend_above(ax: Axes) -> Axes:
     return ax
 
 
-def legend_below(figure: Figure, curves: Mapping[str, object], columns: int) -> Figure:
-    """A legend of curves (label -> handle) below all panels of a figure."""
-    rows = -(-len(curves) // columns)
-    height = (0.25 * rows + 0.15) / figure.get_figheight()
-    layout: Any = figure.get_layout_engine()
-    layout.set(rect=(0, height, 1, 1 - height))
-    figure.legend(list(curves.values()), list(curves), loc="lower center", ncols=columns)
-    return figure
-
-
 def few_log_ticks(ax: Axes) -> Axes:
     """Labels 1, 2, 5, 10, … on logarithmic axes of less than 1.5 decades, otherwise only decades.
 
@@ -222,14 +212,6 @@ def legend(ax: Axes) -> Axes:
 
 #: Share of the impulse after the end of the time axis: weak contacts long afterwards.
 LATE_IMPULSE = 0.01
-#: Number of contacts from which a running mean of the force is drawn over the pulses.
-MANY_CONTACTS = 7
-#: Number of contacts up to which the pulses below that mean can be told apart: drawn darker.
-DISTINCT_CONTACTS = 20
-#: Windows of that mean over the time shown.
-WINDOWS = 25
-#: Height of a row of the legend over that of the axes.
-LEGEND_ROW = 0.08
 #: Estimated relative error of a force from which it is drawn as a band.
 VISIBLE = 0.005
 
@@ -274,8 +256,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
     """Contact force over time for one history or several by name; the largest force is marked.
 
     The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
-    peak of 0.5 % or more, of the error budget if that is known, is drawn as a band; a history of
-    many contacts has a running mean.
+    peak of 0.5 % or more, of the error budget if that is known, is drawn as a band.
     """
     runs = by_name(hits, HistoryLike, "History")
     ax = axes_or_new(ax)
@@ -285,17 +266,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
     factor, unit = prefixed(end, "s")
     tops = [0.0]
     for (name, hit), width in zip(runs.items(), widths(runs), strict=True):
-        busy = len(hit.contacts) >= MANY_CONTACTS
-        label = None if busy else name or None
-        (line,) = ax.plot(factor * hit.time, hit.force, label=label, lw=0.6 if busy else width)
-        if busy:
-            distinct = len(hit.contacts) <= DISTINCT_CONTACTS
-            line.set(alpha=0.8 if distinct else 0.35, lw=1.0 if distinct else 0.6)
-            window = (end - start) / WINDOWS
-            mean = f"mean over {engineering(window, 's')}"
-            time, force = running_mean(hit.time, hit.force, window)
-            text = f"{name}, {mean}" if name else mean
-            ax.plot(factor * time, force, color=line.get_color(), lw=2, label=text)
+        (line,) = ax.plot(factor * hit.time, hit.force, label=name or None, lw=width)
         error, words = _error_of(hit)
         tops.append(hit.peak_force * (1 + min(error, 1.0) * (error >= VISIBLE)))
         if error >= VISIBLE:
@@ -308,16 +279,14 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
             ax.plot(factor * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())
     margin = 0.06 * (end - start)
     ax.set_xlim(factor * (start - margin), factor * (end + margin))
-    means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in runs.values())
-    above = 0.14 + LEGEND_ROW * (means + 1 if means else 0)  # pulses all along the axis
-    ax.set_ylim(*padded_range(tops, 0.05, above))
+    ax.set_ylim(*padded_range(tops, 0.05, 0.14))
     if len(runs) == 1:
         hit = next(iter(runs.values()))
         _mark_peak(ax, hit, 0.5 * (start + end), factor)
         _mark_yield(ax, hit)
     ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel("contact force (N)")
-    if len(runs) > 1 or means:
+    if len(runs) > 1:
         return legend(ax)
     return legend_above(ax)
 
@@ -386,28 +355,6 @@ def plot_history(
     plot_force(runs, axes[0, 0])
     plot_motion(runs, axes[1, 0])
     return figure_or_path(figure, path)
-
-
-def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Array, Array]:
-    """Mean of a piecewise linear signal over `window` (s) about each of 400 times."""
-    t = checks.column("time", time)
-    y = checks.column("value", value)
-    if t.size != y.size or t.size < 2 or np.any(np.diff(t) < 0):
-        raise InputError("time must ascend, with one value for each of at least two times.")
-    window = checks.positive("window", window, "s")
-    area = np.concatenate(([0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)))
-    instants = np.linspace(t[0], t[-1], 400)
-    low = np.maximum(instants - window / 2, t[0])
-    high = np.minimum(instants + window / 2, t[-1])
-
-    def until(x: Array) -> Array:
-        k = np.clip(np.searchsorted(t, x, side="right") - 1, 0, t.size - 2)
-        return np.asarray(area[k] + (x - t[k]) * (y[k] + np.interp(x, t, y)) / 2)
-
-    length = np.maximum(high - low, np.finfo(float).tiny)
-    return instants, np.where(
-        high > low, (until(high) - until(low)) / length, np.interp(instants, t, y)
-    )
 
 
 def _names(hit: HistoryLike) -> tuple[str, str]:
@@ -539,35 +486,3 @@ def _with_anti_oscillators(model: ModelLike) -> None:
     check_drawn("model", model, ModelLike, "AntiOscillators")
     if model.n == 0:
         raise InputError("this model has no anti-oscillator whose mass could be drawn.")
-
-
-def plot_errors(
-    series: Mapping[str, tuple[ArrayLike, ArrayLike]],
-    ax: Axes | None = None,
-    *,
-    styles: Mapping[str, str] | None = None,
-) -> Axes:
-    """Relative errors against costs of several methods, on logarithmic axes.
-
-    Parameters
-    ----------
-    series : mapping of name to (cost (n,), error (n,)); points that are not > 0 are omitted.
-    ax : matplotlib axes, optional
-    styles : mapping of name to a matplotlib format such as "C0o-", optional
-    """
-    ax = axes_or_new(ax)
-    checks.instance("series", series, Mapping, "a mapping of names to (cost, error)")
-    styles = {} if styles is None else styles
-    checks.instance("styles", styles, Mapping, "a mapping of names to formats")
-    for k, (name, pair) in enumerate(series.items()):
-        if not isinstance(pair, Sequence) or len(pair) != 2:
-            raise InputError(f"series[{name!r}] must be (cost, error); got {checks.shown(pair)}.")
-        cost = checks.floats("cost", pair[0], (None,))
-        error = checks.floats("error", pair[1], cost.shape)
-        plottable = (cost > 0) & (error > 0)
-        # large open markers below small ones: equal errors of two methods remain visible
-        size = 8 - 4 * k / max(len(series) - 1, 1)
-        style = checks.text("a format", styles.get(name, "o-"))
-        ax.loglog(cost[plottable], error[plottable], style, ms=size, mfc="none", lw=1.2, label=name)
-    ax.grid(alpha=0.3)
-    return few_log_ticks(ax)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 from typing import TypeVar
@@ -11,14 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from antiosc.base.errors import (
-    AccuracyWarning,
-    AntioscError,
-    InputError,
-    Message,
-    warn,
-    warnings_to,
-)
+from antiosc.base.errors import AccuracyWarning, InputError, Message, warn, warnings_to
 from antiosc.base.texts import STOPPED, percent, plain
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.structure.structure import Structure
@@ -29,7 +21,6 @@ from antiosc.impact.histories.linear_theory import (
     large_deflection_message,
     may_stretch,
     neither_theory,
-    stretch_estimate,
 )
 from antiosc.impact.stretching import shares_of
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -40,11 +31,9 @@ from antiosc.reduce.extraction.stretching import second_order_energies, with_str
 H = TypeVar("H", bound=History)
 #: Simulates the impact on a model.
 Run = Callable[[AntiOscillators], H]
-#: The models with second-order forces of so many modes, by the models without them, as long as
-#: these are in use: the forces are the same for every striker, and take longer than the impact.
-_WITH_STRETCH: WeakKeyDictionary[AntiOscillators, dict[int, AntiOscillators]] = WeakKeyDictionary()
-#: Change of the force up to which few modes are enough, and their number: each pair takes a solve.
-SLIGHT, FEW = 0.1, 12
+#: The models with second-order forces by the models without them, as long as these are in use: the
+#: forces are the same for every striker, and take longer than the impact.
+_WITH_STRETCH: WeakKeyDictionary[AntiOscillators, AntiOscillators] = WeakKeyDictionary()
 #: Energy of second-order strain over the linear one up to which a solid is taken as linear: runs
 #: with more and more motions of solids scatter by more than what these change.
 SLIGHT_ENERGY = 0.05
@@ -60,74 +49,76 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
 
     Warnings are those of the run that is returned.
     """
-    with _collected_warnings() as warnings:
-        linear = run(model)
-    if model.stretch is None and may_stretch(linear):
-        energy = energy_of_solid(structure, linear)
-        of_any = energy if energy < inf or not is_far(linear) else _energy(structure, linear)
-        if energy <= SLIGHT_ENERGY:
-            linear, warnings = _left_out(linear, warnings, of_any)
-        elif HOPELESS < of_any < inf:
-            why = (
-                f"second-order strain would take {plain(of_any)} times the energy of linear strain"
-            )
-            linear, warnings = _refused(linear, warnings, neither_theory(linear, why))
-        else:
-            for most in _counts(linear, energy):
-                with _collected_warnings() as stretched_warnings:
-                    stretched = _stretched(structure, model, run, most)
-                if stretched is None or stretched.assembly.stretch_settled:
-                    break
-            if stretched is not None and (text := _run_away(linear, stretched)):
-                linear, warnings = _refused(linear, warnings, text)
-            elif stretched is not None and stretched.assembly.stretched:
-                linear = stretched
-                warnings = stretched_warnings
-    for sentence in warnings:
-        warn(sentence)
-    return linear
+    told: list[str] = []
+    try:
+        with warnings_to(told.append):
+            return _of_either_order(structure, model, run, told)
+    finally:
+        for sentence in told:
+            warn(sentence)
 
 
-def _left_out(linear: H, warnings: list[str], energy: float) -> tuple[H, list[str]]:
-    """(run, its warnings) without second-order strain, whose `energy` is so little that none says
-    that it deflects beyond linear theory.
-    """
+def _of_either_order(
+    structure: Structure, model: AntiOscillators, run: Run[H], told: list[str]
+) -> H:
+    """As `simulated`; `told` collects the warnings."""
+    linear = run(model)
+    if model.stretch is not None or not may_stretch(linear):
+        return linear
+
+    solid = _is_solid(structure)
+    energy = energy_of_second_order(structure, linear) if solid or is_far(linear) else inf
+    if solid and energy <= SLIGHT_ENERGY:
+        return _as_linear(linear, told, energy)
+    if HOPELESS < energy < inf:
+        why = f"second-order strain would take {plain(energy)} times the energy of linear strain"
+        return _refused(linear, told, neither_theory(linear, why))
+
+    of_linear = told.copy()
+    told.clear()
+    try:
+        stretched = run(with_forces(structure, model))
+    except InputError:  # of a part without such forces: the linear run tells of its deflection
+        told[:] = of_linear
+        return linear
+    if why := _run_away(stretched):
+        told[:] = of_linear
+        return _refused(linear, told, neither_theory(linear, why))
+    if not stretched.assembly.stretched:
+        told[:] = of_linear
+        return linear
+    return stretched
+
+
+def _as_linear(linear: H, told: list[str], energy: float) -> H:
+    """The linear run without the sentence on its deflection; `energy`: of second-order strain."""
     sentence = large_deflection_message(linear)
-    message = linear.message.replace(f" {sentence}", "") if sentence else linear.message
+    told[:] = [one for one in told if one != sentence]
     linear.assembly.stretch_left_out = energy
-    return replace(linear, message=message), [told for told in warnings if told != sentence]
+    message = linear.message.replace(f" {sentence}", "") if sentence else linear.message
+    return replace(linear, message=message)
 
 
-def _refused(linear: H, warnings: list[str], text: str) -> tuple[H, list[str]]:
-    """(run, its warnings), whose numbers do not hold: `text` says so in place of its deflection."""
-    linear, told = _left_out(linear, warnings, 0.0)
+def _refused(linear: H, told: list[str], text: str) -> H:
+    """The linear run, whose numbers do not hold: `text` says so in place of its deflection."""
+    linear = _as_linear(linear, told, 0.0)
     linear.assembly.hopeless = text
     told.append(Message(text, AccuracyWarning))
-    return replace(linear, message=f"{linear.message} {text}"), told
+    return replace(linear, message=f"{linear.message} {text}")
 
 
-def _run_away(linear: History, run: History) -> str:
-    """Sentence on a run whose second-order forces do not settle as more motions take part, so that
-    its force is not known; "" if it is.
+def _run_away(run: History) -> str:
+    """Why the force of a run is not known, whose second-order forces do not settle as more motions
+    take part; "" if it is.
     """
     if run.status == STOPPED:
-        return neither_theory(linear, "second-order forces have no bounded energy")
+        return "second-order forces have no bounded energy"
     if run.assembly.stretch_settled or not run.assembly.stretched:
         return ""
     share = shares_of(run)["peak_force"]
     if share <= MOST_SHARE:
         return ""
-    why = f"second-order forces leave an error of {percent(share)} of the force"
-    return neither_theory(linear, why)
-
-
-def _counts(linear: History, energy: float) -> list[int]:
-    """Numbers of motions to try until the forces settle; one number of a solid, which has an
-    `energy`: more motions do not settle its forces.
-    """
-    if energy < inf:
-        return [FEW if energy <= SLIGHT else MOST]
-    return [FEW, MOST] if stretch_estimate(linear) <= SLIGHT else [MOST]
+    return f"second-order forces leave an error of {percent(share)} of the force"
 
 
 def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
@@ -135,28 +126,29 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
     if model.stretch is not None or info_of(model).thickness is None:
         return model
     try:
-        return _with_stretch(structure, model, MOST)
+        return with_forces(structure, model)
     except InputError:  # of a part that has none
         return model
 
 
-def energy_of_solid(structure: Structure, linear: History) -> float:
-    """Energy of second-order strain over the linear one in a solid, the larger one of the instants
-    of the largest force and of the largest deflection of a linear run; inf for other parts.
+def with_forces(structure: Structure, model: AntiOscillators) -> AntiOscillators:
+    """The model with second-order forces, computed once for a model."""
+    if model not in _WITH_STRETCH:
+        _WITH_STRETCH[model] = with_stretch(structure, model, "auto", MOST)
+    return _WITH_STRETCH[model]
+
+
+def energy_of_second_order(structure: Structure, linear: History) -> float:
+    """Energy of second-order strain over the linear one, the larger one of the instants of the
+    largest force and of the largest deflection of a linear run; inf where it is not known.
     """
-    return _energy(structure, linear) if _is_solid(structure) else inf
-
-
-def _energy(structure: Structure, linear: History) -> float:
-    """Energy of second-order strain over the linear one as above; inf where it is not known."""
     body = linear.model.free_modes
     if body.shape is None or not linear.contacts:
         return inf
     contact = max(linear.contact_histories, key=lambda contact: contact.peak_force)
-    times = np.append(
-        np.linspace(0.0, contact.contacts[-1][1], SAMPLES),
-        contact.time[int(np.argmax(contact.force))],
-    )
+    at_peak = contact.time[int(np.argmax(contact.force))]
+    times = np.append(np.linspace(0.0, contact.contacts[-1][1], SAMPLES), at_peak)
+
     amplitudes = linear.states(times)[0][:, linear.assembly.spans["structure"]]
     deflected = int(np.argmax(np.abs(amplitudes[:-1] @ body.B).max(axis=1)))
     motions = body.field((body.shape @ amplitudes[[deflected, -1]].T).T)
@@ -173,33 +165,3 @@ def _is_solid(structure: Structure) -> bool:
     except InputError:  # matrices without mesh
         return False
     return all(member.part.kind.name == "solid" for member in members)
-
-
-def _with_stretch(structure: Structure, model: AntiOscillators, most: int) -> AntiOscillators:
-    """The model with second-order forces of `most` modes or more, computed once for a model."""
-    known = _WITH_STRETCH.setdefault(model, {})
-    enough = min((count for count in known if count >= most), default=most)
-    if enough not in known:
-        known[enough] = with_stretch(structure, model, "auto", enough)
-    return known[enough]
-
-
-def _stretched(structure: Structure, model: AntiOscillators, run: Run[H], most: int) -> H | None:
-    """The impact with second-order forces; None if the part or the run has none."""
-    try:
-        return run(_with_stretch(structure, model, most))
-    except InputError:  # the linear run tells of its deflection
-        return None
-
-
-@contextmanager
-def _collected_warnings() -> Iterator[list[str]]:
-    """Context that collects warnings; after an error they are issued, since they may explain it."""
-    warnings: list[str] = []
-    try:
-        with warnings_to(warnings.append):
-            yield warnings
-    except AntioscError:
-        for sentence in warnings:
-            warn(sentence)
-        raise

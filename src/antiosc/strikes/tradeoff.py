@@ -5,15 +5,14 @@ has the bar of its own error budget. The meshes end with the first whose bar is 
 tolerance: the tolerance then lies between members, and the difference of each member to the finest
 is an error that does not come from an estimate. Members with fewer anti-oscillators are computed
 afterwards, those of the finest mesh first, as long as the total time is at most `WHOLE` times that
-of the finest member; then numbers between one whose bar is too large and one that is enough. No
-seconds are counted while finite elements are compiled or loaded, which is done once for all
-members; `Tradeoff.compilation` has them.
+of the finest member. No seconds are counted while finite elements are compiled or loaded, which is
+done once for all members; `Tradeoff.compilation` has them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -45,7 +44,6 @@ from antiosc.plot.charts import few_log_ticks, figure_or_path, new_figure
 from antiosc.reduce.extraction.extract import extract
 from antiosc.reduce.site import Site
 from antiosc.strikes import second_order
-from antiosc.strikes.direct import outcomes
 from antiosc.strikes.strike import (
     Answer,
     Material,
@@ -55,7 +53,7 @@ from antiosc.strikes.strike import (
     simulated,
     struck,
 )
-from antiosc.strikes.unreduced import Outcome, blow_of, figures
+from antiosc.strikes.unreduced import UNREDUCED, Outcome, blow_of, figures, outcome
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,9 +66,6 @@ if TYPE_CHECKING:
 FEW, FEWER = (3, 8, 20, 60), 2.5
 #: Most seconds of all members over those of the finest one, by the same clock.
 WHOLE = 3.0
-#: Bar over the tolerance for which a number between two is forecast, most such numbers, and the
-#: least ratio of two numbers between which one is tried.
-FORECAST, MOST_BETWEEN, APART = 0.9, 2, 1.3
 #: The last mesh has a bar of at most this share of the tolerance.
 BRACKET = 0.5
 #: Bytes of an entry of K and of M, both together.
@@ -127,10 +122,6 @@ class TradeoffMember:
         """The relative error bar of the peak force alone; `bar` where it is not known."""
         return self.bars.get("peak_force", self.bar)
 
-    def misses(self, tol: float) -> list[str]:
-        """The quantities whose bars exceed tol, in words."""
-        return [name.replace("_", " ") for name, bar in self.bars.items() if bar > tol]
-
     def cells(self) -> tuple[str, ...]:
         """The cells of its row in the table."""
         return (
@@ -146,8 +137,6 @@ def _percents(share: float) -> str:
     return plain(100 * share)
 
 
-#: Markers of other methods.
-OTHERS = ("s", "D")
 #: What errors are drawn over, and the labels of these axes.
 AXES = {"seconds": "time (s)", "gigabytes": "memory (GB)"}
 #: Names and widths of the columns of the printed table.
@@ -239,13 +228,12 @@ class Tradeoff(Result):
             smallest_bar = min(member.bar for member in self.table)
             sentence = f"The least bar is {100 * smallest_bar:.3g} %, tol {100 * self.tol:.3g} %."
             notes = self.hit.error_budget.notes[-1:]
-            return " ".join(filter(None, [sentence, self._of_force(), *notes]))
+            return " ".join([sentence, *notes])
         best = self.best(tol=self.tol)
         sentence = (
             f"The cheapest within {percent(self.tol)}: N = {best.n}, {best.dofs} dofs,"
             f" {engineering(best.seconds, 's')}; its bar, {percent(best.bar)}, {self._law_of(best)}"
         )
-        sentence = f"{sentence} {self._of_force()}".rstrip()
         if self.given:
             return sentence
         radius = self.hit.model.patch_radius
@@ -267,22 +255,6 @@ class Tradeoff(Result):
         return (
             f"leaves out the error of the contact law, {percent(law)}: with it the bar is"
             f" {percent(whole)}."
-        )
-
-    def _of_force(self) -> str:
-        """Sentence on the cheapest method whose force alone is within `tol`; "" if it is that
-        whose other quantities are, too, or none is.
-        """
-        enough = [member for member in self.table if member.force_bar <= self.tol]
-        cheapest = min(enough, key=lambda member: member.seconds, default=None)
-        if cheapest is None or not (missing := cheapest.misses(self.tol)):
-            return ""
-        others = " and ".join(f"the {name}" for name in missing)
-        verb = "does" if len(missing) == 1 else "do"
-        return (
-            f"The peak force alone meets {percent(self.tol)} at N = {cheapest.n}, {cheapest.dofs}"
-            f" dofs, {engineering(cheapest.seconds, 's')} (± {percent(cheapest.force_bar)});"
-            f" {others} {verb} not there (± {percent(cheapest.bar)})."
         )
 
     def numbers(self) -> dict[str, object]:
@@ -332,8 +304,8 @@ class Tradeoff(Result):
         if self.status == 0:
             best = [self.best(tol=self.tol)]
             ax.plot(*points(best, "bar"), "*", ms=12, label="best(tol)")
-        for method, marker in zip(self.others, OTHERS, strict=False):
-            ax.plot(*points([method], "difference"), marker, mfc="none", label=method.method)
+        for method in self.others:
+            ax.plot(*points([method], "difference"), "s", mfc="none", label=method.method)
         if over == "seconds":
             ax.step(*points(self.front, "bar"), where="post", lw=0.8, label="front")
         few_log_ticks(ax)
@@ -401,12 +373,8 @@ def tradeoff(
     meshes: list[Made] = []
 
     def early(member: TradeoffMember) -> None:
-        if ready is None:
-            return
-        try:
+        if ready is not None:
             ready(replace(member, difference=math.nan))
-        except TypeError as error:
-            raise InputError(f"ready must take a method of the trade-off: {error}.") from error
 
     arguments = material, supports, order, limit
 
@@ -422,8 +390,6 @@ def tradeoff(
         hit = struck(source, site, impactor, run, BRACKET * tol, *arguments, seen, asked=tol)
         fewer = _fewer(meshes, run, BRACKET * tol, start_time, early)
         finest = meshes[-1]
-        while between := _between(meshes, fewer, run, tol, start_time):
-            early(between.member)
         members = [member for mesh in meshes for member in (*fewer[mesh], mesh)]
         table = tuple(made.beside(finest) for made in members)
         compilation = uncounted_seconds() - compiled
@@ -436,13 +402,10 @@ def tradeoff(
         base = members[table.index(best)]
         answer = base.answer
         blow = partial(blow_of, answer.structure, base.site, answer.raw, duration)
-        ran, notes = outcomes(blow, compare, report)
-    other_members = (base.by(name, outcome, finest.answer.hit) for name, outcome in ran.items())
-    return replace(result, others=tuple(other_members), notes=(*notes, *single))
-
-
-def _ignored(_: TradeoffMember) -> None:
-    """Nobody waits for the members."""
+        found = outcome(blow, compare, report)
+    if isinstance(found, str):
+        return replace(result, notes=(found, *single))
+    return replace(result, others=(base.unreduced(found, finest.answer.hit),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -469,13 +432,13 @@ class Made:
         }
         return replace(member, difference=apart, bar=bar, bars=bars)
 
-    def by(self, method: str, outcome: Outcome, finest: History) -> TradeoffMember:
-        """The member of another method on the same mesh."""
+    def unreduced(self, outcome: Outcome, finest: History) -> TradeoffMember:
+        """The member of the unreduced model on the same mesh."""
         numbers = figures(outcome.curve)
         stored_bytes = _kept(self.answer.structure)
         return replace(
             self.member,
-            method=method,
+            method=UNREDUCED,
             n=0,
             step=float(outcome.curve.time[1]),
             seconds=outcome.seconds,
@@ -490,14 +453,12 @@ class Made:
 
 
 def one_mesh(source: object, meshes: Sequence[Made], goal: float) -> tuple[str, ...]:
-    """Sentence why there is only one mesh; () if there are more."""
-    if len(meshes) > 1:
-        return ()
+    """Sentence why there is only one mesh; () if there are more, or the history says why."""
+    bar = meshes[0].member.bar
     if isinstance(source, Structure):
         return ("Only one mesh was tried, that of the given structure.",)
-    bar = meshes[0].member.bar
-    if bar > goal:
-        return ()  # the message of the history says why
+    if len(meshes) > 1 or bar > goal:
+        return ()
     return (
         f"Only one mesh was tried: the first one has a bar of {percent(bar)}, which is within half"
         " of the tolerance.",
@@ -509,7 +470,7 @@ def _fewer(
     run: RunFunction,
     tol: float,
     start_time: float,
-    ready: Callable[[TradeoffMember], None] = _ignored,
+    ready: Callable[[TradeoffMember], None],
 ) -> dict[Made, list[Made]]:
     """Members with fewer anti-oscillators of each mesh, those of the finest first.
 
@@ -545,39 +506,6 @@ def _too_long(finest: Answer, start_time: float, seconds: float) -> bool:
     return on_root(finest.structure.comm, lambda: clock() - start_time + seconds > most)
 
 
-def _between(
-    meshes: Sequence[Made],
-    fewer: Mapping[Made, list[Made]],
-    run: RunFunction,
-    tol: float,
-    start_time: float,
-) -> Made | None:
-    """One more member, of the mesh of the cheapest within tol, put into `fewer`; None if no number
-    below its own is worth it.
-    """
-    rows = [(made, mesh) for mesh in meshes for made in (*fewer[mesh], mesh)]
-    enough = [row for row in rows if row[0].member.bar <= tol]
-    if not enough:
-        return None
-    best, mesh = min(enough, key=lambda row: row[0].member.seconds)
-    lower = [made for made in fewer[mesh] if made.member.n < best.member.n]
-    few = max(lower, key=lambda made: made.member.n, default=None)
-    tried = sum(made.member.n not in FEW for made in fewer[mesh])
-    if few is None or few.member.bar <= tol or tried >= MOST_BETWEEN:
-        return None
-    n = number_between(few.member, best.member, tol)
-    if not n or _too_long(meshes[-1].answer, start_time, best.member.seconds):
-        return None
-    structure = mesh.answer.structure
-    found = _made(mesh, run, accuracy_of_steps(BRACKET * tol), n)
-    if mesh is not meshes[-1]:
-        structure.drop_factor()
-    if found is not None:
-        fewer[mesh].append(found)
-        fewer[mesh].sort(key=lambda made: made.member.n)
-    return found
-
-
 def _made(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
     """The member of a mesh with n anti-oscillators; None, told, if its force exceeds its law: too
     few move too little, so that their force is larger.
@@ -589,21 +517,6 @@ def _made(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
         warn(f"{n} anti-oscillators are left out of the trade-off: {error}")
         return None
     return Made(answer, mesh.site, member_of(answer))
-
-
-def number_between(few: TradeoffMember, many: TradeoffMember, tol: float) -> int:
-    """The number of anti-oscillators, between those of two members, whose bar is forecast to be
-    `FORECAST` of tol; 0 if both are close, or that number is about the larger one.
-
-    The bar is taken to fall by a power of the number.
-    """
-    goal = FORECAST * tol
-    if many.n < APART * few.n or many.bar >= goal:
-        return 0
-    rate = math.log(few.bar / many.bar) / math.log(many.n / few.n)
-    n = math.ceil(few.n * (few.bar / goal) ** (1 / rate))
-    n = max(n, math.ceil(math.sqrt(APART) * few.n))
-    return n if math.sqrt(APART) * n <= many.n else 0
 
 
 def of_number(

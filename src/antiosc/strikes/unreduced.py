@@ -6,6 +6,7 @@ one solve with A and one scalar equation of the contact law.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
@@ -14,7 +15,8 @@ import numpy as np
 from antiosc.base import process
 from antiosc.base._types import Array
 from antiosc.base.clock import clock
-from antiosc.base.errors import InputError
+from antiosc.base.errors import AntioscError, InputError
+from antiosc.base.texts import plain
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.forecast import BYTES, seconds_of_steps
@@ -25,6 +27,7 @@ from antiosc.impact.histories import History
 from antiosc.models.modal import ModalBody
 from antiosc.reduce.site import Site, functional
 
+UNREDUCED = "unreduced"
 #: Steps to a contact. Hertz's blow on a block has errors of 1e-4 of the peak with these.
 STEPS = 100
 
@@ -123,10 +126,24 @@ def entries_of(structure: Structure) -> float:
     return solver.entries if isinstance(solver, Factorization) else Plan(structure.K).entries
 
 
-def forecast(blow: Blow) -> float:
-    """Seconds that `newmark` takes."""
-    steps = seconds_of_steps(entries_of(blow.structure), blow.steps)
-    return blow.structure.seconds["assembly"] + steps
+def outcome(
+    make_blow: Callable[[], Blow], seconds: float, report: Callable[[str], None]
+) -> Outcome | str:
+    """The unreduced model, or a sentence why it was not run or is expected to take too long."""
+    try:
+        blow = make_blow()
+        expected = blow.structure.seconds["assembly"]
+        expected += seconds_of_steps(entries_of(blow.structure), blow.steps)
+        if expected > seconds:
+            return (
+                f"{UNREDUCED}: not run, the forecast of {plain(expected)} s for"
+                f" {blow.structure.dofs} dofs and {blow.steps} steps exceeds"
+                f" compare = {seconds:g} s."
+            )
+        report(f"{UNREDUCED}, about {plain(expected)} s")
+        return newmark(blow)
+    except AntioscError as error:
+        return f"{UNREDUCED}: {str(error).rstrip('.')}."
 
 
 def newmark(blow: Blow) -> Outcome:
