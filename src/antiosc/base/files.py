@@ -2,14 +2,14 @@
 
 The content is written to a temporary file in the same folder, flushed to the disk, and then renamed
 in one step. An interrupted run, a full disk or an error leaves the previous file unchanged. A
-folder replaces another one in the same way. Temporary files of a killed process are removed by the
-next process that writes the same file: they are locked by their process as long as it lives.
+folder that replaces another one is renamed once that one is moved aside. Temporary files of a
+killed process are removed by the next process that writes the same file: they are locked by their
+process as long as it lives.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import hashlib
 import os
 import secrets
@@ -149,24 +149,10 @@ def replace_folder(new: Path, target: Path) -> None:
     if not target.is_dir():
         os.replace(new, target)
         return
-    if not _exchanged(new, target):
-        aside = target.with_name(f"{new.name}.old")
-        os.replace(target, aside)
-        os.replace(new, target)
-        new = aside
-    shutil.rmtree(new)
-
-
-def _exchanged(first: Path, second: Path) -> bool:
-    """Exchange the names of two folders in one step; False where the system cannot."""
-    rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
-    if rename is None:
-        return False
-    current_folder, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
-    return (
-        rename(current_folder, os.fsencode(first), current_folder, os.fsencode(second), exchange)
-        == 0
-    )
+    aside = target.with_name(f"{new.name}.old")
+    os.replace(target, aside)
+    os.replace(new, target)
+    shutil.rmtree(aside)
 
 
 def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:

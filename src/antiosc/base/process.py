@@ -26,7 +26,6 @@ import shutil
 import sys
 import tempfile
 import threading
-import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -209,11 +208,6 @@ VARIABLES = (
 WORK_PER_THREAD = 5e8
 #: Twice as many threads pay where they leave at most this share of the time.
 WORTHWHILE = 0.8
-#: Samples of the load of this machine, of which the median counts: one process that is running for
-#: a moment does not change it.
-LOAD_SAMPLES = 5
-#: Seconds between two of them, so that all take 16 ms, little beside a factor that uses threads.
-SAMPLE_PAUSE = 0.004
 
 
 def user_threads() -> tuple[str, str] | None:
@@ -234,17 +228,14 @@ def cores() -> int:
 def free_cores() -> int:
     """Number of cores that are idle, at least 1; 1 if this is unknown."""
     allowed = cores()
-    if allowed == 1:
+    load = _text("/proc/loadavg").split()
+    if allowed == 1 or len(load) < 4:
         return 1
-    samples = []
-    for _ in range(LOAD_SAMPLES):
-        other_threads = _running_elsewhere()
-        if other_threads is None:
-            return 1
-        samples.append(other_threads)
-        time.sleep(SAMPLE_PAUSE)
-    free_count = (os.cpu_count() or 1) - int(np.median(samples))
-    return max(1, min(allowed, free_count))
+
+    states = (_text(path) for path in Path("/proc/self/task").glob("*/stat"))
+    running_here = sum(state.rpartition(")")[2].split()[:1] == ["R"] for state in states)
+    running = int(load[3].partition("/")[0]) - max(1, running_here)
+    return max(1, min(allowed, (os.cpu_count() or 1) - max(0, running)))
 
 
 def threads() -> int:
@@ -259,18 +250,6 @@ def processor_features() -> set[str]:
     """Instruction sets of the processor ("avx2"), as Linux lists them; empty elsewhere."""
     lines = _text("/proc/cpuinfo").splitlines()
     return set(next((line.split() for line in lines if line.startswith("flags")), []))
-
-
-def _running_elsewhere() -> int | None:
-    """Threads of other processes that run or wait for a core; None where /proc is missing."""
-    load = _text("/proc/loadavg").split()
-    if len(load) < 4:
-        return None
-    running_here = sum(
-        _text(path).rpartition(")")[2].split()[:1] == ["R"]
-        for path in Path("/proc/self/task").glob("*/stat")
-    )
-    return max(0, int(load[3].partition("/")[0]) - max(1, running_here))
 
 
 def _text(path: str | Path) -> str:

@@ -55,7 +55,7 @@ WIDTH = 72
 
 
 class ReprMixin:
-    """Gives an object a `repr` of at most five lines, and a table in notebooks.
+    """Gives an object a `repr` of at most five lines.
 
     `_facts` lists (name, value as text); by default the fields of the dataclass, arrays by their
     shape and range.
@@ -73,20 +73,14 @@ class ReprMixin:
         hidden_names = ", ".join(name for name, _ in facts[LINES - 1 :])
         return [*facts[: LINES - 1], ("and", hidden_names)]
 
-    def _shown_facts(self) -> list[tuple[str, str]]:
-        try:
-            return [(name, _truncated(text)) for name, text in self._facts()]
-        except (AntioscError, AttributeError):  # an object of which not everything is known
-            return []
-
     def __repr__(self) -> str:
-        facts = self._shown_facts()[:LINES]
+        try:
+            facts = [(name, _truncated(text)) for name, text in self._facts()[:LINES]]
+        except (AntioscError, AttributeError):  # an object of which not everything is known
+            facts = []
         width = max((len(name) for name, _ in facts), default=0)
         rows = [f"  {name:<{width}}  {value}" for name, value in facts]
         return "\n".join([type(self).__name__, *rows])
-
-    def _repr_html_(self) -> str:
-        return _table(self, self._shown_facts())
 
 
 #: Status of a run: complete; complete, but not to the tolerance; stopped before the end; complete,
@@ -139,7 +133,7 @@ def _json(value: object) -> object:
 
 
 class FieldsRepr:
-    """Give a dataclass a one-line `repr` and a table of fields that differ from their defaults."""
+    """Give a dataclass a one-line `repr` of the fields that differ from their defaults."""
 
     def __init_subclass__(cls, **options: object) -> None:
         super().__init_subclass__(**options)
@@ -158,21 +152,6 @@ class FieldsRepr:
     def __repr__(self) -> str:
         shown_fields = (f"{name}={value}" for name, value in self._changed_fields())
         return f"{type(self).__name__}({', '.join(shown_fields)})"
-
-    def _repr_html_(self) -> str:
-        return _table(self, self._changed_fields())
-
-
-def _table(subject: object, facts: list[tuple[str, str]]) -> str:
-    """HTML table of an object: its class, and a row for each (name, value)."""
-    from html import escape  # 5 ms of each start; notebooks alone need it
-
-    rows = "".join(
-        f"<tr><th style='text-align:left'>{escape(name)}</th>"
-        f"<td style='text-align:left'>{escape(value)}</td></tr>"
-        for name, value in facts
-    )
-    return f"<b>{escape(type(subject).__name__)}</b><table>{rows}</table>"
 
 
 def _is_default(field: dataclasses.Field[object], value: object) -> bool:
@@ -337,13 +316,6 @@ def exceeds(value: float, limit: float, digits: int) -> bool:
 def plain(value: float, digits: int = 2) -> str:
     """A number rounded to so many digits, without an exponent: "250", "1800", "0.0043"."""
     return f"{float(f'{value:.{digits}g}'):.12g}" if isfinite(value) else "–"
-
-
-def count_text(number: float) -> str:
-    """A large number of things with three digits: "8250", "1.65 million"."""
-    if number < 999_500:
-        return plain(number, 3)
-    return f"{plain(number / 1e6, 3)} million"
 
 
 #: Share below which a text in per cent has no digit other than 0.

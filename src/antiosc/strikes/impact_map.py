@@ -101,7 +101,6 @@ from antiosc.strikes.map_results import (
     left_out_text,
     low_band,
     spread_sites,
-    worst_sites,
 )
 from antiosc.strikes.map_stresses import largest_stresses
 
@@ -601,18 +600,15 @@ def with_stresses(
     structure: Structure,
     struck: ImpactMap,
     most: int | None,
-    sharp_edges: bool = True,
-    worst: bool = False,
 ) -> ImpactMap:
-    """A map of impacts with the largest stress of those at no more than `most` sound sites, spread
-    or the `worst`; None: at all sites. `sharp_edges`: whether these and rigid supports count.
+    """A map of impacts with the largest stress of those at no more than `most` sound sites that lie
+    apart; None: at all sites.
     """
     start_time = time.perf_counter()
     assert struck.forces is not None
     assert struck.durations is not None
     assert struck.free_sites is not None
-    choice = worst_sites if worst else spread_sites
-    which = np.arange(len(struck)) if most is None else choice(struck, most)
+    which = np.arange(len(struck)) if most is None else spread_sites(struck, most)
     forces = [struck.forces[i] for i in which]
     zones = np.zeros(len(struck))
     if with_parts(structure).members()[0].part.kind.outside:
@@ -621,7 +617,7 @@ def with_stresses(
         radii = [*map(_yielding_radius, laws, struck.peak_force.tolist())]
         zones = CONTACT_RADII * np.array(radii)
     balls = np.column_stack([struck.points, zones])
-    arguments = forces, struck.durations[which], which, balls, sharp_edges
+    arguments = forces, struck.durations[which], which, balls
     stresses = largest_stresses(structure, struck.free_sites, *arguments)
     seconds = {**struck.info["seconds"], "stresses": time.perf_counter() - start_time}
     info = MapInfo(**{**struck.info, "seconds": seconds})

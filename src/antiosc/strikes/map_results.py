@@ -336,24 +336,6 @@ def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
     return np.sort(sites[taken])
 
 
-def worst_sites(impact_map: ImpactMap, most: int) -> IntArray:
-    """Numbers, in order, of at most `most` reliable sites: half of them with the largest forces,
-    the others with the largest deflections of the rest.
-    """
-    sites = trusted(impact_map)
-    taken: list[int] = []
-    assert impact_map.peak_force is not None
-    assert impact_map.peak_deflection is not None
-    for values, count in (
-        (impact_map.peak_force, (most + 1) // 2),
-        (impact_map.peak_deflection, most),
-    ):
-        rest = np.setdiff1d(sites, taken)
-        order = np.argsort(-np.nan_to_num(values[rest], nan=-1.0), kind="stable")
-        taken += rest[order][: count - len(taken)].tolist()
-    return np.sort(np.array(taken, dtype=int))
-
-
 def excited_by(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
     """The band [rad/s] that the impact of a moving impactor excites."""
     if impactor is None or contact is None or not getattr(impactor, "velocity", 0.0) > 0:

@@ -13,7 +13,7 @@ from antiosc.base.stresses import DEVIATOR
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
-from antiosc.fields.margin import NOTHING, balls_of_edges, is_within
+from antiosc.fields.margin import is_within
 from antiosc.impact.from_rest import Force, motions
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, place
@@ -51,10 +51,6 @@ class _Sought(NamedTuple):
     points: Array
     strength: Array
 
-    def of(self, chosen: BoolArray) -> _Sought:
-        """Those of some of the tensors."""
-        return _Sought(self.modes[chosen], self.points[chosen], self.strength[chosen])
-
 
 def largest_stresses(
     structure: Structure,
@@ -63,24 +59,17 @@ def largest_stresses(
     durations: Array,
     which: IntArray,
     balls: Array,
-    sharp_edges: bool = True,
 ) -> Stresses:
     """The largest stresses in impacts with these forces and durations [s] at the sites `which`, on
     every rank; NaN at the others.
 
-    `balls` (P, 4): x, y, z and radius [m] of what is left out for the impact at each site. Without
-    `sharp_edges` these and rigid supports are left out too, as by `peak_field`.
+    `balls` (P, 4): x, y, z and radius [m] of what is left out for the impact at each site.
 
     InputError for parts whose stress is not known: beams whose section has no outline.
     """
     places = sides(structure)
     with doing("stresses of the free modes", structure.comm.rank):
         modes = _recovered(structure, sites.phi, places)
-        edges = NOTHING
-        if not sharp_edges:
-            edges = np.concatenate(balls_of_edges(structure, sites.phi, None))
-    judged = _outside(modes.points, edges)
-    modes = modes.of(judged)
     b = sites.b[which]
     slow = b / (sites.omega**2 + structure.shift)
     loads = sites.map_sites.sites.loads[:, which]
@@ -89,8 +78,7 @@ def largest_stresses(
         for first in range(0, len(forces), AT_ONCE):
             span = slice(first, first + AT_ONCE)
             y = structure.factorize().solve_block(loads[:, span].toarray())
-            of_span = _recovered(structure, y - sites.phi @ slow[span].T, places)
-            residual_stresses = of_span.of(judged)
+            residual_stresses = _recovered(structure, y - sites.phi @ slow[span].T, places)
 
             def work(
                 span: slice = span, rest: _Sought = residual_stresses
