@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -151,10 +151,12 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
         return linear, ""
     for name in motion_by_body:
         check_body(a.bodies[name])
+
     aim = max(tol, LEAST_TOL)
-    series = Series[H]()
     most_modes = min(max(motion.forces.size for motion in motion_by_body.values()), MOST)
     count = min(FIRST_MODES, most_modes)
+    runs: list[H] = []
+    changes: list[dict[str, float]] = []
     while True:
         stretches = {name: motion.first(count) for name, motion in motion_by_body.items()}
         run = again(with_rows(a, stretches))
@@ -162,53 +164,26 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
         if fixed:
             return run, ""
         if run.status != STOPPED:  # else these modes alone have no bounded energy; others may have
-            series.add(run)
-        if (series.unsettled <= aim and len(series.changes) >= AGREE) or count >= most_modes:
+            changes += [differences(before, run) for before in runs[-1:]]
+            runs.append(run)
+        last = largest(changes[-AGREE:])
+        unsettled = worst_of(last)
+        if (unsettled <= aim and len(changes) >= AGREE) or count >= most_modes:
             break
         count = min(count + 2, most_modes)
-    limit = max(tol, WARN)
-    found = series.runs[-1] if series.runs else run
-    last = series.last
+
+    found = runs[-1] if runs else run
     found.error.update({f"stretch {name}": value for name, value in last.items()})
-    found.assembly.stretch_settled = series.unsettled <= aim
-    if last and series.unsettled > limit:
-        share = shares_of(found)["peak_force"]
-        return found, _not_enough(motions(found), last, share, limit)
+    found.assembly.stretch_settled = unsettled <= aim
+    if last and unsettled > max(tol, WARN):
+        count = max(forces.size for forces in found.assembly.stretched.values())
+        return found, _not_enough(count, shares_of(found))
     return found, ""
-
-
-class Series(Generic[H]):
-    """Runs with more and more motions, and how much each changes the one before."""
-
-    def __init__(self) -> None:
-        self.runs: list[H] = []
-        self.changes: list[dict[str, float]] = []
-
-    def add(self, run: H) -> None:
-        """Take a run with more motions."""
-        if self.runs:
-            self.changes.append(differences(self.runs[-1], run))
-        self.runs.append(run)
-
-    @property
-    def last(self) -> dict[str, float]:
-        """The largest of the last changes of each quantity; {} without changes."""
-        return largest(self.changes[-AGREE:])
-
-    @property
-    def unsettled(self) -> float:
-        """The largest of these, each over what it may change more than the force."""
-        return worst_of(self.last)
 
 
 def worst_of(changes: Mapping[str, float]) -> float:
     """The largest of what decides, over how much more it may change; no end without changes."""
     return max((changes[name] / x for name, x in DECIDING.items() if changes), default=np.inf)
-
-
-def motions(history: History) -> int:
-    """The number of motions whose second-order forces take part in a run."""
-    return max(forces.size for forces in history.assembly.stretched.values())
 
 
 def before_peak(history: History) -> float:
@@ -282,27 +257,12 @@ def shares_of(run: History) -> dict[str, float]:
     return stretch_shares(changes, before_peak(run))
 
 
-def _not_enough(count: int, last: dict[str, float], share: float, limit: float) -> str:
-    """Sentence on the quantities that change by more than a limit with each two modes more; `share`
-    of the error bar of the force.
-
-    The impulse has no number: momentum bounds its bar.
-    """
-    unsettled = {name: last[name] for name, x in DECIDING.items() if last[name] > limit * x}
-    settled = ""
-    if "peak_force" not in unsettled:
-        settled = f" The force holds: they change it by {percent(last['peak_force'])}."
-    deflection = STRETCH_SAFETY * last["deflection"]
-    errors = {
-        "peak_force": f'of {percent(share)} of the force (the share "stretch" of its bar)',
-        "impulse": "of the impulse (in its bar)",
-        "deflection": f"of {percent(deflection)} of the deflection",
-    }
-    left = " and ".join(errors[name] for name in unsettled)
-    name, worst = max(unsettled.items(), key=lambda entry: entry[1])
-    advice = f" To narrow it, {NARROWED}." if max(share, deflection) > ROUGH else ""
+def _not_enough(count: int, shares: Mapping[str, float]) -> str:
+    """Sentence on a run that two more motions would still change; `shares` of the error bars."""
+    force, deflection = shares["peak_force"], shares[bars.DEFLECTION]
+    advice = f" To narrow it, {NARROWED}." if max(force, deflection) > ROUGH else ""
     return (
-        f"Second-order forces leave an error {left}: the deflection is so large or so local that"
-        f" those of {count} motions still change the {name.removeprefix('peak_')} by"
-        f" {percent(worst)} with each two more, and more are not taken.{settled}{advice}"
+        f"Second-order forces leave an error of {percent(force)} of the force and of"
+        f" {percent(deflection)} of the deflection: it is so large or so local that those of"
+        f" {count} motions still change with each two more, and more are not taken.{advice}"
     )
