@@ -20,7 +20,8 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.models.closed_form import BeamModes, StruckBeam, UniformBeam
+from antiosc.models.body import ModalModel
+from antiosc.models.closed_form import StruckBeam, UniformBeam
 
 Floats = NDArray[np.float64]
 
@@ -138,7 +139,7 @@ def meshed_families(part: ao.Structure, where: ao.Site) -> list[Family]:
     ]
 
 
-def corrected(beam: StruckBeam, n: int, x: Sequence[float] = ()) -> BeamModes:
+def corrected(beam: StruckBeam, n: int, x: Sequence[float] = ()) -> ModalModel:
     """Natural modes with static correction."""
     return beam.modes(n, x, static_correction=True)
 

@@ -153,8 +153,8 @@ def test_many_modes_of_a_free_slender_beam():
     model = ao.superposition(part, ao.Site(point=(0, 0), direction=(0, 1)), 100)
     area, inertia = side**2, side**4 / 12
     beam = UniformBeam.timoshenko(E=67e9, nu=0.3, rho=2400.0, area=area, inertia=inertia, length=L)
-    exact = StruckBeam(beam, "free", "free", 0.0).modes(13)
-    np.testing.assert_allclose(model.omega[1:13], exact.omega[1:], rtol=1e-5)
+    exact = StruckBeam(beam, "free", "free", 0.0).modes(13).modal()
+    np.testing.assert_allclose(model.omega[1:13], exact.omega[2:], rtol=1e-5)
 
 
 @pytest.mark.slow

@@ -6,11 +6,10 @@
 
 from antiosc.base import checks
 from antiosc.models.closed_form import zener
-from antiosc.models.closed_form.beams import BeamModes, StruckBeam, UniformBeam
+from antiosc.models.closed_form.beams import StruckBeam, UniformBeam
 from antiosc.models.closed_form.plates import plate_patch
 
 __all__ = [
-    "BeamModes",
     "StruckBeam",
     "UniformBeam",
     "cantilever",

@@ -37,7 +37,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import Body
+from antiosc.models.body import ModalModel
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia
 
@@ -431,56 +431,6 @@ class UnitBeam:
 
 
 @dataclass(frozen=True)
-class BeamModes(Body):
-    """Natural modes of a struck beam: the mode-superposition model, accepted by `simulate`.
-
-    Attributes
-    ----------
-    omega : (n,) natural circular frequencies in rad/s, ascending; 0 for the rigid body's.
-    b : (n,) deflection at the site in kg^-1/2, > 0; ∫ rhoA w² + rhoI θ² dx = 1.
-    weight : (n,) ∫ rhoA w dx in kg^1/2.
-    r : residual compliance in m/N, 0 without static correction.
-    x : points in m at which the shapes were asked for.
-    shapes, residual : (n, len(x)) deflections at x in kg^-1/2; (len(x),) those in m/N with r.
-    hidden : (h, len(x)) those of the h rigid-body motions that leave the site at rest.
-    inertia : momentum (h + n, 6) of these motions and the modes; the beam lies on the x axis from
-        0, the impact is along y. None without rigid-body motions.
-    """
-
-    omega: Array
-    b: Array
-    weight: Array
-    r: float
-    x: Array
-    shapes: Array
-    residual: Array
-    hidden: Array
-    inertia: Inertia | None = None
-
-    def modal(self) -> ModalBody:
-        """The beam as a body of an impact; its coordinates are the deflections at x."""
-        zeros = np.zeros(len(self.hidden))
-        weight = self.weight
-        if self.inertia is not None:
-            weight = np.append(self.inertia.momentum[: zeros.size, 1], weight)
-        return ModalBody(
-            np.append(zeros, self.omega),
-            np.append(zeros, self.b),
-            self.r,
-            weight=weight,
-            shape=np.vstack((self.hidden, self.shapes)).T,
-            residual=self.residual,
-            basis=(np.eye(len(self.x)),),
-            direction=ACROSS,
-            inertia=self.inertia,
-        )
-
-    def field(self, coordinates: ArrayLike) -> Array:
-        """The deflections at x (m): the coordinates themselves."""
-        return checks.floats("coordinates", coordinates, None)
-
-
-@dataclass(frozen=True)
 class StruckBeam:
     """A beam, its two end supports and the impact site (deflection w, positive along the impact).
 
@@ -578,11 +528,12 @@ class StruckBeam:
         )
 
     @checks.within_range
-    def modes(self, n: int, x: ArrayLike = (), *, static_correction: bool = False) -> BeamModes:
+    def modes(self, n: int, x: ArrayLike = (), *, static_correction: bool = False) -> ModalModel:
         """The first n natural modes that move the site, the rigid-body one included.
 
-        Of several rigid-body modes one moves the site, φ_st/√m_st. With `static_correction` the
-        static deflection of the truncated modes is included.
+        Rigid-body motions that leave the site at rest are before them, with b = 0. The coordinates
+        are the deflections at x [m]. With `static_correction` the static deflection of the
+        truncated modes is included.
         """
         points = self._checked_points(x)
         rigid = min(self.rigid_modes, 1)
@@ -599,20 +550,30 @@ class StruckBeam:
 
         omega = np.append(np.zeros(rigid), self._frequencies(Omega))
         b = 1 / np.sqrt(mass * self.beam.mass)
-        momenta = b[:, None] * moved * self.beam.mass
         shapes = b[:, None] * shapes
         r = 0.0
-        residual = np.zeros(len(points))
+        residual = np.zeros(points.size)
         if static_correction:
             r, residual = self._compliance(points)
             modal = b[rigid:] / omega[rigid:] ** 2
-            r = r - modal @ b[rigid:]
+            r = max(r - float(modal @ b[rigid:]), 0.0)
             residual = residual - modal @ shapes[rigid:]
 
         hidden, hidden_momenta = self._hidden_motions(points)
-        inertia = self._inertia(np.vstack((hidden_momenta, momenta)))
-        return BeamModes(
-            omega, b, momenta[:, 0], max(r, 0.0), points, shapes, residual, hidden.T, inertia
+        momenta = np.vstack((hidden_momenta, b[:, None] * moved * self.beam.mass))
+        zeros = np.zeros(len(hidden_momenta))
+        return ModalModel(
+            ModalBody(
+                np.append(zeros, omega),
+                np.append(zeros, b),
+                r,
+                weight=momenta[:, 0],
+                shape=np.column_stack((hidden, shapes.T)),
+                residual=residual,
+                basis=(np.eye(points.size),),
+                direction=ACROSS,
+                inertia=self._inertia(momenta),
+            )
         )
 
     @cached_property
