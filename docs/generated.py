@@ -21,7 +21,7 @@ PICTURES = {
     "demos": {
         "impact_on_bracket": ["bracket.png", "bracket_force.png"],
         "drop": ["drop.png"],
-        "drop_chance": ["drop_chance.png", "drop_chance_shares.png"],
+        "drop_chance": ["drop_chance.png"],
         "composite_panel": ["composite_panel_part.png", "composite_panel.png"],
         "measured_part": ["measured_part.png"],
         "tip_damper": ["tip_damper.png"],
@@ -63,7 +63,7 @@ WORDS = {
     "howto/parts": ("dashpot", "soil", "buckling", "membrane forces", "spin"),
     "howto/report": ("FMU", "Simulink", "Modelica", "Matlab"),
     "howto/stress": ("safety factor", "yield", "srs", "shock response spectrum", "ParaView", "vtu"),
-    "howto/studies": ("Monte Carlo", "uncertainty", "sensitivity", "optimization"),
+    "howto/studies": ("Monte Carlo", "uncertainty", "optimization"),
     "install": ("pip", "conda", "docker"),
     "speed": ("benchmark", "time step", "stability", "MPI", "slurm", "parallel"),
     "theory": (

@@ -1,4 +1,4 @@
-"""Monte Carlo: distributions, bars and indices against closed forms."""
+"""Monte Carlo: distributions and bars against closed forms."""
 
 from __future__ import annotations
 
@@ -128,23 +128,6 @@ def test_bars_of_quantiles_and_probabilities_cover():
     assert np.mean(inside) >= 0.94
 
 
-def test_indices_are_those_of_ishigamis_function():
-    """T. Ishigami, T. Homma, Proc. ISUMA (1990) 398: a = 7, b = 0.1."""
-    a, b = 7.0, 0.1
-    angle = ao.uniform(-np.pi, np.pi)
-
-    def function(x, y, z):
-        return float(np.sin(x) + a * np.sin(y) ** 2 + b * z**4 * np.sin(x))
-
-    many = ao.monte_carlo(function, {"x": angle, "y": angle, "z": angle}, 4000)
-    found = many.sensitivity("value")
-    variance = a**2 / 8 + b * np.pi**4 / 5 + b**2 * np.pi**8 / 18 + 0.5
-    true = np.array([0.5 * (1 + b * np.pi**4 / 5) ** 2, a**2 / 8, 0.0]) / variance
-    assert found.first == pytest.approx(true, abs=0.03)
-    assert np.all(found.bars[:, 0] - 0.02 <= true)
-    assert np.all(true <= found.bars[:, 1] + 0.02)
-
-
 def test_blows_that_all_fail_in_one_part_cost_no_other():
     """Runs are simulated in parts of 100; simulate_many refuses a batch of which all fail."""
     calls = []
@@ -177,16 +160,6 @@ def test_points_of_a_map_are_drawn_by_their_areas():
     assert np.array_equal(many.values["value"], many.inputs["site"] + 1.0)
     lines = replace(found, elements=np.array([[0, 1], [1, 2]]))
     assert lines.areas == pytest.approx([0.5, (1 + 5**0.5) / 2, 5**0.5 / 2, 0.0])
-
-
-def test_an_index_of_many_values_needs_no_order():
-    """Half of the variance is the value's, which has nothing to do with its number."""
-    rng = np.random.default_rng(5)
-    heights = rng.permutation(np.linspace(0.0, 1.0, 200))
-    inputs = {"height": heights, "x": ao.uniform(0.0, 1.0)}
-    found = ao.monte_carlo(lambda height, x: height + x, inputs, 2000).sensitivity()
-    assert found.quantity == "value"
-    assert found.first == pytest.approx([0.5, 0.5], abs=0.05)
 
 
 @pytest.mark.parametrize(

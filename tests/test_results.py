@@ -11,7 +11,7 @@ import antiosc as ao
 
 FAMILY = {
     *("Batch", "DesignMap", "Drops", "Fall", "ForceComparison", "FoundImpact", "Gradient"),
-    *("History", "ImpactMap", "PeakField", "Sample", "SceneHistory", "Sensitivity"),
+    *("History", "ImpactMap", "PeakField", "Sample", "SceneHistory"),
     "ShockSpectrum",
 }
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.2], omega=[2e3, 7e3])
@@ -30,7 +30,6 @@ RESULTS = {
     "History": lambda: ao.simulate(MODEL, BALL, LAW, DURATION),
     "Batch": lambda: ao.simulate_many(MODEL, [BALL, ao.RigidMass(0.1, 2.0)], LAW, DURATION),
     "Sample": spread,
-    "Sensitivity": lambda: spread().sensitivity("peak_force"),
     "Gradient": lambda: ao.gradient(ao.simulate(MODEL, BALL, LAW, DURATION), "peak_force"),
 }
 

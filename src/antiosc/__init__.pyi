@@ -218,7 +218,6 @@ from antiosc_studies.chance.monte_carlo import (
 from antiosc_studies.chance.sample import (
     Quantile as Quantile,
     Sample as Sample,
-    Sensitivity as Sensitivity,
 )
 from antiosc_studies.drops.drop import drop as drop
 from antiosc_studies.drops.ensemble import (

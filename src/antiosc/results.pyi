@@ -46,7 +46,6 @@ from antiosc_app.view import View as View
 from antiosc_studies.chance.sample import (
     Quantile as Quantile,
     Sample as Sample,
-    Sensitivity as Sensitivity,
 )
 from antiosc_studies.drops.ensemble import Drops as Drops
 from antiosc_studies.drops.fall import Fall as Fall

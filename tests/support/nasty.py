@@ -76,7 +76,7 @@ RESULTS = {
     *("ProbeSpectra", "ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
     *("ForceComparison", "FoundImpact", "Gradient", "Margin", "DesignMap"),
-    *("Sample", "Sensitivity", "Quantile", "Peak", "View", "Dent"),
+    *("Sample", "Quantile", "Peak", "View", "Dent"),
     "Hysteretic",  # a base of laws
 }
 #: Where NaN stands for "no such number", as the documentation says.
@@ -531,7 +531,7 @@ OWN: dict[str, dict[str, Any]] = {
     "monte_carlo": {"run": lambda: square, "inputs": lambda: {"x": ao.normal(0.0, 1.0)}, "n": 5},
     "normal": {"mean": 0.0, "sigma": 1.0}, "lognormal": {"mean": 1.0, "variation": 0.1},
     "uniform": {"low": 0.0, "high": 1.0}, "Sample.finite": {"quantity": "value"},
-    "Sample.sensitivity": {"quantity": "value"}, "Sample.quantile": {"quantity": "value", "q": 0.5},
+    "Sample.quantile": {"quantity": "value", "q": 0.5},
     "Sample.exceedance": {"quantity": "value", "limit": 0.5}, "Sample.plot": {"quantity": "value"},
     "Fall.acceleration": {"times": [0.0, 0.01]},
     "Drops.quantile": {"quantity": "peak_force", "q": 0.5},
@@ -621,7 +621,6 @@ SELVES: dict[str, Callable[[], Any]] = {
     "DampingMatrix": lambda: ao.DampingMatrix(np.eye(2)),
     "Floor": lambda: ao.Floor(law=ao.Hertz(1e8)), "SoftLayer": lambda: ao.SoftLayer(0.01, 1e6),
     "Fall": fall, "Drops": many_falls, "Sample": spread,
-    "Sensitivity": lambda: spread().sensitivity("value"),
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
 }  # fmt: skip

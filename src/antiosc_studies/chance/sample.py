@@ -15,22 +15,18 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Completed, FieldsRepr, Result
+from antiosc.base.texts import FieldsRepr, Result
 from antiosc.plot.charts import figure_or_path, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Number of bootstrap samples: the ends of a 95 % interval are the 5th from either end.
-RESAMPLES = 200
 #: Share of the samples within a confidence interval.
 CONFIDENCE = 0.95
 #: Shares of the results below the quantiles that are told, unless others are asked for.
 QUANTILES = (0.05, 0.5, 0.95)
 #: Note on runs that failed: their number, and of how many.
 FAILED = "{} {} failed and count as larger than all others"
-#: Least number of runs for indices of sensitivity.
-LEAST = 50
 
 
 @dataclass(frozen=True)
@@ -201,35 +197,6 @@ class Sample(Result):
         ]
         return replace(estimate, note="; ".join(filter(None, notes)))
 
-    def sensitivity(self, quantity: str | None = None) -> Sensitivity:
-        """Sobol's first-order index of each input: its share of the variance of a quantity.
-
-        The default is the first quantity. The index is estimated from the means in bins of the
-        input (one bin for each value of a sequence). The sum of the indices falls short of 1 by the
-        interactions of inputs. InputError for fewer than 50 runs or a constant quantity.
-        """
-        quantity = next(iter(self.values)) if quantity is None else quantity
-        results = self._of(quantity)
-        finite = np.isfinite(results)
-        y = results[finite]
-        if len(y) < LEAST:
-            raise InputError(f"sensitivity needs {LEAST} runs at least; {len(y)} have {quantity}.")
-        if np.ptp(y) == 0:
-            raise InputError(f"{quantity} is the same in all runs: there is no variance to share.")
-        rng = np.random.default_rng(0)
-        picks = rng.integers(len(y), size=(RESAMPLES, len(y)))
-        ends = [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2]
-        first = []
-        bars = []
-        for x in self.inputs.values():
-            groups = _groups(x[finite])
-            first.append(_share_of_variance(groups, y))
-            resampled = [_share_of_variance(groups[p], y[p]) for p in picks]
-            # the bins of a resample hold the noise of the sample twice: subtract the mean's bias
-            centred = np.array(resampled) - (np.mean(resampled) - first[-1])
-            bars.append(np.quantile(centred, ends))
-        return Sensitivity(quantity, list(self.inputs), np.array(first), np.array(bars))
-
     def plot(
         self, path: str | os.PathLike[str] | None = None, quantity: str | None = None
     ) -> Figure | Path:
@@ -269,71 +236,3 @@ class Sample(Result):
             note = f", without {lacking} runs" if lacking else ""
             facts.append((name, f"{values} at {levels_text(self.quantiles)}{note}"))
         return facts
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Completed):
-    """First-order indices of the inputs.
-
-    Attributes
-    ----------
-    quantity : the quantity whose variance is shared.
-    inputs : names of the inputs.
-    first : (inputs,) Sobol's first-order indices.
-    bars : (inputs, 2) confidence intervals of 95 %, by bootstrap.
-    """
-
-    quantity: str
-    inputs: list[str]
-    first: Array
-    bars: Array
-
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """The indices as bars; with `path` the picture is written, and the path returned."""
-        figure, ((axes,),) = panels(1, 1, (6.4, 3.2), shown=path is None)
-        order = np.argsort(self.first)
-        lengths = np.abs(self.bars - self.first[:, None])[order].T.tolist()
-        axes.barh(
-            [self.inputs[i] for i in order], self.first[order], xerr=lengths, color="tab:blue"
-        )
-        axes.set(xlabel=f"share of the variance of {self.quantity.replace('_', ' ')}")
-        return figure_or_path(figure, path)
-
-    def _facts(self) -> list[tuple[str, str]]:
-        order = np.argsort(-self.first)
-        return [
-            (
-                self.inputs[i],
-                f"{self.first[i]:.3f} ({self.bars[i, 0]:.3f} to {self.bars[i, 1]:.3f})",
-            )
-            for i in order
-        ]
-
-
-def _groups(x: Array) -> Array:
-    """Number (n,) of the bin of each draw: one bin for each repeated value, or √n bins of equal
-    size.
-
-    Variation of the result within a bin is lost: for 1000 runs of Ishigami's function 2 n^⅓ bins
-    take 0.013 from an index of 0.44, √n bins 0.004. Indices of values have no order and are never
-    merged.
-    """
-    unique, number = np.unique(x, return_inverse=True)
-    bins = max(2, round(len(x) ** 0.5))
-    if len(unique) <= bins or x.dtype.kind == "i":
-        return np.asarray(number)
-    return np.asarray(np.argsort(np.argsort(x, kind="stable")) * bins // len(x))
-
-
-def _share_of_variance(groups: Array, y: Array) -> float:
-    """Share of the variance of y between groups (one-way analysis of variance, unbiased ω²)."""
-    count = np.bincount(groups)
-    total = np.bincount(groups, weights=y)
-    k = int(np.sum(count > 0))
-    mean = y.mean()
-    between_groups = np.sum((total[count > 0] / count[count > 0] - mean) ** 2 * count[count > 0])
-    total_squares = np.sum((y - mean) ** 2)
-    within_groups = (total_squares - between_groups) / max(len(y) - k, 1)
-    if total_squares > 0:
-        return float((between_groups - (k - 1) * within_groups) / (total_squares + within_groups))
-    return 0.0
