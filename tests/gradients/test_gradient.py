@@ -96,21 +96,18 @@ def in_units(g: ao.Gradient, values: dict[str, Any], exponent: float) -> np.ndar
     return total
 
 
-@pytest.mark.parametrize("goal", ["peak_force", "impulse", "contact_time", "peak_displacement"])
 @pytest.mark.parametrize(
-    ("law", "model"),
+    ("law", "model", "goal"),
     [
-        (ao.Hertz(5e8), {}),
-        (ao.Hertz(5e8), {"m0": 0.0}),
-        (ao.Hertz(5e8, compliance=2e-9), {"k0": 0.0}),
-        (ao.Linear(5e6), {"m0": 0.0, "k0": 0.0}),
-        (ao.Power(2e8, 1.3), {}),
-        (ao.HuntCrossley(5e8, 0.7), {}),
-        (ao.Thornton(5e8, 2e-5), {}),
-        (ao.YangSun(5e8, 2e-5), {"m0": 0.0}),
-        (ao.Hertz(5e8), {"damping": ao.Damping(0.03)}),
-        (ao.Power(2e8, 1.5), {}),
-        (ao.Linear(5e6), {}),
+        (ao.Hertz(5e8), {}, "peak_displacement"),
+        (ao.Hertz(5e8), {"m0": 0.0}, "contact_time"),
+        (ao.Hertz(5e8, compliance=2e-9), {"k0": 0.0}, "peak_force"),
+        (ao.Linear(5e6), {"m0": 0.0, "k0": 0.0}, "impulse"),
+        (ao.Power(2e8, 1.3), {}, "contact_time"),
+        (ao.HuntCrossley(5e8, 0.7), {}, "peak_force"),
+        (ao.Thornton(5e8, 2e-5), {}, "impulse"),
+        (ao.YangSun(5e8, 2e-5), {"m0": 0.0}, "peak_force"),
+        (ao.Hertz(5e8), {"damping": ao.Damping(0.03)}, "contact_time"),
     ],
 )
 def test_units_of_mass_and_length(law: Any, model: dict[str, Any], goal: str) -> None:
@@ -361,16 +358,14 @@ def random_row(seed, count):
     return run, along, ends[0]
 
 
-@pytest.mark.parametrize("count", [1, 2, 3])
-@pytest.mark.parametrize("first", range(0, 200, 10))
+@pytest.mark.parametrize("seed", range(8))
 @pytest.mark.filterwarnings("ignore")
-def test_random_rows_against_differences(first, count):
+def test_random_rows_against_differences(seed):
     """Along a random direction of all inputs, within 1e-3 of its largest part."""
-    for seed in range(first, first + 10, 1 if count == 1 else 3):
-        run, along, ends = random_row(seed, count)
-        h = 1e-5
-        below, at, above = run(-h, 1e-8), run(0.0, 1e-6), run(h, 1e-8)
-        for goal in ("peak_force", "impulse") if at[ends].contacts else ():
-            parts = along(ao.gradient(at, goal, contact=ends))
-            slope = (getattr(above[ends], goal) - getattr(below[ends], goal)) / (2 * h)
-            assert abs(sum(parts) - slope) <= 1e-3 * max(map(abs, parts)), (seed, goal)
+    run, along, ends = random_row(seed, 1 + seed % 3)
+    h = 1e-5
+    below, at, above = run(-h, 1e-8), run(0.0, 1e-6), run(h, 1e-8)
+    for goal in ("peak_force", "impulse") if at[ends].contacts else ():
+        parts = along(ao.gradient(at, goal, contact=ends))
+        slope = (getattr(above[ends], goal) - getattr(below[ends], goal)) / (2 * h)
+        assert abs(sum(parts) - slope) <= 1e-3 * max(map(abs, parts)), (seed, goal)

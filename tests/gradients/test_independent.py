@@ -18,5 +18,5 @@ def test_derivatives_and_their_errors(seed: int) -> None:
     found = rows(seed)
     errors, bars = (np.array([row[i] for row in found]) for i in (2, 3))
     assert errors.max() <= BOUND, found[int(np.argmax(errors))]
-    # DOP853 and Richardson's extrapolation are themselves within some 1e-8
+    # the references are themselves within some 1e-8
     assert np.all(errors <= bars + 2e-8), found[int(np.argmax(errors - bars))]

@@ -9,7 +9,6 @@ import pytest
 
 import antiosc as ao
 
-LAWS = [ao.Hertz(3e8), ao.HuntCrossley(3e8, 0.8), ao.Thornton(3e8, 2e-6)]
 SIZES = {"k0": 2e6, "stiffness": 3e8, "ball": 0.1, "machine": 0.3, "m": 0.05, "omega": 3e3}
 
 #: Couples the modes: N s/m, and the stiffness of a branch.
@@ -39,9 +38,14 @@ def impulse(
 
 
 @pytest.mark.filterwarnings("ignore:The run ends during contact")
-@pytest.mark.parametrize("damped", [False, True])
-@pytest.mark.parametrize("m0", [0.0, 0.04])
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+@pytest.mark.parametrize(
+    ("law", "m0", "damped"),
+    [
+        (ao.Hertz(3e8), 0.0, False),
+        (ao.HuntCrossley(3e8, 0.8), 0.04, True),
+        (ao.Thornton(3e8, 2e-6), 0.0, True),
+    ],
+)
 def test_a_machine_that_rests_on_what_is_struck(
     law: ao.ContactLaw, m0: float, damped: bool
 ) -> None:

@@ -57,36 +57,36 @@ def expected(x: Numbers) -> dict[str, float]:
     k = x["m"] * x["omega"] ** 2
     K = np.diag(np.append(x["k0"] + k.sum(), k))
     K[0, 1:] = K[1:, 0] = -k
-    inverse = np.linalg.inv(M)
     size = n + 2  # of the model and the ball
     speed = [x["velocity"]]
+    inverse = np.linalg.inv(M)
+    A = np.zeros((2 * size + 1, 2 * size + 1))
+    A[:size, size : 2 * size] = np.eye(size)
+    A[size : size + n + 1, : n + 1] = -inverse @ K
+    pulled, pushed = np.zeros((2, 2 * size + 1))
+    pulled[2 * size - 1] = x["pull"] / x["mass"]
+    pushed[size : size + n + 1] = inverse[0]
+    pushed[2 * size - 1 :] = -1 / x["mass"], 1.0
 
-    def depth(y: np.ndarray) -> Any:
-        return y[n + 1] - y[0] - x["gap"]
+    def depth(y: np.ndarray) -> float:
+        return float(y[n + 1] - y[0] - x["gap"])
 
-    def force(y: np.ndarray) -> Any:
-        d, rate = depth(y), y[size + n + 1] - y[size]
+    def force(y: np.ndarray) -> float:
+        d, rate = depth(y), float(y[size + n + 1] - y[size])
         if x["kind"] == "linear":
-            return x["stiffness"] * d
-        elastic = x["stiffness"] * np.maximum(d, 0.0) ** 1.5
+            return float(x["stiffness"] * d)
+        elastic = float(x["stiffness"] * max(d, 0.0) ** 1.5)
         if x["kind"] == "hertz":
             return elastic
         e = x["restitution"]
-        return elastic * (1 + 8 / 5 * (1 - e) / e * rate / speed[0])
+        return elastic * float(1 + 8 / 5 * (1 - e) / e * rate / speed[0])
 
     def rates(_: float, y: np.ndarray, closed: bool) -> np.ndarray:
-        f = force(y) if closed else 0.0
-        load = -K @ y[: n + 1]
-        load[0] += f
-        out = np.empty_like(y)
-        out[:size] = y[size : 2 * size]
-        out[size : size + n + 1] = inverse @ load
-        out[size + n + 1] = (x["pull"] - f) / x["mass"]
-        out[-1] = f
-        return out
+        linear: np.ndarray = A @ y + pulled
+        return linear + force(y) * pushed if closed else linear
 
     def edge(_: float, y: np.ndarray, closed: bool) -> float:
-        return float(force(y) if closed and x["kind"] == "flores" and depth(y) > 0 else depth(y))
+        return force(y) if closed and x["kind"] == "flores" and depth(y) > 0 else depth(y)
 
     y = np.zeros(2 * size + 1)
     y[2 * size - 1] = x["velocity"]
@@ -99,7 +99,7 @@ def expected(x: Numbers) -> dict[str, float]:
         crossing.terminal, crossing.direction = True, -1.0 if closed else 1.0
         found = solve_ivp(
             lambda s, z, c=closed: rates(s, z, c), (t, END), y, "DOP853", events=crossing,
-            rtol=1e-12, atol=1e-15, dense_output=True, max_step=2e-5,
+            rtol=1e-12, atol=1e-15, dense_output=closed, max_step=2e-5,
         )  # fmt: skip
         if closed:
             forces = np.array([force(z) for z in found.y.T])

@@ -17,13 +17,12 @@ from numpy.typing import ArrayLike
 
 from antiosc import AntiOscillators, History
 from antiosc.base import checks
-from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.base.texts import Completed, value_text
 from antiosc.extension import SAFETY, TRUNCATION_SAFETY, softest_model
 from antiosc.impact.assembly import Assembly
 from antiosc.plot.charts import figure_or_path, panels
-from antiosc_studies.gradients.goals import TOL, Goal, Sampled, Values, goal_of, values_of
+from antiosc_studies.gradients.goals import TOL, Goal, Values, goal_of, values_of
 from antiosc_studies.gradients.numbers import Number, Struck, Turn, of_body, of_contact
 
 if TYPE_CHECKING:
@@ -61,11 +60,6 @@ class Gradient(Completed):
     error : Gradient
         The error bars of all these numbers, >= 0: of the differences; with `error="estimate"` also
         of the model. None: unknown.
-    reach : Gradient or None
-        For "peak_force", if there is a second peak (`reach.value`) less than 10 % smaller: under
-        the same names, for each parameter the change (signed) at which the second peak becomes the
-        largest, to first order and if only this parameter changes. Beyond this change the
-        derivative is that of the second peak.
 
     A derivative has the unit of the goal over that of the parameter; None if it does not exist, as
     by m0 if the site has no mass.
@@ -76,7 +70,6 @@ class Gradient(Completed):
     bodies: dict[str, Tree]
     contacts: dict[tuple[str, str], Tree]
     error: Gradient | None = None
-    reach: Gradient | None = None
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -121,20 +114,12 @@ class Gradient(Completed):
 
     def _facts(self) -> list[tuple[str, str]]:
         facts = [(self.goal, f"{self.value:.6g}")]
-        if self.reach is not None:
-            reach_text = (
-                f"of {self.reach.value:.6g} becomes the largest at a change of one parameter by"
+        for slopes in (*self.contacts.values(), *self.bodies.values()):
+            texts = {name: value_text(slope) for name, slope in slopes.items()}
+            facts.append(
+                ("d/d", ", ".join(f"{name} {text}" for name, text in texts.items() if text))
             )
-            facts += [("another peak", reach_text), *self.reach._lines("change")]
-        return [*facts, *self._lines("d/d")]
-
-    def _lines(self, label: str) -> list[tuple[str, str]]:
-        """The derivatives by parameters of each contact and each body."""
-        return [
-            (label, ", ".join(f"{n} {value_text(v)}" for n, v in slopes.items() if value_text(v)))
-            for slopes in (*self.contacts.values(), *self.bodies.values())
-            if slopes
-        ]
+        return facts
 
 
 class GradientNameError(InputError, AttributeError):
@@ -143,7 +128,7 @@ class GradientNameError(InputError, AttributeError):
 
 def gradient(
     hit: Any,
-    goal: str | Callable[[Sampled], float],
+    goal: str | Callable[[Any], float],
     *,
     contact: tuple[str, str] | None = None,
     time: float | None = None,
@@ -163,21 +148,19 @@ def gradient(
     goal : str or callable
         "peak_force" [N], "impulse" [N s], "contact_time" [s], "restitution", "peak_displacement"
         [m] of the first end of the contact (the structure of `simulate`); "force" [N] and
-        "displacement" [m] of that end at a `time`. Or a function that returns a number from the
-        run's values at its nodes, the arrays `time`, `force`, `displacement`, `velocity`,
-        `impactor_displacement` and `impactor_velocity` of a `Sampled`.
+        "displacement" [m] of that end at a `time`. Or a function of a `History` that returns a
+        number.
     contact : (str, str), optional
         Ends of the contact, if a scene has several.
     time : float, optional
         Time [s] of the goals "force" and "displacement".
     part : Structure or callable, optional
         A structure from which the model was extracted: adds `g.E`, `g.nu`, `g.rho`, `g.thickness`
-        and derivatives by the other numbers of its material and of a beam's section; for a
-        laminate's layers arrays `thickness` and `angle` [1/degree]; for several materials {group:
+        and derivatives by the other numbers of its material; for several materials {group:
         derivative}. Or a function of `x` (n,) that builds the structure or its model: adds `g.x`
-        (n,), by anything that x changes, including nodes. The model is extracted once, and four
-        times more for each number. The contact law is kept, and so are a structure's site and patch
-        radius.
+        (n,), by anything that x changes, as sections, layers or nodes. The model is extracted once,
+        and four times more for each number. The contact law is kept, and so are a structure's site
+        and patch radius.
     x : array_like, shape (n,), optional
         The argument of `part`, if that is a function.
     error : "estimate", optional
@@ -199,8 +182,8 @@ def gradient(
         For a part of a fall, a body that stretched, an unknown goal, and a part that the model does
         not come from.
     NotDifferentiableError
-        If the result has no derivative: two equal peaks, no contact, or a touch that appears or
-        vanishes within the step of a number.
+        If the result has no derivative: two peaks that differ by less than 0.1 %, no contact, or a
+        touch that appears or vanishes within the step of a number.
     """
     if error is not None:
         checks.choice("error", error, ("estimate",))
@@ -214,24 +197,19 @@ def gradient(
         from antiosc_studies.gradients.of_part import Models  # loads dolfinx
 
         models = Models(part, x, hit)
-    goals = [goal_of(goal, hit, one.base, contact, time) for one in all_struck]
-    bodies, contacts = zip(
-        *(_derivatives(one, its, models) for one, its in zip(all_struck, goals, strict=True)),
-        strict=True,
-    )
+
+    goals = [goal_of(goal, hit, struck.base, contact, time) for struck in all_struck]
+    slopes = [_derivatives(*pair, models) for pair in zip(all_struck, goals, strict=True)]
+    bodies, contacts = zip(*slopes, strict=True)
 
     asked = goals[0]
-    found = values_of(asked, all_struck[0].base, TOL).goal
-
-    def result(value: float, pick: Callable[..., Any], **more: Gradient | None) -> Gradient:
-        return Gradient(asked.name, value, _mapped(pick, *bodies), _mapped(pick, *contacts), **more)
-
-    bars = result(abs(float(found[0]) - asked.value) + TOL * abs(asked.value), _bar)
-    reach = None
-    if found.size > 1:
-        margin = float(found[0] - found[1])
-        reach = result(float(found[1]), lambda slope, *_: _overtaken(margin, slope.value))
-    return result(asked.value, lambda slope, *_: float(slope.value[0]), error=bars, reach=reach)
+    value = asked.read(hit)
+    off = abs(values_of(asked, all_struck[0].base, TOL).goal - value) + TOL * abs(value)
+    bars = Gradient(asked.name, off, _mapped(_bar, *bodies), _mapped(_bar, *contacts))
+    bodies, contacts = (
+        _mapped(lambda slope, *_: slope.value, *trees) for trees in (bodies, contacts)
+    )
+    return Gradient(asked.name, value, bodies, contacts, bars)
 
 
 def _turns(hit: History) -> list[Turn]:
@@ -250,10 +228,10 @@ def _turns(hit: History) -> list[Turn]:
 
 
 class Slope(NamedTuple):
-    """Derivatives (k,) of the k numbers that a goal reads, and their errors."""
+    """The derivative of a goal by a number, and its error."""
 
-    value: Array
-    error: Array
+    value: float
+    error: float
 
 
 def _derivatives(struck: Struck, goal: Goal, models: Any) -> tuple[Tree, dict[Any, Tree]]:
@@ -281,9 +259,9 @@ def _differences(goal: Goal, base: Assembly) -> Callable[[Number], Slope]:
             slope = _difference(number, h, goal, fine, TOL)
             other = _difference(number, WIDER * h, goal, coarse, COARSER * TOL)
             if slope is not None and other is not None:
-                least = FLOOR * np.abs(fine.goal) / number.size
+                least = FLOOR * abs(fine.goal) / number.size
                 richardson = (slope - other) / (WIDER**2 - 1) if number.wide else 0.0
-                return Slope(slope + richardson, np.abs(slope - other) + least)
+                return Slope(slope + richardson, abs(slope - other) + least)
         raise NotDifferentiableError(
             f"a touch appears or vanishes where the number {number.value:g} of the impact changes"
             f" by {STEPS[-1]:g} of its value: the goal has no derivative; change an input slightly."
@@ -292,8 +270,8 @@ def _differences(goal: Goal, base: Assembly) -> Callable[[Number], Slope]:
     return derive
 
 
-def _difference(number: Number, h: float, goal: Goal, base: Values, tol: float) -> Array | None:
-    """Slope (k,) of a goal by a number; None where a touch appears or vanishes."""
+def _difference(number: Number, h: float, goal: Goal, base: Values, tol: float) -> float | None:
+    """Slope of a goal by a number; None where a touch appears or vanishes."""
     refused: InputError | None = None
     for points, weights in SCHEMES:
         for side in (h, -h):
@@ -305,7 +283,7 @@ def _difference(number: Number, h: float, goal: Goal, base: Values, tol: float) 
             values = [*(values_of(goal, one, tol) for one in posed), base]
             if any(one.touches != base.touches for one in values):
                 return None
-            return np.array(weights) @ [one.goal for one in values] / side
+            return float(np.dot(weights, [one.goal for one in values])) / side
     assert refused is not None
     raise refused
 
@@ -314,26 +292,17 @@ def _mapped(pick: Callable[..., Any], first: Any, *others: Any) -> Any:
     """A tree of what `pick` makes of the leaves at the same place of some trees."""
     if isinstance(first, dict):
         return {
-            name: _mapped(pick, value, *(tree and tree.get(name) for tree in others))
+            name: _mapped(pick, value, *(tree[name] for tree in others))
             for name, value in first.items()
         }
     if isinstance(first, list):
-        rows = zip(first, *(tree or [None] * len(first) for tree in others), strict=True)
-        made = [_mapped(pick, *row) for row in rows]
+        made = [_mapped(pick, *row) for row in zip(first, *others, strict=True)]
         return made if any(isinstance(one, Slope) for one in made) else np.array(made)
     return None if first is None else pick(first, *others)
 
 
-def _bar(slope: Slope, *others: Slope | None) -> float:
+def _bar(slope: Slope, *others: Slope) -> float:
     """The error of a derivative by its differences, and those of the changed models."""
-    total = float(slope.error[0])
-    changes = [abs(float(one.value[0] - slope.value[0])) for one in others if one is not None]
-    if changes:
-        total += TRUNCATION_SAFETY * max(changes[:2])
-    return total + SAFETY * sum(changes[2:])
-
-
-def _overtaken(margin: float, slope: Array) -> float:
-    """The change of a number at which the second peak exceeds the largest."""
-    faster = float(slope[1] - slope[0])
-    return margin / faster if faster else np.inf
+    changes = [abs(one.value - slope.value) for one in others if one is not None]
+    truncation = TRUNCATION_SAFETY * max(changes[:2], default=0.0)
+    return slope.error + truncation + SAFETY * sum(changes[2:])

@@ -45,6 +45,11 @@ class Number:
     wide: bool = False
 
 
+def number(value: float, posed: Callable[[float], Assembly]) -> Number:
+    """A number whose steps are relative to itself."""
+    return Number(value, abs(value), posed)
+
+
 class Struck:
     """The bodies and contacts of a run, which can be exchanged.
 
@@ -52,10 +57,7 @@ class Struck:
     """
 
     def __init__(self, hit: History, turn: Turn | None = None) -> None:
-        if not isinstance(hit, History):
-            raise InputError(
-                f"hit must be a History of simulate or Scene.run; got {checks.shown(hit)}."
-            )
+        checks.instance("hit", hit, History, "a History of simulate or Scene.run")
         if hit.assembly.stretched:
             raise InputError(
                 f"{next(iter(hit.assembly.stretched))!r} stretched in this impact: gradients are of"
@@ -76,9 +78,9 @@ class Struck:
         self,
         bodies: Mapping[str, Any] | None = None,
         contacts: Mapping[int, Contact] | None = None,
-        motion: Mapping[str, Any] | None = None,
+        starts: Mapping[str, float] | None = None,
     ) -> Assembly:
-        """The impact with other bodies, contacts or motions at the start."""
+        """The impact with other bodies or contacts, or other speeds of models at the start."""
         scene = self.scene
         all_bodies = {**scene.bodies, **(bodies or {})}
         all_contacts = [(contacts or {}).get(i, c) for i, c in enumerate(scene.contacts)]
@@ -86,38 +88,27 @@ class Struck:
             all_bodies["structure"] = self.turn(all_bodies["structure"])
 
         if self._pair is None:
-            starts = {**scene.motion, **(motion or {})}
+            motion = {**scene.motion, **(starts or {})}
             changes: dict[str, Any] = {"bodies": all_bodies, "contacts": all_contacts}
-            assembly = assemble_scene(replace(scene, **changes, motion=starts), self.end)
+            assembly = assemble_scene(replace(scene, **changes, motion=motion), self.end)
         else:
             model, impactor = all_bodies.values()
             (contact,) = all_contacts
-            start = (motion or {}).get("structure", self._pair.initial_velocity)
-            assembly = assemble_pair(
-                self._pair._replace(
-                    model=model, impactor=impactor, contact=contact.law, gap=contact.gap,
-                    initial_velocity=start,
-                )
-            )  # fmt: skip
+            start = (starts or {}).get("structure", self._pair.initial_velocity)
+            pair = Impact(
+                model, impactor, contact.law, self.end, start, self._pair.gravity, contact.gap
+            )
+            assembly = assemble_pair(pair)
         set_initial_forces(assembly)
         return assembly
 
-    def start(self, name: str) -> Any:
-        """The motion of a body at the start: a number, a `Motion`, or 0."""
+    def start(self, name: str) -> float:
+        """The speed [m/s] of a model at the start; 0: it rests, or moves in space."""
         if self._pair is None:
-            return self.scene.motion.get(name, 0.0)
-        return self._pair.initial_velocity if name == "structure" else 0.0
-
-    def closing(self, name: str) -> float:
-        """Speed [m/s] with which a body closes its first contact at the start."""
-        system, span = self.base.system, self.base.spans[name]
-        rows = system.beta[: len(system.laws), span]
-        return next((float(row @ system.v[span]) for row in rows if row.any()), 0.0)
-
-
-def number(value: float, posed: Callable[[float], Assembly]) -> Number:
-    """A number whose steps are relative to itself."""
-    return Number(value, abs(value), posed)
+            start = self.scene.motion.get(name, 0.0)
+        else:
+            start = self._pair.initial_velocity if name == "structure" else 0.0
+        return start if isinstance(start, int | float) else 0.0
 
 
 def of_body(struck: Struck, name: str) -> Numbers:
@@ -127,44 +118,28 @@ def of_body(struck: Struck, name: str) -> Numbers:
     inner = body.body if is_impactor else body
 
     def posed(other: Any) -> Assembly:
-        return struck.posed({name: other})
-
-    def posed_inner(other: Any) -> Assembly:
-        return posed(replace(body, body=other) if is_impactor else other)
+        return struck.posed({name: replace(body, body=other) if is_impactor else other})
 
     def moving(v: float) -> Assembly:
-        return posed(
-            RigidMass(body.mass, v) if isinstance(body, Sphere) else replace(body, velocity=v)
+        sphere = isinstance(body, Sphere)
+        return struck.posed(
+            {name: RigidMass(body.mass, v) if sphere else replace(body, velocity=v)}
         )
 
     numbers: Numbers = {}
     if isinstance(inner, RigidMass | Sphere):
-        speed = inner.velocity
-        numbers["mass"] = number(inner.mass, lambda m: posed_inner(RigidMass(m, speed)))
+        numbers["mass"] = number(inner.mass, lambda m: posed(RigidMass(m, inner.velocity)))
     elif isinstance(inner, AntiOscillators) and not inner.sites:
-        numbers |= _of_model(inner, posed_inner)
+        numbers |= _of_model(inner, posed)
+        if start := struck.start(name):
+            numbers["initial_velocity"] = number(start, lambda v: struck.posed(starts={name: v}))
     else:
         return {}
 
-    if is_impactor or isinstance(body, RigidMass | Sphere):
-        if not isinstance(body.velocity, Motion) and body.velocity:
-            numbers["velocity"] = number(body.velocity, moving)
-        return numbers
-
-    start, closing = struck.start(name), struck.closing(name)
-    if closing and isinstance(start, int | float | Motion):
-        numbers["initial_velocity"] = number(
-            closing, lambda v: struck.posed(motion={name: _scaled(start, v / closing)})
-        )
+    speed = getattr(body, "velocity", 0.0)
+    if not isinstance(speed, Motion) and speed:
+        numbers["velocity"] = number(speed, moving)
     return numbers
-
-
-def _scaled(start: float | Motion, factor: float) -> float | Motion:
-    """A motion at the start, times a factor."""
-    if not isinstance(start, Motion):
-        return start * factor
-    velocity, spin = ([factor * x for x in vector] for vector in (start.velocity, start.spin))
-    return replace(start, velocity=velocity, spin=spin)
 
 
 def _of_model(model: AntiOscillators, posed: Callable[[AntiOscillators], Assembly]) -> Numbers:
@@ -203,8 +178,6 @@ def of_contact(struck: Struck, i: int) -> Numbers:
     """The numbers of a contact: of its law, its gap, its friction."""
     contact = struck.scene.contacts[i]
     law: Any = contact.law
-    marched: Any = struck.base.laws[i]
-    depth = float(struck.base.system.depth[i])
 
     def with_field(name: str, value: Any) -> Assembly:
         return struck.posed(contacts={i: replace(contact, **{name: value})})
@@ -212,33 +185,18 @@ def of_contact(struck: Struck, i: int) -> Numbers:
     def law_with(name: str, value: float) -> Assembly:
         return with_field("law", replace(law, **{name: value}))
 
-    def with_compliance(value: float) -> Assembly:
-        assembly = struck.posed()
-        laws = list(assembly.system.laws)
-        laws[i] = replace(marched, compliance=value)
-        return replace(assembly, laws=laws, system=replace(assembly.system, laws=laws))
-
     numbers: Numbers = {}
-    given = {f.name: getattr(law, f.name) for f in fields(law) if f.init} if _made(law) else {}
-    for name, value in given.items():
-        if name != "compliance" and type(value) in (int, float):
-            numbers[name] = Number(value, abs(value) or 1.0, partial(law_with, name))
-
-    if numbers and _made(marched) and "compliance" in {f.name for f in fields(marched)}:
-        stiffness = float(law.tangent(depth, 0.0, law.touch(0.0))[0])
-        size = marched.compliance or (1 / stiffness if stiffness > 0 else 1.0)
-        numbers["compliance"] = Number(marched.compliance, size, with_compliance)
+    for item in fields(law) if is_dataclass(law) else ():
+        value = getattr(law, item.name)
+        if item.init and type(value) in (int, float) and value:
+            numbers[item.name] = number(value, partial(law_with, item.name))
 
     ends = (struck.base.bodies[end.partition(":")[0]] for end in (contact.a, contact.b))
     gap = sum(body.gap for body in ends) if contact.gap is None else contact.gap
-    numbers["gap"] = Number(gap, max(abs(gap), depth), partial(with_field, "gap"))
+    size = max(abs(gap), float(struck.base.system.depth[i]))
+    numbers["gap"] = Number(gap, size, partial(with_field, "gap"))
     for name in ("friction", "tangential_stiffness"):
         value = getattr(contact, name)
         if contact.friction > 0 and value is not None:
             numbers[name] = number(value, partial(with_field, name))
     return numbers
-
-
-def _made(law: Any) -> bool:
-    """Whether a law is made of fields; one of the user need not be."""
-    return is_dataclass(law)

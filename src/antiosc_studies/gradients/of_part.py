@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from functools import cache, partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,14 +20,12 @@ from antiosc_studies.gradients.numbers import Number, Numbers, Struck
 #: Size of a number over its value, for steps of a hundredth: where a site excites some modes by
 #: rounding alone, the highest anti-oscillators of two extractions differ by 1e-4.
 COARSE = 100.0
-#: The same of an angle [degree], and of an input that is 0.
-ROTATED, OF_ZERO = 5000.0, 10.0
+#: The same of an input that is 0.
+OF_ZERO = 10.0
 #: Largest relative difference of the static masses of the run's model and that extracted again.
 SAME_MODEL = 1e-3
-#: Numbers of materials, sections and layers on which K and M do not depend.
-IDLE = {"loss", "yield_strength", "yield_range", "tensile", "rate", "outline"}
-#: Numbers of a laminate's layers that are design parameters; the others belong to its materials.
-OF_LAYERS = {"thickness", "angle"}
+#: Numbers of materials on which K and M do not depend.
+IDLE = {"loss", "yield_strength", "tensile", "rate"}
 
 #: A value, the size of its steps, and the model for another value.
 Varied = tuple[float, float, Callable[[float], AntiOscillators]]
@@ -38,24 +36,21 @@ class Models:
 
     def __init__(self, part: Any, x: ArrayLike | None, hit: History) -> None:
         self.name = model_name(hit)
-        self._model = cast("Any", hit.assembly.scene.bodies[self.name])
-        self._tree: Any
-        self._middle: Any
-
+        self._model: Any = hit.assembly.scene.bodies[self.name]
+        built, self._tree = part, {}
         if isinstance(part, Structure):
-            self._middle = self._extracted(part)
             self._tree = self._of_structure(part)
         else:
             checks.function("part", part, "a Structure, or a function of x that builds one")
             if x is None:
                 raise InputError("part is a function of x: give the x at which the run was made.")
-            self._middle = self._extracted(built := part(checks.column("x", x)))
-            fine = isinstance(built, AntiOscillators)
-            self._tree = {"x": self._of_function(part, checks.column("x", x), fine)}
+            x = checks.column("x", x)
+            built = part(x)
+            self._tree = {"x": self._of_function(part, x, isinstance(built, AntiOscillators))}
 
-        found: Any = self._middle
-        size = np.abs(self._model.m_st).max()
-        if np.abs(found.m_st - self._model.m_st).max() > SAME_MODEL * size:
+        self._middle: Any = self._extracted(built)
+        off = np.abs(self._middle.m_st - self._model.m_st).max()
+        if off > SAME_MODEL * np.abs(self._model.m_st).max():
             raise InputError(
                 "part must give the model of this run: the mass at its site is another."
             )
@@ -92,30 +87,30 @@ class Models:
 
     def _of_structure(self, part: Structure) -> Numbers:
         """The numbers of a part's materials by name; of several materials {name: {group: …}}."""
-        if part.made_of is None:
-            raise InputError(
-                "the materials of an assembly, or of matrices, are not known: give a function of x"
-                " that builds the part, and x."
-            )
         refuse_prestress(part, "a gradient by the numbers of a part")
-        mesh, materials, options = part.made_of
-        groups = materials if isinstance(materials, Mapping) else {"": materials}
+        mesh, materials, options = part.made_of or (None, {}, {})
+        several = isinstance(materials, Mapping)
+        groups = materials if several else {"": materials}
 
-        def model(group: str, vary: Callable[[float], Any], value: float) -> AntiOscillators:
-            one = vary(value)
-            changed = one if groups is not materials else {**groups, group: one}
-            return self._extracted(Structure(mesh, changed, part.supports, **options))
+        def model(group: str, name: str, value: float) -> AntiOscillators:
+            changed = replace(groups[group], **{name: value})
+            made = {**groups, group: changed} if several else changed
+            return self._extracted(Structure(mesh, made, part.supports, **options))
 
         tree: Numbers = {}
         for group, material in groups.items():
-            for name, value, vary in _varied(material):
-                size = ROTATED if name == "angle" else COARSE * abs(value)
-                varied = (value, size, cache(partial(model, group, vary)))
-                place, key = (tree.setdefault(name, {}), group) if group else (tree, name)
-                if hasattr(material, "layers"):
-                    place.setdefault(key, []).append(varied)
+            for name, value in values_of(material).items():
+                varied = (value, COARSE * abs(value), cache(partial(model, group, name)))
+                if several:
+                    tree.setdefault(name, {})[group] = varied
                 else:
-                    place[key] = varied
+                    tree[name] = varied
+        if not tree:
+            raise InputError(
+                "this part's materials are not known, or have no numbers of their own, as those of"
+                " an assembly, of matrices or of layers: give a function of x that builds the part,"
+                " and x."
+            )
         return tree
 
     def _extracted(self, built: object) -> AntiOscillators:
@@ -144,33 +139,12 @@ def model_name(hit: History) -> str:
     return models[0]
 
 
-def _varied(item: Any) -> Iterator[tuple[str, float, Callable[[float], Any]]]:
-    """Yields (name, value, function of another value that returns the material with it)."""
-
-    def with_field(name: str, vary: Callable[[float], Any], x: float) -> Any:
-        return replace(item, **{name: vary(x)})
-
-    def with_layer(k: int, vary: Callable[[float], Any], x: float) -> Any:
-        return replace(item, layers=(*item.layers[:k], vary(x), *item.layers[k + 1 :]))
-
-    for name, value in values_of(item).items():
-        if is_dataclass(value) and name == "section":
-            for inner, number, vary in _varied(value):
-                yield inner, number, partial(with_field, name, vary)
-        elif name == "layers":
-            for k, layer in enumerate(value):
-                for inner, number, vary in _varied(layer):
-                    if inner in OF_LAYERS:
-                        yield inner, number, partial(with_layer, k, vary)
-        elif isinstance(value, float) and (value or name == "angle"):
-            yield name, value, partial(with_field, name, float)
-
-
-def values_of(material: Any) -> dict[str, Any]:
-    """The numbers of a material, a section or a layer on which K and M depend, by name."""
+def values_of(material: Any) -> dict[str, float]:
+    """The numbers of a material on which K and M depend, by name."""
     unused_names = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
     names = {item.name for item in fields(material) if item.init} - unused_names
-    return {name: getattr(material, name) for name in sorted(names)}
+    values = {name: getattr(material, name) for name in sorted(names)}
+    return {name: value for name, value in values.items() if value and isinstance(value, float)}
 
 
 def site_of(model: AntiOscillators) -> Site:

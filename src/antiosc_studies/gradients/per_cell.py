@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import ufl
 
-from antiosc import AntiOscillators, DampingMatrix, History, Structure
+from antiosc import AntiOscillators, DampingMatrix, Structure
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
@@ -25,10 +25,8 @@ from antiosc.base.texts import Completed, percent
 from antiosc.extension import checked_shapes, measure, on_mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.reduce.site.sites import located
-from antiosc_studies.gradients.goals import Sampled
-from antiosc_studies.gradients.gradient import Gradient, gradient
-from antiosc_studies.gradients.of_part import model_name, site_of, values_of
+from antiosc_studies.gradients.gradient import gradient
+from antiosc_studies.gradients.of_part import model_name, values_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,7 +116,7 @@ class DesignMap(Completed):
 def design_map(
     part: Structure,
     hit: Any,
-    goal: str | Callable[[Sampled], float],
+    goal: str | Callable[[Any], float],
     by: str = "thickness",
     *,
     contact: tuple[str, str] | None = None,
@@ -126,7 +124,7 @@ def design_map(
 ) -> DesignMap:
     """Derivative of a result by the thickness of every cell: it shows where material is useful.
 
-    For E, the compliance of the contact's patch is attributed to the cells under the patch.
+    By E the compliance of the contact's patch, which is of the law, is left out.
 
     Parameters
     ----------
@@ -169,9 +167,6 @@ def design_map(
             shares, axes = np.linalg.eigh(size[:, None] * matrix * size)
             vectors = model.shapes @ (axes / size[:, None])
             relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
-    by_local = _by_local(hit, g)
-    if by == "E" and by_local:
-        relative += by_local * _patch_share(meshed, model, relative.size)
     value = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
     per_mass = np.where(np.isfinite(value), relative / _masses(meshed), np.nan)
     return DesignMap(g.goal, g.value, by, relative / value, per_mass, meshed)
@@ -199,29 +194,6 @@ def _relative(
         K += [factor * part_form for part_form in form.stiffness]
         M += [factor * part_form for part_form in form.mass]
     return K, M
-
-
-def _by_local(hit: History, g: Gradient) -> float:
-    """Derivative by the compliance of the site's patch, which the laws of its contacts lack."""
-    a = hit.assembly
-    contacts = zip(a.scene.contacts, a.laws, strict=True)
-    return sum(
-        float(g.contacts[contact.a, contact.b]["compliance"])
-        for contact, law in contacts
-        if law is not contact.law
-    )
-
-
-def _patch_share(meshed: MeshedStructure, model: AntiOscillators, cells: int) -> Array:
-    """(cells,) change of the patch's compliance by a relative change of E of each cell under it."""
-    site = site_of(model)
-    point = np.array([site.point])
-    d = np.array([site.direction], dtype=float)
-    found_at = located(meshed, point, d / np.linalg.norm(d), np.array([site.radius]))
-    assert found_at.weighted is not None
-    on_rank = found_at.weighted.cell < cells
-    shares = np.bincount(found_at.weighted.cell[on_rank], found_at.weighted.weight[on_rank], cells)
-    return np.asarray(-found_at.local[0] * shares)
 
 
 def _masses(meshed: MeshedStructure) -> Array:
