@@ -515,7 +515,7 @@ def test_free_flight_is_exact() -> None:
     L = np.array([0.002, -0.02, 0.03])
     none = np.zeros(2)
     start = State(0.0, np.array([0, 0, 1.0]), np.zeros(3), tilted(np.array([20.0, 30.0, 0.0])), L,
-                  none, np.array([0.01, 0.003]), np.zeros((2, 0)))  # fmt: skip
+                  none, np.array([0.01, 0.003]))  # fmt: skip
     flight = Flight(body, start, G)
     found = flight.touch(flight.longest())
     assert found is not None
@@ -563,93 +563,6 @@ def test_a_bar_flies_as_in_a_floating_frame() -> None:
     mine = fall.impacts.column("peak_force")
     np.testing.assert_allclose(mine, peaks[:3], rtol=2e-4)
     assert mine[1] > 1.3 * mine[0]
-
-
-CONE = ao.soil_cone(radius=0.4, G=60e6, nu=0.3, rho=1800.0)
-BRANCHES = ao.DampingMatrix([[50.0, 1.0], [1.0, 20.0]], branches=[([[4e6, 1e3], [1e3, 4e5]], 3e-2)])
-
-
-@pytest.mark.parametrize(
-    "soil",
-    [
-        CONE,
-        CONE.model(mass=3.0),
-        ao.AntiOscillators(m0=3.0, k0=1e6, m=[2.0], omega=[900.0], damping=BRANCHES),
-        ao.AntiOscillators(m0=0.01, k0=1e6, m=[0.3], omega=[1500.0]),
-    ],
-    ids=["cone", "footing", "branches", "modes"],
-)
-def test_a_ball_on_soil_is_one_scene(soil: ao.LinearBody) -> None:
-    """Three impacts and the flights between: the floor has the state that one integration gives."""
-    height, law = 0.05, ao.Hertz(1e9)
-    ball = ao.Sphere(0.05, 200e9, 0.3, 7800.0)
-    floor = ao.Floor(law=law, model=soil)
-    assert floor.ground is not None
-    fall = ao.drop(ball, height, floor=floor, until=3, tol=1e-5)
-    bodies = {
-        "ball": ao.RigidBody(ball.mass, [1e-3] * 3, {"low": ((0, 0, 0), (0, 0, 1))}),
-        "soil": floor.ground.body,
-    }
-    scene = ao.Scene(
-        bodies,
-        [ao.Contact("ball:low", "soil:top", law)],
-        gravity=(0, 0, -G),
-        motion={"ball": ao.Motion(velocity=(0, 0, -np.sqrt(2 * G * height)))},
-    )
-    first = fall.impacts[0].time
-    hit = scene.run(fall.end.time - first + 1e-4, tol=1e-5)["ball:low", "soil:top"]
-    assert fall.impacts.column("impulse").sum() == pytest.approx(hit.impulse, rel=1e-6)
-    for one in fall.impacts:
-        begin = one.time - first - 1e-6
-        during = (hit.time >= begin) & (hit.time <= begin + one.contact_time + 2e-6)
-        assert one.peak_force == pytest.approx(hit.force[during].max(), rel=3e-4)
-
-
-@pytest.mark.parametrize("dents", [False, True], ids=["elastic", "dents"])
-@pytest.mark.parametrize("radius", [0.3, 0.5])
-def test_a_heavy_ball_leaves_the_soil_again(radius: float, dents: bool) -> None:
-    """Its contact takes many episodes; where one ends at the deepest point, no part is at rest.
-
-    A law with a permanent indentation goes on with it.
-    """
-    ball, soil = ao.Sphere(radius, 30e9, 0.2, 2400.0), ao.soil_cone(0.25, 20e6, 0.3, 1800.0)
-    hertz = ao.Hertz.from_radii(radius, 30e9, 0.2, np.inf, np.inf, 0.3)
-    law = ao.Thornton(hertz.stiffness, 2e-5) if dents else hertz
-    floor = ao.Floor(model=soil, law=law if dents else None)
-    fall = ao.drop(ball, 2.0, floor=floor, until=1)
-    striker = ao.RigidMass(ball.mass, np.sqrt(2 * G * 2.0))
-    whole = ao.simulate(soil, striker, law, duration=0.05, gravity=G)
-    parts, one = whole.contacts[0][1], fall.impacts[0]
-    assert len(fall.episodes) > 3
-    assert one.contact_time == pytest.approx(parts, rel=1e-3)
-    rebound = -np.interp(parts, whole.time, whole.impactor_velocity)
-    assert one.speed_after == pytest.approx(rebound, rel=1e-3)
-    assert max(each.history.run.attempts for each in fall.episodes) < 2000
-
-
-def test_a_ball_comes_to_rest_on_soil() -> None:
-    ball, soil = ao.Sphere(0.05, 30e9, 0.2, 2400.0), ao.soil_cone(0.1, 20e6, 0.3, 1800.0)
-    fall = ao.drop(ball, 0.1, floor=ao.Floor(model=soil, restitution=0.5))
-    assert fall.message == "at rest"
-    held = fall.episodes[-1].held
-    if held:
-        pressed = sum(float(one.force[0]) for one in held.values())
-        assert pressed == pytest.approx(ball.mass * G, rel=0.5)
-
-
-def test_friction_on_soil_spins_a_ball() -> None:
-    """It does not change what is pressed, and its impulse turns the ball: 0.4 r w = v0 - v."""
-    given = {"velocity": (0.5, 0.0, 0.0), "until": 1, "tol": 1e-5}
-    peaks, ends = [], []
-    for friction in (0.0, 0.3):
-        floor = ao.Floor(law=ao.Hertz(1e9), model=CONE, friction=friction)
-        fall = ao.drop(ao.Sphere(0.05, 200e9, 0.3, 7800.0), 0.05, floor=floor, **given)
-        peaks.append(fall.peak_force)
-        ends.append((fall.end.velocity[0], fall.impacts[0].spin_after[1]))
-    assert peaks[0] == pytest.approx(peaks[1], rel=1e-5)
-    assert ends[0] == (0.5, 0.0)
-    assert ends[1][0] < 0.4
-    assert 0.4 * 0.05 * ends[1][1] == pytest.approx(0.5 - ends[1][0])
 
 
 def test_modes_ring_whatever_their_damping() -> None:
@@ -793,9 +706,6 @@ def test_ensembles_have_bars_and_begin_with_the_falls_of_smaller_ones() -> None:
     assert not many.failed
 
 
-SOIL = ao.soil_cone(0.1, 1e8, 0.3, 1800.0)
-
-
 @pytest.mark.parametrize(
     ("change", "word"),
     [
@@ -813,7 +723,7 @@ SOIL = ao.soil_cone(0.1, 1e8, 0.3, 1800.0)
         ({"floor": ao.Floor()}, "rigid"),
         ({"floor": "steel"}, "Floor of a Solid"),
         ({"floor": ao.Solid(210e9, 0.3, 7800.0)}, "Floor of this material"),
-        ({"floor": ao.soil_cone(0.4, 60e6, 0.3, 1800.0)}, "Floor with this model"),
+        ({"floor": ao.soil_cone(0.4, 60e6, 0.3, 1800.0)}, "Scene of the part"),
         ({"floor": ao.SoftLayer(0.01, 1e6)}, "Floor with this layer"),
         ({"floor": ao.Hertz(1e9)}, "Floor with this law"),
         ({"modes": "x"}, "modes must be a whole number"),
@@ -821,41 +731,12 @@ SOIL = ao.soil_cone(0.1, 1e8, 0.3, 1800.0)
         ({"damping": np.nan}, "ratio must be finite"),
         ({"ensemble": ao.Tilts(spin=1e9), "n": 2}, "standard deviations .* spin in rad/s"),
         ({"ensemble": ao.Tilts(height=1e12), "n": 2}, "standard deviations"),
-        ({"floor": ao.Floor(law=ao.Hertz(1e9), model=SOIL.model(1e-9))}, "1e-09 kg at its site"),
     ],
 )
 def test_bad_input(change: dict[str, object], word: str) -> None:
     given = {"height": 0.1, "floor": ao.Floor(law=ao.Hertz(1e9)), "until": 1} | change
     with pytest.raises(ao.InputError, match=word):
         ao.drop(block(), **given)  # type: ignore[arg-type]
-
-
-def test_the_peak_of_an_impact_lies_between_the_nodes_of_its_steps() -> None:
-    """A mass falls on a chain of masses: DOP853 of all of them."""
-    rng = np.random.default_rng(0)
-    k, m = 3e5 * rng.uniform(0.6, 1.5, 6), 0.05 * rng.uniform(0.5, 1.6, 6)
-    K = np.diag(k + np.append(k[1:], 0.0)) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
-    chain = ao.Structure.from_matrices(K, np.diag(m))
-    floor = ao.Floor(law=ao.Hertz(1e7), model=ao.extract(chain, ao.Site(dof=5), n=5))
-    ball = ao.RigidBody(0.05, (1e-5,) * 3, {"foot": ((0, 0, -0.01), (0, 0, 1))})
-
-    def force(depth: Any) -> Any:
-        return 1e7 * np.maximum(depth, 0.0) ** 1.5
-
-    def rates(t: float, y: np.ndarray) -> np.ndarray:
-        F = force(y[5] - y[12])
-        pushed = -K @ y[:6]
-        pushed[5] -= F
-        return np.concatenate([y[6:12], pushed / m, [y[13], F / 0.05 - G]])
-
-    start = np.zeros(14)
-    start[13] = -np.sqrt(2 * G * 0.5)
-    times = np.linspace(0, 2e-3, 20_001)
-    run = solve_ivp(rates, (0, 2e-3), start, "DOP853", times, rtol=1e-10, atol=1e-14)
-    true = force(run.y[5] - run.y[12]).max()
-    for tol in (1e-2, 1e-3):
-        fall = ao.drop(ball, 0.5, floor=floor, until=1, tol=tol)
-        assert fall.impacts[0].peak_force == pytest.approx(true, rel=0.2 * tol)
 
 
 def test_a_fall_that_ends_above_the_floor_has_no_peak() -> None:
@@ -865,8 +746,6 @@ def test_a_fall_that_ends_above_the_floor_has_no_peak() -> None:
 
 
 def test_floors_take_one_law() -> None:
-    with pytest.raises(ao.InputError, match="supports"):
-        ao.Floor(model=ao.AntiOscillators(m0=1.0, k0=0.0, m=[], omega=[]))
     with pytest.raises(ao.InputError, match="friction"):
         ao.Floor(friction=-0.1)
     with pytest.raises(ao.InputError, match="half-space, without a thickness"):

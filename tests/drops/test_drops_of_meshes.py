@@ -146,18 +146,6 @@ def test_a_part_on_supports_does_not_fall(tmp_path: Path) -> None:
         ao.drop(held, 1.0, floor=ao.Floor(STEEL))
 
 
-def test_a_plate_gives_way_under_a_ball(tmp_path: Path) -> None:
-    """An elastic floor is the plate of `simulate`; its motion goes on between the impacts."""
-    plate = ao.AntiOscillators(m0=0.01, k0=1e6, m=[0.3], omega=[1500.0])
-    ball, law, height = ao.Sphere(0.01, 200e9, 0.3, 7800.0), ao.Hertz(1e9), 0.05
-    fall = ao.drop(ball, height, floor=ao.Floor(law=law, model=plate), until=2)
-    hit = ao.simulate(
-        plate, ao.RigidMass(ball.mass, velocity=np.sqrt(2 * 9.80665 * height)), law, 1e-3
-    )
-    assert fall.impacts[0].peak_force == pytest.approx(hit.peak_force, rel=5e-3)
-    assert np.abs(fall.episodes[1].start.floor).max() > 0
-
-
 @pytest.mark.slow
 def test_a_shell_falls_onto_its_edge_with_friction(tmp_path: Path) -> None:
     """What few modes leave out couples forces along the sheet and across it strongly."""

@@ -236,14 +236,9 @@ def test_a_fall_is_that_of_drop(box_folder: Path, capsys: pytest.CaptureFixture[
     assert page.count("<img") >= 2
 
 
-def test_soil_as_a_floor_under_a_part_and_as_a_body(box_folder: Path) -> None:
+def test_soil_as_a_body(box_folder: Path) -> None:
     soil = "radius = 0.4, G = 60e6, nu = 0.3, rho = 1800"
-    floor = f'floor = {{model = {{kind = "soil_cone", {soil}}}}}'
-    (box_folder / "drop.toml").write_text(FALL[: FALL.index("floor")] + floor + "\n")
-    found = compiled(read("drop.toml"))
     cone = ao.soil_cone(0.4, 60e6, 0.3, 1800.0)
-    assert found.fall is not None
-    assert found.fall.arguments["floor"].made.model == cone
     body = '[bodies.b]\nkind = "soil_cone"\n' + soil.replace(", ", "\n") + "\n"
     ground = BODIES.replace('[bodies.b]\nkind = "Obstacle"\n', body)
     (box_folder / "ground.toml").write_text(f'{MATRICES}dof = "z"\n{ground}')

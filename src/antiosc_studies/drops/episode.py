@@ -18,7 +18,7 @@ from antiosc import SceneHistory
 from antiosc.base._types import Array, IntArray
 from antiosc.extension import impulses
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import forces, integrated_states, interpolated, locate
+from antiosc.impact.states import forces, interpolated, locate
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
@@ -171,7 +171,6 @@ def handed_over(
     body, start, W, momentum = touch
     displacements = (path.q[-1] - path.q[0])[:6] @ W
     P = path.v[-1, :6] @ momentum
-    modes = np.array(integrated_states(record, a.system, *locate(record, path.times[-1:])))[:, 0]
     state = State(
         start.time + t,
         start.centre + displacements[:3],
@@ -180,7 +179,6 @@ def handed_over(
         P[3:],
         path.q[-1, 6:],
         path.v[-1, 6:],
-        modes[:, a.spans[BODY].stop :],
     )
     node = int(np.argmin(np.abs(record.time - t)))
     force = record.force[node]
@@ -319,7 +317,7 @@ def episode(
     before : duration of the previous episode [s].
     """
     touch = Touch.of(body, start)
-    heights = start.heights(body, setting.floor.ground)
+    heights = start.heights(body)
     base = scene_of(touch, setting, np.array([np.argmin(heights)]), ongoing)
     time = base.contact_time_estimate
     longest = min(LONGEST * time, GROWS * before)

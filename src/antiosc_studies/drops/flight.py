@@ -17,7 +17,6 @@ import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine import library
-from antiosc_studies.drops.floor import Ground
 from antiosc_studies.drops.free_body import FreeBody, State
 
 #: A spin that deviates by less than this share from the direction of the angular momentum is
@@ -181,13 +180,10 @@ def displacement_bounds(omega: Array, q: Array, p: Array) -> Array:
 class Flight:
     """The flight of a body from a state, under a gravity [m/s^2] along -z, above a floor."""
 
-    def __init__(
-        self, body: FreeBody, start: State, gravity: float, ground: Ground | None = None
-    ) -> None:
+    def __init__(self, body: FreeBody, start: State, gravity: float) -> None:
         self.body = body
         self.start = start
         self.gravity = gravity
-        self.ground = ground
         #: R (n, 3, 3) at times (n,) since the start
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
@@ -214,7 +210,6 @@ class Flight:
             s.momentum,
             q[0],
             p[0],
-            s.floor if self.ground is None else self._floor_at(instant)[:, 0],
         )
 
     def heights(self, t: Array, which: IntArray) -> Array:
@@ -222,10 +217,8 @@ class Flight:
         vertical = self.orientation(t)[:, 2]
         shapes = self.body.shapes[which]
         displacements = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
-        height = self._rigid(t, vertical, which) + np.einsum("nkd,nd->nk", displacements, vertical)
-        if self.ground is not None:
-            height += np.einsum("snf,sf->n", self._floor_at(t), self.ground.shape)[:, None]
-        return height
+        lifted = np.einsum("nkd,nd->nk", displacements, vertical)
+        return self._rigid(t, vertical, which) + lifted
 
     def _rigid(self, t: Array, vertical: Array, which: IntArray) -> Array:
         """Heights without vibration; `vertical` (n, 3): the vertical in body axes."""
@@ -238,20 +231,13 @@ class Flight:
         """Displacements and velocities (n, J) of the modes at times (n,)."""
         return ringing(self.body.omega, self.body.decay, self.start.q, self.start.p, t)
 
-    def _floor_at(self, t: Array) -> Array:
-        """Displacements and rates (2, n, F) of the modes of an elastic floor."""
-        assert self.ground is not None
-        modes = self.ground.modes
-        q, p = self.start.floor
-        return np.array(ringing(modes.omega, modes.decay, q, p, t))
-
     def touch(self, until: float) -> float | None:
         """Time [s] since the start of the first touch up to `until`; None if there is none.
 
         A point that is below the floor and rises has parted; it may touch again after it has left
         the floor.
         """
-        parted = self.start.heights(self.body, self.ground) <= TOUCH * self.body.extent
+        parted = self.start.heights(self.body) <= TOUCH * self.body.extent
         touches = (self._within(*interval, parted) for interval in self._near(until))
         return next((t for t in touches if t is not None), None)
 
@@ -316,22 +302,12 @@ class Flight:
 
     def _sizes(self, t: Array) -> Array:
         """Bounds (n, V) [m] on the elastic displacements of all points after times (n,)."""
-        size = displacement_bounds(self.body.omega, *self._ringing(t)) @ self.body.sizes.T
-        if self.ground is not None:
-            omega = self.ground.modes.omega
-            a, b = np.abs(self.ground.shape)
-            size = (
-                size + (displacement_bounds(omega, *self._floor_at(t)) @ (a + omega * b))[:, None]
-            )
-        return np.asarray(size)
+        bounds = displacement_bounds(self.body.omega, *self._ringing(t))
+        return np.asarray(bounds @ self.body.sizes.T)
 
     def _fastest(self, start: float) -> float:
         """Highest frequency [rad/s] of modes that move a point noticeably after a time."""
-        instant = np.array([start])
-        motion = displacement_bounds(self.body.omega, *self._ringing(instant))[
-            0
-        ] * self.body.sizes.max(axis=0)
+        (bounds,) = displacement_bounds(self.body.omega, *self._ringing(np.array([start])))
+        motion = bounds * self.body.sizes.max(axis=0)
         frequencies = self.body.omega[motion > SEEN * self.body.extent]
-        if self.ground is not None and np.any(self.start.floor):
-            frequencies = np.append(frequencies, self.ground.modes.omega)
         return float(frequencies.max(initial=0.0))

@@ -9,16 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import ContactLaw, Gonthier, LinearBody, ModalBody, ModalState, Power, SiteModes
+from antiosc import ContactLaw, Gonthier, Power
 from antiosc.base import checks
-from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact.choice import Choice, choose
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, matter_of
-from antiosc.engine.damping import StackedModes
-from antiosc.models.body import checked_body
 
 #: Largest loss factor.
 LARGEST_LOSS = 1.0
@@ -66,7 +63,9 @@ def layer_law(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw
 
 @dataclass(frozen=True, eq=False)
 class Floor(FieldsRepr):
-    """The floor of a fall: the plane z = 0, the surface of a half-space, a rigid ground or a model.
+    """The floor of a fall: the plane z = 0, the surface of a half-space or a rigid ground.
+
+    Under an elastic floor, as soil or a plate, the impact is a `Scene` of the part and its model.
 
     Parameters
     ----------
@@ -81,9 +80,6 @@ class Floor(FieldsRepr):
         A soft sheet on top, in place of the half-space.
     law : ContactLaw, optional
         Contact law of every contact, in place of the one from curvatures and materials.
-    model : soil_cone(…), AntiOscillators or another model of one site, optional
-        An elastic floor that cannot fly off: soil, or a plate extracted at the struck place. All
-        points that touch share its displacement.
     """
 
     material: Any = None
@@ -91,14 +87,13 @@ class Floor(FieldsRepr):
     restitution: float | None = None
     layer: SoftLayer | None = None
     law: ContactLaw | None = None
-    model: LinearBody | None = None
 
     def __post_init__(self) -> None:
         matter_of(self.material)
         if hasattr(self.material, "section"):
             raise InputError(
                 "a floor of a material is a half-space, without a thickness or a section: give "
-                "a Solid, or a plate that was extracted as model; got "
+                "a Solid; got "
                 f"{checks.shown(self.material)}."
             )
         checks.store(self, friction=checks.nonnegative("friction", self.friction))
@@ -107,10 +102,6 @@ class Floor(FieldsRepr):
             if e > 1:
                 raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
             checks.store(self, restitution=e)
-        if self.model is not None:
-            modal = checked_body("model", self.model).modal()
-            if np.any(modal.b[modal.omega == 0]):
-                raise InputError("a floor's model is held by supports; this one is free to move.")
         if self.layer is not None:
             checks.instance("layer", self.layer, SoftLayer, "a SoftLayer(thickness, E)")
         if self.law is not None:
@@ -128,20 +119,13 @@ class Floor(FieldsRepr):
 
     @property
     def rigid(self) -> bool:
-        """Whether neither its material, its law, a layer nor a model makes it yield."""
-        return all(x is None for x in (self.material, self.layer, self.law, self.model))
+        """Whether neither its material, its law nor a layer makes it yield."""
+        return all(x is None for x in (self.material, self.layer, self.law))
 
     @cached_property
     def face(self) -> Surface:
         """The flat face of the floor's material."""
         return Surface(matter_of(self.material) or RIGID)
-
-    @cached_property
-    def ground(self) -> Ground | None:
-        """Vibration of the floor's model between and during contacts; None for a rigid floor."""
-        if self.model is None:
-            return None
-        return _ground(self.model.modal())
 
 
 def as_floor(floor: object) -> Floor:
@@ -158,71 +142,8 @@ def as_floor(floor: object) -> Floor:
     elif isinstance(floor, ContactLaw):
         example = "a Floor with this law"
     elif callable(getattr(floor, "modal", None)):
-        example = "a Floor with this model"
+        example = "a Scene of the part and this model"
     raise InputError(f"floor must be a Floor; write {example}; got {checks.shown(floor)}.")
-
-
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """An elastic floor with F modes, which vibrate freely between contacts.
-
-    Attributes
-    ----------
-    body : the floor in a scene, which the contact pushes down.
-    modes : the modes of the floor, with `omega` [rad/s] and `decay` [1/s], (F,).
-    shape : (2, F) downward motion of the floor per unit displacement and rate of each mode.
-    """
-
-    body: SiteModes
-    modes: StackedModes
-    shape: Array
-
-    @property
-    def compliance(self) -> float:
-        """Static displacement of the modes under 1 N [m/N]."""
-        return float(
-            self.shape[0] @ self._under_unit_force[0] + self.shape[1] @ self._under_unit_force[1]
-        )
-
-    @property
-    def _under_unit_force(self) -> Array:
-        """The state (2, F) of the modes at rest under 1 N."""
-        by_a, by_b = self.shape
-        omega = self.modes.omega
-        return np.array([np.divide(by_a, omega**2, where=omega > 0, out=0 * omega), -by_b])
-
-    def speed(self, floor: Array, force: float) -> float:
-        """Amplitude [m/s] of the floor's vibration about its equilibrium under a force [N].
-
-        Modes of different frequencies add up as the root of the sum of squares.
-        """
-        a, b = floor - force * self._under_unit_force
-        by_a, by_b = self.shape
-        omega = self.modes.omega
-        squares = (by_a**2 + (omega * by_b) ** 2) * (b**2 + (omega * a) ** 2)
-        return float(np.sqrt(squares.sum()))
-
-    def start(self, floor: Array) -> ModalState:
-        """Initial motion of the floor, from displacements and rates (2, F) of its modes."""
-        q, v, _ = self.modes.motion(*floor[:, None])
-        return ModalState(q[0], v[0], None if self.body.damping is None else floor)
-
-
-def _ground(modal: ModalBody) -> Ground:
-    """The elastic floor of a modal body."""
-    decay = np.zeros(modal.omega.size) if modal.decay is None else modal.decay
-    stacked = StackedModes([(modal.omega, decay, modal.first_order, None)])
-    body = SiteModes(
-        modal.omega,
-        np.outer(-modal.b, [1.0, 0.0, 0.0]),
-        {"top": (0, 1, 2)},
-        r=np.diag([modal.r, 0.0, 0.0]),
-        directions=np.eye(3)[[2, 0, 1]],  # along the floor it stands still
-        decay=None if modal.damping is not None else decay,
-        weight=np.zeros((modal.omega.size, 3)),
-        damping=modal.damping,
-    )
-    return Ground(body, stacked, stacked.rows(modal.b[None]).reshape(2, -1))
 
 
 @dataclass(frozen=True, eq=False)

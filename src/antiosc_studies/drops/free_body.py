@@ -12,7 +12,6 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import Matter
-from antiosc_studies.drops.floor import Ground
 from antiosc_studies.drops.skin import SMOOTH, Skin
 
 if TYPE_CHECKING:
@@ -174,7 +173,6 @@ class State:
     R : (3, 3) rotation from the axes of the body to those of the floor.
     momentum : (3,) angular momentum about the centre [kg m^2/s].
     q, p : (J,) elastic modal displacements and velocities.
-    floor : (2, F) displacements and rates of the modes of an elastic floor (`Ground`).
     """
 
     time: float
@@ -184,7 +182,6 @@ class State:
     momentum: Array
     q: Array
     p: Array
-    floor: Array
 
     def spin(self, body: FreeBody) -> Array:
         """Angular velocity (3,) in the axes of the floor [rad/s]."""
@@ -197,10 +194,9 @@ class State:
         arms[:, 2] -= body.balls[which]
         return np.asarray(arms)
 
-    def heights(self, body: FreeBody, ground: Ground | None) -> Array:
+    def heights(self, body: FreeBody) -> Array:
         """Heights (V,) [m] of the points over the floor."""
-        lowered = 0.0 if ground is None else float(np.sum(ground.shape * self.floor))
-        return np.asarray(self.centre[2] + self.arms(body)[:, 2] + lowered)
+        return np.asarray(self.centre[2] + self.arms(body)[:, 2])
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
         """Energies [J] of the rigid motion, of the vibration, and of the height of the centre."""

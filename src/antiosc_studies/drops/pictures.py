@@ -39,7 +39,7 @@ def overview(fall: Trajectory, path: str | os.PathLike[str] | None) -> Figure | 
     times = np.union1d(np.linspace(0.0, fall.end.time, DRAWN), touches)
     states = [at(fall, t) for t in times.tolist()]
     height.plot(times, [state.centre[2] for state in states], label="centre of mass")
-    lowest = [state.heights(fall.body, fall.setting.floor.ground).min() for state in states]
+    lowest = [state.heights(fall.body).min() for state in states]
     height.plot(times, lowest, label="lowest point")
     height.set(xlabel="time (s)", ylabel="height (m)")
     height.legend(fontsize=8)

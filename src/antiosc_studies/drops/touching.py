@@ -88,9 +88,6 @@ def scene_of(
     bodies: dict[str, Any] = {BODY: _body_in_scene(touch, which), FLOOR: Obstacle()}
     rigid = modes @ np.append(body.mass * start.velocity, start.momentum)
     motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
-    if floor.ground is not None:
-        bodies[FLOOR] = floor.ground.body
-        motion[FLOOR] = floor.ground.start(start.floor)
     ongoing = [held.get(i) for i in which.tolist()]
     contacts = [
         Contact(
@@ -108,7 +105,7 @@ def scene_of(
     assembly = assemble_scene(Scene(bodies, contacts, gravity=gravity, motion=motion), time_scale)
     system = assembly.system
     p = len(which)
-    heights = start.heights(body, floor.ground)[which]
+    heights = start.heights(body)[which]
     gaps = [
         max(height, 0.0) if one is None else one.height
         for height, one in zip(heights, ongoing, strict=True)

@@ -16,7 +16,7 @@ from antiosc_studies.drops.flight import SIDES, Flight
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.impacts import Impacts, impact_of
-from antiosc_studies.drops.touching import AXES, OngoingContact
+from antiosc_studies.drops.touching import AXES, TINY, OngoingContact
 
 #: A part is at rest if its speed would lift it by at most REST times the height, …
 REST = 1e-3
@@ -42,11 +42,9 @@ def initial_state(
     """The initial state, whose lowest point is at the height of the setting."""
     low = float((body.points @ R[2] - body.balls).min())
     zero = np.zeros(body.omega.size)
-    ground = setting.floor.ground
-    size = 0 if ground is None else ground.modes.omega.size
     centre = np.array([0.0, 0.0, setting.height - low])
     momentum = R @ (body.tensor @ (R.T @ spin))
-    return State(0.0, centre, velocity, R, momentum, zero, zero, np.zeros((2, size)))
+    return State(0.0, centre, velocity, R, momentum, zero, zero)
 
 
 def trajectory(
@@ -72,7 +70,7 @@ def trajectory(
     deepest = 0.0
     contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
     while not reason:
-        flight = Flight(body, state, setting.gravity, setting.floor.ground)
+        flight = Flight(body, state, setting.gravity)
         remaining = setting.duration - state.time
         touch_time = 0.0
         if not ongoing:
@@ -126,7 +124,7 @@ def _check_sides(body: FreeBody, state: State) -> None:
 
 def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting) -> None:
     """Raise AccuracyError if a point is further below the floor than contacts press in [m]."""
-    depth = -float(state.heights(body, setting.floor.ground).min())
+    depth = -float(state.heights(body).min())
     if depth > pressed + SUNK * body.extent:
         raise AccuracyError(
             f"the part sank through the floor at {state.time:.4g} s: a point is {depth:.3g} m "
@@ -146,9 +144,7 @@ def _rests(
     carrying = arms[heights < heights.min() + CARRIES * body.extent]
     W = body.rigid_modes(state.R)[0]
     energy = _stoppable_energy(body, state, W, carrying, setting.floor.friction > 0)
-    energy += _excess_energy(body, state, W, ongoing, setting) + _vibration_energy(
-        body, state, ongoing, setting
-    )
+    energy += _excess_energy(body, state, W, ongoing, setting.gravity)
     if energy > REST * body.mass * setting.gravity * setting.height:
         return False
     return _contains_origin(carrying[:, :2], AROUND * body.extent)
@@ -171,40 +167,30 @@ def _stoppable_energy(body: FreeBody, state: State, W: Array, arms: Array, stick
 
 
 def _excess_energy(
-    body: FreeBody, state: State, W: Array, ongoing: dict[int, OngoingContact], setting: Setting
+    body: FreeBody, state: State, W: Array, ongoing: dict[int, OngoingContact], gravity: float
 ) -> float:
     """Elastic energy [J] of the contacts above that of their static state under the weight.
 
     For one contact with force F and approach d it is (F - m g)^2 d/F: twice the energy for a linear
-    law, and no less than the energy for a force that grows faster than the approach.
+    law, and no less than the energy for a force that grows faster than the approach. Friction may
+    lift a point that sticks: the magnitude of its approach counts.
     """
     ongoing = {i: h for i, h in ongoing.items() if h.force[0] > 0}
     if not ongoing:
         return 0.0
     points = list(ongoing)
     arms = state.arms(body, points)
-    approaches = np.diag([-h.height / h.force[0] for h in ongoing.values()])
-    if setting.floor.ground is not None:
-        approaches = approaches + setting.floor.ground.compliance
+    compliances = np.array([abs(h.height) / h.force[0] for h in ongoing.values()])
+    compliances = np.maximum(compliances, STILL * compliances.max() + TINY)
+
     forces = np.array([AXES[: h.force.size].T @ h.force for h in ongoing.values()])
     wrench = np.append(forces.sum(axis=0), np.cross(arms, forces).sum(axis=0))
-    wrench[2] -= body.mass * setting.gravity
+    wrench[2] -= body.mass * gravity
     vertical = W[:, 2:3] + W[:, 3:] @ np.cross(arms, AXES[0]).T
-    # up ways^-1 up' is the stiffness against rigid motions
-    root = np.linalg.cholesky(np.linalg.inv(approaches))
-    impulses = np.linalg.lstsq(vertical @ root, W @ wrench, rcond=STILL)[0]
+    # with up' their product is the stiffness against rigid motions
+    up = vertical / np.sqrt(compliances)
+    impulses = np.linalg.lstsq(up, W @ wrench, rcond=STILL)[0]
     return float(impulses @ impulses)
-
-
-def _vibration_energy(
-    body: FreeBody, state: State, ongoing: dict[int, OngoingContact], setting: Setting
-) -> float:
-    """Kinetic energy [J] that the body has at the speed of the floor's vibration."""
-    ground = setting.floor.ground
-    if ground is None:
-        return 0.0
-    speed = ground.speed(state.floor, sum(float(h.force[0]) for h in ongoing.values()))
-    return 0.5 * body.mass * speed**2
 
 
 def _contains_origin(points: Array, close: float) -> bool:

@@ -47,7 +47,7 @@ class SoilCone(FieldsRepr):
         return AntiOscillators(m0=total, k0=self.stiffness, m=empty, omega=empty, damping=damping)
 
     def modal(self) -> ModalBody:
-        """The soil alone, without a footing, as a body of an impact or a floor of a drop.
+        """The soil alone, without a footing, as a body of an impact.
 
         Soil without mass gets the mass `LIGHT` c^2/k, which has an effect above k/(LIGHT c)
         [rad/s].
