@@ -212,7 +212,8 @@ def test_signals_of_a_table_have_the_rate_of_its_times(tmp_path) -> None:
     np.savetxt(path, values, header="a, b", delimiter=",")
     with pytest.raises(ao.InputError, match="rate"):
         recording(path, TWO, None, None, None, 3e4)
-    np.savetxt(path, np.hstack([np.exp(99 * t), values]))
+    rising = np.hstack([np.exp(99 * t), values])
+    np.savetxt(path, rising, header="t, a, b", delimiter=",")
     with pytest.raises(ao.InputError, match="step"):
         recording(path, TWO, None, None, None, 3e4)
 

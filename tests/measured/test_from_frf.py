@@ -178,17 +178,6 @@ def test_signs_and_places_that_are_no_driving_point_are_said():
         ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"), damping="viscous")
 
 
-def test_modes_above_the_band_may_come_from_a_mesh():
-    body = ao.SiteModes(OMEGA, B[:, :1], ["tip"], r=[[1e-9]])
-    C = float(np.sum(B[:, 0] ** 2 / OMEGA**2) + 1e-9)
-    mesh = ao.from_free_modes(body.omega, body.b[:, 0], compliance=C)
-    frf = ao.FRF(F, accelerance(noisy(part()[:, 0, 0])), "accelerance")
-    found = ao.from_frf(frf, above=mesh, damping="viscous").modal()
-    assert np.min(np.abs(found.omega / OMEGA[4] - 1)) < 0.05
-    with pytest.raises(ao.InputError, match="no mode above"):
-        ao.from_frf(frf, above=mesh.truncated(2))
-
-
 @pytest.mark.parametrize(
     "change",
     [

@@ -132,49 +132,29 @@ def test_universal_files_that_are_damaged(tmp_path):
         ao.read_frf(turning)
 
 
-@pytest.mark.parametrize(
-    "header",
-    [
-        "frequency (Hz), real, imag",
-        "frequency real imag",
-        "Frequency;Real;Imag",
-        "# frequency\tmagnitude\tphase (deg)",
-    ],
-)
-def test_tables(header, tmp_path):
-    columns = [F, H.real, H.imag]
-    if "magnitude" in header:
-        columns = [F, np.abs(H), np.degrees(np.angle(H))]
-    mark = next((m for m in ";\t," if m in header), " ")
-    rows = [mark.join(f"{value:.12e}" for value in row) for row in zip(*columns, strict=True)]
-    if mark == ";":
-        rows = [row.replace(".", ",") for row in rows]
-    path = tmp_path / "a.csv"
-    path.write_text("\n".join([header, *rows]))
+def test_a_table_names_its_columns(tmp_path):
+    path = table(tmp_path / "a.csv", "# Frequency (Hz), real, imag", F, H.real, H.imag)
     assert np.allclose(ao.read_frf(path, quantity="receptance").receptance, H)
     with pytest.raises(ao.InputError, match="quantity"):
         ao.read_frf(path)
 
 
 def table(path: Path, header: str, *columns: np.ndarray) -> Path:
-    rows = [";".join(f"{value:.12e}" for value in row) for row in zip(*columns, strict=True)]
+    rows = [",".join(f"{value:.12e}" for value in row) for row in zip(*columns, strict=True)]
     path.write_text("\n".join([header, *rows]))
     return path
 
 
-ACCELERANCE, DEGREES = H * IW**2, np.degrees(np.angle(H * IW**2))
+ACCELERANCE = H * IW**2
 
 
 @pytest.mark.parametrize(
     ("header", "columns"),
     [
-        ("frequency [kHz]; real [m/s²/N]; imag [m/s²/N]",
+        ("frequency [kHz], real [m/s²/N], imag [m/s²/N]",
          (F / 1e3, ACCELERANCE.real, ACCELERANCE.imag)),
-        ("frequency (rad/s); real; imag", (2 * np.pi * F, ACCELERANCE.real, ACCELERANCE.imag)),
-        ("frequency; magnitude; phase", (F, abs(ACCELERANCE), DEGREES)),
-        ("frequency; magnitude [g/kN]; phase(rad)",
-         (F, abs(ACCELERANCE) * 1e3 / 9.80665, np.radians(DEGREES))),
-        ("frequency [Hz]; real [(mm/s^2)/N]; imag [mm/s**2/N]",
+        ("frequency (rad/s), real, imag", (2 * np.pi * F, ACCELERANCE.real, ACCELERANCE.imag)),
+        ("frequency [Hz], real [(mm/s^2)/N], imag [mm/s**2/N]",
          (F, 1e3 * ACCELERANCE.real, 1e3 * ACCELERANCE.imag)),
     ],
 )  # fmt: skip
@@ -185,11 +165,9 @@ def test_units_in_headers_are_read(header, columns, tmp_path):
     assert np.allclose(frf.frequency, F)
 
 
-def test_units_tell_the_quantity_and_blanks_separate_columns(tmp_path):
-    rows = np.column_stack([F / 1e3, ACCELERANCE.real, ACCELERANCE.imag])
-    path = tmp_path / "a.txt"
-    header = "frequency[kHz] real[m/s²/N] imag[m/s²/N]"
-    np.savetxt(path, rows, header=header, fmt="%.12e", encoding="utf-8")
+def test_units_tell_the_quantity(tmp_path):
+    header = "frequency[kHz], real[m/s²/N], imag[m/s²/N]"
+    path = table(tmp_path / "a.txt", header, F / 1e3, ACCELERANCE.real, ACCELERANCE.imag)
     frf = ao.read_frf(path)
     assert frf.quantity == "accelerance"
     assert np.allclose(frf.receptance, H, rtol=1e-6)
@@ -200,9 +178,9 @@ def test_units_tell_the_quantity_and_blanks_separate_columns(tmp_path):
 @pytest.mark.parametrize(
     "header",
     [
-        "frequency [furlong]; real; imag", "frequency; magnitude [dB]; phase",
-        "frequency; real [V/N]; imag [V/N]", "frequency; real; phase [gon]",
-        "x [kHz]; y [m/N]; z [m/N]", "kHz; V/N; V/N", "frequency [Mhz]; real; imag",
+        "frequency [furlong], real, imag", "frequency, magnitude [dB], phase",
+        "frequency, real [V/N], imag [V/N]", "x [kHz], y [m/N], z [m/N]",
+        "frequency [Mhz], real, imag", "frequency; real; imag",
     ],
 )  # fmt: skip
 def test_a_unit_that_is_not_known_is_refused(header, tmp_path):
@@ -223,9 +201,8 @@ def test_a_history_in_other_units_is_that_in_si(hit, header, tmp_path):
         ao.compare(hit, path)
 
 
-@pytest.mark.parametrize("header", ["x, real, imag", "Hz, u, v"])
-def test_a_header_without_known_names_is_told_which_are_known(header, tmp_path):
-    (tmp_path / "a.csv").write_text(header + "\n1, 2, 3\n2, 3, 4\n")
+def test_a_header_without_known_names_is_told_which_are_known(tmp_path):
+    (tmp_path / "a.csv").write_text("x, real, imag\n1, 2, 3\n2, 3, 4\n")
     with pytest.raises(ao.InputError, match=r"frequency, real"):
         ao.read_frf(tmp_path / "a.csv", quantity="mobility")
 

@@ -238,7 +238,8 @@ def find_impact(
     sensors : sequence of Sensor
     signals : array_like (n, m), or path
         One column for each sensor, in its unit; the record may begin before or after the blow. A
-        file is a table in text, with the times [s] in a column before them or without.
+        file is a table in text, as for `read_frf`, with the times [s] in a column before them or
+        without.
     rate : float, optional
         Samples a second [Hz]; not needed for a file with times.
     where, direction, radius

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from antiosc import ContactLaw, ElasticPlastic, History, Linear, ModalBody, RigidMass
@@ -17,6 +18,8 @@ from antiosc_studies.find.recording import Recording
 NEIGHBOURS = {1: 7, 2: 24}
 #: Least cosine between the directions of two sites on one smooth surface.
 SAME_SIDE = 0.7
+#: Weight of the sum of barycentric coordinates over that of the distance.
+FIRM = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,30 +126,13 @@ class MapSurface:
 
 def _feet(x: Array, corners: Array) -> Array:
     """Points (T, 3) of triangles (T, 3, 3) or segments (T, 2, 3) that are nearest to x (3,)."""
-    count = corners.shape[1]
-    edges = [(i, (i + 1) % count) for i in range(count if count > 2 else 1)]
-    feet = []
-    for i, j in edges:
-        a = corners[:, i]
-        sides = corners[:, j] - corners[:, i]
-        t = np.einsum("td,td->t", x - a, sides) / np.einsum("td,td->t", sides, sides)
-        feet.append(a + np.clip(t, 0.0, 1.0)[:, None] * sides)
-    edge_feet = np.array(feet)
-    distances = np.linalg.norm(edge_feet - x, axis=2)
-    best = edge_feet[np.argmin(distances, axis=0), np.arange(len(corners))]
-    if count == 3:
-        a = corners[:, 0]
-        u = corners[:, 1] - corners[:, 0]
-        v = corners[:, 2] - corners[:, 0]
-        uu, uv, vv = ((p * q).sum(axis=1) for p, q in ((u, u), (u, v), (v, v)))
-        wu = ((x - a) * u).sum(axis=1)
-        wv = ((x - a) * v).sum(axis=1)
-        det = np.maximum(uu * vv - uv**2, np.finfo(float).tiny)
-        s = (vv * wu - uv * wv) / det
-        t = (uu * wv - uv * wu) / det
-        in_triangle = (s >= 0) & (t >= 0) & (s + t <= 1)
-        best = np.where(in_triangle[:, None], a + s[:, None] * u + t[:, None] * v, best)
-    return np.asarray(best)
+    offsets = corners - x
+    size = float(np.linalg.norm(offsets, axis=2).max())
+    ones = np.full((*offsets.shape[:2], 1), FIRM * size)  # the weights of the corners add up to 1
+    rows = np.concatenate((offsets, ones), axis=2).transpose(0, 2, 1)
+    weights = np.array([nnls(A, [0.0, 0.0, 0.0, FIRM * size])[0] for A in rows])
+    weights /= weights.sum(axis=1, keepdims=True)
+    return x + np.asarray(np.einsum("tc,tcd->td", weights, offsets))
 
 
 def has_stiffness(law: ContactLaw) -> bool:

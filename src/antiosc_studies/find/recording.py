@@ -21,7 +21,7 @@ from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
 from antiosc.extension import Reach, place, source
 from antiosc.reduce.site import point_of
-from antiosc_studies.measured.tables import MOTIONS, STRAINS, TIMES, columns
+from antiosc_studies.measured.tables import MOTIONS, STRAINS, TIMES, table
 
 #: Quantity of a sensor -> order of the time derivative of displacement.
 DERIVATIVE = {"displacement": 0, "velocity": 1, "acceleration": 2, "strain": 0}
@@ -212,7 +212,7 @@ def recording(
 def _read(path: Path, sensors: Sequence[Sensor], rate: float | None) -> tuple[Array, float | None]:
     """The signals of a table, and their sampling rate if its first column contains times."""
     check_readable(path, "the signals")
-    table_columns = columns(path)
+    table_columns = table(path)
     timed = len(table_columns) == len(sensors) + 1
     signals = table_columns[1:] if timed else table_columns
     if len(signals) == len(sensors):

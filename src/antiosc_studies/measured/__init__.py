@@ -23,7 +23,7 @@ from antiosc.base.errors import (
 from antiosc.base.texts import percent
 from antiosc.models.body import MeasuredBand, ModelInfo
 from antiosc_studies.measured.fit import Fit, Measured, fitted, unclear, with_other_noise
-from antiosc_studies.measured.frf import FRF, POWER, FittedModes, Pairs, Tail
+from antiosc_studies.measured.frf import FRF, POWER, FittedModes, Pairs
 
 DampingForm = Literal["viscous", "hysteretic"]
 #: Largest number of values in a fit.
@@ -42,12 +42,6 @@ LEAST_RIGID = 0.05
 LEAST_RESIDUAL = 1e-7
 #: Shift over the lowest omega^2.
 SHIFT = 0.1
-#: Largest number of a mesh's modes above the band.
-MOST_GIVEN = 30
-#: Relative standard deviation of the frequencies of a mesh's modes, …
-GIVEN_SPREAD = 0.03
-#: … and of their squared displacements.
-GIVEN_DOUBT = 0.3
 #: Share of the power at the driving points that leaves the part, above which the sign of the
 #: measurement is reversed, …
 WRONG_SIGN = 0.8
@@ -69,7 +63,6 @@ def from_frf(
     *,
     damping: DampingForm | None = None,
     free: bool | None = None,
-    above: AntiOscillators | None = None,
 ) -> AntiOscillators:
     """A passive model of a part from measured frequency responses, with error bars.
 
@@ -86,9 +79,6 @@ def from_frf(
         damping ratios either way.
     free : bool, optional
         Whether the part has rigid-body motion at the site; default: if the measurement shows it.
-    above : AntiOscillators, optional
-        A model of the same sites from a mesh; its free modes above the band replace those that
-        were not measured.
 
     Returns
     -------
@@ -109,9 +99,8 @@ def from_frf(
     if free is not None:
         checks.flag("free", free)
     data = _with_equal_directions(_data(frf.within(band).without_sensor(sensor_mass)))
-    tail = None if above is None else _modes_above(above, frf, float(data.w[-1]))
-    best = fitted(data, free, None if damping is None else damping == "hysteretic", tail)
-    _check(data, best, above is not None)
+    best = fitted(data, free, None if damping is None else damping == "hysteretic")
+    _check(data, best)
     if free is None and unclear(data, best.modes):
         _warn_unclear(data, best.modes)
     info = ModelInfo(
@@ -178,7 +167,7 @@ def _power(data: Measured) -> Array:
     return np.asarray(-data.w[:, None] * data.H[:, driving].imag)
 
 
-def _check(data: Measured, fit: Fit, known_above: bool) -> None:
+def _check(data: Measured, fit: Fit) -> None:
     """Raise an error if no body explains the measurement; warn of doubtful properties."""
     H = fit.modes.receptance(data.w, data.pairs)
     misfit = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
@@ -206,11 +195,10 @@ def _check(data: Measured, fit: Fit, known_above: bool) -> None:
             f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",
             AccuracyWarning,
         )
-    if not fit.modes.seen and not known_above:
+    if not fit.modes.seen:
         warn(
             f"no mode lies in the band up to {data.w[-1] / (2 * np.pi):.4g} Hz: what the model does"
-            " above it is a guess, and its bars are too small; measure to a higher frequency, or"
-            " give above=, a model from a mesh.",
+            " above it is a guess, and its bars are too small; measure to a higher frequency.",
             AccuracyWarning,
         )
 
@@ -223,24 +211,6 @@ def _warn_unclear(data: Measured, modes: FittedModes) -> None:
         f" nor the stiffness of a supported one: the part was taken as {assumption}; measure from a"
         " lower frequency, or give free=True or free=False.",
         AccuracyWarning,
-    )
-
-
-def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
-    """The free modes of a meshed model above the band."""
-    checks.instance("above", above, AntiOscillators, "a model that extract returned")
-    if above.sites != frf.sites:
-        raise InputError(f"above has the sites {above.sites}, the measurement {frf.sites}.")
-    body = above.free_modes
-    high = np.flatnonzero(body.omega > top)[:MOST_GIVEN]
-    if not high.size:
-        raise InputError(
-            f"the model above has no mode above {top / (2 * np.pi):.4g} Hz, the top of the band;"
-            " extract it with more anti-oscillators."
-        )
-    b2 = np.maximum(body.B[high] ** 2, np.finfo(float).tiny)
-    return Tail(
-        body.omega[high], np.full(high.size, GIVEN_SPREAD), b2, np.full(high.size, GIVEN_DOUBT)
     )
 
 

@@ -18,7 +18,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import Completed
 from antiosc.plot.charts import figure_or_path, legend, panels
-from antiosc_studies.measured.tables import FORCES, TIMES, table
+from antiosc_studies.measured.tables import FORCES, TIMES, by_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -169,9 +169,7 @@ def _history(measured: object) -> tuple[Array, Array]:
     else:
         path = checks.path("measured", measured)
         check_readable(path, "a measurement")
-        columns = table(path)
-        if not {"time", "force"} <= set(columns):
-            raise InputError(f"{path.name} needs the columns time [s] and force [N].")
+        columns = by_name(path, "time", "force")
         arrays = {"time": columns["time"].in_si(TIMES), "force": columns["force"].in_si(FORCES)}
     t = checks.floats("the measured times", arrays["time"], (None,))
     F = checks.floats("the measured forces", arrays["force"], (None,))

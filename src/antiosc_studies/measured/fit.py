@@ -463,16 +463,14 @@ class Fit:
     tails: tuple[FittedModes, ...] = ()
 
 
-def fitted(
-    data: Measured, free: bool | None, hysteretic: bool | None, known_tail: Tail | None
-) -> Fit:
+def fitted(data: Measured, free: bool | None, hysteretic: bool | None) -> Fit:
     """The most probable body among forms of damping and of support.
 
     `free`: with rigid-body motion (None: if the measurement shows it); `hysteretic`: form of the
-    damping (None: the more probable one); `known_tail`: known modes above the band.
+    damping (None: the more probable one).
     """
     weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
-    modes = _first(data, weight, free, bool(hysteretic), known_tail)
+    modes = _first(data, weight, free, bool(hysteretic))
     best_round = (modes, weight, np.zeros(0))
     lowest = np.inf
     count = AT_ONCE
@@ -495,8 +493,7 @@ def fitted(
         if extended is None and significant.all():
             break
         modes = modes if extended is None else extended
-        if known_tail is None:
-            modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
+        modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
     modes, weight, _ = best_round
     best = _finished(data, weight, modes)
     if free is None:  # rigid-body motion must stand above the misfit
@@ -575,9 +572,7 @@ def _best(data: Measured, fit: Fit, bodies: list[FittedModes]) -> list[FittedMod
 # -- the initial body
 
 
-def _first(
-    data: Measured, weight: Array, free: bool | None, hysteretic: bool, known_tail: Tail | None
-) -> FittedModes:
+def _first(data: Measured, weight: Array, free: bool | None, hysteretic: bool) -> FittedModes:
     """Initial modes: poles of vector fitting with residues by least squares."""
     omega, zeta = poles(data.w, data.H, weight)
     low = data.w[0] * (1 - BEYOND)
@@ -604,7 +599,7 @@ def _first(
     rigid = None if free is False else _root(residues[-1])
     modes = FittedModes(omega, zeta, b, no_tail, _root(residues[-2]), rigid, hysteretic)
     modes = modes.with_seen(*_mode_parameters(modes))
-    return with_tail(modes, known_tail or expected_tail(modes, float(data.w[-1])))
+    return with_tail(modes, expected_tail(modes, float(data.w[-1])))
 
 
 def _completed(residues: Array, pairs: Pairs) -> Array:

@@ -18,12 +18,10 @@ from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.files import LARGEST_READ, check_readable
 from antiosc_studies.measured.frf import AVERAGES, FRF, Quantity, checked_quantity
 from antiosc_studies.measured.tables import (
-    ANGLES,
     FREQUENCIES,
-    Column,
+    by_name,
     plain,
     response_unit,
-    table,
     unknown_unit,
 )
 
@@ -79,15 +77,14 @@ def functions(path: Path) -> list[Function]:
                 f" ({' '.join(str(error).split())[:120].rstrip('.') or type(error).__name__})."
             ) from error
     scale = 1.0
+    measured = []
     for data_set in sets:
         if data_set["type"] == 164:
             scale = _units(data_set)
-    measured = [
-        _function(data_set, scale)
-        for data_set in sets
-        if data_set["type"] == 58 and _is_response(data_set)
-    ]
-    if not any(not data_set.coherence for data_set in measured):
+        elif data_set.get("func_type") in (RESPONSE, COHERENCE):
+            measured.append(_function(data_set, scale))
+
+    if all(function.coherence for function in measured):
         raise InputError(
             f"{path.name} holds no frequency response (data set 58, function type 4); it has"
             f" {'data sets ' + ', '.join(map(str, sorted(set(types)))) if types else 'none'}."
@@ -102,11 +99,6 @@ def _units(data_set: DataSet) -> float:
     if not (length and force and np.isfinite(length) and np.isfinite(force)):
         raise InputError("the units in data set 164 are no positive numbers.")
     return abs(float(force) / float(length))
-
-
-def _is_response(data_set: DataSet) -> bool:
-    """Whether a data set is a frequency response function or a coherence."""
-    return data_set.get("func_type") in (RESPONSE, COHERENCE)
 
 
 def _function(data_set: DataSet, scale: float) -> Function:
@@ -161,29 +153,10 @@ def _end(data_set: DataSet, side: str) -> tuple[End, int]:
 # -- selection of functions
 
 
-def selected_responses(
-    functions: list[Function],
-    site: str | int | Mapping[str, str | int] | None,
-    quantity: Quantity | None,
-    unit: float | None,
-    averages: int,
-) -> FRF:
-    """The responses between the requested sites."""
-    measured = [function for function in functions if not function.coherence]
-    if site is None:
-        ends = {"": _driving(measured)}
-    elif isinstance(site, str | int) and not isinstance(site, bool):
-        ends = {"": _end_of(measured, site)}
-    else:
-        message = "a name, a node, or a dict {name: name or node}"
-        sites_by_name = checks.instance("site", site, Mapping, message).items()
-        if not sites_by_name:
-            raise InputError("site names no site.")
-        ends = {
-            checks.name("the name of a site", name): _end_of(measured, function)
-            for name, function in sites_by_name
-        }
-    return _responses_of_sites(functions, ends, quantity, unit, averages)
+def _in_words(end: End) -> str:
+    """An end as text."""
+    name, node, axis = end
+    return f"{name or node}{AXES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
 
 
 def _driving(measured: list[Function]) -> End:
@@ -191,30 +164,22 @@ def _driving(measured: list[Function]) -> End:
     ends = {function.response for function in measured if function.response == function.reference}
     if len(ends) == 1:
         return ends.pop()
-    names = sorted(
-        {_in_words(e) for function in measured for e in (function.response, function.reference)}
-    )
-    count_text = "no driving point" if not ends else f"{len(ends)} driving points"
+    names = {_in_words(e) for function in measured for e in (function.response, function.reference)}
     raise InputError(
-        f"the file has {count_text}; give site= one of {checks.shown(', '.join(names))}."
+        f"the file has {len(ends) or 'no'} driving points; give site= one of"
+        f" {checks.shown(', '.join(sorted(names)))}."
     )
-
-
-def _in_words(end: End) -> str:
-    """An end as text."""
-    name, node, axis = end
-    return f"{name or node}{AXES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
 
 
 def _end_of(measured: list[Function], name: str | int) -> End:
     """The end that a name, a node, or "node axis" refers to."""
     wanted_name = str(name).strip().lower()
     ends = {end for function in measured for end in (function.response, function.reference)}
-    fits = [
-        end
-        for end in ends
-        if wanted_name in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])))
-    ]
+    fits = []
+    for end in ends:
+        if wanted_name in (end[0].lower(), str(end[1]), _in_words(("", *end[1:]))):
+            fits.append(end)
+
     if len(fits) == 1:
         return fits[0]
     end_names = ", ".join(sorted(map(_in_words, fits or ends)))
@@ -222,80 +187,69 @@ def _end_of(measured: list[Function], name: str | int) -> End:
     raise InputError(f"site {checks.shown(name)} {reason}; choose one of {end_names[:200]}.")
 
 
-def _responses_of_sites(
+def selected_responses(
     functions: list[Function],
-    ends: Mapping[str, End],
+    site: str | int | Mapping[str, str | int] | None,
     quantity: Quantity | None,
     unit: float | None,
     averages: int,
 ) -> FRF:
-    """The responses of all sites to forces at the sites for which all were measured."""
-    if any(end[2] > 3 for end in ends.values()):
+    """The responses of the sites to forces at those for which all were measured."""
+    measured = [function for function in functions if not function.coherence]
+    if site is None:
+        ends = {"": _driving(measured)}
+    elif isinstance(site, str | int) and not isinstance(site, bool):
+        ends = {"": _end_of(measured, site)}
+    else:
+        kind = "a name, a node, or a dict {name: name or node}"
+        sites = checks.instance("site", site, Mapping, kind).items()
+        ends = {checks.name("the name of a site", n): _end_of(measured, one) for n, one in sites}
+    if not ends or any(end[2] > 3 for end in ends.values()):
         raise InputError("a site is a displacement; rotations (directions 4 to 6) are not taken.")
+
+    places = list(ends.values())
     pairs: dict[tuple[End, End, bool], Function] = {}
     for function in functions:
         key = (function.response, function.reference, function.coherence)
-        if (
-            key in pairs
-            and function.response in ends.values()
-            and function.reference in ends.values()
-        ):
+        if key in pairs and function.response in places and function.reference in places:
             raise InputError(
                 f"the file has the response {_in_words(function.response)} per force at"
                 f" {_in_words(function.reference)} twice: leave one measurement in it."
             )
         pairs[key] = function
-    places = list(ends.values())
     forced = [n for n, end in ends.items() if all((m, end, False) in pairs for m in places)]
     if not forced:
         raise InputError(
             "the file has no force whose responses at all of the sites were measured: "
             f"{checks.shown(', '.join(map(_in_words, places)))}."
         )
-    parts = [[pairs[m, ends[n], False] for n in forced] for m in places]
-    cells = [function for row in parts for function in row]
-    kinds = {quantity or function.quantity for function in cells}
-    quantity_measured = checked_quantity(kinds.pop() if len(kinds) == 1 else None)
+
+    cells = [pairs[m, ends[n], False] for m in places for n in forced]
     f = cells[0].frequency
-    if any(
-        len(function.frequency) != len(f) or not np.allclose(function.frequency, f)
-        for function in cells
-    ):
-        raise InputError("the responses have different frequencies: measure all with one set.")
-    if unit is None and (
-        unknown := next((function.label for function in cells if function.factor is None), None)
-    ):
-        raise InputError(
-            f"the unit {unknown!r} is not known: give unit=, the factor to m/N, m/(s N) or"
-            " m/(s^2 N)."
-        )
-    values = np.array(
-        [
-            [function.sign * (unit or function.factor or 1.0) * function.values for function in row]
-            for row in parts
-        ]
-    )
+    for cell in cells:
+        if len(cell.frequency) != len(f) or not np.allclose(cell.frequency, f):
+            raise InputError("the responses have different frequencies: measure all with one set.")
+        if unit is None and cell.factor is None:
+            raise InputError(
+                f"the unit {cell.label!r} is not known: give unit=, the factor to m/N, m/(s N) or"
+                " m/(s^2 N)."
+            )
+    kinds = {quantity or cell.quantity for cell in cells}
+    arrays = [cell.sign * (unit or cell.factor or 1.0) * cell.values for cell in cells]
     coherences = [pairs.get((m, ends[n], True)) for m in places for n in forced]
-    columns_known = [
-        function.values.real
-        for function in coherences
-        if function is not None and len(function.frequency) == len(f)
-    ]
-    coherence = (
-        np.reshape(columns_known, values.shape) if len(columns_known) == len(coherences) else None
-    )
-    if list(ends) == [""]:
-        coherence = None if coherence is None else coherence[0, 0]
-        return FRF(f, values[0, 0], quantity_measured, coherence, averages)
-    coherence = None if coherence is None else np.moveaxis(coherence, 2, 0)
+    shape = (len(f), len(places), len(forced)) if list(ends) != [""] else (len(f),)
+    coherence = None
+    if all(one is not None and len(one.frequency) == len(f) for one in coherences):
+        known = [one.values.real for one in coherences if one is not None]
+        coherence = np.transpose(known).reshape(shape)
+    names: Any = {"sites": tuple(ends), "references": tuple(forced)} if len(shape) > 1 else {}
     return FRF(
         f,
-        np.moveaxis(values, 2, 0),
-        quantity_measured,
+        np.transpose(arrays).reshape(shape),
+        checked_quantity(kinds.pop() if len(kinds) == 1 else None),
         coherence,
         averages,
-        sites=tuple(ends),
-        references=tuple(forced),
+        **names,
     )
 
 
@@ -315,10 +269,9 @@ def read_frf(
     path : str or Path
         ``.uff``, ``.unv`` or ``.58``: universal files, data sets 58 and 58b (needs pyuff).
         ``.npz``: arrays `frequency`, `values`, and perhaps `coherence`, `sigma`, `quantity`.
-        Anything else: a table in text, separated by commas, semicolons, tabs or blanks, with a
-        line that names its columns: frequency, real and imag, or magnitude and phase, and perhaps
-        coherence and sigma. Units are read in brackets after a name, ``frequency [kHz]``,
-        ``phase [rad]``, ``real [(mm/s²)/N]``; without one a column is in Hz, degrees, SI.
+        Anything else: a table in text, separated by commas, whose first line names its columns:
+        frequency, real and imag, and perhaps coherence and sigma. Units stand in brackets after a
+        name, ``frequency [kHz], real [(mm/s²)/N]``; without one a column is in Hz, SI.
     site : str, int or {name: str or int}, optional
         Universal files: the site by its entity name, node, or node and axis ("12", "12z"); for
         several sites a dict with names of your choice. None: the only driving point in the file.
@@ -354,7 +307,7 @@ def read_frf(
             return selected_responses(frfs, site, quantity, unit, averages)
         if site is not None:
             raise InputError("site belongs to universal files; a table has one driving point.")
-        arrays = _arrays(file) if ending == ".npz" else _of_table(table(file), factor)
+        arrays = _arrays(file) if ending == ".npz" else _of_table(file, factor)
         return _frf_of_arrays(arrays, quantity, factor or 1.0, averages)
     except AntioscError as error:
         if file.name in str(error):
@@ -362,8 +315,9 @@ def read_frf(
         raise type(error)(f"{file.name}: {error}") from error
 
 
-def _of_table(columns: Mapping[str, Column], factor: float | None) -> DataSet:
+def _of_table(path: Path, factor: float | None) -> DataSet:
     """The arrays of a table in SI units; responses are unchanged if their `factor` is given."""
+    columns = by_name(path, "frequency", "real", "imag")
     quantities: set[Quantity] = set()
 
     def response(name: str) -> Array:
@@ -376,20 +330,14 @@ def _of_table(columns: Mapping[str, Column], factor: float | None) -> DataSet:
         quantities.add(quantity)
         return scale * column.values
 
-    arrays: dict[str, Any] = {}
-    if "frequency" in columns:
-        arrays["frequency"] = columns["frequency"].in_si(FREQUENCIES)
-    if {"real", "imag"} <= set(columns):
-        arrays["values"] = response("real") + 1j * response("imag")
-    elif {"magnitude", "phase"} <= set(columns):
-        phase = columns["phase"]
-        angle = phase.in_si(ANGLES) if phase.unit else np.radians(phase.values)
-        arrays["values"] = response("magnitude") * np.exp(1j * angle)
+    arrays: dict[str, Any] = {
+        "frequency": columns["frequency"].in_si(FREQUENCIES),
+        "values": response("real") + 1j * response("imag"),
+    }
     if "sigma" in columns:
         arrays["sigma"] = response("sigma")
     if "coherence" in columns:
         arrays["coherence"] = columns["coherence"].in_si({"-": 1.0})
-
     if len(quantities) > 1:
         raise InputError("the units in the header are those of different quantities.")
     return {**arrays, "told": next(iter(quantities), None)}
@@ -403,8 +351,8 @@ def _frf_of_arrays(arrays: DataSet, quantity: Quantity | None, factor: float, av
     quantity = checked_quantity(quantity or arrays.get("quantity", told))
     if not {"frequency", "values"} <= set(arrays):
         raise InputError(
-            "a measurement needs frequencies and values: the columns frequency, real and imag, or"
-            " frequency, magnitude and phase, of a table; frequency and values of an .npz."
+            "a measurement needs frequencies and values: the columns frequency, real and imag of a"
+            " table; frequency and values of an .npz."
         )
     values: ComplexArray = np.multiply(factor, checks.spectrum("values", arrays["values"]))
     optional: dict[str, Any] = {
