@@ -173,8 +173,7 @@ def test_signs_and_places_that_are_no_driving_point_are_said():
     with pytest.warns(ao.AntioscWarning, match="sign"):
         turned = ao.from_frf(ao.FRF(F, -H[:, 0, 0], "receptance"), damping="viscous")
     assert turned.k0 > 0
-    told = r"modes at (896|904), 3(096|104) Hz: the sensor lies beside"  # B has two signs there
-    with pytest.warns(ao.AntioscWarning, match=told), suppress(ao.AccuracyError):
+    with pytest.warns(ao.AntioscWarning, match="beside"), suppress(ao.AccuracyError):
         ao.from_frf(ao.FRF(F, H[:, 0, 1], "receptance"), damping="viscous")
 
 
@@ -310,17 +309,6 @@ def test_broad_modes_of_a_fit_are_nobodys_input(tmp_path):
     assert max(made.damping.ratio) == pytest.approx(0.3)
     made.save(tmp_path / "fit.npz")
     assert ao.AntiOscillators.load(tmp_path / "fit.npz").damping == made.damping
-
-
-def test_long_records_are_made_triangular_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So that an interrupt does not wait; R is that of the whole."""
-    A = np.random.default_rng(3).normal(size=(5 * fit.ROWS + 7, 9))
-    R = fit._triangular(A)
-    np.testing.assert_allclose(R.T @ R, A.T @ A, rtol=1e-12)
-    rows, qr = [], np.linalg.qr
-    monkeypatch.setattr(np.linalg, "qr", lambda a, **k: rows.append(len(a)) or qr(a, **k))
-    fit._triangular(A)
-    assert max(rows) <= fit.ROWS + 9
 
 
 def test_equations_of_a_fit_are_those_of_the_whole_record(monkeypatch: pytest.MonkeyPatch) -> None:

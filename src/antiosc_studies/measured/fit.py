@@ -53,7 +53,7 @@ OVER_NOISE = 4.0
 SPARE = 0.4
 #: Least number of additional poles (5e-5).
 LEAST_SPARE = 4
-#: Number of rows of a matrix in one block of a QR decomposition.
+#: Number of frequencies whose derivatives are computed at once.
 ROWS = 1024
 #: Damping ratio of the initial poles (2e-7).
 FIRST_DAMPING = 0.005
@@ -86,14 +86,6 @@ def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
     return omega[order], (-starts.real / omega)[order]
 
 
-def _triangular(A: Array) -> Array:
-    """R of A = Q R, computed by blocks of rows so that an interrupt takes effect in between."""
-    R = A[:0]
-    for first in range(0, len(A), ROWS):
-        R = np.asarray(np.linalg.qr(np.vstack((R, A[first : first + ROWS])), mode="r"))
-    return R
-
-
 def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray) -> ComplexArray:
     """The zeros of sigma in the left half-plane; of conjugate pairs only the upper one."""
     is_real = a.imag == 0
@@ -108,7 +100,7 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     rows: list[Array] = []
     for h, v in zip(H.T, weight.T, strict=True):
         A = np.hstack([v[:, None] * with_rest, -(v * h)[:, None] * sigma])
-        R = _triangular(np.vstack([A.real, A.imag]))
+        R = np.linalg.qr(np.vstack([A.real, A.imag]), mode="r")
         rows.append(R[with_rest.shape[1] :, with_rest.shape[1] :])
     scale = float(np.linalg.norm(np.abs(H) * weight)) / len(s)
     A = np.vstack([*rows, scale * np.sum(sigma, axis=0).real[None, :]])
@@ -306,10 +298,7 @@ def residuals(data: Measured, weight: Array, modes: FittedModes) -> Array:
 def _equations(
     data: Measured, weight: Array, modes: FittedModes, residual: Array
 ) -> tuple[Array, Array]:
-    """J'J (n, n) and J' residual (n,), J being the derivatives of `residuals` by `values`.
-
-    Computed by blocks of frequencies so that an interrupt takes effect in between.
-    """
+    """J'J (n, n) and J' residual (n,), J being the derivatives of `residuals` by `values`."""
     lines = 2 * data.H.size
     misfit = residual[:lines].reshape(2, *data.H.shape)
     J = modes.expected_jacobian()
