@@ -28,8 +28,8 @@ from antiosc_studies.drops.floor import law_at, law_of
 from antiosc_studies.drops.free_body import State
 from antiosc_studies.drops.impacts import Impacts
 from antiosc_studies.drops.orientation import tilted
-from antiosc_studies.drops.touching import BODY, Touch
-from antiosc_studies.drops.trajectory import initial_state
+from antiosc_studies.drops.touching import BODY, OngoingContact, Touch
+from antiosc_studies.drops.trajectory import _excess_energy, initial_state
 from antiosc_studies.drops.yielding import law_error, point_contacts
 from falling import CORNERS, HALF, G, bar, block, floating, landed, setting, started
 from law_formulas import restitution_of
@@ -490,8 +490,20 @@ def test_a_slender_body_rolls_over_its_corners() -> None:
     floor = ao.Floor(law=ao.HuntCrossley(1e5, 0.4), friction=0.3)
     fall = ao.drop(bar, 0.05, (20, 0, 0), floor, until=3, tol=1e-2)
     for one in fall.episodes:
-        assert one.end.heights(fall.body, None).min() > -1.01 * one.pressed
+        assert one.end.heights(fall.body).min() > -1.01 * one.pressed
     assert np.arccos(fall.end.R[2] @ fall.start.R[2]) > 0.3  # it has rolled
+
+
+def test_a_point_that_friction_lifts_stores_energy_too() -> None:
+    """Where it sticks with more than the friction's cone its height may be above zero."""
+    body, where = free_body(block(), 0, None, None), setting(ao.Hertz(1e8))
+    state = started(body, where, (0.0, 0.0, 0.0))
+    W, _ = body.rigid_modes(state.R)
+    energies = []
+    for height in (1e-6, -1e-6):
+        ongoing = {0: OngoingContact(height, np.array([5.0, 9.0, 0.0]), 1e6, None, None)}
+        energies.append(_excess_energy(body, state, W, ongoing, G))
+    assert energies[0] == energies[1] > 0.0
 
 
 def test_a_body_that_may_not_touch_below_its_centre_is_told() -> None:
@@ -620,9 +632,8 @@ def test_a_beam_that_bends_upward_falls_on() -> None:
     body = bar(1)
     body.points[:, 2] = 0.0
     up = 0.004 / body.shapes[0, 0, 2]
-    none = np.zeros((2, 0))
     start = State(0.0, np.array([0, 0, 1e-5]), np.array([0, 0, -1.5]), np.eye(3), np.zeros(3),
-                  np.array([up]), np.zeros(1), none)  # fmt: skip
+                  np.array([up]), np.zeros(1))  # fmt: skip
     flight = Flight(body, start, G)
     found = flight.touch(flight.longest())
     assert found is not None
@@ -643,7 +654,7 @@ def test_a_point_that_has_parted_below_the_floor_is_no_contact() -> None:
     times = np.linspace(0.0, run.time[parted[len(parted) // 2]], 200)
     path = path_of(one.touch, one.history, times)
     end, held = handed_over(one.touch, one.history, path, one.which)
-    assert end.heights(body, None).min() < -1e-7
+    assert end.heights(body).min() < -1e-7
     assert not held
 
 

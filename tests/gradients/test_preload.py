@@ -41,7 +41,7 @@ def impulse(
 @pytest.mark.parametrize(
     ("law", "m0", "damped"),
     [
-        (ao.Hertz(3e8), 0.0, False),
+        (ao.Hertz(3e8), 0.04, False),
         (ao.HuntCrossley(3e8, 0.8), 0.04, True),
         (ao.Thornton(3e8, 2e-6), 0.0, True),
     ],
