@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, cast
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -27,39 +27,28 @@ from antiosc.impact.histories import History
 from antiosc.models.modal import ModalBody
 from antiosc.reduce.site import Site, functional
 
+M = TypeVar("M", float, Array)
 UNREDUCED = "unreduced"
 #: Steps to a contact. Hertz's blow on a block has errors of 1e-4 of the peak with these.
 STEPS = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Striker:
-    """The impactor in its modes: omega [rad/s], beta (closing displacement), start, load (J,).
-
-    residual : compliance [m/N] of its contact point without inertia.
-    """
-
-    omega: Array
-    beta: Array
-    start: Array
-    load: Array
-    residual: float
-
-
-@dataclass(frozen=True, eq=False)
 class Blow:
-    """An impact on a part at rest, as methods without anti-oscillators integrate it.
+    """The impact of a rigid body on a part at rest, as it is integrated without anti-oscillators.
 
-    b : load vector of the site. law : without the half-space compliance of the patch.
-    gap, depth : at the start, and largest indentation that is expected [m]. step, duration : [s].
+    b : load vector of the site. law : without the half-space compliance of the patch. mass : of the
+    impactor [kg], speed : with which it approaches at the start [m/s], acceleration : by gravity
+    [m/s²]. gap [m] at the start. step, duration : [s].
     """
 
     structure: Structure
     b: Array
     law: ContactLaw
-    striker: Striker
+    mass: float
+    speed: float
+    acceleration: float
     gap: float
-    depth: float
     step: float
     duration: float
 
@@ -101,20 +90,18 @@ def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> 
         raise InputError("the part moves at the start or falls, and other methods begin at rest")
     if not hit.contact_time:
         raise InputError("there is no contact")
-    striker = Striker(
-        omega=system.omega[ball],
-        beta=system.beta[0, ball],
-        start=system.v[ball],
-        load=system.loads[0, ball],
-        residual=cast("ModalBody", assembly.bodies["impactor"].modes).r,
-    )
+    if system.omega[ball].size > 1 or cast("ModalBody", assembly.bodies["impactor"].modes).r:
+        raise InputError("the impactor is elastic, and other methods take a rigid one")
+
+    (beta,) = system.beta[0, ball].tolist()
     return Blow(
         structure=structure,
         b=functional(structure, site).b,
         law=assembly.laws[0],
-        striker=striker,
+        mass=1 / beta**2,
+        speed=beta * float(system.v[ball][0]),
+        acceleration=beta * float(system.loads[0, ball][0]),
         gap=float(system.offsets[0, 0]),
-        depth=float(hit.indentation.max()),
         step=hit.contact_time / STEPS,
         duration=duration,
     )
@@ -160,30 +147,29 @@ def newmark(blow: Blow) -> Outcome:
 def _integrated(blow: Blow, A: Factorization) -> Curve:
     """All steps with the factor A of K + 4 M/h²."""
     h = blow.step
-    M = blow.structure.M
+    mass_matrix = blow.structure.M
     comm = blow.structure.comm
-    ball = blow.striker
     flexibility = A.solve(blow.b)
-    inverse = 1 / (ball.omega**2 + 4 / h**2)
-    alpha = float(dot(comm, blow.b, flexibility)) + float(ball.beta**2 @ inverse)
+    by_force = h**2 / (4 * blow.mass)  # displacement of the impactor at the end of a step
+    contact = _Contact(blow, float(dot(comm, blow.b, flexibility)) + by_force, blow.speed)
+
     u, v, a = np.zeros((3, len(blow.b)))
-    q, w, c = np.zeros(len(ball.beta)), ball.start, ball.load
-    contact = _Contact(blow, alpha, float(ball.beta @ w))
+    x, speed, acceleration = 0.0, blow.speed, blow.acceleration
     for _ in range(blow.steps):
         inertia_terms = 4 / h**2 * u + 4 / h * v + a
-        ball_rest = 4 / h**2 * q + 4 / h * w + c
-        new = A.solve(multiply(M, inertia_terms))
-        ball_new = inverse * (ball_rest + ball.load)
-        F = contact.step(float(ball.beta @ ball_new) - float(dot(comm, blow.b, new)))
-        new += F * flexibility
-        ball_new = ball_new - F * inverse * ball.beta
-        v, a = _rates(h, new, inertia_terms, v, a)
-        w, c = _rates(h, ball_new, ball_rest, w, c)
-        u, q = new, ball_new
+        of_impactor = 4 / h**2 * x + 4 / h * speed + acceleration
+        u = A.solve(multiply(mass_matrix, inertia_terms))
+        x = h**2 / 4 * (of_impactor + blow.acceleration)
+
+        force = contact.step(x - float(dot(comm, blow.b, u)))
+        u += force * flexibility
+        x -= force * by_force
+        v, a = _rates(h, u, inertia_terms, v, a)
+        speed, acceleration = _rates(h, x, of_impactor, speed, acceleration)
     return Curve(*np.array(contact.nodes).T)
 
 
-def _rates(h: float, new: Array, inertia_terms: Array, v: Array, a: Array) -> tuple[Array, Array]:
+def _rates(h: float, new: M, inertia_terms: M, v: M, a: M) -> tuple[M, M]:
     """Velocity and acceleration at the end of a step."""
     new_acceleration = 4 / h**2 * new - inertia_terms
     return v + h / 2 * (a + new_acceleration), new_acceleration
@@ -216,10 +202,9 @@ class _Contact:
         if self.closed or free > origin:
             self._touch(free - origin, rate)
             assert self.state is not None
-            compliance = alpha + self.blow.striker.residual
             guess = self.nodes[-1][1]
-            force = law.implicit(free, compliance, rate, 2 / h * alpha, self.state, guess)
-            free -= compliance * force
+            force = law.implicit(free, alpha, rate, 2 / h * alpha, self.state, guess)
+            free -= alpha * force
             self.closed = force > 0 or free > origin
             self.state = law.advance(free, rate - 2 / h * alpha * force, self.state)
             origin = law.origin(self.state)
