@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.lib import format as npy
@@ -23,49 +23,11 @@ _MEMBERS = 100
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 
-class _Sink:
-    """A stream of bytes that keeps the error of its file for later.
-
-    zipfile can neither write nor close an archive whose file refuses a byte, and would raise its
-    own error.
-    """
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        self.stream = stream
-        self.place = 0
-        self.error: OSError | None = None
-
-    def write(self, data: bytes) -> int:
-        self.place += len(data)
-        if self.error is None:
-            try:
-                self.stream.write(data)
-            except OSError as error:
-                self.error = error
-        return len(data)
-
-    def seek(self, place: int, whence: int = 0) -> int:
-        self.place = place
-        if self.error is None:
-            self.stream.seek(place, whence)
-        return place
-
-    def tell(self) -> int:
-        return self.place
-
-    def flush(self) -> None:
-        """Do nothing: the content reaches the disk when the file is closed."""
-
-
 @contextmanager
 def atomic_archive(path: str | os.PathLike[str], what: str) -> Iterator[zipfile.ZipFile]:
     """Context manager: an archive that is written completely or not at all, as `atomic_file`."""
-    with files.atomic_file(path, what) as part, part.open("wb") as stream:
-        sink = _Sink(stream)
-        with zipfile.ZipFile(sink, "w") as archive:  # type: ignore[call-overload]
-            yield archive
-        if sink.error is not None:
-            raise sink.error
+    with files.atomic_file(path, what) as part, zipfile.ZipFile(part, "w") as archive:
+        yield archive
 
 
 def write_arrays(path: str | os.PathLike[str], arrays: Arrays, what: str) -> None:
