@@ -524,10 +524,9 @@ def block_of(layout: Layout) -> int:
     would be useless.
     """
     blocks = {m.block for m in layout.members.values()}
-    if len(blocks) > 1:
+    if len(blocks) > 1 or layout.condensed:
         return 1
-    has_points = layout.points or layout.condensed
-    return int(np.gcd(blocks.pop(), POINT_DOFS if has_points else 0))
+    return int(np.gcd(blocks.pop(), POINT_DOFS if layout.points else 0))
 
 
 def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:

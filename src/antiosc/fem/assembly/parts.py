@@ -41,8 +41,6 @@ MOST_SIZE = 2000
 STIFFNESS_ROUNDING = 1e-7
 #: Fraction of the largest eigenvalue of K below which one is zero.
 ZERO_STIFFNESS = 1e-9
-#: Dofs are added, and held, until their number is a multiple of those of a node.
-NODE_DOFS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +153,7 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
     no_supports = np.zeros(size, dtype=bool), np.zeros((size, 0))
     places = DofPlaces(positions, np.arange(size), axes, kind)
     superelement = Superelement(reduced.K, reduced.M, places, ends, *no_supports)
-    return _padded(
-        _without_rigid_strain(name, superelement, "patches on curved faces turn otherwise")
-    )
+    return _without_rigid_strain(name, superelement, "patches on curved faces turn otherwise")
 
 
 def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
@@ -191,9 +187,7 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     fixed[matrices.fixed] = True
     C = None if matrices.C is None else _dense(matrices.C)
     superelement = Superelement(K, M, places, ends, fixed, np.zeros((size, 0)), C)
-    return _padded(
-        _without_rigid_strain(name, superelement, "its coordinates may have too few digits")
-    )
+    return _without_rigid_strain(name, superelement, "its coordinates may have too few digits")
 
 
 def _dense(matrix: object) -> Array:
@@ -239,37 +233,10 @@ def _without_rigid_strain(name: str, superelement: Superelement, why: str) -> Su
     return replace(superelement, K=corrected, rigid=translations)
 
 
-def _padded(superelement: Superelement) -> Superelement:
-    """The superelement with fixed dofs appended, so that its size is a multiple of the dofs of a
-    node."""
-    padding = -superelement.size % NODE_DOFS
-    places = superelement.places
-    right = ((0, 0), (0, padding))
-    pad_widths = ((0, padding), (0, 0))
-    ends = {
-        name: replace(end, six=np.pad(end.six, right)) for name, end in superelement.ends.items()
-    }
-    return Superelement(
-        np.pad(superelement.K, (0, padding)),
-        np.pad(superelement.M, (0, padding)),
-        DofPlaces(
-            places.nodes,
-            np.pad(places.node, (0, padding), mode="edge"),
-            np.pad(places.axes, pad_widths),
-            np.pad(places.kind, (0, padding), constant_values=AMPLITUDE),
-        ),
-        ends,
-        np.pad(superelement.fixed, (0, padding), constant_values=True),
-        np.pad(superelement.rigid, pad_widths),
-        None if superelement.C is None else np.pad(superelement.C, (0, padding)),
-    )
-
-
 def interface(superelement: Condensed, end: Interface, count: int) -> scipy.sparse.csr_matrix:
     """Displacement and rotation (6, count) of an end as functionals of u, in assembly axes."""
-    rotated = scipy.sparse.coo_matrix(
-        np.vstack([superelement.at.rotation @ end.six[:3], superelement.at.rotation @ end.six[3:]])
-    )
+    R = superelement.at.rotation
+    rotated = scipy.sparse.coo_matrix(np.vstack([R @ end.six[:3], R @ end.six[3:]]))
     indices = rotated.row, rotated.col + superelement.first
     return scipy.sparse.csr_matrix((rotated.data, indices), shape=(6, count))
 
