@@ -244,19 +244,19 @@ EDGE = at(x=0.0, z=0.0)
         # a roller under a face: it slides along the face and turns about the normal
         (
             [ao.Support(at(x=0.0), "x")],
-            "translation along y, translation along z and rotation about x",
+            "rx, y, z at (0.2, 0.05, 0.1) m",
         ),
-        ([ao.Support(at(x=0.0), ("x", "y"))], "translation along z"),
+        ([ao.Support(at(x=0.0), ("x", "y"))], "z at (0.2, 0.05, 0.1) m"),
         # a hinge along an edge that lies in y
-        ([ao.Support(EDGE)], "rotation about y through (0, 0.05, 0) m"),
+        ([ao.Support(EDGE)], "ry +0.1 x -0.2 z at (0.2, 0.05, 0.1) m"),
         (
             [ao.Support(EDGE, ("x", "z"))],
-            "translation along y and rotation about y through (0, 0.05, 0) m",
+            "ry +0.1 x -0.2 z, y at (0.2, 0.05, 0.1) m",
         ),
         # two ball joints: it turns about the line between them
         (
             [ao.Support(CORNER), ao.Support(OTHER)],
-            "rotation about (0.873, 0.218, 0.436) through (0.2, 0.05, 0.1) m",
+            "rx +0.25 ry +0.5 rz at (0.2, 0.05, 0.1) m",
         ),
     ],
 )

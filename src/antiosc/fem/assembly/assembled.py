@@ -176,7 +176,7 @@ def _excluding_rigid(motions: Array, rigid: Array) -> Array:
 
 
 def motions_as_text(body: RigidDofs, motions: Array) -> str:
-    """The motions (rows of u, m) of a body as text, such as "translation along x"."""
+    """The motions (rows of u, m) of a body as text, such as "x and rz at (0, 0, 0) m"."""
     coefficients = np.linalg.lstsq(body.motions, motions[body.rows], rcond=1e-9)[0]
     size = np.linalg.norm(coefficients, axis=0)
     return support.motions_text(

@@ -75,6 +75,7 @@ class _LoadedMesh(Loaded):
         solver: Solver,
     ) -> None:
         self.K = base.K
+        self.size = base.mesh.extent()
         self.solver = solver
         self._part = LoadedPart(base, loads, initial)
         self.dead = freed(base, dead_forces(base, loads) + weight(base, loads))

@@ -199,6 +199,8 @@ def placement(name: str, at: Placement | Sequence[float] | None) -> Placement:
         ) from error
 
 
+#: Negative eigenvalues of a damping matrix over the largest that are rounding.
+NEGATIVE = 1e-8
 #: Eigenvalues of a projected matrix over the largest that are rounding.
 LEAST_EIGENVALUE = 1e-14
 
@@ -232,6 +234,8 @@ def _root(matrix: Array) -> Array:
     floor = max(LEAST_EIGENVALUE * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
     scale = np.sqrt(np.maximum(diagonal, floor))  # what lies below is rounding
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
+    if values.min(initial=0.0) < -NEGATIVE * values.max(initial=0.0):
+        raise InputError("C must be positive semidefinite, and has a negative eigenvalue.")
     is_positive = values > LEAST_EIGENVALUE * values.max(initial=0.0)
     return np.asarray((vectors[:, is_positive] * np.sqrt(values[is_positive])).T * scale)
 

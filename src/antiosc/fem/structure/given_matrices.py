@@ -21,7 +21,7 @@ from antiosc.base._types import Array, BoolArray, IntArray, Matrix
 from antiosc.base.checks import LARGEST, SMALLEST, floats
 from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
+from antiosc.fem.linalg.algebra import communicator
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import agree, agreed, alike, of_petsc
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, modes_and_shift
@@ -46,10 +46,6 @@ PENALTY_OVER_ROW = 1e14
 PENALTY_OVER_TYPICAL = 1e12
 #: A coupling that leaves less than four digits of what is coupled.
 DOMINATES = 1e12
-#: A negative eigenvalue over the largest, of M scaled to a unit diagonal.
-NEGATIVE = 1e-8
-#: Number of steps to find that eigenvalue.
-NEGATIVE_STEPS = 30
 
 
 # -- one matrix
@@ -190,8 +186,7 @@ def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
             f"C must be of the size and distribution of K; got {algebra.size(C)} rows for "
             f"{algebra.size(K)}."
         )
-    entries = _checked_entries("C", C)
-    _check_definite(communicator(C), C, entries.diagonal, "C")
+    _checked_entries("C", C)
     first, _ = algebra.row_range(C)
     return algebra.hold(C, fixed[fixed < algebra.rows(C)] + first, 0.0)
 
@@ -235,7 +230,6 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
             f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}: leave "
             "their rows and columns out."
         )
-    _check_definite(comm, M, of_M.diagonal)
     constrained = _penalised(comm, of_K)
     stray = np.setdiff1d(_penalised(comm, of_M), constrained)
     if len(stray):
@@ -344,33 +338,3 @@ def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -
         "K couples dofs {0} and {1} by a penalty of {2:g}, which leaves less than four digits of "
         "their own stiffness: take a penalty of at most 1e8 times the usual entries.",
     )
-
-
-def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array, name: str = "M") -> None:
-    """InputError for a matrix with negative eigenvalues, found by a few Lanczos steps."""
-    first, last = algebra.row_range(M)
-    weights = np.zeros(last - first)
-    diagonal_here = diagonal[first:last]
-    weights[diagonal_here > 0] = 1 / np.sqrt(diagonal_here[diagonal_here > 0])
-    v = np.random.default_rng(comm.rank).standard_normal(last - first) * (weights > 0)
-    previous_vector = np.zeros_like(v)
-    beta = 0.0
-    v /= norm(comm, v)
-    alphas = []
-    betas = []
-    for _ in range(min(NEGATIVE_STEPS, int(np.count_nonzero(diagonal > 0)))):
-        w = weights * multiply(M, weights * v) - beta * previous_vector
-        alphas.append(float(dot(comm, v, w)))
-        w -= alphas[-1] * v
-        beta = norm(comm, w)
-        betas.append(beta)
-        if beta <= ENTRY_ROUNDING:
-            break
-        previous_vector = v
-        v = w / beta
-    values = np.linalg.eigvalsh(np.diag(alphas) + np.diag(betas[:-1], 1) + np.diag(betas[:-1], -1))
-    if values[0] < -NEGATIVE * values[-1]:
-        raise InputError(
-            f"{name} must be positive semidefinite; scaled to a unit diagonal it has an eigenvalue "
-            f"below {values[0]:.2g}."
-        )

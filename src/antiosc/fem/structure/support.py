@@ -36,6 +36,7 @@ from antiosc.fem.structure import (
     in_space,
     orthonormal,
 )
+from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS
 
 Where = str | Callable[[Array], BoolArray]
 
@@ -441,15 +442,12 @@ def _difference(a: Field, b: Field) -> Field:
     return value
 
 
-# -- What rigid-body modes are in words.
-
-
 #: Share of a motion below which a part of it is rounding.
 MOTION_ROUNDING = 1e-6
 
 
 def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
-    """The rigid motions spanned by modes (rows of this rank, r) in words: "translation along x, …".
+    """The rigid motions spanned by modes (rows of this rank, r) as text.
 
     Collective: every rank gets the same text.
     """
@@ -464,40 +462,26 @@ def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
 
 
 def motions_text(motions: Array, centre: Array, size: float) -> str:
-    """The rigid motions (6, m) of a body in words.
+    """Rigid motions (6, m) by the components that move together: "y and rz at (0, 0, 0) m".
 
     Their coefficients are of unit translations along x, y, z and of rotations about axes through
-    `centre` (3,), scaled by 1/`size` [m].
+    `centre` (3,), scaled by 1/`size` [m]; as text, rotations are in rad and displacements in m.
     """
-    translations, rotations = _divided(motions)
-    words = [f"translation along {_axis_text(move)}" for move in translations]
-    for velocity, spin in rotations:
-        words.append(_rotation_text(velocity, spin, translations, centre, size))
-    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+    names = [*ROTATIONS, *DISPLACEMENTS]
+    rows = _reduced(motions[[3, 4, 5, 0, 1, 2]].T)
+    rows[rows[:, :3].any(axis=1), 3:] *= size
+    texts = []
+    for row in rows:
+        terms = [f"{row[k]:+.3g} {names[k]}" for k in np.flatnonzero(row)]
+        texts.append(" ".join(terms).replace("+1 ", "", 1))
+    return f"{', '.join(texts)} at {point_text(centre)}"
 
 
-def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
-    """(translations (t, 3), [(velocity of the centre, spin)] of the rotating motions)."""
-    _, values, right = np.linalg.svd(motions[3:])
-    turning = int(np.sum(values > MOTION_ROUNDING))
-    translations = _reduced((motions @ right[turning:].T)[:3].T)
-    translations = translations[translations.any(axis=1)]
-    turning_ones = (motions @ right[:turning].T).T
-    # spins in echelon form, so that axes of the mesh show where they are among them
-    order = _reduced(turning_ones[:, [3, 4, 5, 0, 1, 2]], columns=3)
-    projection = (
-        np.eye(3)
-        if not len(translations)
-        else np.eye(3) - np.linalg.pinv(translations) @ translations
-    )
-    return translations, [(projection @ row[3:], row[:3]) for row in order]
-
-
-def _reduced(rows: Array, columns: int | None = None) -> Array:
-    """Reduced echelon form of linearly independent rows, with pivots among the first `columns`."""
+def _reduced(rows: Array) -> Array:
+    """Reduced echelon form of the span of some rows, without zero rows."""
     rows = np.array(rows, dtype=float)
     row = 0
-    for column in range(rows.shape[1] if columns is None else columns):
+    for column in range(rows.shape[1]):
         if row == len(rows):
             break
         pivot = row + int(np.argmax(np.abs(rows[row:, column])))
@@ -505,33 +489,7 @@ def _reduced(rows: Array, columns: int | None = None) -> Array:
             continue
         rows[[row, pivot]] = rows[[pivot, row]]
         rows[row] /= rows[row, column]
-        other_rows = np.arange(len(rows)) != row
-        rows[other_rows] -= np.outer(rows[other_rows, column], rows[row])
+        others = np.arange(len(rows)) != row
+        rows[others] -= np.outer(rows[others, column], rows[row])
         row += 1
-    return np.where(np.abs(rows) > MOTION_ROUNDING, rows, 0.0)
-
-
-def _rotation_text(velocity: Array, spin: Array, moves: Array, centre: Array, size: float) -> str:
-    """One rotating motion as text: axis and a point on it; `spin` is in units of 1/size."""
-    axis = spin / np.linalg.norm(spin)
-    pitch_speed = float(velocity @ axis)
-    words = f"rotation about {_axis_text(axis)}"
-    if (
-        abs(pitch_speed) > MOTION_ROUNDING * np.linalg.norm(velocity)
-        and abs(pitch_speed) > MOTION_ROUNDING
-    ):
-        words = f"a screw motion along {_axis_text(axis)}"
-    if len(moves) and np.linalg.matrix_rank(np.cross(moves, axis), MOTION_ROUNDING) == 2:
-        return words  # with these translations the axis may lie anywhere
-    through = centre + size * np.cross(spin, velocity) / float(spin @ spin)
-    through = np.where(np.abs(through) > MOTION_ROUNDING * size, through, 0.0)
-    return f"{words} through ({', '.join(f'{c:.4g}' for c in through)}) m"
-
-
-def _axis_text(direction: Array) -> str:
-    """ "x", "y" or "z", or the direction in numbers."""
-    unit = direction / np.linalg.norm(direction)
-    largest = int(np.argmax(np.abs(unit)))
-    if abs(unit[largest]) > 1 - MOTION_ROUNDING:
-        return "xyz"[largest]
-    return "(" + ", ".join(f"{c:.3g}" for c in np.round(unit, 6) + 0.0) + ")"
+    return np.where(np.abs(rows) > MOTION_ROUNDING, rows, 0.0)[:row]
