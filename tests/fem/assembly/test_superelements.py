@@ -116,9 +116,9 @@ WRONG = [
     (lambda: ao.extract(block(), ao.Site(TOP, (0, 0, -1)), n=2), "a model without named sites"),
     (
         lambda: replace(condensed(2), m=None, damping=ao.Damping(ratio=0.01)),
-        "a model with damping of its modes",
+        "is a model with damping",
     ),
-    (lambda: with_dampers(condensed(2)), "a model with dampers or relaxing materials"),
+    (lambda: with_dampers(condensed(2)), "is a model with damping"),
     (lambda: ao.Structure.from_matrices([[1.0]], [[1.0]]), "no mesh, and its matrices no map"),
     (
         lambda: ao.Structure.from_matrices([[1.0]], [[1.0]], map=[[1, 3]]),

@@ -232,8 +232,8 @@ def _fixed(layout: Layout) -> BoolArray:
     fixed = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
         fixed[member.first + member.part.fixed] = True
-    for superelement_part in layout.condensed.values():
-        fixed[superelement_part.rows] = superelement_part.part.fixed
+    for part in layout.condensed.values():
+        fixed[part.rows] = part.fixed
     for name in layout.points:
         if layout.plane:
             fixed[layout.of_point(name)[[2, 3, 4]]] = True

@@ -66,9 +66,9 @@ def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
             nodes = np.flatnonzero(labels == label)
             rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
             bodies.append((member.name, member.first + rows, *_box_of(member.nodes[nodes], layout)))
-    for part in layout.condensed.values():
-        rows = np.arange(part.first, part.first + part.size)
-        bodies.append((part.name, rows, *_box_of(part.points, layout)))
+    for name, part in layout.condensed.items():
+        rows = np.arange(part.rows.start, part.rows.stop)
+        bodies.append((name, rows, *_box_of(part.points, layout)))
     for name, x in layout.points.items():
         bodies.append((name, layout.of_point(name), x, layout.size / 2))
     places = layout.places
@@ -442,9 +442,9 @@ class AssembledMatrices(StructureMatrices):
         terms = []
         stiffness_by_group = dict[tuple[str, int], PETSc.Mat]()
         for part in self.layout.condensed.values():
-            if part.part.C is not None:
+            if part.C is not None:
                 T = self.T[part.rows]
-                C = (T.T @ scipy.sparse.csr_matrix(part.part.C) @ T).tocsr()
+                C = (T.T @ scipy.sparse.csr_matrix(part.C) @ T).tocsr()
                 C.sort_indices()
                 terms.append(Dissipation(matrix=as_petsc("C", C, self.layout)))
         for name, member in self.layout.members.items():

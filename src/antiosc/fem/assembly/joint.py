@@ -22,7 +22,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import Checked, checked_by, floats, point_text, positive, shown, text
 from antiosc.base.errors import InputError, name_list, warn
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.assembly.parts import Condensed, interface
+from antiosc.fem.assembly.superelement import Superelement
 from antiosc.fem.mesh.surface import WeightedPoints, largest, quadrature
 from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import (
@@ -209,7 +209,7 @@ def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> EndMot
     """
     part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
     if part in layout.condensed:
-        return _superelement_motion(layout, layout.condensed[part], end, allow_partial)
+        return _superelement_motion(layout, part, end, allow_partial)
     if not isinstance(end, str) or end not in layout.points:
         return None
     space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
@@ -230,41 +230,32 @@ def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, EndMotion]
         )
 
 
-def _superelement_motion(
-    layout: Layout, member: Condensed, end: End, allow_partial: bool
-) -> EndMotion:
+def _superelement_motion(layout: Layout, part: str, end: End, allow_partial: bool) -> EndMotion:
     """The motion of a site or node of a superelement, by its name or its coordinates."""
+    member = layout.condensed[part]
     if isinstance(end, str):
         name = end.split(":", 1)[1]
     else:
         distances = np.linalg.norm(member.points - in_space(end[1]), axis=1)
         nearest = int(np.argmin(distances))
-        name = list(member.part.ends)[nearest] if distances[nearest] <= NEAR * layout.size else ""
-    if name not in member.part.ends:
-        sites = name_list(
-            end_text(end),
-            [f"{member.name}:{name_of_end}" for name_of_end in member.part.ends],
-            "its sites and nodes",
-        )
-        raise InputError(f"the part {member.name!r} has no site or node {end_text(end)}; {sites}.")
-    interface_of_end = member.part.ends[name]
-    R = member.at.rotation
-    translations, rotations = (
-        R @ interface_of_end.space[span, span] @ R.T for span in (slice(3), slice(3, 6))
-    )
+        name = list(member.ends)[nearest] if distances[nearest] <= NEAR * layout.size else ""
+    if name not in member.ends:
+        names = [f"{part}:{site}" for site in member.ends]
+        sites = name_list(end_text(end), names, "its sites and nodes")
+        raise InputError(f"the part {part!r} has no site or node {end_text(end)}; {sites}.")
+
+    interface = member.ends[name]
     required = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
-    if (
-        not allow_partial
-        and np.abs(required - required @ translations @ required).max() > MISSING_SHARE
-    ):
+    missing = required - required @ interface.space[:3, :3] @ required
+    if not allow_partial and np.abs(missing).max() > MISSING_SHARE:
         raise InputError(
             f"{end_text(end)} does not have all displacements: extract its model with "
             "Site(..., tangential=True), or join it along its direction by an Equation or a "
             "Bushing."
         )
-    functionals = interface(member, interface_of_end, layout.count)
-    space = scipy.linalg.block_diag(translations, rotations)
-    return EndMotion(functionals, space, member.at.placed(interface_of_end.point[None])[0])
+    six = scipy.sparse.coo_matrix(interface.six)
+    functionals = layout.matrix(six.row, six.col + member.first, six.data, 6)
+    return EndMotion(functionals, interface.space, interface.point)
 
 
 def _node_motion(layout: Layout, member: Member, nodes: IntArray) -> EndMotion:
@@ -581,10 +572,9 @@ def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[St
     return terms
 
 
-def superelement(layout: Layout, member: Condensed) -> Stiffness:
+def superelement(layout: Layout, part: Superelement) -> Stiffness:
     """K and M of a superelement as a term on the dofs of that superelement."""
-    part = member.part
-    functionals = layout.units(np.arange(member.first, member.first + member.size))
+    functionals = layout.units(np.arange(part.rows.start, part.rows.stop))
     return Stiffness(functionals, part.K, part.M, rigid=part.rigid)
 
 

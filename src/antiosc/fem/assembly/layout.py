@@ -18,7 +18,7 @@ import scipy.sparse.csgraph
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.parts import Condensed, Superelement
+from antiosc.fem.assembly.superelement import Superelement
 from antiosc.fem.platform import compat
 from antiosc.fem.structure import MOVE, TURN, DofPlaces, Placement
 from antiosc.fem.structure.meshed import Member, MeshedStructure
@@ -61,7 +61,7 @@ class Layout:
         points: Mapping[str, Array],
     ) -> None:
         self.members: dict[str, Member] = {}
-        self.condensed: dict[str, Condensed] = {}
+        self.condensed: dict[str, Superelement] = {}
         first = 0
         for name, part in parts.items():
             if not isinstance(part, Superelement):
@@ -69,7 +69,7 @@ class Layout:
                 first += self.members[name].size
         for name, part in parts.items():
             if isinstance(part, Superelement):
-                self.condensed[name] = Condensed(name, part, at[name], first)
+                self.condensed[name] = part.placed(at[name], first)
                 first += part.size
         self.points = dict(points)
         self._first_point = first
@@ -224,7 +224,7 @@ class Layout:
         return self.matrix(np.arange(len(columns)), columns, np.ones(len(columns)), len(columns))
 
 
-def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) -> bool:
+def _plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement]) -> bool:
     """Whether the parts are plane; InputError if some are plane and others are not."""
     plane = {name: "z" not in m.part.form.components for name, m in members.items()}
     if len(set(plane.values())) > 1:
@@ -237,13 +237,12 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
     flat = any(plane.values())
     for name, part in condensed.items():
         along_z = part.places.axes[part.places.kind == MOVE, 2]
-        if flat and np.abs(along_z).max(initial=0.0) > 1e-12:
+        if flat and (np.abs(along_z).max(initial=0.0) > 1e-12 or part.points[:, 2].any()):
             raise InputError(
                 f"the part {name!r} moves in space and the others in their plane: an assembly has "
                 "parts of one sort."
             )
-    all_members: dict[str, Member | Condensed] = {**members, **condensed}
-    for name, m in all_members.items():
+    for name, m in members.items():
         R = m.at.rotation
         if flat and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
             raise InputError(

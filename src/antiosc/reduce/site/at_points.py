@@ -178,7 +178,7 @@ def _without_mesh(
     b = np.asarray(end.displacements.T @ direction)
     if not name:
         return Functional(b, point=end.point, direction=direction)
-    interface = layout.condensed[part].part.ends[name]
+    interface = layout.condensed[part].ends[name]
     return Functional(b, interface.radius, interface.local_compliance, end.point, direction)
 
 
