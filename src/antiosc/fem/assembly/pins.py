@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -46,19 +46,17 @@ class _Pin(Between):
 
     def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """Equal displacements and rotations of both ends, in the constrained directions."""
-        ends = motion(layout, self.a), motion(layout, self.b)
-        warn_of_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
-        x = ends[0].point if self.point is None else in_space(self.point)
-        a, b = (
-            carried_motion(layout, label, end, end_motion, x)
-            for end, end_motion in zip((self.a, self.b), ends, strict=True)
-        )
+        ends = [(end, motion(layout, end)) for end in (self.a, self.b)]
+        warn_of_gap(layout, label, ends)
         directions = self._constrained()
         if layout.plane:
             directions = directions * IN_PLANE
             directions = directions[np.abs(directions).max(axis=1) > 1e-9]
-        _check_rotations(label, self, directions, a, b)
-        rows = _difference(directions, a.six, b.six)
+        rows = relative(label, directions, *carried(layout, label, ends, self.point))
+
+        # without coefficients that are rounding errors
+        sizes = abs(scipy.sparse.csr_matrix(directions)) @ sum(abs(m.six) for _, m in ends)
+        rows = rows.multiply(abs(rows) > COINCIDENT * sizes).tocsr()
         rows.eliminate_zeros()
         if not rows.nnz:
             raise InputError(f"{label} joins nothing: both of its ends are the same point.")
@@ -156,50 +154,54 @@ class Slider(_Axis):
         return scipy.linalg.block_diag(self._across(), np.eye(3))
 
 
-def carried_motion(
-    layout: Layout, label: str, end: End, end_motion: EndMotion, x: Array
-) -> EndMotion:
-    """The motion of point x, connected rigidly to an end; InputError if the end lacks the
-    rotation.
+#: An end of a joint and its motion.
+Moving: TypeAlias = tuple[End, EndMotion]
+
+
+def carried(
+    layout: Layout, label: str, ends: Sequence[Moving], point: Sequence[float] | None
+) -> list[Moving]:
+    """The motions of a point that is connected rigidly to each end; None: the place of the first.
+
+    InputError if an end lacks the rotation.
     """
-    arm = x - end_motion.point
-    length = float(np.linalg.norm(arm))
-    if length <= COINCIDENT * layout.size:
-        return replace(end_motion, point=x)
-    unit = arm / length
-    projection = np.eye(3) - np.outer(unit, unit)
-    if layout.plane:
-        projection = layout.rotations
-    if not end_motion.turns(projection):
-        raise InputError(
-            f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
-            "carry it there: points of solids do not rotate; give a group of faces, or a point "
-            "where the joint is."
-        )
-    return end_motion.at(x)
+    x = ends[0][1].point if point is None else in_space(point)
+    result = []
+    for end, end_motion in ends:
+        arm = x - end_motion.point
+        length = float(np.linalg.norm(arm))
+        if length <= COINCIDENT * layout.size:
+            result.append((end, replace(end_motion, point=x)))
+            continue
+        across = np.eye(3) - np.outer(arm, arm) / length**2
+        if not end_motion.turns(layout.rotations if layout.plane else across):
+            raise InputError(
+                f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
+                "carry it there: points of solids do not rotate; give a group of faces, or a point "
+                "where the joint is."
+            )
+        result.append((end, end_motion.at(x)))
+    return result
 
 
-def _difference(directions: Array, a: Sparse, b: Sparse) -> Sparse:
-    """Difference b − a along directions (k, 6), without coefficients that are rounding errors."""
-    projections = scipy.sparse.csr_matrix(directions)
-    components = (projections @ (b - a)).tocsr()
-    distinct = abs(components) > COINCIDENT * (abs(projections) @ (abs(a) + abs(b)))
-    return components.multiply(distinct).tocsr()
+def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
+    """The motion (k, n) of end b less that of end a along directions (k, 6) of the six components.
 
-
-def _check_rotations(
-    label: str, joint: _Pin, directions: Array, a: EndMotion, b: EndMotion
-) -> None:
-    """InputError if an end lacks a rotation that the joint constrains."""
-    rotations = directions[directions[:, 3:].any(axis=1)]
-    for end, end_motion in ((joint.a, a), (joint.b, b)):
-        for direction in rotations:
-            if not end_motion.has(direction / np.linalg.norm(direction)):
+    InputError where an end does not have one of them.
+    """
+    for end, end_motion in (a, b):
+        for direction in directions:
+            turns = direction[3:].any()
+            unit = direction / np.linalg.norm(direction)
+            if (turns or end_motion.displacements.nnz) and not end_motion.has(unit):
+                names = ", ".join(COMPONENTS[k] for k in np.flatnonzero(direction))
                 raise InputError(
-                    f"{label} holds a rotation that {end_text(end)} does not have: a point of a "
-                    "solid, or a straight row of them, does not rotate; give a group of faces, a "
-                    'radius, ("part", point, radius), or use a Ball.'
+                    f"{label} acts on {names}, a {'rotation' if turns else 'displacement'} that "
+                    f"{end_text(end)} does not have: points of a solid, or a straight row of them, "
+                    'do not rotate (give a group of faces, a radius, ("part", point, radius), or '
+                    "a Ball), and a site of a model moves along its directions."
                 )
+    return (scipy.sparse.csr_matrix(directions) @ (b[1].six - a[1].six)).tocsr()
 
 
 @dataclass(frozen=True)
@@ -327,48 +329,29 @@ class Bushing(Between):
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """A spring k (b − a)²/2 for each component."""
-        a, b = (motion(layout, end, allow_partial=True) for end in (self.a, self.b))
+        ends = [(end, motion(layout, end, allow_partial=True)) for end in (self.a, self.b)]
         constants = [self.stiffness, self.damping, *(values for values, _ in self.branches)]
         names = list(dict.fromkeys(name for values in constants for name in values))
+        names.sort(key=lambda name: name != "axial")  # it comes first
+
         functionals = []
         if "axial" in names:
-            line = b.point - a.point
+            line = ends[1][1].point - ends[0][1].point
             length = float(np.linalg.norm(line))
             if length <= COINCIDENT * layout.size:
                 raise InputError(f"{label} has no length: an axial spring needs two places.")
             axial = np.append(line / length, np.zeros(3))
-            _check_has(label, "axial", axial, (self.a, a), (self.b, b))
-            functionals.append(
-                scipy.sparse.csr_matrix(line / length) @ (b.displacements - a.displacements)
-            )
-        names_of = [name for name in names if name != "axial"]
-        if names_of:
-            x = a.point if self.point is None else in_space(self.point)
-            motions = [
-                carried_motion(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))
-            ]
-            for name in names_of:
-                _check_has(label, name, UNIT[name], (self.a, motions[0]), (self.b, motions[1]))
-            functionals.append(motions[1].components(names_of) - motions[0].components(names_of))
+            functionals.append(relative(label, axial[None], *ends))
+        units = np.array([UNIT[name] for name in names if name != "axial"])
+        if len(units):
+            functionals.append(relative(label, units, *carried(layout, label, ends, self.point)))
         G = scipy.sparse.vstack(functionals).tocsr()
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
-        order = (["axial"] if "axial" in names else []) + names_of
-        k, c, *branch_matrices = (
-            np.diag([values.get(name, 0.0) for name in order]) for values in constants
+
+        k, c, *of_branches = (
+            np.diag([values.get(name, 0.0) for name in names]) for values in constants
         )
-        branches = [
-            (values, tau) for values, (_, tau) in zip(branch_matrices, self.branches, strict=True)
-        ]
+        times = [tau for _, tau in self.branches]
+        branches = list(zip(of_branches, times, strict=True))
         return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)]
-
-
-def _check_has(label: str, name: str, direction: Array, *ends: tuple[End, EndMotion]) -> None:
-    """InputError where an end does not move along the direction (6,) of a spring."""
-    rotation = direction[3:].any()
-    for end, end_motion in ends:
-        if (rotation or end_motion.displacements.nnz) and not end_motion.has(direction):
-            kind = "rotation" if rotation else "displacement"
-            raise InputError(
-                f"{label} acts on {name}, a {kind} that {end_text(end)} does not have."
-            )
