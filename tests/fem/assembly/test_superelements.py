@@ -15,6 +15,7 @@ from assemblies import NU, SOLID, box
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.filterwarnings("ignore:.*the compliance under a point"),
+    pytest.mark.filterwarnings("ignore:at . of . sites"),
     pytest.mark.filterwarnings("ignore:none of the"),
 ]
 
@@ -154,7 +155,7 @@ def test_one_direction_is_joined_by_a_bushing_or_an_equation():
     for joint, words in (
         (ao.Equation([("ecu:a", "x", 1.0)]), "no component 'x'"),
         (ao.Bushing(("plate", _above("a")), "ecu:a", {"x": 1e5}), "acts on x, a displacement"),
-        (ao.Bushing("plate:x1", "ecu:a", {"axial": 1e5}), "acts on axial, a displacement that"),
+        (ao.Bushing("plate:x1", "ecu:a", {"axial": 1e5}), "a displacement that"),
     ):
         with pytest.raises(ao.InputError, match=words):
             ao.assemble({"plate": plate(), "ecu": model}, [joint, *joints], at)
