@@ -33,7 +33,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.impact.error_budget import amplitudes
 from antiosc.impact.histories.bars import QUANTITIES, differences
-from antiosc.reduce.error import bisection
+from antiosc.reduce.error import sizes
 from antiosc.reduce.error.model_errors import ModelErrors
 from antiosc.reduce.error.remeshing import source_of
 
@@ -210,8 +210,8 @@ def finer(part, model, hit, goal, order, most):  # type: ignore[no-untyped-def]
     # also the first shape, whose stiffness is compared
     first = ModelErrors(part).of_cells(model, np.eye(len(values))[:, :2])
     energies = energies / energies.sum() + first / first.sum()
-    ratio = bisection.ratios(mesh.comm, energies, goal, order, mesh.tdim)
-    grown = bisection.growth(mesh.comm, ratio, mesh.tdim)
+    ratio = sizes.ratios(mesh.comm, energies, goal, order, mesh.tdim)
+    grown = sizes.growth(mesh.comm, ratio, mesh.tdim)
     return ratio * max(1.0, grown / most) ** (1 / mesh.tdim)
 
 

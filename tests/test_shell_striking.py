@@ -10,9 +10,9 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.fem.mesh.bisection import refined
 from antiosc.fem.platform import compat
 from antiosc.impact.histories.bars import QUANTITIES
-from antiosc.reduce.error.bisection import refined
 from sheets import NU, RHO, SIMPLE, E, edges, flipped, plate, rectangle, sheet, stack
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]

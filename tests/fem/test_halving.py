@@ -10,7 +10,6 @@ from antiosc.base.errors import MeshError
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.halving import halved, scheme, with_cells_of
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.mesh.thirds import with_cells_near
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.io.neutral import KINDS, RawMesh
@@ -101,62 +100,14 @@ def test_too_many_cells_are_refused():
 # -- smaller cells around a point
 
 
-def around(raw: RawMesh, size: float, *points: tuple[float, ...]) -> RawMesh:
-    """A mesh with cells of a size around points."""
-    return with_cells_near([(point, size) for point in points], [raw], "a")[0]
+def test_quadrilaterals_around_a_point_are_refused(tmp_path):
+    path = tmp_path / "plate.inp"
+    path.write_text("*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n*ELEMENT,TYPE=S4,ELSET=A\n1,1,2,3,4\n")
+    with pytest.raises(MeshError, match="size makes all cells smaller"):
+        ao.read_mesh(path, refine=[((0.5, 0.5, 0.0), 0.1)])
 
 
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("shape", ["triangle", "quadrilateral"])
-def test_thirds_fill_their_cells_and_groups_follow(shape, order):
-    raw = one_cell(shape, order, 0.2 * (order - 1))
-    raw.groups["one"] = {1: raw.groups["skin"][1][:1]}
-    for _ in range(3):
-        (raw,) = halved([raw])
-    point = (0.3, 0.35)
-    fine = around(raw, 0.01, point)
-    assert measure(fine) == pytest.approx(measure(raw), rel=1e-12)  # bent sides stay
-    sound(fine, "cells", made_here=False)  # no cracks, no overlaps
-    vertices = np.unique(fine.cells[:, : raw.kind.vertices])
-    assert set(vertices) <= set(np.unique(fine.cells))
-    assert len(np.unique(fine.points[np.unique(fine.cells)].round(12), axis=0)) == len(
-        np.unique(fine.cells)
-    )  # common nodes are one
-    corners = fine.points[fine.cells[:, : raw.kind.vertices]]
-    sides = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=3).max(axis=(1, 2))
-    distance = np.linalg.norm(corners.mean(axis=1) - point, axis=1)
-    assert sides[distance < 0.02].max() <= 0.01
-    assert sides[distance > 0.4].max() > 0.1
-    # sides of the mesh are those of one cell; each is covered
-    ends = fine.cells[:, : raw.kind.vertices][:, compat.node_order(shape, raw.kind.vertices, "vtk")]
-    edges = np.sort(np.vstack([ends[:, e] for e in basix.topology(
-        getattr(basix.CellType, shape))[1]]), axis=1)  # fmt: skip
-    rows, uses = np.unique(edges, axis=0, return_counts=True)
-    skin = np.unique(np.sort(fine.groups["skin"][1], axis=1), axis=0)
-    assert skin.tolist() == rows[uses == 1].tolist()
-    assert 0 < len(fine.groups["one"][1]) < len(skin)
-    assert len(fine.groups["all"][2]) == len(fine.cells)
-    assert fine.groups["corner"][0].tolist() == [[0]]
-
-
-def test_lines_are_divided_around_a_point():
-    ends = np.array([[0, 1]])
-    raw = RawMesh(np.array([[0.0], [1.0]]), ends, KINDS["line"], "vtk", numbers=np.arange(2))
-    fine = around(raw, 0.02, (0.4,))
-    x = np.sort(fine.points[:, 0])
-    gaps = np.diff(x)
-    assert gaps.sum() == pytest.approx(1.0)
-    assert gaps[np.abs(x[:-1] - 0.4) < 0.03].max() <= 0.02
-    assert len(fine.cells) < 0.6 / 0.02
-
-
-def test_solids_around_a_point_are_refused():
-    with pytest.raises(MeshError, match="size makes all elements smaller"):
-        around(one_cell("hexahedron", 1), 0.1, (0.5, 0.5, 0.5))
-
-
-@pytest.mark.parametrize("shape", ["triangle", "quadrilateral"])
-def test_constant_strains_and_curvatures_pass_through_cells_of_unlike_size(tmp_path, shape):
+def test_constant_strains_and_curvatures_pass_through_cells_of_unlike_size(tmp_path):
     """No forces inside a plate in any of the six states, over the forces at its edges."""
     path = tmp_path / "plate.inp"
     i, j = (c.ravel() for c in np.meshgrid(range(9), range(5)))
@@ -167,15 +118,13 @@ def test_constant_strains_and_curvatures_pass_through_cells_of_unlike_size(tmp_p
     )
     first = np.flatnonzero((i < 8) & (j < 4)) + 1
     cells = np.stack([first, first + 1, first + 10, first + 9], axis=1)
-    if shape == "triangle":
-        cells = np.vstack([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
+    cells = np.vstack([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
     rows = [f"{k + 1}, {a!r}, {b!r}, 0." for k, (a, b) in enumerate(nodes.tolist())]
     elements = [f"{k + 1}, {', '.join(map(str, cell))}" for k, cell in enumerate(cells.tolist())]
     card = f"*ELEMENT, TYPE=S{cells.shape[1]}, ELSET=ALL"
     path.write_text("\n".join(["*NODE", *rows, card, *elements]) + "\n")
     shell = ao.Shell(E=70e9, nu=0.33, rho=2700.0, thickness=0.02)
     mesh = ao.read_mesh(path, gdim=3, refine=[((0.23, 0.09, 0.0), 0.006)])
-    assert mesh.cell == shape
     part = on_mesh(ao.Structure(mesh, shell))
     x, y, _ = part.form.space.tabulate_dof_coordinates().T
     on_edge = (np.abs(x - 0.2) > 0.2 - 1e-9) | (np.abs(y - 0.1) > 0.1 - 1e-9)

@@ -12,28 +12,24 @@ import pytest
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem.platform import compat
-from antiosc.io.request import GRADING
-from antiosc.reduce.error.bisection import (
-    COARSEST,
+from antiosc.fem.mesh.bisection import (
     DIVIDED,
-    FINEST,
-    POWER,
     edge_lengths,
     gathered,
-    growth,
-    ratios,
+    graded_sizes,
     refined,
 )
+from antiosc.fem.platform import compat
+from antiosc.io.request import GRADING
 from antiosc.reduce.error.remeshing import (
     LINES,
-    graded_sizes,
     largest,
     measures,
     source_of,
     thickness_of,
     wished_sizes,
 )
+from antiosc.reduce.error.sizes import COARSEST, FINEST, POWER, growth, ratios
 from mpi import one_and_several, run_ranks
 from parts import STEEL, box, gmsh_cube, plate
 from sheets import rectangle
@@ -140,7 +136,7 @@ def test_coarse_curved_cells_do_not_cut_cylinders_off():
 SCRIPT = """
     import json, numpy as np
     from antiosc.fem.platform import compat
-    from antiosc.reduce.error.bisection import refined
+    from antiosc.fem.mesh.bisection import refined
     from antiosc.reduce.error.remeshing import measures
     from parts import box
     mesh = box((3, 2, 2), (0.3, 0.2, 0.2), "tetrahedron")

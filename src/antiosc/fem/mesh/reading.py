@@ -28,9 +28,9 @@ from antiosc.base.checks import (
 from antiosc.base.errors import AntioscWarning, ChoiceWarning, InputError, MeshError
 from antiosc.base.texts import printable
 from antiosc.fem.mesh import Mesh, distributed
+from antiosc.fem.mesh.bisection import near
 from antiosc.fem.mesh.halving import with_cells_of
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
-from antiosc.fem.mesh.thirds import with_cells_near
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.cad import STATES_UNIT
@@ -92,9 +92,9 @@ def read_mesh(
         curved (order 2) faces and volumes and straight lines; the few curved cells that fold over
         at a tight fillet are straightened. `order=1` drops mid-side nodes.
     refine
-        Pairs (point, size): elements of that size around the point, growing away from it. Those of
-        a finished mesh of shells or beams are divided into thirds there until none is longer. A
-        site with a radius needs elements no larger than the radius.
+        Pairs (point, size): elements of that size around the point, growing away from it. Straight
+        triangles and tetrahedra of a finished mesh are bisected there. A site with a radius needs
+        elements no larger than the radius.
     groups
         For a dolfinx mesh: name -> (MeshTags, value). Files bring their own: physical groups,
         element sets, node sets (a node set also holds the facets that it spans), and tags
@@ -189,11 +189,9 @@ def read_mesh(
         if size is not None:
             plausible.refuse_size(size, raw.points, name)
         mesh = sound(flattened(raw, gdim, name), name, made_here, by=BY_PIECE)
-        if made_here:
+        if made_here or size is None:
             return mesh
-        if size is not None:
-            mesh = with_cells_of(size, [mesh], name)[0]
-        return with_cells_near(refine, [mesh], name)[0]
+        return with_cells_of(size, [mesh], name)[0]
 
     def work() -> RawMesh:
         return read(
@@ -218,7 +216,8 @@ def read_mesh(
         made = any(words in sentence for words in HOW_MADE)
         warn(comm, sentence, ChoiceWarning if made else AntioscWarning)
     unit_stated = unit is not None or file.suffix.lower() in STATES_UNIT
-    return replace(distributed(raw, name, comm), stated=unit_stated)
+    mesh = distributed(raw, name, comm)
+    return replace(mesh if made_here else near(mesh, refine), stated=unit_stated)
 
 
 def numbered_elements(elements: object) -> dict[str, list[int]]:

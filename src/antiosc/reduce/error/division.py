@@ -27,6 +27,7 @@ from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.forecast import OF_SHELLS, of_sheet
 from antiosc.fem.mesh import Mesh, distributed
+from antiosc.fem.mesh.bisection import gathered
 from antiosc.fem.mesh.halving import halved, scheme
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -34,7 +35,6 @@ from antiosc.fem.structure.structure import Structure, holding, on_mesh
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.reduce.error.bisection import gathered
 from antiosc.reduce.site import Site, functional
 
 #: Corrections of a solve with K + sM to one with K: each leaves a tenth of the error, of the lowest

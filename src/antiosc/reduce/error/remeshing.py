@@ -18,28 +18,25 @@ from mpi4py import MPI
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh import Mesh, distributed
-from antiosc.fem.mesh.reading import flattened, read_mesh
-from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.platform import bounds, compat, on_root, warn
-from antiosc.fem.structure import in_space
-from antiosc.io.by_gmsh import CUT, GEOMETRY, SizeField
-from antiosc.io.neutral import RawMesh
-from antiosc.io.reading import read
-from antiosc.io.request import GRADING as USUAL, Refinement
-from antiosc.reduce.error.bisection import (
-    DIVIDED,
+from antiosc.fem.mesh.bisection import (
     KIND_OF,
     divisible,
     edge_lengths,
     gathered,
+    near,
     refined,
 )
+from antiosc.fem.mesh.reading import flattened, read_mesh
+from antiosc.fem.mesh.soundness import sound
+from antiosc.fem.platform import bounds, compat, on_root, warn
+from antiosc.io.by_gmsh import CUT, GEOMETRY, SizeField
+from antiosc.io.neutral import RawMesh
+from antiosc.io.reading import read
+from antiosc.io.request import GRADING as USUAL, Refinement
 from antiosc.reduce.error.division import finer
 
 #: About the largest number of cells of the first mesh of a geometry.
 MOST_FIRST = 6000
-#: Rounds of divisions around the site before the first mesh.
-MOST_DIVISIONS = 6
 #: A size [m] above that of any part: gmsh then takes the coarsest mesh that the geometry allows.
 ANY = 1e6
 #: Growth and reach of the small sizes at the site in the first mesh of a geometry.
@@ -115,13 +112,7 @@ class OfMesh(MeshSource):
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """The mesh itself, divided near the points."""
-        mesh = self.coarsest
-        for _ in range(0 if self.fixed else MOST_DIVISIONS):
-            ratio = np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0)
-            if mesh.comm.allreduce(float(np.sum(ratio < DIVIDED))) == 0:
-                break
-            mesh = refined(mesh, ratio)
-        return mesh
+        return self.coarsest if self.fixed else near(self.coarsest, refine)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
         """The mesh with its cells divided."""
@@ -239,20 +230,6 @@ class OfLines(MeshSource):
 def largest(mesh: Mesh) -> float:
     """Length [m] of the longest line of a mesh."""
     return float(mesh.comm.allreduce(float(np.max(edge_lengths(mesh), initial=0.0)), MPI.MAX))
-
-
-def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
-    """Sizes [m] of the cells of this rank near the points of `refine`, as `read_mesh` gives them to
-    gmsh.
-    """
-    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
-    centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
-    sizes = np.full(len(centres), np.inf)
-    for point, local in refine:
-        distance = np.linalg.norm(centres - in_space(point), axis=1)
-        size_there = local + USUAL[0] * np.maximum(distance - USUAL[1] * local, 0.0)
-        sizes = np.minimum(sizes, size_there)
-    return sizes
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
