@@ -19,7 +19,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.engine import library
-from antiosc.engine.contact import ContactLaw, State
+from antiosc.engine.contact import ContactLaw
 from antiosc.engine.march import Converged, Run, difference, run
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
@@ -84,30 +84,18 @@ class Contacts:
         self.system = system
         self.laws = laws
         self.closed = system.closed.tolist()
+        self.states = system.begun()
         self.events: list[tuple[float, int, int, float]] = []
         self.touches = 0
-
-        earlier = system.contact_states or [None] * len(laws)
-        self.states: list[State | None] = [
-            contact.state if contact is not None else law.touch(0.0) if closed else None
-            for law, contact, closed in zip(laws, earlier, self.closed, strict=True)
-        ]
 
     @property
     def active(self) -> list[int]:
         """The closed contacts."""
         return [c for c, closed in enumerate(self.closed) if closed]
 
-    def state(self, c: int) -> State:
-        """State of the law of a contact that has touched."""
-        state = self.states[c]
-        assert state is not None
-        return state
-
     def origin(self, c: int) -> float:
         """Indentation [m] at which a contact touches and parts."""
-        state = self.states[c]
-        return 0.0 if state is None else self.laws[c].origin(state)
+        return self.laws[c].origin(self.states[c])
 
     def touch(self, c: int, t: float, speed: float) -> None:
         """Close a contact at its closing speed [m/s]."""
@@ -125,7 +113,7 @@ class Contacts:
     def advance(self, delta: Array, rate: Array) -> None:
         """Update the states of the laws after a step, from indentations and rates (m,)."""
         for c in self.active:
-            self.states[c] = self.laws[c].advance(float(delta[c]), float(rate[c]), self.state(c))
+            self.states[c] = self.laws[c].advance(float(delta[c]), float(rate[c]), self.states[c])
 
     def forces(self, free: Array, A: Array, rate: Array, A_rate: Array) -> Array:
         """F (m,) with F = law(free - A F, rate - A_rate F) of the closed contacts, by sweeps."""
@@ -138,7 +126,7 @@ class Contacts:
                 unloaded = free[c] - A[c] @ F + A[c, c] * F[c]
                 slope = rate[c] - A_rate[c] @ F + A_rate[c, c] * F[c]
                 values = map(float, (unloaded, A[c, c], slope, A_rate[c, c]))
-                F[c] = self.laws[c].implicit(*values, self.state(c), float(F[c]))
+                F[c] = self.laws[c].implicit(*values, self.states[c], float(F[c]))
             change = np.abs(F - before).max(initial=0.0)
             if len(active) < 2 or not change > SWEEP_TOL * np.abs(F).max():
                 return F
@@ -149,18 +137,12 @@ class Contacts:
         )
 
 
-def _run(
-    contacts: Contacts, nodes: tuple[Array, ...], answer: int, steps: int, highest: float
-) -> Run:
+def _run(contacts: Contacts, nodes: tuple[Array, ...], answer: int, steps: int) -> Run:
     """The run with these nodes (time, force, depth, states)."""
+    s = contacts.system
     events = np.array(contacts.events, dtype=float).reshape(-1, 4)
-    return Run(*nodes, events, answer, steps, steps, contacts.touches, highest)
-
-
-def _start_energy(system: System) -> float:
-    """Energy [J] at the start."""
-    state = np.stack((system.q, system.v))[None]
-    return system.contact_energy + float(library.energies(state, system.omega)[0])
+    start = s.contact_energy + float(library.energies(nodes[3][:1], s.omega)[0])
+    return Run(*nodes, events, answer, steps, steps, contacts.touches, start)
 
 
 # -- fixed steps
@@ -270,7 +252,7 @@ def fixed_steps(
         nodes.append(node)
 
     arrays = _with_middles(times[: len(nodes)], nodes)
-    return _run(contacts, arrays, status, len(nodes) - 1, _start_energy(s))
+    return _run(contacts, arrays, status, len(nodes) - 1)
 
 
 def _crossing(before: float, after: float, origin: float) -> float:
@@ -441,7 +423,7 @@ class Solver:
 
         columns = zip(*pieces, strict=True)
         nodes = [np.concatenate([first, *(more[1:] for more in rest)]) for first, *rest in columns]
-        return _run(self.contacts, tuple(nodes), status, steps, _start_energy(s))
+        return _run(self.contacts, tuple(nodes), status, steps)
 
     def at(self, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
         """Indentations without contact forces, their rates, the forces and the loads at time t."""
