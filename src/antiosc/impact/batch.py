@@ -86,6 +86,7 @@ def common_length(lengths: dict[str, int]) -> int:
         raise InputError(f"sequences of a batch must have one length; got {lengths_text}.")
     if not sizes:
         return 1
+
     size = sizes.pop()
     if size == 0:
         raise InputError("a batch needs at least one scene; got empty sequences.")
@@ -152,6 +153,7 @@ class Batch(Result):
             rows.append("a scene that failed may have the largest force")
         rows.append(NOT_CHECKED)
         messages = dict.fromkeys(m for m, s in zip(self.message, self.status, strict=True) if s)
+
         return "\n".join([*rows, *messages])
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
@@ -162,6 +164,7 @@ class Batch(Result):
         force_axes.set_ylabel("peak force (N)")
         time_axes.plot(1e3 * self.contact_time, ".-")
         time_axes.set(xlabel="scene", ylabel="contact time (ms)")
+
         return figure_or_path(figure, path)
 
 
@@ -246,6 +249,7 @@ def simulate_many(
         warn(f"{which}: {sentence}", AccuracyWarning)
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
     warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
+
     return _batch_of(rows)
 
 
@@ -253,6 +257,7 @@ def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[
     """The contact laws of all scenes, chosen for "auto"; InputError names the scene."""
     laws_by_pair: dict[tuple[int, int], ContactLaw] = {}
     laws = list(contacts)
+
     for i, pair in enumerate(zip(models, impactors, strict=True)):
         if not is_auto(laws[i]):
             continue
@@ -261,6 +266,7 @@ def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[
             laws_by_pair[key] = laws[i] = laws_by_pair.get(key) or law_of(AUTO, *pair)
         except InputError as error:
             raise InputError(f"scene {i}: {error}") from error
+
     return laws
 
 
@@ -298,10 +304,12 @@ def _solve_chunk(
     rows: dict[int, _Row] = {}
     groups: dict[tuple[object, ...], list[int]] = {}
     can_group = settings.method == "exact" and n is None
+
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         key = scene.group() if can_group and step is None else None
         if key is not None:
             groups.setdefault(key, []).append(i)
+
     for group in groups.values():
         members = [scenes[i] for i in group]
         group_rows = _solve_group(members, settings, partial(_report_progress, report, len(rows)))
@@ -311,6 +319,7 @@ def _solve_chunk(
         if i not in rows:
             rows[i] = _solve_single(scene, step, n, settings)
             report(len(rows))
+
     return [rows[i] for i in range(len(scenes))]
 
 
@@ -348,6 +357,7 @@ def _row_of(
     end, contact_time_estimate, gained, highest, rotation = further_values
     if answer == library.FULL or answer >= library.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
+
     run_end = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
     check = CheckResult(COMPLETED, "Completed.")
     if answer != library.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:

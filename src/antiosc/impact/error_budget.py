@@ -97,7 +97,9 @@ def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
         return bars.NO_ERROR, [facts]
     if facts is None:
         return bars.NO_ERROR, []
+
     change = impact.change(inexact_shell(model.modal(), model.local_compliance, facts))
+
     return bars.with_floor({name: SAFETY_SHELL * share for name, share in change.items()}), []
 
 
@@ -121,6 +123,7 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
     facts = impact.model.info.measured
     if facts is None:
         return bars.NO_ERROR, bars.NO_ERROR
+
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     changes = [
         impact.change(ModalModel(ModalBody(omega, b, float(r), decay)))
@@ -135,6 +138,7 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
         }
         for part in (noise_changes, band_changes)
     )
+
     return bars.with_floor(noise), bars.with_floor(band)
 
 
@@ -143,6 +147,7 @@ def low_band_message(hit: History) -> str:
     facts = info_of(hit.model).measured
     if facts is None or not hit.contacts:
         return ""
+
     top = float(facts["top"]) / (2 * np.pi)
     pulse = pulse_time(hit)
     if top * pulse >= LEAST_PRODUCT:
@@ -166,6 +171,7 @@ def pulse_time(hit: History) -> float:
     time = np.linspace(start, end, SAMPLES)
     energy = np.cumsum(np.abs(np.fft.rfft(hit.force_at(time), PADDED * SAMPLES)) ** 2)
     reach = int(np.searchsorted(energy, ENERGY * energy[-1])) or 1
+
     return HALF_SINE * PADDED * (end - start) / reach
 
 
@@ -217,6 +223,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     model = hit.model
     if not isinstance(model, AntiOscillators) or not has_bars(model):
         raise InputError(no_estimate(model))
+
     runs: list[History] = []
     rerun, by_law = _kept(rerun, runs), _kept(by_law, runs)
     stretching_model = model
@@ -228,6 +235,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         bars_without = {name: _no_bar(getattr(hit, name)) for name in QUANTITIES}
         no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
         return ErrorBudget(bars_without, 0.0, unknown={"mesh": no_mesh})
+
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
     if stretches:
         model = replace(model, stretch=None)
@@ -269,6 +277,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     third = THIRD_ORDER if hit.assembly.stretched else ""
     band_notes = filter(None, [low_band_message(raw), linear, third])
     motion = hit.site_motion
+
     return ErrorBudget(
         {name: bar(name, getattr(hit, name)) for name in QUANTITIES},
         of_mesh.share,
@@ -297,7 +306,9 @@ def _unknown_mesh(
     remedy = f"{COMPARED_WITH} ({reason.rstrip('.')})" if reason else ESTIMATED_WITH
     if of_mesh.truncation["peak_force"] > 0:  # too few anti-oscillators
         return {"mesh": f"The mesh's error is not known: {remedy}."}
+
     both = f"The errors of mesh and truncation are not known: {remedy}."
+
     return dict.fromkeys(("mesh", "truncation"), both)
 
 
@@ -315,12 +326,14 @@ def rebound_of(hit: History) -> Rebound | None:
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
     if loaded or part.start.any() or part.initial_displacements.any():
         return None
+
     rigid = {name: body.omega == 0 for name, body in ends.items()}
     mobility = sum(float(np.sum(body.B[rigid[name], 0] ** 2)) for name, body in ends.items())
     striker = ends["impactor"]
     speed = abs(float(striker.B[rigid["impactor"], 0] @ striker.start[rigid["impactor"]]))
     if not (mobility > 0 and speed > 0):
         return None
+
     rebound = Rebound(speed / mobility, hit.restitution)
     e = rebound.restitution
     if e is not None and abs(rebound.momentum * (1 + e) / hit.impulse - 1) > CONSERVED:
@@ -382,6 +395,7 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
     if model.stretch is None:
         energy = hit.assembly.stretch_left_out
         return dict.fromkeys(UNITS, energy and max(LEFT_OUT_SAFETY * energy, LEFT_OUT_LEAST))
+
     stretch = hit.assembly.stretched.get("structure")
     if stretch is None:
         return dict.fromkeys(UNITS, NEGLIGIBLE)
@@ -392,6 +406,7 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
     else:
         count = min(stretch.size + 2, model.stretch.size)
         stretch_errors = differences(hit, rerun(with_count(model, count), tol))
+
     return stretch_shares(stretch_errors, before_peak(hit))
 
 
@@ -462,6 +477,7 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
             f" and {corrected} on the corrected one{unstretched}, so that the contact times are not"
             " comparable; a finer mesh decides.",
         )
+
     return MeshErrors(mesh, truncation, share, safety, doubts)
 
 
@@ -498,6 +514,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
         )
     if model.info.not_included:
         doubts.append(model.info.not_included)
+
     return safety, doubts
 
 
@@ -507,11 +524,13 @@ def amplitudes(hit: History) -> Array:
     """
     size = hit.model.n + 1
     total = np.zeros((size, size))
+
     for start, end in hit.contacts:
         times = start + (np.arange(INSTANTS) + 0.5) / INSTANTS * (end - start)
         a = hit.coordinates(times)[:, :size]
         a = np.column_stack([a[:, 0], a[:, 1:] - a[:, :1]])
         total += a.T @ a * (end - start) / INSTANTS
+
     return total
 
 
@@ -542,6 +561,7 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     second_patch = model.info.patch
     if model.radius is None or isinstance(model.info.model, Mapping):  # "model" has that of a shell
         return bars.NO_ERROR, []
+
     notes = list[str]()
     if second_patch is not None and "compliance" in second_patch:
         change = abs(float(second_patch["compliance"]))
@@ -557,7 +577,9 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     )
     if change and not any(relative_change.values()):  # the law does not contain the half-space
         return bars.NO_ERROR, [NO_PATCH]
+
     larger = change / subtracted if subtracted else 1.0
+
     return {name: larger * value for name, value in relative_change.items()}, notes
 
 

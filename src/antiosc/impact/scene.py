@@ -160,6 +160,7 @@ class Scene(SceneParts):
         _warn_coarse_cells(self, history)
         _warn_truncation(self, history, settings, duration)
         check_range(history, doubts)
+
         return history
 
 
@@ -185,6 +186,7 @@ class SceneSource(Source):
         scene = self.scene
         bodies = {**scene.bodies, **changes.get("model", {})}
         motion = dict(scene.motion)
+
         for name, velocity in changes.get("velocity", {}).items():
             if hasattr(bodies.get(name), "velocity"):
                 bodies[name] = replace(cast("Any", bodies[name]), velocity=velocity)
@@ -195,6 +197,7 @@ class SceneSource(Source):
         contacts = [replace(c, law=laws.get((c.a, c.b), c.law)) for c in scene.contacts]
         other = replace(scene, bodies=bodies, contacts=contacts, motion=motion)
         options = {**vars(self.settings), "step": changes.get("step", self.settings.step)}
+
         return other.run(changes.get("duration", self.duration), **options)
 
 
@@ -221,6 +224,7 @@ def integrate(
             'a body that stretches takes the method "exact" without a step and without preload;'
             " extract it without stretch for others."
         )
+
     run_checks = {id(linear.run): check}
 
     def integrated(other: Assembly) -> H:
@@ -230,6 +234,7 @@ def integrate(
         return history
 
     history, sentence = stretched(linear, integrated, settings.tol)
+
     return with_warning(history, sentence), run_checks[id(history.run)]
 
 
@@ -260,6 +265,7 @@ def _integrate(
         check = CheckResult(INEXACT, sentence)
     bounded = step is None and settings.method not in IVP_METHODS
     error = {"force": converged.force, "peak": converged.peak} if bounded else {}
+
     return kind(assembly, run, error, check.status, check.message, given=step), check
 
 
@@ -318,6 +324,7 @@ def integrate_exact(
     system = assembly.system
     if step is not None:
         return with_step(system, duration, step, max_contacts, max_steps)
+
     estimate = assembly.contact_time_estimate
     return converge(system, estimate, duration, tol, max_contacts, max_steps)
 
@@ -366,17 +373,20 @@ def _warn_truncation(
     struck = set().union(*(names for names, pulses in zip(ends, touched, strict=True) if pulses))
     coarse = dict[str, AntiOscillators]()
     counts = dict[str, int]()
+
     for name in struck:
         body = scene.bodies[name]
         given = isinstance(scene.motion.get(name), ModalState)  # in all modes of the body
         if is_reduced(body) and body.stretch is None and not given:
             coarse[name] = halved(body)
             counts[name] = body.n
+
     if not coarse:
         return
 
     exact = replace(settings, method="exact", step=None)
     fewer = replace(scene, bodies={**scene.bodies, **coarse})
+
     with without_warnings():
         other = _run_scene(fewer, exact, duration)[0]
 
@@ -502,6 +512,7 @@ def simulate(
     check_range(history, [*(info.doubts or ()), *doubts])
     if info.measured is not None:
         warn_low_band(history)
+
     return history
 
 
@@ -536,6 +547,7 @@ def simulate_impact(
 
     if n is None:
         return integrated(scene.model, settings)
+
     model, truncation, shortage = _truncated(scene.model, n, rerun, settings.tol)
     history, check = integrated(model, settings)
     history.error.update(truncation)
@@ -543,6 +555,7 @@ def simulate_impact(
         check = check.with_shortage(shortage)
         message = f"{history.message} {shortage}"
         history = replace(history, status=check.status, message=message)
+
     return history, check
 
 
@@ -563,6 +576,7 @@ class Blow(Source):
 
         arguments = self.impact._asdict() | vars(self.settings)
         arguments |= {name: named[name] for name in arguments if named.get(name) is not None}
+
         return simulate(**arguments)
 
     def rerun(self, model: LinearBody, tol: float) -> History:
@@ -595,6 +609,7 @@ def _truncated(
         return model.truncated(n), {}, ""
     if n != "auto":
         raise InputError(f'n must be a number of anti-oscillators or "auto"; got {n!r}.')
+
     choice = choose_n(model, run, tol)
     errors = {
         f"truncation {name}": getattr(choice.error, name)
@@ -609,4 +624,5 @@ def _truncated(
             f"The model's {model.n} anti-oscillators leave an estimated truncation error of"
             f" {choice.error.worst:.2g}, more than tol = {tol:g}; {advice} are needed."
         )
+
     return model.truncated(choice.n), errors, shortage

@@ -63,6 +63,7 @@ def with_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
     quadratic = np.zeros((count,) * 3)
     cubic = np.zeros((count,) * 4)
     first_mode = 0
+
     for name, forces in by_body.items():
         part = np.arange(first_mode, first_mode + forces.size)
         span = a.spans[name]
@@ -72,7 +73,9 @@ def with_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
         quadratic[np.ix_(part, part, part)] = forces.quadratic / scale**3
         cubic[np.ix_(part, part, part, part)] = forces.cubic / scale**4
         first_mode += forces.size
+
     G = np.pad(a.G, ((0, count), (0, 0)))
+
     return replace(a, G=G, system=system.with_rows(rows, quadratic, cubic), stretched=dict(by_body))
 
 
@@ -101,10 +104,12 @@ class StretchedMotion:
             count = self.forces.count
         if count >= self.forces.size:
             return self.forces
+
         space = min(max(SPACE, count), self.forces.size)
         _, _, rotation = np.linalg.svd(self.amplitude[:, :space])
         turn = np.zeros((self.forces.size, min(count, space)))
         turn[:space] = rotation.T[:, :count]
+
         return self.forces.turned(turn, self.omega)
 
 
@@ -115,6 +120,7 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
     forces = stretch_of(body.body)
     if forces is None:
         return None
+
     span = a.spans[name]
     columns = a.columns[name]
     sites = a.B[span, columns] @ a.G[: len(a.laws), columns].T
@@ -125,6 +131,7 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
     site_displacement = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
     largest = float(np.abs(q @ (sites * (body.omega > 0)[:, None])).max(initial=0.0))
     change = float(np.abs(site_displacement).max(initial=0.0)) / max(largest, 1e-300)
+
     return StretchedMotion(forces, body.omega, triangle, change)
 
 
@@ -149,6 +156,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     fixed = not any(motion.forces.count == "auto" for motion in motion_by_body.values())
     if not fixed and max(motion.change for motion in motion_by_body.values()) <= NEGLIGIBLE:
         return linear, ""
+
     for name in motion_by_body:
         check_body(a.bodies[name])
 
@@ -157,6 +165,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     count = min(FIRST_MODES, most_modes)
     runs: list[H] = []
     changes: list[dict[str, float]] = []
+
     while True:
         stretches = {name: motion.first(count) for name, motion in motion_by_body.items()}
         run = again(with_rows(a, stretches))
@@ -197,6 +206,7 @@ def before_peak(history: History) -> float:
 
     a = history.assembly
     most = 0.0
+
     for name, forces in a.stretched.items():
         q = motion[:, a.spans[name]]
         linear = float(np.sum((a.bodies[name].omega * q) ** 2, axis=1).max()) / 2 or 1e-300
@@ -205,6 +215,7 @@ def before_peak(history: History) -> float:
         third = np.abs(np.sum(quadratic * amplitude, axis=1)).max() / 3
         fourth = np.abs(np.sum(cubic * amplitude, axis=1)).max() / 4
         most = max(most, float(third + fourth) / linear)
+
     return most
 
 
@@ -228,10 +239,12 @@ def differences(first: History, second: History) -> dict[str, float]:
         if b.contacts:
             changes = bars.changes(a, b)
             worst = {name: max(value, changes[name]) for name, value in worst.items()}
+
     deflections = [
         [deflection(run, name) for name in run.assembly.stretched] for run in (first, second)
     ]
     apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*deflections, strict=True)]
+
     return {**worst, "deflection": max(apart, default=0.0)}
 
 
@@ -246,6 +259,7 @@ def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, flo
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors
     floors = {name: max(floor, STRETCH_LEAST) for name, floor in floors.items()}
     floors["peak_force"] = min(floors["peak_force"], before)
+
     return {
         name: STRETCH_SAFETY * max(changes.get(name, 0.0), floor) for name, floor in floors.items()
     }

@@ -170,6 +170,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         if deflection is not None:
             value = deflection.value if motion is None else motion.largest
             deflection = replace(deflection, value=value, mesh=nearer * deflection.mesh)
+
         return replace(self, bars=bars, rebound=rebound, deflection=deflection)
 
     def bar(self, name: str) -> ErrorBar:
@@ -233,6 +234,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         rebound = self.rebound
         if rebound is None or rebound.restitution is None or self.no_bar:
             return None
+
         below, above = self.sides("impulse")
         return (1 + rebound.restitution) * below, (1 + rebound.restitution) * above
 
@@ -246,6 +248,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
             return f"{value} ({WITHOUT_BAR})"
         if name in self.unknown:
             return value
+
         below, above = self.sides(name)
         if percent(below) == WHOLE:
             most = engineering((1 + above) * bar.value, UNITS[name], 2)
@@ -279,6 +282,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """A coefficient of restitution as text, with its error if that is known."""
         if e is None:
             return "not defined"
+
         sides = self.restitution_sides
         if sides is None:
             return restitution_text(e, digits)
@@ -293,7 +297,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         shares = {cause: None if cause in not_known else getattr(bar, cause) for cause in CAUSES}
         if self.no_bar or name in self.unknown:
             return {**shares, "total": None, "below": None, "above": None}
+
         below, above = self.sides(name)
+
         return {**shares, "total": bar.total, "below": below, "above": above}
 
     def causes_text(self, name: str) -> str:
@@ -309,6 +315,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         rest = sum(shares.values()) - sum(told.values())
         if rest > LEAST_SHARE:
             told["others"] = rest
+
         return ", ".join(f"{cause} {percent(share)}" for cause, share in told.items())
 
     def __str__(self) -> str:
@@ -316,6 +323,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         for name in self.bars:
             reason = self.unknown.get(name) or self.causes_text(name)
             lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {reason}")
+
         if self.rebound is not None and self.restitution_sides is not None:
             lines.append(f"restitution {self.shown_restitution(self.rebound.restitution)}")
         return "\n".join([*lines, *filter(None, [self.footnote]), *self.notes])
@@ -354,6 +362,7 @@ def _main_impact(result: Any) -> tuple[int, int]:
     contacts = np.array(getattr(result, "contacts", ())).reshape(-1, 2)
     if not len(contacts):
         return 0, -1
+
     lasted = contacts[None, :, 1] - contacts[:, None, 0]
     return divmod(int(abs(lasted - result.contact_time).argmin()), len(contacts))
 
@@ -367,9 +376,11 @@ def contact_time_note(result: Any) -> str:
     count = len(result.contacts)
     if count < 2:
         return ""
+
     first, last = _main_impact(result)
     if last - first + 1 == count:
         return f"{OF_ALL_CONTACTS}{_hardest_touch(result, first, last)}"
+
     flights = f", flights included{_hardest_touch(result, first, last)}" if last > first else ""
     start, end = result.contacts[first][0], result.contacts[last][1]
     peak = float(result.time[int(np.argmax(result.force))])
@@ -378,6 +389,7 @@ def contact_time_note(result: Any) -> str:
         within = (result.time >= start) & (result.time <= end)
         own = engineering(float(result.force[within].max()), "N")
         elsewhere = f", with at most {own}; the peak force falls outside it, at {_at(peak)}"
+
     return f"of the main impact{flights}{elsewhere}; last release at {_at(result.contacts[-1][1])}"
 
 

@@ -89,6 +89,7 @@ def large_deflection_message(history: RunHistory) -> str:
     """Warning of the worst deflection of a supported sheet beyond linear theory; "" if none."""
     worst = 0.0
     message = ""
+
     for name, body, h in _held_sheets(history):
         stretches = stretch_of(body.body) is not None
         change, _ = _worst_change(name, body, history)
@@ -98,6 +99,7 @@ def large_deflection_message(history: RunHistory) -> str:
         if w > worst * h:
             worst = w / h
             message = (beyond_quartic if stretches else beyond_linear)(name, w, h)
+
     return message
 
 
@@ -120,12 +122,15 @@ def _worst_change(name: str, body: SceneBody, history: RunHistory) -> tuple[floa
     shares = info_of(body.body).second_order or {}
     if not shares:
         return 0.0, 0.0
+
     motion = sampled_motion(history, body.omega)[:, history.assembly.spans[name]]
     changes = []
+
     for site, share in shares.items():
         u = motion @ body.B[:, body.columns_of(site)[0]]
         k = int(np.argmax(np.abs(u)))
         changes.append((share * float(u[k]), abs(float(u[k]))))
+
     return max(changes, key=lambda change: abs(change[0]))
 
 
@@ -230,4 +235,5 @@ def sampled_motion(history: RunHistory, omega: Array) -> Array:
     periods = end * float(omega[omega > 0].min(initial=np.inf)) / (2 * np.pi)
     periods = periods if np.isfinite(periods) else 0.0
     t = np.linspace(0.0, end, int(min(MOST_SAMPLES, SAMPLES_PER_PERIOD * (1 + periods))))
+
     return np.vstack([free_steps(history.run, history.assembly.system), history.states(t)[0]])

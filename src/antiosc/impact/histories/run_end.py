@@ -63,12 +63,14 @@ def open_contacts(run: Run, system: System) -> list[int]:
     """Contacts that touched during the run and are closed at its end."""
     if len(system.laws) == 1 and (not len(run.events) or run.events[-1, 2] == library.APART):
         return []
+
     events = run.events.tolist()
     last = {contact: piece for _, contact, piece, _ in events}
     touching = sorted(int(c) for c, piece in last.items() if piece != library.APART)
     parted = (
         {contact for _, contact, piece, _ in events if piece == library.APART} if touching else ()
     )
+
     return [c for c in touching if c in parted or not system.closed[c]]
 
 
@@ -87,6 +89,7 @@ def check_result(
     if failure:
         reason = failure[0].upper() + failure[1:] + "."
         return CheckResult(STOPPED, reason + ringing * (ended.answer == library.TOO_MANY_STEPS))
+
     message = cut_short_message(assembly, ended)
     if doubt := inexact_message(ended, tol, limits[1], gain):
         steps = ringing if needs_steps(ended, tol) else ""
@@ -119,6 +122,7 @@ def inexact_message(
             f" by {worst:.2g}, not tol = {tol:g} (if they rattle, small errors grow). Up to"
             f" {ended.certain:.4g} s they agree; raise max_steps, or shorten the duration to that."
         )
+
     share = gain()
     if share > GAIN:
         return (
@@ -139,8 +143,10 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
     contacts = [assembly.scene.contacts[c] for c in ended.open]
     if not contacts:
         return ""
+
     names = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:_NAMED])
     ellipsis = ", ..." if len(contacts) > _NAMED else ""
+
     return (
         f"The run ends during contact of {names}{ellipsis}: contact time, impulse and peak force"
         f" are those up to {ended.time:g} s; lengthen the duration."
@@ -152,9 +158,11 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
     system = assembly.system
     if ended.touches or np.any(system.pressed):
         return ""
+
     p = len(assembly.laws)
     speed = _without_rounding(system.beta[:p], system.v)
     acceleration = _without_rounding(system.beta[:p], system.loads[0])
+
     for motion, unit in ((speed, "m/s"), (acceleration, "m/s^2")):
         c = int(np.argmax(motion))
         contact = assembly.scene.contacts[c]
@@ -171,6 +179,7 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
                 f" should close, reverse the sign of the velocity or gravity or, in a scene, the"
                 f" ends"
             )
+
     if system.breaks.size > 1:  # what acts changes in time
         return f"no contact closed within {ended.time:g} s; lengthen the duration"
     return "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"

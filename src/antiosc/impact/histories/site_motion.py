@@ -35,9 +35,11 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
     placed = hit.assembly.bodies.get("structure")
     if len(hit.contact_histories) != 1 or placed is None:
         return None
+
     body = placed.modes
     if not isinstance(body, ModalBody) or not body.omega.all():
         return None
+
     span = hit.assembly.spans["structure"]
 
     def moved(times: Array) -> Array:
@@ -49,11 +51,14 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
     touched = hit.contacts[-1][1] if hit.contacts else end
     times = np.union1d(*(np.linspace(0.0, last, TIMES) for last in (end, touched)))
     sizes = moved(times)
+
     for k in np.argsort(-sizes)[:LARGEST]:
         near = times[max(k - 1, 0)], times[min(k + 1, times.size - 1)]
         beside = np.linspace(*near, BESIDE)
         times, sizes = np.append(times, beside), np.append(sizes, moved(beside))
+
     k = int(sizes.argmax())
+
     return SiteMotion(float(sizes[k]), float(times[k]))
 
 
@@ -65,10 +70,12 @@ def out_of_reach(hit: RunHistory) -> float | None:
     part, striker = (a.bodies.get(name) for name in ("structure", "impactor"))
     if part is None or striker is None or striker.omega.any() or not part.omega.all():
         return None
+
     end = float(hit.run.time[-1])
     swing = _reach(hit, a.system.beta[0, a.spans["structure"]])
     if not np.isfinite(swing) or a.system.first is not None:
         return None
+
     q, v = (state[-1, a.spans["impactor"]] for state in hit.states([end]))
     beta = a.system.beta[0, a.spans["impactor"]]
     nearest = swing + float(beta @ q - a.system.offsets[-1, 0])  # indentation at the full swing
@@ -85,6 +92,8 @@ def _reach(hit: RunHistory, b: Array) -> float:
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
     if loaded:
         return inf
+
     span = a.spans["structure"]
     q, v = (state[-1, span] for state in hit.states([float(hit.run.time[-1])]))
+
     return float(np.abs(b) @ np.hypot(q, v / a.bodies["structure"].omega))
