@@ -142,7 +142,9 @@ def _run(contacts: Contacts, nodes: tuple[Array, ...], answer: int, steps: int) 
     s = contacts.system
     events = np.array(contacts.events, dtype=float).reshape(-1, 4)
     start = s.contact_energy + float(library.energies(nodes[3][:1], s.omega)[0])
-    return Run(*nodes, events, answer, steps, steps, contacts.touches, start)
+    time, force, depth, states = nodes
+    ended = {"answer": answer, "steps": steps, "attempts": steps, "touches": contacts.touches}
+    return Run(time, force, depth, states, events, highest=start, **ended)
 
 
 # -- fixed steps

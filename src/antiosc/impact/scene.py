@@ -32,7 +32,7 @@ from antiosc.engine.equilibrium import initial_forces, settle
 from antiosc.engine.march import Converged, converge, with_step
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.impact.bodies import Obstacle
+from antiosc.impact.bodies import Impactor, Obstacle
 from antiosc.impact.error_budget import error_budget, warn_low_band
 from antiosc.impact.histories import History, SceneHistory, Source
 from antiosc.impact.histories.bars import ErrorBudget
@@ -569,10 +569,13 @@ class Blow(Source):
     def again(self, changes: Mapping[str, Any]) -> History:
         named = {"contact": changes.get("law"), **changes}
         velocity = changes.get("velocity")
-        if velocity is not None and isinstance(self.impact.impactor, Obstacle):
+        impactor = self.impact.impactor
+        if velocity is not None and isinstance(impactor, Obstacle):
             named["initial_velocity"] = velocity
+        elif velocity is not None and isinstance(impactor, AntiOscillators):
+            named["impactor"] = Impactor(impactor, velocity)
         elif velocity is not None:
-            named["impactor"] = replace(cast("Any", self.impact.impactor), velocity=velocity)
+            named["impactor"] = replace(cast("Any", impactor), velocity=velocity)
 
         arguments = self.impact._asdict() | vars(self.settings)
         arguments |= {name: named[name] for name in arguments if named.get(name) is not None}

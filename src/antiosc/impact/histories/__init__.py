@@ -111,7 +111,7 @@ class History(RunHistory, Results):
         """Simulates the same impact on another model to a tolerance, without warnings; None of a
         scene.
         """
-        return None if self.source is None else self.source.rerun
+        return getattr(self.source, "rerun", None)
 
     @cached_property
     def site_motion(self) -> SiteMotion | None:
@@ -304,9 +304,7 @@ Rerun: TypeAlias = "Callable[[LinearBody, float], History]"
 
 
 class Source:
-    """What a history is repeated by; `rerun` of an impact of two bodies."""
-
-    rerun: Rerun | None = None
+    """What a history is repeated by; that of an impact of two bodies has `rerun` too."""
 
     def again(self, changes: Mapping[str, Any]) -> History:
         """The same run with other numbers."""
