@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Complex, Real
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -91,11 +90,13 @@ def _check_square(name: str, shape: tuple[int, int]) -> None:
 
 
 def _csr_of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
+    """A sorted copy of a SciPy or dense matrix of real numbers; InputError for anything else."""
     sparse = scipy.sparse.issparse(matrix)
     try:
         entries: Matrix = matrix if sparse else np.asarray(matrix)
     except Exception:  # rows of different lengths, or objects that are no arrays at all
         entries = np.zeros(())
+
     if not sparse and entries.ndim == 0:
         raise InputError(
             f"{name} must be a SciPy sparse, dense or PETSc matrix; got {type(matrix).__name__}."
@@ -105,28 +106,16 @@ def _csr_of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     if isinstance(matrix, np.ma.MaskedArray) and np.ma.is_masked(matrix):
         raise InputError(f"{name} must be given without masked entries.")
     if entries.dtype.kind not in "iuf":
-        entries = _real(name, entries.tocsr() if sparse else entries)
-    with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused later
-        sorted_copy = scipy.sparse.csr_matrix(
-            entries, dtype=float, copy=True
-        )  # it is sorted in place
-    sorted_copy.sum_duplicates()
-    sorted_copy.sort_indices()
-    return sorted_copy
-
-
-def _real(name: str, entries: Matrix) -> Matrix:
-    """Entries of any type as floats; InputError unless each is a real number."""
-    values = entries.data if scipy.sparse.issparse(entries) else entries
-    kinds = [Complex] if values.dtype.kind == "c" else {type(v) for v in np.ravel(values)}
-    if values.dtype.kind == "O" and all(issubclass(k, Real) and k is not bool for k in kinds):
-        return entries.astype(float)
-    if all(issubclass(k, Complex) and k is not bool for k in kinds):
         raise InputError(
-            f"{name} is complex: antiosc needs real matrices; damping is added later (give "
-            f"{name}.real if the imaginary part is zero)."
+            f"{name} must hold real numbers; got entries of type {entries.dtype} (of complex ones "
+            f"give {name}.real: damping is added later)."
         )
-    raise InputError(f"{name} must hold real numbers; got entries of type {values.dtype}.")
+
+    with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused later
+        result = scipy.sparse.csr_matrix(entries, dtype=float, copy=True)
+    result.sum_duplicates()
+    result.sort_indices()
+    return result
 
 
 def _check_values(name: str, values: Array) -> None:

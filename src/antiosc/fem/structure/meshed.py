@@ -173,8 +173,6 @@ class MeshedStructure(StructureMatrices):
     conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
     #: the group of edges of the sheet of which this is a stiffener
     edges: str = ""
-    #: by the place of a site the same with halved cells, which tells the error of a mesh of beams
-    halves: dict[bytes, MeshedStructure] = field(default_factory=dict)
     #: the same without its prestress
     unloaded: MeshedStructure | None = None
     #: strains free of stress of the cells (n,): strains are then of second order; None: linear
@@ -512,10 +510,10 @@ def assembled(
     checked_choice(solver)
     checked_supports = list_of("supports", supports, Support, "Support(where, fix)")
     attachments = attachments_of(attached)
+
     cells, beams = divided(mesh, material)
     parts = parts_of(mesh, cells)
-    stiffeners = [beam for _, beam, _ in beams]
-    materials = [*(entry for entry, _ in parts), *stiffeners]
+    materials = [*(entry for entry, _ in parts), *(beam for _, beam, _ in beams)]
     doubts = plausible.warn_each(
         [
             plausible.size_doubt(mesh.extent(), mesh.stated, mesh.tdim == 1),
@@ -523,8 +521,14 @@ def assembled(
             *(_section_doubt(entry, mesh.extent()) for entry in materials),
         ]
     )
+
     form = parts[0][0].weak_form(mesh, parts, order)
     conditions = fixed_dofs(mesh, form, checked_supports)
+    rows = compat.local_size(form.space)
+    fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
+    if mesh.comm.allreduce(rows - int((fixed < rows).sum())) == 0:
+        raise InputError("the supports fix every dof of the structure: nothing can move.")
+
     with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
         by_cells = cell_by_cell(mesh, form, parts, conditions)
         if by_cells is not None:
@@ -533,35 +537,30 @@ def assembled(
         else:
             K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
             M = compat.assemble(form.mass, form.space, conditions, 0.0)
-    fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
-    free = compat.local_size(form.space) - int((fixed < compat.local_size(form.space)).sum())
-    if mesh.comm.allreduce(free) == 0:
-        raise InputError("the supports fix every dof of the structure: nothing can move.")
-    mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
-    # What is added to K, apart where K is taken by its strains or its cells.
-    stored, heavier = (K, M) if by_cells is None else by_cells.added
+
+    # what is added to K, apart where K is taken by its strains or its cells
+    added_to_K, added_to_M = (K, M) if by_cells is None else by_cells.added
     if form.strains is not None:
-        stored = K.duplicate()
-        stored.zeroEntries()
-    assembled_matrices = Matrices(mesh, form, stored, heavier, fixed)
-    on_edges = {
-        name: add_beams(assembled_matrices, name, beam, edges) for name, beam, edges in beams
-    }
-    edge_materials = [entry for entry, _ in on_edges.values()]
-    edge_materials += [add_at_points(assembled_matrices, entry) for entry in attachments]
+        added_to_K = K.duplicate()
+        added_to_K.zeroEntries()
+    matrices = Matrices(mesh, form, added_to_K, added_to_M, fixed)
+    on_edges = {name: add_beams(matrices, name, beam, edges) for name, beam, edges in beams}
+    terms = [term for term, _ in on_edges.values()]
+    terms += [add_at_points(matrices, attachment) for attachment in attachments]
     if form.strains is not None:
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
-        _take_by_strains(K, S, stored, fixed)
+        _take_by_strains(K, S, added_to_K, fixed)
     if by_cells is not None:
-        by_cells.carries = bool(edge_materials)
-    mass += sum(entry.mass for entry in edge_materials)
-    attached_inertia = sum(
-        (entry.inertia for entry in edge_materials), np.zeros((compat.local_size(form.space), 3))
-    )
-    held_by = [spring for entry in edge_materials for spring in entry.springs]
-    springs = np.column_stack([attached_inertia[:, :0], *(s.G.toarray().T for s in held_by)])
-    modes, shift = support.mesh_modes(form, fixed, K, M, springs)
+        by_cells.carries = bool(terms)
+
+    mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
+    mass += sum(term.mass for term in terms)
+    inertia = sum((term.inertia for term in terms), np.zeros((rows, 3)))
+    springs = [spring for term in terms for spring in term.springs]
+
+    resisted = np.column_stack([np.zeros((rows, 0)), *(s.G.toarray().T for s in springs)])
+    modes, shift = support.mesh_modes(form, fixed, K, M, resisted)
     if conditions and modes.shape[1]:
         motions = support.described(mesh, form, modes)
         warn(
@@ -569,6 +568,7 @@ def assembled(
             f"the supports leave the structure free to move as a rigid body: {motions}; hold "
             "that too unless it is intended.",
         )
+
     materials_by_group = dict(material) if isinstance(material, Mapping) else material
 
     def reassembled(copy: Mesh, supports: Sequence[Support] = checked_supports) -> MeshedStructure:
@@ -593,12 +593,12 @@ def assembled(
         form=form,
         parts=parts,
         total_mass=mass,
-        attached_inertia=attached_inertia,
+        attached_inertia=inertia,
         again=reassembled,
         supports=checked_supports,
         stiffeners={name: lines for name, (_, lines) in on_edges.items()},
-        dampers=[damper for entry in edge_materials for damper in entry.dampers],
-        springs=held_by,
+        dampers=[damper for term in terms for damper in term.dampers],
+        springs=springs,
         conditions=conditions,
         doubts=doubts,
         thickness=None if along_line else thickness,
