@@ -321,6 +321,13 @@ def test_what_nothing_holds_is_refused():
         ao.Structure(beams(), THIN_BEAM, prestress=ao.Prestress(gravity=(0, 0, -9.81)))
 
 
+def test_a_spin_of_point_masses_is_refused():
+    mass = [ao.PointMass((LENGTH, 0, 0), 1e-3)]
+    loads = ao.Prestress(spin=ao.Spin((0, 0, 1), UNIT))
+    with refused(None, "spin", ao.InputError):
+        ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], attached=mass, prestress=loads)
+
+
 RANKS = """
 import numpy as np
 import antiosc as ao
@@ -332,10 +339,9 @@ spin = ao.Spin((0, 0, 1), 300.0, about=(-0.1, 0.01, 0.005))
 loads = ao.Prestress(
     spin=spin, gravity=(0, 0, -9.81), pressure={"+z": 1e4}, force={"+x": (0, 0, 5.0)}
 )
-mass = [ao.PointMass((0.3, 0.01, 0.005), 0.01)]
 held = [ao.Support("-x")]
 metal = ao.Solid(70e9, 0.3, 2700.0)
-part = ao.Structure(mesh, metal, held, attached=mass, prestress=loads)
+part = ao.Structure(mesh, metal, held, prestress=loads)
 state = part.prestress
 print(*part.natural_modes(3).omega, state.displacement[:, 2].min(), state.stress.values.max())
 """

@@ -79,7 +79,8 @@ class Prestress(Checked):
     Parameters
     ----------
     spin : Spin, optional
-        Rotation of the part and its supports about an axis. Coriolis forces are neglected.
+        Rotation of the part and its supports about an axis, without point masses and stiffeners.
+        Coriolis forces are neglected.
     gravity : sequence of 3 floats
         Acceleration, m/s².
     pressure : dict

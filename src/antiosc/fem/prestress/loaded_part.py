@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse
 import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -28,13 +27,10 @@ from antiosc.base.errors import InputError
 from antiosc.fem.elements.beam import Beam, Truss
 from antiosc.fem.elements.second_order import stretch_of
 from antiosc.fem.elements.weak_form import measure
-from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.linalg.petsc_algebra import with_entries
 from antiosc.fem.mesh.surface import largest
 from antiosc.fem.platform import compat
-from antiosc.fem.prestress import Prestress, Spin
+from antiosc.fem.prestress import Prestress
 from antiosc.fem.prestress.energies import pressure_energy, spin_energy, spread
-from antiosc.fem.structure import MOVE, DofPlaces
 from antiosc.fem.structure.meshed import MeshedStructure, alone
 from antiosc.fem.structure.support import dofs_of_entities
 
@@ -93,12 +89,14 @@ class LoadedPart:
             region = (group, *largest(mesh, group))
             work = pressure_energy(mesh, part.parts, self._u, region)
             of_loads += [-p * work] if p else []
-        self._masses: _SpinningMasses | None = None
         if loads.spin is not None and loads.spin.omega:
+            if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
+                raise InputError(
+                    "a spin acts on the mass of cells alone: mesh what a PointMass or the Beam on "
+                    "edges stands for, or leave the spin out."
+                )
             spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
             of_loads.append(-spin)
-            if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
-                self._masses = _SpinningMasses(part, loads.spin)
         forces = [ufl.derivative(stiffener, self._u, v) for stiffener in (second, *of_loads)]
         slopes = [ufl.derivative(stiffener, self._u, w) for stiffener in forces]
         of_stress = stretch.of_stress(self._u, free, v, w) * dx
@@ -111,8 +109,6 @@ class LoadedPart:
         """dΠ/du (rows of this rank,) at u; 0 on fixed dofs."""
         self._move(u)
         total = compat.assemble_functional(self._forces, self.part.form.space)[: len(u)]
-        if self._masses is not None:
-            total -= self._masses.forces(u)
         for name, preloaded in self._lines.items():
             T = self.part.stiffeners[name].shared
             total += _transposed(T, preloaded.forces(self.part.stiffeners[name].rows_of(u)))
@@ -127,13 +123,11 @@ class LoadedPart:
         part = self.part
         form = self._geometric if geometric else self._tangent
         matrix = compat.assemble([form], part.form.space, part.conditions, 0.0)
-        add = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
-        if self._masses is not None:
-            matrix.axpy(-1.0, self._masses.stiffness, structure=add)
         for name, preloaded in self._lines.items():
             lines = part.stiffeners[name]
             of_stiffener = preloaded.stiffness(lines.rows_of(u), geometric=geometric)
-            matrix.axpy(1.0, of_stiffener.ptap(lines.shared), structure=add)
+            added = of_stiffener.ptap(lines.shared)
+            matrix.axpy(1.0, added, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
         return matrix
 
     def _move(self, u: Array) -> None:
@@ -232,51 +226,3 @@ def _at_points(part: MeshedStructure, group: str, force: Array) -> Array:
         owned_dofs = dofs[dofs < rows]
         forces[owned_dofs] = force[axis] / part.comm.allreduce(len(owned_dofs))
     return forces
-
-
-class _SpinningMasses:
-    """Spin loads of point masses and stiffeners, which are in M but not in the cells of the part.
-
-    Forces and stiffness follow from Σ m a·a/2, with a = Ω P (x + u).
-    """
-
-    def __init__(self, part: MeshedStructure, spin: Spin) -> None:
-        self._M = with_entries(part.M).copy()
-        of_cells = compat.assemble(part.form.mass, part.form.space, part.conditions, 0.0)
-        self._M.axpy(-1.0, of_cells, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        start, centrifugal = accelerations(part.places, spin)
-        self._start = multiply(self._M, start)
-        K_spin = self._M.matMult(_spread_out(centrifugal, self._M))
-        self.stiffness = K_spin.copy()
-        self.stiffness.transpose()
-        self.stiffness.axpy(1.0, K_spin, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
-        self.stiffness.scale(0.5)
-
-    def forces(self, u: Array) -> Array:
-        """Centrifugal forces at u (rows of this rank,)."""
-        return self._start + multiply(self.stiffness, u)
-
-
-def accelerations(places: DofPlaces, spin: Spin) -> tuple[Array, scipy.sparse.csr_matrix]:
-    """(centripetal Ω² P (x − about) along the dofs (n,), matrix (n, n) of u ↦ Ω² P u)."""
-    axes = np.where((places.kind == MOVE)[:, None], places.axes, 0.0)
-    start = np.einsum("ni,ij,nj->n", axes, spin.stiffness, places.points - np.array(spin.about))
-    rows = np.repeat(np.arange(len(axes)), 3)
-    columns = 3 * np.repeat(places.node, 3) + np.tile(np.arange(3), len(axes))
-    shape = len(axes), 3 * len(places.nodes)
-    on_axes = scipy.sparse.csr_matrix((axes.ravel(), (rows, columns)), shape)
-    of_nodes = scipy.sparse.kron(scipy.sparse.identity(len(places.nodes)), spin.stiffness)
-    centrifugal = (on_axes @ of_nodes @ on_axes.T).tocsr()
-    centrifugal.eliminate_zeros()
-    centrifugal.sort_indices()
-    return start, centrifugal
-
-
-def _spread_out(local: scipy.sparse.csr_matrix, like: PETSc.Mat) -> PETSc.Mat:
-    """A distributed matrix whose block on the diagonal of each rank is that rank's `local`."""
-    first, _ = like.getOwnershipRange()
-    integer = PETSc.IntType
-    arrays = local.indptr.astype(integer), (local.indices + first).astype(integer), local.data
-    result = PETSc.Mat().createAIJ(like.getSizes(), csr=arrays, comm=like.getComm())
-    result.assemble()
-    return result
