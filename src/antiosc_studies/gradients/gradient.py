@@ -23,7 +23,7 @@ from antiosc.extension import SAFETY, TRUNCATION_SAFETY, softest_model
 from antiosc.impact.assembly import Assembly
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc_studies.gradients.goals import TOL, Goal, Values, goal_of, values_of
-from antiosc_studies.gradients.numbers import Number, Struck, Turn, of_body, of_contact
+from antiosc_studies.gradients.numbers import Number, Struck, Turn, mapped, of_body, of_contact
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,7 +89,7 @@ class Gradient(Completed):
         """The value and its derivatives: name -> JSON value."""
         contacts = {" - ".join(ends): tree for ends, tree in self.contacts.items()}
         slopes = {
-            name: _mapped(lambda v: np.asarray(v).tolist(), tree)
+            name: mapped(lambda v: np.asarray(v).tolist(), tree)
             for name, tree in {**self.bodies, **contacts}.items()
         }
         return {**super().numbers(), "derivatives": slopes}
@@ -205,9 +205,9 @@ def gradient(
     asked = goals[0]
     value = asked.read(hit)
     off = abs(values_of(asked, all_struck[0].base, TOL).goal - value) + TOL * abs(value)
-    bars = Gradient(asked.name, off, _mapped(_bar, *bodies), _mapped(_bar, *contacts))
+    bars = Gradient(asked.name, off, mapped(_bar, *bodies), mapped(_bar, *contacts))
     bodies, contacts = (
-        _mapped(lambda slope, *_: slope.value, *trees) for trees in (bodies, contacts)
+        mapped(lambda slope, *_: slope.value, *trees) for trees in (bodies, contacts)
     )
     return Gradient(asked.name, value, bodies, contacts, bars)
 
@@ -237,13 +237,13 @@ class Slope(NamedTuple):
 def _derivatives(struck: Struck, goal: Goal, models: Any) -> tuple[Tree, dict[Any, Tree]]:
     """The slopes of a goal by the numbers of bodies and of contacts."""
     derive = _differences(goal, struck.base)
-    bodies = {name: _mapped(derive, of_body(struck, name)) for name in struck.scene.bodies}
+    bodies = {name: mapped(derive, of_body(struck, name)) for name in struck.scene.bodies}
     if models is not None:
         again = _differences(goal, models.posed(struck))
-        bodies[models.name] |= _mapped(again, models.numbers(struck))
+        bodies[models.name] |= mapped(again, models.numbers(struck))
 
     contacts = {
-        (contact.a, contact.b): _mapped(derive, of_contact(struck, i))
+        (contact.a, contact.b): mapped(derive, of_contact(struck, i))
         for i, contact in enumerate(struck.scene.contacts)
     }
     return {name: tree for name, tree in bodies.items() if tree}, contacts
@@ -286,19 +286,6 @@ def _difference(number: Number, h: float, goal: Goal, base: Values, tol: float) 
             return float(np.dot(weights, [one.goal for one in values])) / side
     assert refused is not None
     raise refused
-
-
-def _mapped(pick: Callable[..., Any], first: Any, *others: Any) -> Any:
-    """A tree of what `pick` makes of the leaves at the same place of some trees."""
-    if isinstance(first, dict):
-        return {
-            name: _mapped(pick, value, *(tree[name] for tree in others))
-            for name, value in first.items()
-        }
-    if isinstance(first, list):
-        made = [_mapped(pick, *row) for row in zip(first, *others, strict=True)]
-        return made if any(isinstance(one, Slope) for one in made) else np.array(made)
-    return None if first is None else pick(first, *others)
 
 
 def _bar(slope: Slope, *others: Slope) -> float:

@@ -45,6 +45,19 @@ class Number:
     wide: bool = False
 
 
+def mapped(pick: Callable[..., Any], first: Any, *others: Any) -> Any:
+    """A tree of what `pick` makes of the leaves at the same place of some trees."""
+    if isinstance(first, dict):
+        return {
+            name: mapped(pick, value, *(tree[name] for tree in others))
+            for name, value in first.items()
+        }
+    if isinstance(first, list):
+        made = [mapped(pick, *row) for row in zip(first, *others, strict=True)]
+        return np.array(made) if all(isinstance(one, float) for one in made) else made
+    return None if first is None else pick(first, *others)
+
+
 def number(value: float, posed: Callable[[float], Assembly]) -> Number:
     """A number whose steps are relative to itself."""
     return Number(value, abs(value), posed)

@@ -15,7 +15,7 @@ from antiosc.base import checks
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.extension import refuse_prestress
 from antiosc.impact.assembly import Assembly
-from antiosc_studies.gradients.numbers import Number, Numbers, Struck
+from antiosc_studies.gradients.numbers import Number, Numbers, Struck, mapped
 
 #: Size of a number over its value, for steps of a hundredth: where a site excites some modes by
 #: rounding alone, the highest anti-oscillators of two extractions differ by 1e-4.
@@ -62,16 +62,12 @@ class Models:
     def numbers(self, struck: Struck) -> Numbers:
         """The numbers of the part, each with the impact on the part with another value."""
 
-        def posed(one: Any) -> Any:
-            if isinstance(one, dict):
-                return {name: posed(inner) for name, inner in one.items()}
-            if isinstance(one, list):
-                return [posed(inner) for inner in one]
+        def posed(one: Varied) -> Number:
             value, size, model = one
             wide = size > abs(value)
             return Number(value, size, lambda v: struck.posed({self.name: model(v)}), wide)
 
-        return posed(self._tree)  # type: ignore[no-any-return]
+        return mapped(posed, self._tree)  # type: ignore[no-any-return]
 
     def _of_function(self, part: Callable[..., object], x: Any, fine: bool) -> list[Varied]:
         """The entries of the argument of a function; `fine`: it gives models, without rounding."""
