@@ -100,7 +100,7 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     rows: list[Array] = []
     for h, v in zip(H.T, weight.T, strict=True):
         A = np.hstack([v[:, None] * with_rest, -(v * h)[:, None] * sigma])
-        R = np.linalg.qr(np.vstack([A.real, A.imag]), mode="r")
+        R = np.asarray(np.linalg.qr(np.vstack([A.real, A.imag]), mode="r"))
         rows.append(R[with_rest.shape[1] :, with_rest.shape[1] :])
     scale = float(np.linalg.norm(np.abs(H) * weight)) / len(s)
     A = np.vstack([*rows, scale * np.sum(sigma, axis=0).real[None, :]])
