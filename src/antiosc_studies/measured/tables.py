@@ -80,8 +80,9 @@ def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, 
 def table(path: Path) -> list[Column]:
     """The columns of a table, separated by commas, whose first line names them."""
     try:
-        header, *rows = path.read_text(encoding="utf-8-sig").splitlines()
-        values = np.loadtxt(rows, delimiter=",", ndmin=2)
+        header, *lines = path.read_text(encoding="utf-8-sig").splitlines()
+        rows = [line for line in lines if line.partition("#")[0].strip()]
+        values = np.loadtxt(rows, delimiter=",", ndmin=2) if rows else np.zeros((0, 0))
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path.name} is no table in text: its first line names the columns, each perhaps with"
@@ -90,10 +91,10 @@ def table(path: Path) -> list[Column]:
         ) from error
 
     cells = header.lstrip("#% ").split(",")
-    if not values.size or len(cells) != values.shape[1]:
+    if len(cells) != values.shape[1]:
         raise InputError(
             f"the first line of {path.name} names {len(cells)} columns, separated by commas; its"
-            f" rows have {values.shape[1] if values.size else 0}."
+            f" rows have {values.shape[1]}."
         )
     columns = []
     for cell, numbers in zip(cells, values.T, strict=True):
