@@ -183,7 +183,6 @@ def surface_of(ask: Request) -> Surface:
     path = Path(ask.path)
     suffix = path.suffix.lower()
     content = path.read_bytes()
-    _check_counts(content, suffix, ask.name)
 
     with path.open("rb") as file:
         mesh = trimesh.load_mesh(file, file_type=suffix[1:], process=False, skip_materials=True)
@@ -220,52 +219,29 @@ def surface_of(ask: Request) -> Surface:
     return Surface(points, *oriented(points, np.asarray(mesh.faces)), notes)
 
 
-def _check_counts(content: bytes, suffix: str, name: str) -> None:
-    """MeshError for a file whose own counts disagree: it is cut off."""
-    counted, held = 0, 0
-    if suffix == ".stl":
-        counted = int.from_bytes(content[80:84], "little")
-        held = (len(content) - 84) // 50
-        if content.lstrip()[:5].lower() == b"solid" and counted != held:
-            words = content.lower()
-            counted = len(re.findall(rb"^\s*facet\b", words, re.MULTILINE))
-            held = len(re.findall(rb"^\s*endfacet\b", words, re.MULTILINE))
-            corners = len(re.findall(rb"^\s*vertex\s+\S+\s+\S+\s+\S+", words, re.MULTILINE))
-            held = min(held, corners // 3) if b"endsolid" in words else -1
-    elif suffix == ".off":
-        lines = [line.split(b"#")[0].split() for line in content.splitlines()]
-        numbers = [line for line in lines if line and not line[0].upper().endswith(b"OFF")]
-        head = [line[1:] for line in lines if line and line[0].upper().endswith(b"OFF")][:1]
-        numbers = ([head[0]] if head and head[0] else []) + numbers
-        try:
-            counted, held = sum(int(n) for n in numbers[0][:2]), len(numbers) - 1
-        except (IndexError, ValueError):
-            raise MeshError(
-                f"{name} cannot be read as OFF: it does not state its counts."
-            ) from None
-    if counted != held:
-        told = f"{held} of {counted}" if held >= 0 else "no end"
-        raise MeshError(
-            f"{name} is cut off or damaged: of the entries that it announces it holds {told}; "
-            "write it anew in the program that made it."
-        )
-
-
 def _check_loaded(mesh: object, content: bytes, suffix: str, name: str) -> None:
     """MeshError for a surface without triangles, or with fewer than its file announces."""
     faces = getattr(mesh, "faces", np.zeros((0, 3)))
     count = len(getattr(mesh, "vertices", ()))
     if not len(faces):
-        raise MeshError(f"{name} holds no triangles: write the surface of the part into it.")
+        raise MeshError(f"{name} holds no triangles, or is cut off: write it anew.")
 
-    announced = dict(re.findall(rb"element (vertex|face) (\d+)", content[:4096]))
-    lacks = suffix == ".ply" and (
-        count != int(announced.get(b"vertex", count)) or len(faces) < int(announced.get(b"face", 0))
-    )
-    lacks |= bool(faces.max() >= count)
-    # an OBJ file has no counts: its corners come first, each belongs to a face, its lines end
     unused = count - len(np.unique(faces))
-    if suffix == ".obj" and not content.endswith(b"\n"):
+    lacks = bool(faces.max() >= count)
+    if suffix == ".stl" and len(content) != 84 + 50 * len(faces):  # a text
+        words = content.lower()
+        lacks |= words.count(b"endfacet") != len(faces) or b"endsolid" not in words
+    elif suffix == ".ply":
+        stated = dict(re.findall(rb"element (vertex|face) (\d+)", content[:4096]))
+        lacks |= count != int(stated.get(b"vertex", count))
+        lacks |= len(faces) < int(stated.get(b"face", 0))
+    elif suffix == ".off":
+        lines = [line.split(b"#")[0].split() for line in content.splitlines()]
+        numbers = [line[1:] if line[0].upper().endswith(b"OFF") else line for line in lines if line]
+        numbers = [line for line in numbers if line]
+        lacks |= sum(int(n) for n in numbers[0][:2]) != len(numbers) - 1
+    elif suffix == ".obj" and not content.endswith(b"\n"):
+        # it has no counts: its corners come first, each belongs to a face, its lines end
         last = content.splitlines()[-1].split()
         lacks |= unused > 0 or last[:1] != [b"f"] or len(last) < 4
     if lacks:
