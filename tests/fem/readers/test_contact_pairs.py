@@ -13,7 +13,6 @@ from antiosc_app.inspecting import inspect_part
 from assemblies import eigenfrequencies
 from contact_decks import cut_block, whole_block
 from marks import FREE_ON_PURPOSE
-from mpi import START, one_and_several
 from refusals import refused
 
 pytestmark = [FREE_ON_PURPOSE, pytest.mark.fem]
@@ -131,16 +130,3 @@ def test_new_ties_the_pairs_of_a_deck_and_tells_it(tmp_path):
     assert apart.read == {"unit": "mm", "contact": "apart", "piece": 1}
     path = cut_block(tmp_path / "b.inp", (4, 2, 1), (3, 1, 1), gap=2.0)
     assert inspect_part(path).read == {"unit": "mm", "piece": 1}  # nothing can be tied
-
-
-@pytest.mark.mpi
-def test_two_ranks_tie_as_one(tmp_path):
-    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1))
-    program = f"""
-warnings.simplefilter("ignore")
-part = ao.read_model({str(path)!r}, unit="mm", contact="tied")
-model = ao.extract(part, ao.Site((0.03, 0.01, 0.02), (0, 0, -1), radius=4e-3), n=6)
-print(json.dumps([part.mass, model.k0, *map(float, model.omega)]))
-"""
-    one, two = one_and_several(START + program)
-    np.testing.assert_allclose(two, one, rtol=1e-7)

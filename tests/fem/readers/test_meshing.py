@@ -92,7 +92,7 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
     files += [cube(gmsh, tmp_path / "cube", kernel) for kernel in ("occ", "own")]
     gmsh.finalize()
     told = []
-    for k in range(30):
+    for k in range(15):
         file = rng.choice(files)
         path = tmp_path / f"damaged{k}{file.suffix}"
         path.write_bytes(damaged(file.read_bytes(), rng))
@@ -102,7 +102,7 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
                 ao.read_mesh(path, size=0.5 if geometry else None, timeout=5)
             except ao.InputError as error:
                 told.append(str(error))
-    assert len(told) > 10
+    assert len(told) > 4
     assert not [t for t in told if "\n" in t or not t.endswith(".")]
 
 
