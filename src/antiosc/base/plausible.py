@@ -123,6 +123,7 @@ def _likely_units(E: float | None, rho: float | None) -> str:
         real = MODULI[0] <= modulus <= MODULI[1] and DENSITIES[0] <= density <= DENSITIES[1]
         if real and 10 * SLOWEST_WAVE <= sqrt(modulus / density) <= FASTEST_WAVE:
             return f"; {words} is probably meant: E {modulus:g}, rho {density:g}"
+
     return ""
 
 

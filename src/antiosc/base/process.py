@@ -320,6 +320,7 @@ def _blas_once() -> _Blas | None:
             from threadpoolctl import ThreadpoolController
     except ImportError:
         return None
+
     import scipy.linalg  # noqa: F401  (loads the BLAS)
 
     return _Blas(ThreadpoolController())
@@ -340,6 +341,7 @@ def one_thread() -> Iterator[None]:
     if blas is None:
         yield
         return
+
     blas.enter()
     try:
         yield
@@ -400,6 +402,7 @@ def free_memory() -> float:
             free = min(
                 free, float(limit_text[0]) - float(used_memory[0]) + float((cached or ["0"])[0])
             )
+
     return min(free, _process_limit())
 
 
@@ -409,6 +412,7 @@ def _process_limit() -> float:
         import resource
     except ImportError:  # no Unix
         return np.inf
+
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     pages = _lines("/proc/self/statm")
     if limit == resource.RLIM_INFINITY or not pages:

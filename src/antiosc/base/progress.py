@@ -98,6 +98,7 @@ def with_time(stream: TextIO | None = None) -> Iterator[None]:
     if world_rank() or target is None:
         yield
         return
+
     ended = threading.Event()
     clock = threading.Thread(target=_tell_time, args=(_lines.texts, target, ended), daemon=True)
     clock.start()

@@ -231,6 +231,7 @@ def impact_map(
     if impactor is not None:
         checked_body("impactor", impactor)
         duration = positive("duration", duration, "s")
+
     matrices = with_parts(structure, "a map needs a mesh: matrices have no points.")
     refuse_dampers(structure, "a map")
     law = None
@@ -302,11 +303,13 @@ def impact_map(
     if impactor is None or law is None or duration is None:
         on_root(structure.comm, partial(_tell_doubts, result))
         return result
+
     laws = None
     if not with_law:
         laws, doubts = _laws(structure, result, impactor, law)
         for reason, is_doubtful in doubts.items():
             result = doubted(result, is_doubtful, reason)
+
     result_map = _struck(structure, result, impactor, law, laws, duration, longest)
     result_map = replace(result_map, free_sites=sites_seen)
     if stress:
@@ -349,6 +352,7 @@ def _laws(
                 sharp[i] = of_site.kind in SHARP
                 pierced[i] = striker is not None and second_contact_of(of_site, striker) is not None
             ready(i + 1)
+
     return laws, {
         EDGE: sharp,
         HOLLOW: hollow,
@@ -377,6 +381,7 @@ def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
         choice = choice_at_sites(PlaneOf(structure, of_site), struck.impactor)
     except InputError:
         return None
+
     peak = float(struck.peak_force[i])
     contact_time = float(struck.contact_time[i])
     if not (peak > 0 and contact_time > 0):
@@ -399,6 +404,7 @@ def _reduced(
         left_out, reduction = free_modes.error_bound(models, *of_sites, band, shift)
         if np.all(reduction <= accuracy / 2):
             break
+
     return models, (left_out, reduction)
 
 
@@ -449,6 +455,7 @@ def _refined(
         m_st[i] = model.m0 + model.m.sum()
         error[i] = bound
         direct[i] = True
+
     return SiteModels(k0, m0, m_st, omega, m), error, direct
 
 
@@ -460,6 +467,7 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
             "them along the direction of impact, or there is no surface under their patch.",
             AccuracyWarning,
         )
+
     poor = int(np.sum(result.error > accuracy))
     if poor:
         warn(
@@ -527,6 +535,7 @@ def _struck(
             part = batch, peak_deflections(models, batch.force, durations), durations
     except Exception as caught:
         error = caught
+
     agree(comm, error)
     parts = [p for p in comm.allgather(part) if p is not None]
     for message in messages:
@@ -588,6 +597,7 @@ def _parted(
             lists = ([of_sites[i] for i in going_on] for of_sites in (models, laws))
             trial = simulate_many(next(lists), impactor, next(lists), durations[going_on])
             going_on = going_on[_not_parted(trial)]
+
     return simulate_many(models, impactor, laws, durations), durations
 
 
@@ -616,6 +626,7 @@ def with_stresses(
         laws = struck.laws or (struck.contact,) * len(struck)
         radii = [*map(_yielding_radius, laws, struck.peak_force.tolist())]
         zones = CONTACT_RADII * np.array(radii)
+
     balls = np.column_stack([struck.points, zones])
     arguments = forces, struck.durations[which], which, balls
     stresses = largest_stresses(structure, struck.free_sites, *arguments)
@@ -670,6 +681,7 @@ def _stretched(
             for name, value in zip(STRETCHED, _numbers(hit), strict=True):
                 arrays[name][i] = value
             ready(number + 1)
+
     if notes:
         warn(f"{len(notes)} of {len(struck)} sites: {notes[0]}", AccuracyWarning)
     seconds = {**struck.info["seconds"], "stretch": time.perf_counter() - start_time}

@@ -88,9 +88,11 @@ def largest_stresses(
                 for one in _of_sites(modes, rest, *arguments):
                     found.append(one)
                     ready(span.start + len(found))
+
                 return found
 
             largest += on_root(structure.comm, work)
+
     values, points, exposure = (
         _at_sites(np.array(column), which, len(sites.b)) for column in zip(*largest, strict=True)
     )
@@ -180,6 +182,7 @@ def _largest(columns: Array, x: Array, weights: Array) -> tuple[float, int]:
         largest = np.sqrt(np.einsum("spn,spn->sn", stress, stress).max(axis=1)) * weights[block]
         if largest.max() > most:
             most, at = float(largest.max()), int(block[largest.argmax()])
+
     return most, at
 
 

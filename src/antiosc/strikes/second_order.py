@@ -87,6 +87,7 @@ def _of_either_order(
     if not stretched.assembly.stretched:
         told[:] = of_linear
         return linear
+
     return stretched
 
 
@@ -164,4 +165,5 @@ def _is_solid(structure: Structure) -> bool:
         members = with_parts(structure).members()
     except InputError:  # matrices without mesh
         return False
+
     return all(member.part.kind.name == "solid" for member in members)

@@ -188,6 +188,7 @@ class Tradeoff(Result):
             if not members:
                 raise InputError(self._unmet(tol))
             return min(members, key=lambda one: one.seconds)
+
         limit = checks.positive("seconds", seconds, "s")
         members = [member for member in self.table if member.seconds <= limit]
         if not members:
@@ -195,6 +196,7 @@ class Tradeoff(Result):
             raise InputError(
                 f"no member takes at most {plain(limit, 3)} s, the fastest {plain(fastest, 3)} s."
             )
+
         return min(members, key=lambda one: one.bar)
 
     def _unmet(self, tol: float) -> str:
@@ -214,6 +216,7 @@ class Tradeoff(Result):
         for member in sorted(self.table, key=lambda one: one.seconds):
             if not front or member.bar < front[-1].bar:
                 front.append(member)
+
         return tuple(front)
 
     @property
@@ -229,6 +232,7 @@ class Tradeoff(Result):
             sentence = f"The least bar is {100 * smallest_bar:.3g} %, tol {100 * self.tol:.3g} %."
             notes = self.hit.error_budget.notes[-1:]
             return " ".join([sentence, *notes])
+
         best = self.best(tol=self.tol)
         sentence = (
             f"The cheapest within {percent(self.tol)}: N = {best.n}, {best.dofs} dofs,"
@@ -403,6 +407,7 @@ def tradeoff(
         answer = base.answer
         blow = partial(blow_of, answer.structure, base.site, answer.raw, duration)
         found = outcome(blow, compare, report)
+
     if isinstance(found, str):
         return replace(result, notes=(found, *single))
     return replace(result, others=(base.unreduced(found, finest.answer.hit),))
@@ -497,6 +502,7 @@ def _fewer(
                     ready(found.member)
         if mesh.answer is not finest:
             structure.drop_factor()
+
     return fewer
 
 
@@ -516,6 +522,7 @@ def _made(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
     except RangeError as error:
         warn(f"{n} anti-oscillators are left out of the trade-off: {error}")
         return None
+
     return Made(answer, mesh.site, member_of(answer))
 
 

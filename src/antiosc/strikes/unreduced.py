@@ -166,6 +166,7 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
         x -= force * by_force
         v, a = _rates(h, u, inertia_terms, v, a)
         speed, acceleration = _rates(h, x, of_impactor, speed, acceleration)
+
     return Curve(*np.array(contact.nodes).T)
 
 
@@ -208,6 +209,7 @@ class _Contact:
             self.closed = force > 0 or free > origin
             self.state = law.advance(free, rate - 2 / h * alpha * force, self.state)
             origin = law.origin(self.state)
+
         self.closing = closing - alpha * force
         self.rate = rate - 2 / h * alpha * force
         self.nodes.append((self.nodes[-1][0] + h, force, free - origin))
@@ -278,4 +280,5 @@ def _impacts(contacts: list[tuple[float, float]]) -> list[tuple[float, float]]:
             impacts[-1] = first, end
         else:
             impacts.append((start, end))
+
     return impacts
