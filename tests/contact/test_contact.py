@@ -167,7 +167,6 @@ def test_forces_are_those_of_the_formulas(law: ao.ContactLaw) -> None:
             grip = 1 + law.factor * 0.3 / 0.8
             assert law.force(d, 0.3, state) == pytest.approx(expected * grip, rel=1e-9)
             assert law.force(d, -1e6, state) == 0.0
-            assert law.damping(d, 0.3, state) == pytest.approx(expected * (grip - 1), rel=1e-9)
 
 
 @pytest.mark.parametrize("law", PLASTIC, ids=lambda law: type(law).__name__)

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 import antiosc as ao
-from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, Curvature
+from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE
 from antiosc.engine.contact.line import line_indentation, line_law
 from antiosc.fem.mesh.curvature import curvature
 from antiosc.fem.mesh.surface import Faces
@@ -121,22 +121,6 @@ def test_a_part_of_an_assembly_is_curved_where_it_lies(tmp_path: Path) -> None:
     assert found.error < 0.2 * known[1]
     np.testing.assert_allclose(found.normal, (1, 0, 0), atol=1e-2)
     np.testing.assert_allclose(np.abs(found.directions), [[0, 0, 1], [0, 1, 0]], atol=0.1)
-
-
-def test_two_cylinders_touch_as_their_axes_lie() -> None:
-    """Crossed at right angles they are a ball on a plane; along one another a line."""
-
-    def cylinder(turn: float, length: float) -> Curvature:
-        axes = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0]])
-        up = np.array([0.0, 0.0, 1.0])
-        return Curvature(LINE, np.array([0.0, 100.0]), 0.0, axes, np.zeros(3), up, length)
-
-    crossed = cylinder(0.0, 0.05).against(cylinder(np.pi / 2, 0.03))
-    np.testing.assert_allclose(crossed.values, (100, 100))
-    along = cylinder(0.3, 0.05).against(cylinder(0.3, 0.03))
-    np.testing.assert_allclose(along.values, (0, 200))
-    assert along.values[0] == 0
-    assert along.length == 0.03
 
 
 def test_the_law_of_a_line_is_the_field_of_its_pressure() -> None:

@@ -13,10 +13,8 @@ contact (the deepest indentation, the speed of approach) is stored in `state`, a
 5.  `origin(state)` [m] is where unloading ends and where contact starts again: 0, or the permanent
     indentation.
 6.  `energy(delta, state)` [J] is the recoverable energy of the contact; `lost(state)` [J] the
-energy that it has turned into plastic work so far; `damping` [N] is the part of the force that
-depends on the
-    rate, so that damping * rate is the additional power loss. Over a closed cycle the work done on
-    the contact equals `lost` plus the damping's work.
+    energy that it has turned into plastic work so far. Over a closed cycle the work done on the
+    contact equals `lost` plus the work of the part of the force that depends on the rate.
 7.  `implicit` solves force and a linear relation between force and motion together. The base class
     does it for any law that keeps rules 2 and 3; a law overrides it where a closed form is quicker.
 
@@ -105,10 +103,6 @@ class ContactLaw(ABC):
 
     def lost(self, state: State) -> float:
         """Energy [J] lost by hysteresis since the first touch."""
-        return 0.0
-
-    def damping(self, delta: float, rate: float, state: State) -> float:
-        """Rate-dependent part of the force [N]."""
         return 0.0
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
@@ -330,11 +324,6 @@ class Compiled(Checked, ContactLaw):
         if self.has_memory:
             return state[2]
         return 0.0
-
-    def damping(self, delta: float, rate: float, state: State) -> float:
-        if not self.rate_dependent:
-            return 0.0
-        return self.force(delta, rate, state) - self.force(delta, 0.0, state)
 
 
 def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:

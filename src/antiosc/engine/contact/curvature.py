@@ -18,8 +18,6 @@ EDGE = "edge"
 CORNER = "corner"
 #: Kinds without a curvature, whose radius must be given.
 SHARP = EDGE, CORNER
-#: Share of the larger curvature below which a sum of two is none.
-ROUNDED = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,21 +60,6 @@ class Curvature(ReprMixin):
         values = self.values / stretch
         point = self.point + distance * self.normal
         return replace(self, values=values, error=self.error * change, point=point)
-
-    def against(self, other: Curvature) -> Curvature:
-        """Curvature of the gap between two surfaces in contact: the sum of both."""
-        tensors = [(c.directions.T * c.values) @ c.directions for c in (self, other)]
-        values, vectors = np.linalg.eigh(
-            self.directions @ (tensors[0] + tensors[1]) @ self.directions.T
-        )
-        values[np.abs(values) < ROUNDED * np.abs(values).max()] = 0.0
-        return replace(
-            self,
-            values=values,
-            error=self.error + other.error,
-            directions=vectors.T @ self.directions,
-            length=min(self.length, other.length),
-        )
 
     @classmethod
     def of_radii(cls, *radii: float) -> Curvature:
