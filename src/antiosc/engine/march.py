@@ -382,8 +382,15 @@ def with_step(
     system: System, duration: float, step: float, max_contacts: int, max_steps: int
 ) -> Converged:
     """One run with steps of `step` [s] during contact, whose errors are not known (0)."""
-    limits = {"max_contacts": max_contacts, "max_steps": max_steps}
-    marched = run(system, duration, LOOSE, step=step, fine=step / 4, **limits)
+    marched = run(
+        system,
+        duration,
+        LOOSE,
+        step=step,
+        fine=step / 4,
+        max_contacts=max_contacts,
+        max_steps=max_steps,
+    )
     return Converged(marched, step, 0.0, 0.0, duration)
 
 
