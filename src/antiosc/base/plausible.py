@@ -172,7 +172,8 @@ def impact_doubt(model: object, movers: Iterable[object], *velocities: object) -
     """
     all_velocities = [*velocities, *(getattr(mover, "velocity", 0.0) for mover in movers)]
     speed = max(map(_fastest, all_velocities), default=0.0)
-    wave = float(getattr(getattr(model, "info", None), "wave_speed", None) or 0.0)
+    get_fact = getattr(getattr(model, "info", None), "get", lambda _: None)
+    wave = float(get_fact("wave_speed") or 0.0)
 
     sentence = doubt("speed", speed, "the speed of the blow, at which every metal yields,")
     if not sentence and 0 < wave < speed / LINEAR:
