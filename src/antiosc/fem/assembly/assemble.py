@@ -26,23 +26,14 @@ from antiosc.fem.assembly.assembled import (
     warn_of_motions,
 )
 from antiosc.fem.assembly.elimination import eliminate
-from antiosc.fem.assembly.joint import (
-    Constraints,
-    Eliminated,
-    HeldDofs,
-    Joint,
-    Rows,
-    Stiffness,
-    attachment,
-    superelement,
-    support_rows,
-)
+from antiosc.fem.assembly.joint import Constraints, Eliminated, HeldDofs, Joint, Rows, Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse, row_numbers
 from antiosc.fem.assembly.parts import (
     checked_parts,
     checked_places,
     checked_points,
 )
+from antiosc.fem.assembly.terms import attachment, superelement, support_rows
 from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.platform import collective
 from antiosc.fem.structure import TURN, Placement

@@ -11,14 +11,8 @@ import scipy.sparse
 from antiosc.base._types import Array
 from antiosc.base.checks import checked_by, instance
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import (
-    NAME,
-    Between,
-    Stiffness,
-    end_text,
-    motion,
-    warn_of_gap,
-)
+from antiosc.fem.assembly.ends import end_text, motion, warn_of_gap
+from antiosc.fem.assembly.joint import NAME, Stiffness, TwoEnds
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.elements.beam import Beam, heights
 
@@ -30,7 +24,7 @@ PLANES = (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0))
 
 
 @dataclass(frozen=True)
-class Bolt(Between):
+class Bolt(TwoEnds):
     """A straight beam between two ends; a group as an end moves by its mean motion.
 
     The element has the exact static stiffness of a Timoshenko beam, and its consistent mass.

@@ -10,21 +10,17 @@ import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import (
+from antiosc.fem.assembly.ends import (
     COLLINEAR,
     END,
-    NAME,
     End,
     EndMotion,
-    HeldDofs,
-    Joint,
-    Rows,
     end_text,
-    following,
     group_end,
     mean,
     motion,
 )
+from antiosc.fem.assembly.joint import NAME, HeldDofs, Joint, Rows, following
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS

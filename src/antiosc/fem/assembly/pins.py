@@ -13,21 +13,16 @@ import scipy.sparse
 from antiosc.base._types import Array
 from antiosc.base.checks import checked_by, coordinates, number, positive, shown, store
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import (
-    NAME,
+from antiosc.fem.assembly.ends import (
     UNIT,
-    Between,
     End,
     EndMotion,
-    HeldDofs,
-    Joint,
-    Rows,
-    Stiffness,
     checked_end,
     end_text,
     motion,
     warn_of_gap,
 )
+from antiosc.fem.assembly.joint import NAME, HeldDofs, Joint, Rows, Stiffness, TwoEnds
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure import checked_axis, in_space
 from antiosc.fem.structure.attachments import by_components
@@ -40,7 +35,7 @@ IN_PLANE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
-class _Pin(Between):
+class _Pin(TwoEnds):
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     name: str | None = field(default=None, metadata=NAME)
 
@@ -288,7 +283,7 @@ def _branches(_: str, branches: object) -> tuple[tuple[dict[str, float], float],
 
 
 @dataclass(frozen=True)
-class Bushing(Between):
+class Bushing(TwoEnds):
     """Springs and dampers between two ends (CBUSH).
 
     Parameters

@@ -29,7 +29,8 @@ import scipy.spatial
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import checked_by, point_text, positive
 from antiosc.base.errors import InputError, warn
-from antiosc.fem.assembly.joint import NAME, Between, HeldDofs, Rows, group_end
+from antiosc.fem.assembly.ends import group_end
+from antiosc.fem.assembly.joint import NAME, HeldDofs, Rows, TwoEnds
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, closest, on_faces, overlap
 from antiosc.fem.structure import skew
@@ -50,7 +51,7 @@ CLOSED = 1e-12
 
 
 @dataclass(frozen=True)
-class Tie(Between):
+class Tie(TwoEnds):
     """Two surfaces (or edges) that move together, with meshes that need not match.
 
     Parameters
