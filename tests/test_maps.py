@@ -617,7 +617,7 @@ def test_a_stress_has_the_error_of_the_force_also_without_that_of_the_law():
     bar = ErrorBar(100.0, mesh=0.4, truncation=0.2, time=0.0, patch=0.07, law=None)
     budget = ErrorBudget({"peak_force": bar}, 0.0, unknown={"law": "no strength."})
     force = headline.force_bar(budget)
-    margin = ao.results.Margin("yield", 5e6, 50e6, np.zeros(3), 0.0, mesh_error=1e6)
+    margin = ao.results.Margin("yield", 5e6, 50e6, np.zeros(3), 0.0, (4e6, 6e6))
     field = ao.results.PeakField(
         "von_mises", "Pa", np.zeros((1, 3)), np.array([5e6]), np.zeros(1), [], None, np.ones(1)
     )

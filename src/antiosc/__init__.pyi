@@ -114,10 +114,6 @@ from antiosc.fields.probe import (
     strain_gauge as strain_gauge,
 )
 from antiosc.fields.probe_error import probe_error as probe_error
-from antiosc.fields.probe_spectra import (
-    ProbeSpectra as ProbeSpectra,
-    probe_srs as probe_srs,
-)
 from antiosc.fields.spectra import (
     ShockSpectrum as ShockSpectrum,
     Spectrum as Spectrum,

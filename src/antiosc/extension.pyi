@@ -49,7 +49,6 @@ from antiosc.fields.probe import (
     probed_point as probed_point,
 )
 from antiosc.fields.probe_error import ProbeError as ProbeError
-from antiosc.fields.probe_spectra import spectra_at as spectra_at
 from antiosc.fields.second_order import tensors_at_nodes as tensors_at_nodes
 
 # Impacts: bodies, scenes, and what a history tells.
@@ -74,7 +73,7 @@ from antiosc.impact.histories.run_end import (
     open_contacts as open_contacts,
 )
 from antiosc.impact.histories.verdict import (
-    YieldingZone as YieldingZone,
+    ContactZone as ContactZone,
     unknown_dent as unknown_dent,
     yield_share as yield_share,
 )

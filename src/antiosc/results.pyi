@@ -13,10 +13,6 @@ from antiosc.fields.peaks import PeakField as PeakField
 from antiosc.fields.pictures import SavedFields as SavedFields
 from antiosc.fields.prestressed import PrestressedState as PrestressedState
 from antiosc.fields.probe_error import probe_error as probe_error
-from antiosc.fields.probe_spectra import (
-    ProbeSpectra as ProbeSpectra,
-    probe_srs as probe_srs,
-)
 from antiosc.fields.spectra import (
     ShockSpectrum as ShockSpectrum,
     Spectrum as Spectrum,

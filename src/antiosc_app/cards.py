@@ -116,7 +116,7 @@ def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> 
     certain, possible = FAILS.get(worst.criterion, BREAKING)
     if worst.bounds[0] >= 1:
         return Card(BREAKS, f"It {certain}: {told}.", BENDS)
-    if worst.bounds[1] >= 1 and worst.is_of_cells and worst.exposure < 1:
+    if not worst.has_bar and worst.exposure < 1:
         return Card(BREAKS, f"Cannot say: the mesh is too coarse, {told}.", UNKNOWN)
     if worst.bounds[1] >= 1:
         return Card(BREAKS, f"It may {possible}: {told}.", BENDS)
@@ -134,15 +134,19 @@ def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> 
 def judged_text(margin: Margin, *, has_bar: bool) -> str:
     """The judged stress beside the strength: "121 MPa (79 MPa to 169 MPa) of 235 MPa"."""
     if not margin.is_stress:
+        if not margin.has_bar:
+            return f"exposure {margin.exposure:.2g} without a bar, failure from 1"
         low, high = margin.bounds
         return f"exposure {low:.2g} to {high:.2g}, failure from 1"
     bar = f" ({range_of(margin)})" if has_bar else ""
-    return f"{engineering(margin.stress, 'Pa')}{bar} of {engineering(margin.strength, 'Pa')}"
+    return f"{engineering(margin.value, 'Pa')}{bar} of {engineering(margin.strength, 'Pa')}"
 
 
 def range_of(margin: Margin) -> str:
     """The least and the largest stress within the bar."""
-    low, high = (max(end, 0.0) for end in margin.stresses)
+    if not margin.has_bar:
+        return "no bar"
+    low, high = margin.stresses
     return f"{engineering(low, 'Pa')} to {engineering(high, 'Pa')}"
 
 
@@ -154,7 +158,7 @@ def stress_text(margins: Sequence[Margin], *, has_bar: bool) -> str:
     worst = max(stresses, key=lambda margin: margin.exposure)
     place = "beside the contact" if worst.at_edge else f"at {point_text(worst.point)}"
     bar = range_of(worst) if has_bar else "no error bar"
-    return f"{engineering(worst.stress, 'Pa')} ({bar}) {place}"
+    return f"{engineering(worst.value, 'Pa')} ({bar}) {place}"
 
 
 def deflection_text(hit: History, budget: ErrorBudget | None) -> str:

@@ -18,7 +18,6 @@ from antiosc.base.texts import (
     plus_minus,
     point_text,
     restitution_text,
-    rounded_down,
 )
 from antiosc.extension import QUANTITIES, ErrorBudget, hardest, left_out_text, low_band, trusted
 from antiosc.models.auto_contact import piercing
@@ -223,37 +222,29 @@ def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | No
     None if not all are known.
     """
     worst = peak.worst_point
-    if force is None or worst is None or not worst.is_stress:
+    if force is None or worst is None or not worst.is_stress or not worst.has_bar:
         return None
-    return margin_bar(with_force(worst, force), bool(peak.largest_mesh_error))
-
-
-def margin_bar(margin: Margin, has_mesh_error: bool) -> tuple[float, float] | None:
-    """The same of a margin with its force error; None without an estimate of the mesh."""
-    if not margin.stress or not (margin.at_edge or has_mesh_error):
+    if not worst.value or not peak.largest_mesh_error:
         return None
-    low, high = (end / margin.stress for end in margin.stresses)
-    return 1 - max(low, 0.0), high - 1
+    low, high = (end / worst.value for end in with_force(worst, force).stresses)
+    return 1 - low, high - 1
 
 
 def largest_stress(fields: Mapping[str, PeakField], force: float | None) -> dict[str, Any]:
     """The von Mises stress [Pa] nearest to yield, for the page; {} where none was sought.
 
     `strength`: null where it is not known; `scope`: where it is judged; `stress_place` [m]: null at
-    the edge of a contact's surroundings; `stress_bar`: as of `stress_bar`; `of_cells`: whether most
-    of it is by the cells there; `cells` [m]: the size that the site needs, null where it has it.
+    the edge of a contact's surroundings; `stress_bar`: as of `stress_bar`.
     """
     for peak in fields.values():
         margin = peak.worst_point
         if margin is None or not margin.is_mises:
             continue
-        bar, needed = stress_bar(peak, force), margin.needed_cells
+        bar = stress_bar(peak, force)
         return {
-            "stress": margin.stress,
+            "stress": margin.value,
             "strength": None if peak.exposure is None else margin.strength,
             "stress_bar": bar,
-            "of_cells": with_force(margin, force).is_of_cells,
-            "cells": None if needed is None else rounded_down(needed),
             "stress_note": "" if bar is not None else "no bar",
             "scope": margin.scope,
             "stress_time": margin.time,

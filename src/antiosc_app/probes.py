@@ -19,11 +19,11 @@ from antiosc_app.presentation import CURVES, Columns, Rows, curves, spaced
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.run import SceneResults
 from antiosc_app.scene_file.scene import place_of, probe_times
+from antiosc_app.scene_file.shock import Shock
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from antiosc import ProbeSpectra
 
 #: Units of the quantities of probes.
 UNITS = {
@@ -57,7 +57,7 @@ class Probe:
         call = results.compiled.probes[name]
         given = call.arguments
         self.name = name
-        self.shock: ProbeSpectra | None = results.spectra.get(name)
+        self.shock: Shock | None = results.spectra.get(name)
         self.quantity: str = given.get("quantity", "displacement")
         self.filter: str | None = given.get("filter")
         times = given.get("times", results.history.time)
@@ -105,11 +105,10 @@ class Probe:
         """The frequencies and the largest absolute responses as columns of a file."""
         assert self.shock is not None
         unit = ", ".join(filter(None, ("m/s²", self.filter)))
-        columns: Columns = {"frequency (Hz)": self.shock.largest.frequency}
+        first = next(iter(self.shock.spectra.values()))
+        columns: Columns = {"frequency (Hz)": first.frequency}
         for component, spectrum in self.shock.spectra.items():
             columns[f"{self.name} {component} ({unit})"] = spectrum.maximax
-            if spectrum.bar is not None:
-                columns[f"{self.name} {component} ± ({unit})"] = spectrum.bar
         return columns
 
     def peak(self) -> Columns:

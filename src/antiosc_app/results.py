@@ -294,10 +294,10 @@ def _largest(peak: PeakField) -> str:
 
 #: Attributes of a margin among the numbers, and of the worst point where no strength is known.
 MARGIN_KEYS = (
-    "criterion", "scope", "exposure", "margin", "least_margin", "reached", "contact", "beyond",
-    "spread", "edge_stress", "thin", "layer", "sentence", "point", "time",
+    "criterion", "scope", "exposure", "margin", "least_margin", "reached", "contact", "has_bar",
+    "layer", "sentence", "point", "time",
 )  # fmt: skip
-OUTSIDE_KEYS = ("stress", "scope", "spread", "edge_stress", "sentence", "point", "time")
+OUTSIDE_KEYS = ("value", "scope", "has_bar", "sentence", "point", "time")
 
 
 def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
@@ -353,7 +353,8 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
     for probe in probes:
         if probe.shock is not None:
             caption = f"Probe {probe.name}: {probe.shock.sentence}."
-            pictures.append(Picture("Shock response spectrum", caption, probe.shock.plot, ".svg"))
+            draw_shock = probe.shock.spectra[probe.shock.component].plot
+            pictures.append(Picture("Shock response spectrum", caption, draw_shock, ".svg"))
     if results.structure is not None:
         caption = (
             "The structure at the time of the largest displacement of its site, or of the largest"

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.texts import engineering, plus_minus
-from antiosc_app import headline, results
+from antiosc.base.texts import engineering
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.impacts import Impacts, force_of
 from parts import box, line
@@ -195,13 +194,12 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     assert told in fall.summary()
     stress = fall.worst("von_mises")
     assert stress.margin().contact
-    (zone,) = stress.margin().beyond
-    place = fall.impacts[0].place
-    np.testing.assert_allclose(zone[:3], place, atol=1e-4)
-    assert zone[3] == pytest.approx(3 * np.sqrt(fall.peak_force / (np.pi * 2.4 * 42e6)), rel=1e-3)
-    far = np.linalg.norm(stress.points - place, axis=1) > zone[3]
+    zone = 3 * np.sqrt(fall.peak_force / (np.pi * 2.4 * 42e6))
+    assert f"3 radii of the contact ({engineering(zone, 'm', 2)})" in stress.margin().scope
+    far = np.linalg.norm(stress.points - fall.impacts[0].place, axis=1) > zone
     assert not far.all()
-    assert stress.margin().value == pytest.approx(stress.values[far].max())
+    assert stress.margin().value >= stress.values[far].max()
+    assert not stress.margin().has_bar
     damped = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(STEEL, restitution=0.8), until=1)
     hard = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(law.stiffness)), until=1)
     assert hard.peak_force > fall.peak_force
@@ -210,8 +208,8 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
         assert "the force of this law is too high" in stiff.summary()
         assert "Thornton" not in stiff.summary()
         depth = stiff.episodes[0].sunk().max()
-        ((*_, radius),) = stiff.worst("von_mises").margin().beyond
-        assert radius == pytest.approx(3 * np.sqrt(R * depth))  # a² = R δ of Hertz
+        radius = engineering(3 * np.sqrt(R * depth), "m", 2)  # a² = R δ of Hertz
+        assert radius in stiff.worst("von_mises").margin().scope
     soft = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(1e6)), until=1)
     assert soft.peak_force < fall.peak_force
     assert not soft.worst("von_mises").margin().contact
@@ -219,14 +217,13 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
 
 @pytest.mark.slow
 def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None:
-    """Each impact's stress with the error of its own force; the one that may yield is told."""
+    """The largest error of a force of its impacts counts."""
     solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
     part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), solid)
     fall = ao.drop(part, 0.1, (10, 5, 0), ao.Floor(STEEL), until=3, modes=12)
     alone = [fall.worst(impacts=[k]).margin() for k in range(3)]
-    stresses = [margin.stress for margin in alone]
+    stresses = [margin.value for margin in alone]
     judged = int(np.argmax(stresses))
-    other = (judged + 1) % 3
 
     def margin_with(bars: list[float]) -> ao.Margin:
         pairs = zip(fall.impacts, bars, strict=True)
@@ -234,40 +231,11 @@ def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None
         monkeypatch.setitem(vars(fall), "impacts", rated)
         return fall.worst().margin()
 
-    margin = margin_with([0.01] * 3)
-    assert [span.stress for span in margin.spans] == pytest.approx(stresses)
-    assert margin.stress == pytest.approx(max(stresses))
-    assert "yield is not reached" in margin.sentence
+    margin = margin_with([0.01, 0.02, 0.03])
+    assert margin.value == pytest.approx(max(stresses))
+    assert margin.force_error == 0.03
+    assert margin.impact == judged + 1
     assert f", by impact {judged + 1}" in margin.sentence
-    wide = [0.01] * 3
-    wide[other] = 2e9 / stresses[other]  # its largest force yields
-    assert f"yield may be reached in impact {other + 1} " in margin_with(wide).sentence
-    fall_on_one = ao.drop(fall.body, 0.1, (10, 5, 0), ao.Floor(STEEL), until=1)
-    assert "impact" not in fall_on_one.worst().margin().sentence
-
-
-@pytest.mark.slow
-def test_the_stress_of_a_fall_has_one_interval_that_of_its_verdict(monkeypatch) -> None:
-    """Also where it occurs after the touch of the next impact, whose force has another error."""
-    solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
-    part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), solid)
-    fall = ao.drop(part, 0.1, (10, 5, 0), ao.Floor(STEEL), until=3, modes=12)
-    judged = fall.worst().margin().impact - 1
-    bars = [0.01] * 3
-    bars[judged] = 2e9 / fall.worst().margin().stress  # its largest force yields
-    pairs = zip(fall.impacts, bars, strict=True)
-    rated = Impacts(replace(impact, law_error=bar) for impact, bar in pairs)
-    monkeypatch.setitem(vars(fall), "impacts", rated)
-    worst = fall.worst()
-    worst = replace(worst, impact=np.full_like(worst.impact, (judged + 1) % 3))
-    force = results.bar_of_fall(fall, worst)
-    assert force == bars[judged]
-    below, above = headline.stress_bar(worst, force)
-    stress = worst.margin().stress
-    ends = (engineering(stress * share, "Pa") for share in (1 - below, 1 + above))
-    verdict = headline.stress_sentences({"von_mises": worst}, force)[0]
-    assert f"(stress {' to '.join(ends)} with its errors" in verdict
-    assert plus_minus((below, above)) in verdict
 
 
 @pytest.mark.slow

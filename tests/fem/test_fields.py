@@ -147,15 +147,15 @@ def test_series_for_paraview(tmp_path, kind):
 
 def test_an_interrupted_series_leaves_nothing(tmp_path, hit, monkeypatch):
     structure, history = hit
-    content, calls = series.Frames.content, []
+    write, calls = series.write_vtu, []
 
-    def broken(self, *arguments):
+    def broken(*arguments):
         calls.append(1)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return content(self, *arguments)
+        write(*arguments)
 
-    monkeypatch.setattr(series.Frames, "content", broken)
+    monkeypatch.setattr(series, "write_vtu", broken)
     with pytest.raises(KeyboardInterrupt):
         ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1e-4, 2e-4, 3e-4])
     assert list(tmp_path.iterdir()) == []
@@ -170,7 +170,6 @@ def test_a_series_removes_only_what_its_list_names(tmp_path, hit):
             write(structure, history, tmp_path / "run.pvd", [])
     assert list(tmp_path.iterdir()) == [mine]
     listing = ao.write_series(structure, history, tmp_path / "run.pvd", [0.0, 1e-6])
-    listing.chmod(0o600)
     text = listing.read_text().replace("run_0001.vtu", "run_2024.vtu/../../outside.vtu")
     listing.write_text(text)
     ao.write_series(structure, history, listing, [0.0])
@@ -178,8 +177,6 @@ def test_a_series_removes_only_what_its_list_names(tmp_path, hit):
         "run.pvd", "run_0000.vtu", "run_0001.vtu", "run_2024.vtu"
     ]  # fmt: skip
     assert mine.read_text() == "not a frame"
-    modes = [p.stat().st_mode & 0o777 for p in (listing, tmp_path / "run_0000.vtu")]
-    assert modes == [0o600, 0o600]
 
 
 def test_names_that_make_no_series(tmp_path, hit):
@@ -190,7 +187,7 @@ def test_names_that_make_no_series(tmp_path, hit):
         ("a\nb", "XML has no word"),
         ("x" * 300, "File name too long"),
         ("file/run", "cannot write the series"),
-        ("folder.pvd", "it is a folder"),
+        ("folder.pvd", "cannot write the series"),
     ):
         with pytest.raises(ao.InputError, match=says):
             ao.write_series(structure, history, tmp_path / name, [0.0])

@@ -10,7 +10,6 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.texts import engineering, plain, plus_minus
-from antiosc.fields.peaks import PeakField
 from antiosc_app import headline, live as assets
 from antiosc_app.cards import cards_of_history
 from webdriver import MISSING, Browser
@@ -442,16 +441,6 @@ def test_pictures_reach_the_end_of_the_run_and_spikes_do_not_darken_them(browser
     assert (
         legend == f"{engineering(largest / 4, 'Pa')} and more, up to {engineering(largest, 'Pa')}"
     )
-
-
-def test_the_bar_of_a_stress_holds_what_stands_for_the_radius_of_the_patch():
-    """A wall under a coarse patch had 167 MPa ± 13 %, 165 MPa of it for the patch; then 86 MPa."""
-    place = np.zeros((1, 3))
-    margin = ao.results.Margin("yield", 2e6, 45e6, place[0], 0.0, spread=165e6, mesh_error=1e6)
-    field = PeakField("von_mises", "Pa", place, np.array([2e6]), np.zeros(1), [], None, np.ones(1))
-    peak = replace(field, mesh_error=np.array([1e6]), _margin=margin)
-    least, largest = (2 - 1) * 0.9, (167 + 1) * 1.1
-    assert headline.stress_bar(peak, 0.1) == pytest.approx((1 - least / 167, largest / 167 - 1))
 
 
 def test_a_striker_that_pierces_the_part_is_told_before_the_numbers(monkeypatch):

@@ -257,7 +257,7 @@ def test_a_yield_strength_has_its_verdict(
     assert cli.main(["run", "drop.toml", "--out", "out", "--report"]) == 0
     printed, page = capsys.readouterr().out, (box_folder / "drop.html").read_text()
     for text in (printed, page):
-        assert re.search(r"A dent of .*? remains; elsewhere it stays elastic, .*? of 275 MPa", text)
+        assert re.search(r"Cannot say: the mesh is too coarse, .*? of 275 MPa", text)
         assert "Thornton" not in text
         assert "g (unfiltered), in impact 1" in text
     (by_law,) = set(re.findall(r"that force may be off by ([\d.]+) %", page))
@@ -266,7 +266,7 @@ def test_a_yield_strength_has_its_verdict(
     margin = json.loads((box_folder / "out/result.json").read_text())["worst"]["margin"]
     assert "outside 3 radii of the contact" in margin["sentence"]
     assert margin["contact"]
-    assert all(len(ball) == 4 for ball in margin["beyond"])
+    assert not margin["has_bar"]
     assert margin["margin"] == pytest.approx(1 / margin["exposure"] - 1)
 
 
@@ -423,7 +423,7 @@ def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, c
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     told = capsys.readouterr().out
     # no bar, as the force has none
-    bar = r"\(no error bar, as the force has none; anti-oscillators \S+ %\)"
+    bar = r"no error bar \(anti-oscillators \S+ %\)"
     assert re.search(rf"probe top +acceleration magnitude: largest \S+ m/s² {bar} \(\S+ g\)", told)
     assert "margin of safety" in told
     found = numbers(tmp_path / "out")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.base.texts import engineering
 from antiosc_app import headline, results
 from antiosc_app.scene_file.scene import by_strengths
 
@@ -40,8 +41,9 @@ def test_a_largest_stress_is_that_of_the_same_blow_on_a_part_with_a_strength(par
     )
     assert same.peak_force == pytest.approx(hit.peak_force, rel=1e-12)
     assert (known["strength"], bare["strength"]) == (1e9, None)
-    names = ("stress", "stress_bar", "stress_note", "scope", "stress_place", "stress_time")
-    assert {name: bare[name] for name in names} == {name: known[name] for name in names}
+    for name in ("stress", "stress_bar", "stress_place", "stress_time"):
+        assert bare[name] == pytest.approx(known[name], rel=1e-12)
+    assert (bare["scope"], bare["stress_note"]) == (known["scope"], known["stress_note"])
     (row, *_) = results._stress_rows(fields, 0.0)
     told = headline.stress_sentences(fields, 0.0)[0]
     head = headline.headline_of_history(same, structure, same.error_budget, fields)
@@ -49,7 +51,7 @@ def test_a_largest_stress_is_that_of_the_same_blow_on_a_part_with_a_strength(par
         assert "no yield strength" in text
         assert ("rigidly held faces" in text) == (part == "solid")
     numbers = results._stress_numbers(fields)["von_mises"]["outside"]
-    assert numbers["stress"] == bare["stress"]
+    assert numbers["value"] == bare["stress"]
     with pytest.raises(ao.InputError, match="strength"):
         fields["von_mises"].margin()
 
@@ -59,13 +61,9 @@ def test_the_zone_of_a_contact_that_may_yield_is_left_out_of_a_solid():
     _, fields, _, hit = held("solid", (0.03, 0.03), BALL)
     worst = fields["von_mises"].worst_point
     radius = np.sqrt(BALL.radius * (hit.peak_force / stiffness()) ** (2 / 3))
-    np.testing.assert_allclose(worst.beyond, [[0.03, 0.03, 0.03, 3 * radius]], rtol=1e-6)
-    assert "3 radii of the contact" in worst.scope
-    judged, soft, *_ = held("solid", (0.03, 0.03), BALL, strength=50e6)
-    ball = soft["von_mises"].margin().beyond[0]
-    assert 0.8 * 3 * radius < ball[3] < 1.36 * 3 * radius  # a dent's rim: up to 1.84^(1/2)
-    # on a half-space the stress falls as the square of the distance
-    assert worst.stress * radius**2 == pytest.approx(judged["stress"] * (ball[3] / 3) ** 2, rel=0.1)
+    assert f"3 radii of the contact ({engineering(3 * radius, 'm', 2)})" in worst.scope
+    assert worst.at_edge
+    assert not worst.has_bar
 
 
 def stiffness():

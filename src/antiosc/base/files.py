@@ -138,23 +138,6 @@ def table_text(text: str) -> str:
     return text
 
 
-def write_through(path: Path, content: bytes) -> None:
-    """Write a file, and wait until it is on the disk; for folders that no process reads yet."""
-    path.write_bytes(content)
-    _sync(path)
-
-
-def replace_folder(new: Path, target: Path) -> None:
-    """Put the folder `new` in the place of `target`, which may exist; OSError if it cannot be."""
-    if not target.is_dir():
-        os.replace(new, target)
-        return
-    aside = target.with_name(f"{new.name}.old")
-    os.replace(target, aside)
-    os.replace(new, target)
-    shutil.rmtree(aside)
-
-
 def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:
     """The error that names the file that the system refuses to write, and the reason."""
     reason = getattr(error, "strerror", None) or str(error)

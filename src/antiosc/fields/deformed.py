@@ -84,7 +84,7 @@ def deformed(
         time = float(history.time[np.argmax(_motion(history, body))])
     if field is not None:
         peak = peak_field(structure, history, field, [time], body=body)
-        displacements = nodal_motion(structure, history, time, body=body)
+        *_, displacements = nodal_motion(structure, history, time, body=body)
         return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", displacements)
     points, faces, displacements = skin(
         structure, history, checks.number("time", time, "s"), body=body

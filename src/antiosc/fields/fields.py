@@ -38,7 +38,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields import second_order
-from antiosc.fields.pictures import SavedFields
+from antiosc.fields.pictures import SavedFields, outer_faces, without_unused
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
     AnyHistory,
@@ -54,8 +54,7 @@ from antiosc.impact.histories.factors import (
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.models.modal import superposed
 from antiosc.recovery import source
-from antiosc.recovery.relaxation import branches_of_materials, other_damping
-from antiosc.recovery.series import Frames, listing, write_frames, write_vtx
+from antiosc.recovery.series import listing, write_frames
 from antiosc.reduce.extraction import beside_rigid
 from antiosc.reduce.site import Site
 
@@ -81,8 +80,7 @@ def write_series(
 ) -> Path:
     """Write the displacement field as a series that ParaView opens.
 
-    It is a `.pvd` with `.vtu` files, or one `.bp` folder (VTX) if dolfinx has ADIOS2. The static
-    deflection of a supported body under its own weight is not included.
+    The static deflection of a supported body under its own weight is not included.
 
     Parameters
     ----------
@@ -91,8 +89,7 @@ def write_series(
     history : History
     path : str or Path
         The `.pvd` file (the ending is added where it is missing); the frames go beside it as
-        `<name>_0000.vtu` and on. With the ending `.bp` that folder, of a structure of one mesh;
-        each rank writes its own part there.
+        `<name>_0000.vtu` and on.
     times : array_like (n,), optional
         Times in s; default: 40 evenly over the history.
     body : str
@@ -105,27 +102,16 @@ def write_series(
         Path of the `.pvd` file. If the run is killed meanwhile, it is absent or lists a complete
         series.
     """
-    one_folder = checked_path("path", path).suffix.lower() == ".bp"
-    target = checked_path("path", path) if one_folder else listing(path)
+    target = listing(path)
     shapes_of_body = shapes_of(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     times_checked = nonempty("times", times)
-    if one_folder:
-        write_vtx(
-            target,
-            structure,
-            shapes_of_body,
-            times_checked,
-            amplitudes(history, times_checked, body),
-        )
-        return target
     points, cells, shapes = source(structure).at_nodes(structure, shapes_of_body)
     factors = amplitudes(history, times_checked, body)
 
     def write() -> None:
-        frames = Frames(points, cells)
-        write_frames(target, frames, times_checked, (shapes @ a for a in factors))
+        write_frames(target, points, cells, times_checked, (shapes @ a for a in factors))
 
     on_root(structure.comm, write)
     return target
@@ -185,27 +171,26 @@ def skin(
     `time` [s]. InputError for a model without shapes or of another structure, and for a mesh of
     lines.
     """
-    shape_blocks = shapes_of(structure, history, body)
-    points, faces, shapes = source(structure).surface(structure, shape_blocks)
-    displacements = shapes @ amplitudes(history, floats("time", [time], (1,)), body)[0]
-    outer: tuple[Array, IntArray, Array] = structure.comm.bcast(
-        (points, faces, displacements), root=0
-    )
-    return outer
+    points, cells, displacements = nodal_motion(structure, history, time, body=body)
+    faces = outer_faces(cells)
+    if faces.shape[1] < 3:
+        raise InputError("lines and nodes have no surface: write_series writes their motion.")
+    return points, faces, displacements
 
 
-@collective()
-@one_thread()
 def nodal_motion(
     structure: Structure, history: History, time: float, *, body: str = "structure"
-) -> Array:
-    """Displacements (P, 3) [m] at one time, at the points of `peak_field`."""
-    shape_blocks = shapes_of(structure, history, body)
-    _, cells, shapes = source(structure).at_nodes(structure, shape_blocks)
-    used_nodes = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
-    displacements = shapes[used_nodes] @ amplitudes(history, floats("time", [time], (1,)), body)[0]
-    motion: Array = structure.comm.bcast(displacements, root=0)
-    return motion
+) -> tuple[Array, list[tuple[str, IntArray]], Array]:
+    """(nodes (P, 3) [m], cells, displacements (P, 3) [m] at one time), on all ranks."""
+    points, cells, shapes = source(structure).at_nodes(
+        structure, shapes_of(structure, history, body)
+    )
+    used, numbered = without_unused(cells)
+    moved = shapes[used] @ amplitudes(history, floats("time", [time], (1,)), body)[0]
+    of_root: tuple[Array, list[tuple[str, IntArray]], Array] = structure.comm.bcast(
+        (points[used], numbered, moved), root=0
+    )
+    return of_root
 
 
 def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
@@ -250,15 +235,6 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
                 f"are not; name a site whose direction is {axis} as well, or raise n."
             )
             on_root(structure.comm, partial(warn, message, AccuracyWarning))
-
-
-def stress_amplitudes(structure: Structure, history: AnyHistory, times: Array, body: str) -> Array:
-    """Factors (n, B (1 + branches)) of the stress columns at times, in the order of
-    `with_branches`.
-    """
-    springs = spring_amplitudes(history, times, body)
-    branches = [springs[k] for k in branches_of_materials(structure, len(springs))]
-    return np.hstack([amplitudes(history, times, body), *branches])
 
 
 def checked_shapes(
@@ -395,7 +371,10 @@ def reactions(
     terms = released.damping(shapes)
     undamped = modes_of(history, body).damping is None
     if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
-        raise InputError(other_damping("the force of a damper"))
+        raise InputError(
+            "the damping of the model is not that of the structure: take the model as `extract`"
+            " returns it."
+        )
     for tau, by_motion in terms:
         forces_of_supports += (velocities if tau is None else springs.pop(0)) @ by_motion.T
     names = list(released.centres)

@@ -1,17 +1,13 @@
 """Envelopes: the largest value of a quantity at every node over a whole run, and when it occurs.
 
-Values are sampled with a step short enough for the fastest mode, and refined at the maxima.
-
 The motion of a node is a sum of modes. Its largest value is at t*; near t* the curvature of the
 value is bounded by those of the modes. Samples with the step h therefore miss at most
 
     Σ_j W_j A_j min(2, (ω_j h)²/8),
 
 where A_j is the largest amplitude of mode j in the run and W_j the value at the node for an
-amplitude of 1. The step is chosen from the largest bound over all nodes. Samples are computed in
-those windows of time in which values interpolated from few samples, and bounds of their errors,
-do not exclude the largest one. Then each node's highest maximum, found by a parabola through three
-samples, is refined.
+amplitude of 1. The step is chosen from the largest bound over all nodes; a parabola through the
+largest sample of a node and its neighbours gives the value.
 """
 
 from __future__ import annotations
@@ -21,24 +17,31 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc.base import checks, files
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.process import one_thread
-from antiosc.base.stresses import length
+from antiosc.base.stresses import (
+    Strengths,
+    Tensile,
+    equivalent_parts,
+    exposure,
+    extreme_principal,
+    length,
+    tension,
+)
 from antiosc.base.texts import Completed, engineering, percent, point_text as placed
 from antiosc.fem.platform import collective, warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields import margin
-from antiosc.fields.fields import shapes_of, stress_amplitudes
-from antiosc.fields.margin import Margin, Maxima, Search, mesh_error
-from antiosc.fields.pictures import outer_faces
+from antiosc.fields.fields import shapes_of
+from antiosc.fields.margin import Margin, Nodal, Zones
+from antiosc.fields.pictures import outer_faces, without_unused
 from antiosc.fields.second_order import tensors_at_nodes
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
@@ -49,10 +52,11 @@ from antiosc.impact.histories.factors import (
     times_of,
 )
 from antiosc.impact.histories.parts import BodyHistory
+from antiosc.impact.histories.verdict import contact_zones, yields
 from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source
-from antiosc.recovery.place import Place, place
-from antiosc.recovery.series import Frames
+from antiosc.recovery.place import NodeTensors, Place, place
+from antiosc.recovery.series import write_vtu
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,7 +66,9 @@ if TYPE_CHECKING:
 
 #: In double or single precision.
 Reals = NDArray[np.floating[Any]]
-#: Share of a node's value that the times before refinement may miss.
+#: A scalar (...,) of components (..., c), a norm.
+Scalar = Callable[[Array], Array]
+#: Share of a node's value that the samples may miss.
 TIME_ERROR = 0.01
 #: A node's value counts as at least this share of the largest one: smaller peaks may be missed.
 FLOOR = 0.1
@@ -74,14 +80,6 @@ MOST = 40_000
 NODES = 5000
 #: Times whose motion is computed together.
 AT_ONCE = 1000
-#: Successive times whose values are interpolated from those at few of them, and the largest error
-#: of their motion over its size. In a curved panel of 229 columns 19 of 100 times sufficed, and the
-#: nodes may have their largest value in 2 % of the windows; 22 and 1.4 % with an error of 0.003.
-WINDOW, INTERPOLATED = 100, 0.01
-#: Share by which a parabola may rise above the largest sample.
-PARABOLA = 0.1
-#: Parts into which a step about a maximum is divided.
-PARTS = 8
 #: Bytes of the values of a block of nodes at these times.
 BLOCK_BYTES = 2**26
 #: Two nodes of a history closer than this share of the run are one.
@@ -104,123 +102,34 @@ class BodyMotion:
     sizes: Array
 
 
-def refined_maxima(
-    motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
-) -> tuple[Array, Array, float]:
+def searched_maxima(
+    motion: BodyMotion, columns: Array, scalar: Scalar
+) -> tuple[Array, Array, float | None]:
     """(largest value (S,) of a scalar of components (S, c, B), its time, error bound).
 
-    `scalar`: function (..., c) -> (...,), a norm. Single precision finds the times of the maxima.
+    Single precision finds the largest sample; its value and its neighbours' are double.
     """
     step, missed = _step(motion, columns, scalar)
     if not len(columns):  # they are those of another rank
         return np.zeros(0), np.zeros(0), missed
     times = _sample_times(motion.nodes, step)
-    size = np.sqrt(np.einsum("scb,scb->b", columns, columns))
-    windows = _windows(motion, times, size / (size.max(initial=0.0) or 1.0))
-    places = _coarse_places(windows, times, columns.astype(np.float32), scalar)
-    values, peak_times = _refined_near(motion, columns, scalar, times, places[0])
-    others = np.flatnonzero(places[0] != places[1])
-    values_there, times_there = _refined_near(
-        motion, columns[others], scalar, times, places[1, others]
+    factors = np.concatenate(
+        [motion.factors(times[k : k + AT_ONCE]) for k in range(0, len(times), AT_ONCE)]
     )
-    above = values_there > values[others]
-    values[others[above]] = values_there[above]
-    peak_times[others[above]] = times_there[above]
-    return values, peak_times, missed
-
-
-class Window(NamedTuple):
-    """Successive times, from number `first` on, and the factors of the columns at them.
-
-    factors : (n, B). selected : (r,) those times from whose values, times `weights` (n, r), the
-    factors at all of them follow but for at most `errors` (B,).
-    """
-
-    first: int
-    factors: Reals
-    selected: IntArray
-    weights: Reals
-    errors: Reals
-
-
-def _windows(motion: BodyMotion, times: Array, size: Array) -> list[Window]:
-    """Windows over all times, each of which shares two times with the next.
-
-    size : (B,) of the columns.
-    """
-    windows = []
-    for start in range(0, max(len(times) - 2, 1), AT_ONCE - 2):
-        factors = motion.factors(times[start : start + AT_ONCE]).astype(np.float32)
-        for first in range(0, max(len(factors) - 2, 1), WINDOW - 2):
-            of_window = factors[first : first + WINDOW]
-            selected, weights = _selected(size * of_window)
-            errors = np.abs(of_window - weights @ of_window[selected]).max(axis=0)
-            windows.append(Window(start + first, of_window, selected, weights, errors))
-    return windows
-
-
-def _selected(rows: Array) -> tuple[IntArray, Reals]:
-    """(r of the rows (n, B), from which all are interpolated; weights (n, r))."""
-    upper, order = scipy.linalg.qr(rows.T, mode="r", pivoting=True)
-    size = np.abs(np.diag(upper))
-    rank = int((size > INTERPOLATED * size[0]).sum())
-    weights = np.zeros((len(rows), rank), dtype=np.float32)
-    weights[order[:rank]] = np.eye(rank)
-    weights[order[rank:]] = np.linalg.solve(upper[:rank, :rank], upper[:rank, rank:]).T
-    return order[:rank], weights
-
-
-def _coarse_places(
-    windows: Sequence[Window], times: Array, columns: Reals, scalar: Callable[[Array], Array]
-) -> IntArray:
-    """Numbers (2, S) of the times of the largest sample, and of the top of the largest parabola."""
-    best = np.full((2, len(columns)), -np.inf)
-    places = np.zeros((2, len(columns)), dtype=int)
-    reached = _reached(windows, columns, scalar)
-    for window, in_window in zip(windows, reached, strict=True):
-        t = times[window.first : window.first + len(window.factors)]
-        candidates = np.flatnonzero(in_window)
-        for block in _blocks(len(candidates), columns.shape[1] * len(t)):
-            nodes = candidates[block]
-            y = _values(columns[nodes], window.factors, scalar)
-            for k, found in enumerate((y, _parabola_maxima(t, y))):
-                index = found.argmax(axis=1)
-                top = found[np.arange(len(index)), index]
-                higher = top > best[k, nodes]
-                best[k, nodes[higher]] = top[higher]
-                places[k, nodes[higher]] = window.first + index[higher]
-    return places
-
-
-def _reached(
-    windows: Sequence[Window], columns: Reals, scalar: Callable[[Array], Array]
-) -> BoolArray:
-    """Mask (windows, S) of those windows in which a value may be the largest one.
-
-    With |x + e| <= |x| + |e| the interpolated values and their errors bound the sampled ones.
-    """
-    selected = np.concatenate([window.factors[window.selected] for window in windows])
-    starts = np.cumsum([0] + [len(window.selected) for window in windows])
-    bounds = np.stack([window.errors for window in windows])
-    unit = np.eye(columns.shape[2])  # double: stresses of pairs of motions are 1e20, and squared
-    result = np.zeros((len(windows), len(columns)), dtype=bool)
-    for block in _blocks(len(columns), columns.shape[1] * len(selected) // 6):  # one array, single
-        of_block = columns[block]
-        count, components, _ = of_block.shape
-        rows = np.swapaxes(of_block, 0, 1).reshape(components * count, -1)
-        known = selected @ rows.T
-        tops = np.empty((len(windows), count), dtype=columns.dtype)
-        for k, window in enumerate(windows):
-            y = window.weights @ known[starts[k] : starts[k + 1]]
-            tops[k] = scalar(np.moveaxis(y.reshape(-1, components, count), 1, -1)).max(axis=0)
-        sizes = [_values(of_block, sign * unit, scalar) for sign in (1, -1)]
-        errors = bounds @ np.maximum(*sizes).T
-        result[:, block] = tops + errors >= (1 - PARABOLA) * (tops - errors).max(axis=0)
-    return result
+    single = columns.astype(np.float32)
+    k = sampled_maxima(single, factors.astype(np.float32), np.arange(len(times)), scalar)[1]
+    three = np.clip(k.astype(int)[:, None] + (-1, 0, 1), 0, len(times) - 1)
+    y = np.concatenate(
+        [
+            scalar(np.einsum("scb,snb->snc", columns[block], factors[three[block]], optimize=True))
+            for block in _blocks(len(columns), 3 * factors.shape[1])
+        ]
+    )
+    return *_parabola_tops(times[three], y), missed
 
 
 def sampled_maxima(
-    columns: Array, factors: Array, times: Array, scalar: Callable[[Array], Array]
+    columns: Reals, factors: Reals, times: Array, scalar: Scalar
 ) -> tuple[Array, Array]:
     """(largest value (S,) of a scalar of components (S, c, B) at these times, its time)."""
     values = np.zeros(len(columns))
@@ -233,9 +142,22 @@ def sampled_maxima(
     return values, peak_times
 
 
-def _step(
-    motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
-) -> tuple[float, float]:
+def _parabola_tops(t: Array, y: Array) -> tuple[Array, Array]:
+    """(largest values (S,), their times) of parabolas through the samples y (S, 3) at t (S, 3),
+    the middle one being the largest; its own where it is the first or the last of a run.
+    """
+    before, after = t[:, 1] - t[:, 0], t[:, 2] - t[:, 1]
+    inner = (before > 0) & (after > 0)
+    before, after = np.where(inner, before, 1.0), np.where(inner, after, 1.0)
+    rise, fall = (y[:, 1] - y[:, 0]) / before, (y[:, 2] - y[:, 1]) / after
+    curvature = (fall - rise) / (before + after)
+    slope = (fall * before + rise * after) / (before + after)
+    is_top = inner & (curvature < 0) & (rise >= 0) & (fall <= 0)
+    shift = np.divide(slope, -2 * curvature, out=np.zeros_like(slope), where=is_top)
+    return y[:, 1] + slope * shift / 2, t[:, 1] + shift
+
+
+def _step(motion: BodyMotion, columns: Array, scalar: Scalar) -> tuple[float, float]:
     """(time step [s] of the search, largest possible underestimate of a peak)."""
     stride = max(1, len(motion.nodes) // FEWEST)
     samples = motion.nodes[::stride]
@@ -290,61 +212,7 @@ def _evenly(times: Array, most: int) -> Array:
     return times[np.linspace(0, len(times) - 1, most).astype(int)]
 
 
-def _parabola_maxima(t: Array, y: Array) -> Array:
-    """Values (S, n) in which each local maximum is that of the parabola through three values."""
-    tops = y.copy()
-    if len(t) < 3:
-        return tops
-    node, k = np.nonzero((y[:, 1:-1] >= y[:, :-2]) & (y[:, 1:-1] >= y[:, 2:]))
-    before = np.diff(t)[k]
-    after = np.diff(t)[k + 1]
-    middle = y[node, k + 1].astype(float)
-    rise = (middle - y[node, k]) / before
-    fall = (y[node, k + 2] - middle) / after
-    curvature = (fall - rise) / (before + after)
-    slope = (fall * before + rise * after) / (before + after)
-    gain = np.divide(slope**2, -4 * curvature, out=np.zeros_like(curvature), where=curvature < 0)
-    tops[node, k + 1] += gain
-    return tops
-
-
-def _refined_near(
-    motion: BodyMotion,
-    columns: Array,
-    scalar: Callable[[Array], Array],
-    times: Array,
-    coarse_places: IntArray,
-) -> tuple[Array, Array]:
-    """(largest values (S,) within a step of the times `coarse_places` (S,), their times)."""
-    values = np.zeros(len(columns))
-    peak_times = np.zeros(len(columns))
-    order = np.argsort(coarse_places, kind="stable")
-    used_places, starts = np.unique(coarse_places[order], return_index=True)
-    groups = np.split(order, starts[1:])
-    share = np.linspace(0, 1, PARTS + 1)
-    before = times[np.maximum(used_places - 1, 0)]
-    after = times[np.minimum(used_places + 1, len(times) - 1)]
-    centres = times[used_places]
-    times_near = np.concatenate(
-        (
-            before[:, None] + (centres - before)[:, None] * share,
-            centres[:, None] + (after - centres)[:, None] * share[1:],
-        ),
-        axis=1,
-    )
-    for first in range(0, len(used_places), AT_ONCE // times_near.shape[1]):
-        block = slice(first, first + AT_ONCE // times_near.shape[1])
-        factors = motion.factors(times_near[block].ravel()).reshape(*times_near[block].shape, -1)
-        for factors_of_group, t, group in zip(
-            factors, times_near[block], groups[block], strict=True
-        ):
-            values[group], peak_times[group] = sampled_maxima(
-                columns[group], factors_of_group, t, scalar
-            )
-    return values, peak_times
-
-
-def _values(columns: Reals, factors: Reals, scalar: Callable[[Array], Array]) -> Array:
+def _values(columns: Reals, factors: Reals, scalar: Scalar) -> Array:
     """Scalar (S, n) of components (S, c, B) at times with factors (n, B)."""
     rows = columns.reshape(-1, columns.shape[2]) @ factors.T  # one product is 5 times S products
     return scalar(np.moveaxis(rows.reshape(*columns.shape[:2], len(factors)), 1, -1))
@@ -354,6 +222,10 @@ def _blocks(nodes: int, numbers: int) -> Iterator[slice]:
     """Slices of nodes of which so many numbers each fit in `BLOCK_BYTES`."""
     size = max(1, BLOCK_BYTES // (8 * 3 * max(numbers, 1)))
     return (slice(first, first + size) for first in range(0, nodes, size))
+
+
+#: Function (components (S, c, B), scalar) -> (largest values (S,), their times, error bound).
+Search = Callable[[Array, Scalar], tuple[Array, Array, float | None]]
 
 
 #: Quantity -> (what is recovered, time derivative, unit).
@@ -367,6 +239,12 @@ PEAK_QUANTITIES = {
     **{name: ("stress", 0, "") for name in margin.CRITERIA},
     "tension": ("stress", 0, "Pa"),
 }
+#: Quantity -> scalar of its components; others are lengths of their equivalent parts.
+SCALARS = {"stress": extreme_principal, "strain": extreme_principal, "tension": tension}
+#: Radius over the thickness of a sheet of the circle on which a point force acts (Westergaard).
+OF_SHEET = 0.325
+#: Jumps of the stress over itself from which they are told.
+DOUBTFUL = 0.2
 #: Share of the largest value from which what the times may miss is told.
 UNRESOLVED = 0.05
 #: Distance between two places of `PeakField.largest`, over the size of the part.
@@ -389,10 +267,10 @@ class PeakField(Completed):
     mesh_error : (P,) estimated mesh error of stresses of solids and sheets, in their unit: the
         deviation of the stresses of the cells around a node from their mean (Zienkiewicz and Zhu);
         0 in beams beside them, otherwise None.
-    doubt : why the judged stress is unreliable: a re-entrant corner, the edge of a support, cells
-        that are too large; "" otherwise.
+    doubt : why the judged stress is unreliable: a sharp edge, a support, cells that are too large;
+        "" otherwise.
     judged : node of the largest value; with a margin its worst point, outside the zones that
-        it leaves out (`Margin.beyond`).
+        it leaves out (`Margin.scope`).
     """
 
     quantity: str
@@ -466,16 +344,13 @@ class PeakField(Completed):
 
     @property
     def largest_mesh_error(self) -> float | None:
-        """Estimated mesh error of the largest value; None without an estimate.
-
-        A node of one cell has none: the estimate compares the cells that meet there. The stress at
-        the edge of a contact's surroundings (`Margin.at_edge`) is not that of the mesh.
+        """Estimated mesh error of the judged value; None without an estimate, as of a node of one
+        cell and of a stress that has no bar.
         """
-        if self.mesh_error is None or (self._margin is not None and self._margin.at_edge):
+        if self.mesh_error is None:
             return None
-        if self._margin is not None and self._margin.away is not None:
-            scale = self._margin.strength if self.quantity == "yield" else 1.0
-            return self._margin.mesh_error / scale or None
+        if self._margin is not None and (self._margin.at_edge or not self._margin.has_bar):
+            return None
         return float(self.mesh_error[self.judged]) or None
 
     def summary(self, count: int = 5) -> str:
@@ -487,12 +362,9 @@ class PeakField(Completed):
         if self.error is not None:
             error_text = engineering(self.error, self.unit)
             rows.append(f"between the times that were looked at: up to {error_text} more")
-        left_out = ""
-        if self._margin is not None and self._margin.scope:
-            left_out = " that is judged"
         if self.largest_mesh_error:
             mesh_error = engineering(self.largest_mesh_error, self.unit)
-            rows.append(f"estimated error by the mesh, of the largest{left_out}: {mesh_error}")
+            rows.append(f"estimated error by the mesh, of the largest that is judged: {mesh_error}")
         rows += [self.doubt] if self.doubt else []
         if self._margin is not None:
             rows.append(self._margin.sentence)
@@ -547,7 +419,7 @@ class PeakField(Completed):
             target = target.with_name(f"{target.name}.vtu")
         fields = {self.quantity: self.values, "time": self.times}
         with files.atomic_file(target, "the field") as part:
-            part.write_bytes(Frames(self.points, self._cells).content(fields))
+            write_vtu(part, self.points, self._cells, fields)
         return target
 
 
@@ -583,8 +455,8 @@ def peak_field(
         shear stresses that are in equilibrium with the shear forces.
     times : array_like (n,), optional
         Times in s at which the quantity is evaluated. Default: enough to resolve the fastest motion
-        of the model, and more near the largest value of each node; `error` of the result bounds the
-        value that they miss. A BodyHistory is known at its own times alone.
+        of the model, with a parabola at the largest sample of each node; `error` of the result
+        bounds what they miss. A BodyHistory is known at its own times alone.
     body : str
         As in `probe`.
     part : str, optional
@@ -596,13 +468,14 @@ def peak_field(
         I do not have.
     leave_out : array_like (n, 4), optional
         For solids: balls whose stresses the margin does not judge, as rows x, y, z, radius [m],
-        besides three radii of each contact that yields. Farther away, the difference between the
-        contact and the patch that carries its force in the model is in `Margin.spread`.
+        besides three radii of each contact that yields. Near a contact that is smaller than its
+        patch, or than the cells, a stress has no bar.
     sharp_edges : bool
         Whether the margin of a solid judges sharp inner edges and rigid supports too, where an
-        elastic stress has no limit. False: points farther from them than half the thickness of the
-        walls, so that the judged stress converges with the mesh; `Margin.sharp` is the worst of the
-        others. A von Mises stress without a strength is sought there too (`worst_point`).
+        elastic stress has no limit. False: points farther from them than half the mean thickness
+        of the part, so that the judged stress converges with the mesh; a note of the margin names
+        the worst of the others. A von Mises stress without a strength is sought there too
+        (`worst_point`).
 
     Notes
     -----
@@ -628,99 +501,55 @@ def peak_field(
     places = _places(surface, layer, fibre)
     if part is not None:
         checks.text("part", part)
-    shapes = shapes_of(structure, history, body)
     judges_edges = checks.flag("sharp_edges", sharp_edges)
-    unjudged = not judges_edges and quantity == "von_mises"
-    unjudged = unjudged and quantity not in margin.criteria_of(structure)
-    zones = _zones(leave_out, history, body, unjudged)
-    if recovered == "stress":
-        zones = margin.zones_on(structure, shapes, part, zones, history, body)
-    zones = zones._replace(unjudged=unjudged)
-    if not judges_edges and recovered == "stress":
-        edges, supports = margin.balls_of_edges(structure, shapes, part)
-        zones = zones._replace(edges=edges, supports=supports)
+    shapes = shapes_of(structure, history, body)
+    zones = leave_out if isinstance(leave_out, Zones) else _zones(history, body, leave_out)
+    is_static = recovered != "motion" and structure.matrices.preload is not None
     instants = times_of(history, times)
-    search: Search
-    searches: list[Search] = []  # of the spans of a run
-    factors = functools.partial(amplitudes, history, body=body, derivative=derivative)
-    if recovered == "stress":
-        factors = functools.partial(stress_amplitudes, structure, history, body=body)
-    static = recovered != "motion" and structure.matrices.preload is not None
-    if times is None and not isinstance(history, BodyHistory):
-        instants = _evenly(instants, MOST)
-        omega, modal, sizes = modal_amplitudes(history, instants, body, derivative)
-        if stretch_in(history, body) is None:
-            # a spring is stretched by no more than the body
-            modal = np.tile(modal, factors(times=instants[:1]).shape[1] // max(modal.shape[1], 1))
-        else:
-            omega, modal, sizes = _with_pairs(
-                history, instants, body, derivative, omega, modal, sizes
-            )
-        if static:
-            modal = np.pad(modal, ((0, 0), (0, 1)))
-            factors = functools.partial(_beside_static, factors)
-        search = functools.partial(
-            refined_maxima, BodyMotion(instants, factors, omega, modal, sizes)
-        )
-    else:
-        factors_of_motion = factors(times=instants)
-        factors_of_motion = (
-            np.pad(factors_of_motion, ((0, 0), (0, 1)), constant_values=1.0)
-            if static
-            else factors_of_motion
-        )
-        search = functools.partial(_at_times, factors_of_motion, instants)
-        searches = _of_spans(history, factors_of_motion, instants)
+    is_sampled = times is None and not isinstance(history, BodyHistory)
+    search = _search(history, body, derivative, instants, is_static, is_sampled)
+
+    # the largest values of all nodes
     if recovered == "motion":
-        points, cells, displacements = source(structure).at_nodes(structure, shapes, part)
-        best = Maxima(*search(displacements, length))
-        of_spans: list[Maxima] = []
-        zones_of_spans = [zones]
+        points, cells, columns = source(structure).at_nodes(structure, shapes, part)
+        best = Maxima(*search(columns, length))
     else:
-        zones_of_spans = [zones, *(zones.of_span(k) for k in range(len(searches)))]
-        maxima: list[list[Maxima]] = []
-        for ply in margin.plies(structure, quantity, part):
+        found = []
+        plies = margin.plies(structure, quantity, part)
+        for number, ply in enumerate(plies):
             selection = recovered, places, part, ply
             points, cells, tensors = tensors_at_nodes(structure, history, body, shapes, *selection)
-            if static:
+            if is_static:
                 at_rest = source(structure).tensors_at_nodes(structure, None, *selection)[2]
                 columns = np.concatenate([tensors.columns, at_rest.columns], axis=2)
                 tensors = tensors._replace(columns=columns)
             if quantity in margin.CRITERIA:
-                tensors = margin.with_strength(quantity, tensors)
+                tensors = _with_strength(quantity, tensors)
             if tensors.origins:
-                pairs = zip([search, *searches], zones_of_spans, strict=True)
-                maxima.append([margin.stresses(quantity, points, tensors, *pair) for pair in pairs])
-        if not maxima:
+                found.append(_maxima_of(quantity, len(points), tensors, search, number))
+        if not found:
             raise InputError(
                 f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
             )
-        best, *of_spans = (
-            functools.reduce(Maxima.or_larger, plies) for plies in zip(*maxima, strict=True)
-        )
-    points, cells, best, of_spans = structure.comm.bcast((points, cells, best, of_spans), root=0)
-    result = _peak_field_of(quantity, unit, points, cells, best)
+        best = functools.reduce(Maxima.or_larger, found)
+    points, cells, best = structure.comm.bcast((points, cells, best), root=0)
+
+    # errors by the mesh, and the worst point
     if quantity in ("von_mises", "stress", "yield", "tension"):
         peak_times = np.where(best.values > 0, best.times, instants[-1])
-        errors = mesh_error(structure, shapes, part, history, peak_times, body)
-        result = _with_mesh_error(result, structure.comm.bcast(errors, root=0), cells)
-        by_hertz = result._margin is not None and result._margin.at_edge
-        if result.mesh_error is not None and result.values.any() and not by_hertz:
-            k = result.judged
-            share = float(result.mesh_error[k] / (result.values[k] or 1.0))
-            sentence = margin.doubt_at(structure, shapes, part, result.points[k], share)
-            result = replace(result, doubt=sentence)
-    if result._margin is not None and result._margin.is_stress:
-        judged = replace(
-            result._margin,
-            contact=margin.contact_yields(history),
-            strength_range=margin.strength_range(structure, result._margin),
-        )
-        judged = _with_errors(result, judged, zones)
-        result = replace(result, _margin=judged)
+        errors = _mesh_error(structure, shapes, part, history, peak_times, body)
+        best = best._replace(mesh_error=structure.comm.bcast(errors, root=0))
+    result, best = _peak_field_of(quantity, unit, points, cells, best)
+    if recovered == "stress":
+        zones = _zones_on(structure, shapes, part, zones)
+        result = _with_margin(result, best, structure, zones, judges_edges)
     if result._margin is not None:
-        spans = tuple(_margins_of_spans(result, cells, of_spans, zones_of_spans[1:]))
-        result = replace(result, _margin=replace(result._margin, spans=spans))
+        layer = plies[int(best.ply[result.judged])]
+        told = "" if layer is None else f"layer {layer.layer} ({layer.surface})"
+        dents = isinstance(history, History) and any(map(yields, history.contact_histories))
+        own = replace(result._margin, layer=told, contact=dents and result._margin.is_stress)
+        result = replace(result, _margin=own)
+
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
@@ -733,27 +562,43 @@ def peak_field(
     return result
 
 
-def _of_spans(history: AnyHistory, factors: Array, times: Array) -> list[Search]:
-    """The searches in the spans of a run, if it has several and no other times are asked for."""
-    spans = getattr(history, "spans", None)
-    if spans is None or len(spans) != len(times):
-        return []
-    rows = [spans == k for k in range(int(spans.max()) + 1)]
-    return [functools.partial(_at_times, factors[row], times[row]) for row in rows]
+def _search(
+    history: AnyHistory,
+    body: str,
+    derivative: int,
+    instants: Array,
+    is_static: bool,
+    is_sampled: bool,
+) -> Search:
+    """The search over a run, at its times (`is_sampled`) or at the given ones.
+
+    `is_static`: with one more column, of factor 1, for the static state.
+    """
+
+    def factors(times: Array) -> Array:
+        found = amplitudes(history, times, body, derivative)
+        return np.pad(found, ((0, 0), (0, int(is_static))), constant_values=1.0)
+
+    if not is_sampled:
+        return functools.partial(_at_times, factors(instants), instants)
+
+    instants = _evenly(instants, MOST)
+    omega, modal, sizes = modal_amplitudes(history, instants, body, derivative)
+    if stretch_in(history, body) is not None:
+        omega, modal, sizes = _with_pairs(history, instants, body, derivative, omega, modal, sizes)
+    modal = np.pad(modal, ((0, 0), (0, int(is_static))))
+    return functools.partial(searched_maxima, BodyMotion(instants, factors, omega, modal, sizes))
 
 
-def _zones(
-    leave_out: ArrayLike | margin.Zones | None, history: AnyHistory, body: str, unjudged: bool
-) -> margin.Zones:
-    """The zones that the margin leaves out: those of the history, and the given balls."""
-    if isinstance(leave_out, margin.Zones):  # of a fall
-        return leave_out
-    zones = margin.zones_of(history, body, unjudged=unjudged)
-    return zones if leave_out is None else zones.and_balls(leave_out)
+def _at_times(
+    factors: Array, times: Array, columns: Array, scalar: Scalar
+) -> tuple[Array, Array, None]:
+    """The search at times with known factors."""
+    return (*sampled_maxima(columns, factors, times, scalar), None)
 
 
 def _with_pairs(
-    history: History,
+    history: AnyHistory,
     times: Array,
     body: str,
     derivative: int,
@@ -777,109 +622,215 @@ def _with_pairs(
 
 def static_stress(structure: Structure) -> PeakField:
     """The von Mises stress of the static state under a prestress. All ranks must call it."""
-
-    def search(columns: Array, scalar: Callable[[Array], Array]) -> tuple[Array, Array, None]:
-        return _at_times(np.ones((1, columns.shape[2])), np.zeros(1), columns, scalar)
-
     places = _places(None, None, None)
     points, cells, tensors = source(structure).tensors_at_nodes(structure, None, "stress", places)
-    best = margin.stresses("von_mises", points, tensors, search)
+    search = functools.partial(_at_times, np.ones((1, tensors.columns.shape[2])), np.zeros(1))
+    best = _maxima_of("von_mises", len(points), tensors, search, 0)
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
-    return _peak_field_of("von_mises", "Pa", points, cells, best)
+    field, best = _peak_field_of("von_mises", "Pa", points, cells, best)
+    return _with_margin(field, best, structure, Zones(), True)
 
 
-def _beside_static(factors: Callable[..., Array], times: Array) -> Array:
-    """The factors with one more column: 1, for the static state."""
-    return np.pad(factors(times=times), ((0, 0), (0, 1)), constant_values=1.0)
+class Maxima(NamedTuple):
+    """Largest values of all points with times and error bound; of stresses the exposures with
+    strengths and times, numbers of the plies, and errors by the mesh [Pa].
+    """
+
+    values: Array
+    times: Array
+    error: float | None
+    exposure: Array = np.zeros(0)
+    strength: Array = np.zeros(0)
+    exposed: Array = np.zeros(0)
+    ply: IntArray = np.zeros(0, dtype=int)
+    mesh_error: Array | None = None
+
+    def or_larger(self, other: Maxima) -> Maxima:
+        """At each point the larger of two maxima, of exposures of plies."""
+        is_larger = other.values > self.values
+        names = ("values", "times", "exposure", "strength", "exposed", "ply")
+        pairs = ((getattr(other, name), getattr(self, name)) for name in names)
+        arrays = [np.where(is_larger, *pair) for pair in pairs]
+        return Maxima(*arrays[:2], _larger_error(self.error, other.error), *arrays[2:])
+
+    def at(self, nodes: IntArray) -> Maxima:
+        """Those of some of the points."""
+        arrays = {k: v[nodes] for k, v in self._asdict().items() if np.size(v) > 1}
+        return self._replace(**arrays)
 
 
-def _at_times(
-    factors: Array, times: Array, columns: Array, scalar: Callable[[Array], Array]
-) -> tuple[Array, Array, None]:
-    return (*sampled_maxima(columns, factors, times, scalar), None)
+def _larger_error(error: float | None, other: float | None) -> float | None:
+    """The larger of two errors; the other if one is None."""
+    return max((value for value in (error, other) if value is not None), default=None)
+
+
+def _with_strength(criterion: str, tensors: NodeTensors) -> NodeTensors:
+    """The tensors of materials with the strength that a criterion needs."""
+    has_strength = [margin.has_strength(strength, criterion) for strength, _ in tensors.origins]
+    kept = np.array(has_strength, dtype=bool)[tensors.origin]
+    arrays = tensors.nodes[kept], tensors.columns[kept], tensors.origin[kept]
+    return NodeTensors(*arrays, tensors.origins if any(has_strength) else [])
+
+
+def _maxima_of(quantity: str, count: int, tensors: NodeTensors, search: Search, ply: int) -> Maxima:
+    """The largest values of tensors at `count` points, with exposures where strengths are known."""
+    if quantity in margin.PLY_SURFACES:
+        values, times, error = _of_plies(quantity, tensors, search)
+        strengths = np.ones(len(values))
+    else:
+        scalar = SCALARS.get(quantity, length)
+        columns = tensors.columns if quantity in SCALARS else equivalent_parts(tensors.columns)
+        values, times, error = search(columns, scalar)
+        criterion = "tension" if quantity == "tension" else "yield"
+        known = [_pascals_of(strength, criterion) for strength, _ in tensors.origins]
+        strengths = np.array(known)[tensors.origin]
+        if quantity in ("stress", "strain"):
+            strengths[:] = np.nan
+
+    share = np.nan_to_num(values / strengths)
+    exposures, exposed, strength = _at_nodes(tensors.nodes, count, share, times, strengths)
+    if quantity == "yield":
+        error = error and error / float(strengths.min())
+        values = share
+    largest, peak_times = _at_nodes(tensors.nodes, count, values, times)
+    plies = np.full(count, ply)
+    return Maxima(largest, peak_times, error, exposures, strength, exposed, plies)
+
+
+def _pascals_of(strength: object, criterion: str) -> float:
+    """The strength [Pa] by which a criterion judges; NaN for a material without."""
+    if not margin.has_strength(strength, criterion):
+        return float("nan")
+    return strength.low if isinstance(strength, Tensile) else cast("float", strength)
+
+
+def _of_plies(
+    criterion: str, tensors: NodeTensors, search: Search
+) -> tuple[Array, Array, float | None]:
+    """(largest exposures, their times, error bound); layers of equal strength are searched
+    together.
+    """
+    values = np.zeros(len(tensors.nodes))
+    times = np.zeros(len(tensors.nodes))
+    error = None
+    of_origin = [strength for strength, _ in tensors.origins]
+    for strength in dict.fromkeys(s for s in of_origin if isinstance(s, Strengths)):
+        same = [k for k, s in enumerate(of_origin) if s == strength]
+        rows = np.isin(tensors.origin, same)
+        scalar = functools.partial(exposure, criterion, strength)
+        values[rows], times[rows], bound = search(tensors.columns[rows], scalar)
+        error = _larger_error(error, bound)
+    return values, times, error
+
+
+def _at_nodes(nodes: IntArray, count: int, values: Array, *others: Array) -> list[Array]:
+    """[largest of the values at each of `count` nodes, and of the others what belongs to it]."""
+    order = np.argsort(values, kind="stable")  # the largest is written last
+    found = []
+    for array in (values, *others):
+        at = np.zeros(count)
+        at[nodes[order]] = array[order]
+        found.append(at)
+    return found
 
 
 def _peak_field_of(
     quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Maxima
-) -> PeakField:
-    """The field at the nodes of these cells, without nodes of other ranks."""
-    used_nodes = _used_nodes(cells)
-    renumbered: list[tuple[str, IntArray]] = [
-        (kind, np.searchsorted(used_nodes, c)) for kind, c in cells
-    ]
-    exposures = None if best.exposure is None else best.exposure[used_nodes]
-    at_used = points[used_nodes], best.values[used_nodes], best.times[used_nodes]
-    field = PeakField(quantity, unit, *at_used, renumbered, best.error, exposures)
-    return replace(field, _margin=best.margin)
+) -> tuple[PeakField, Maxima]:
+    """(the field, its maxima) at the nodes of these cells, without nodes of other ranks."""
+    used, numbered = without_unused(cells)
+    best = best.at(used)
+    exposures = best.exposure if best.exposure.any() else None
+    errors = best.mesh_error
+    if errors is not None and quantity == "yield":
+        errors = errors / np.where(best.strength > 0, best.strength, 1.0)
+    of_values = points[used], best.values, best.times, numbered, best.error, exposures, errors
+    return PeakField(quantity, unit, *of_values), best
 
 
-def _used_nodes(cells: list[tuple[str, IntArray]]) -> IntArray:
-    return np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
-
-
-def _with_mesh_error(
-    field: PeakField, errors: Array | None, cells: list[tuple[str, IntArray]]
-) -> PeakField:
-    """The field with its estimated errors [Pa]."""
-    if errors is None:
-        return field
-    mesh_error = errors[_used_nodes(cells)]
-    if field.quantity == "yield" and field._margin is not None:
-        mesh_error = mesh_error / field._margin.strength
-    return replace(field, mesh_error=mesh_error)
-
-
-#: Largest error over the stress of a node that is not the judged one. Where the cells differ by
-#: more, one of them touches a sharp edge: of a printed cover a node of 10 MPa between cells that
-#: differed by 24 MPa had 11 MPa on cells of half the size.
-UNKNOWN = 1.0
-
-
-def _with_errors(field: PeakField, judged: Margin, zones: margin.Zones) -> Margin:
-    """A margin with the mesh error of the field, relative to the stress, at its worst point, and
-    of sheets, and where sharp edges are left out, with the stresses of all places that are judged.
+def _mesh_error(
+    structure: Structure,
+    shapes: Array,
+    part: str | None,
+    history: AnyHistory,
+    times: Array,
+    body: str,
+) -> Array | None:
+    """Estimated mesh errors (P,) [Pa] of the von Mises stress at each point's time, on rank 0; else
+    None.
     """
-    if field.mesh_error is None:
-        return judged
-    k = int(np.argmin(np.linalg.norm(field.points - judged.point, axis=1)))
-    shares = _mesh_shares(field)
-    judged = replace(judged, mesh_error=float(shares[k]) * judged.value)
-    if judged.away is None and not zones.patches:
-        return judged
-    exposure = field.values if field.exposure is None else field.exposure
-    others = ~zones.left_out(field.points)
-    spread, by_cells = (of(field.points[others]) for of in (zones.spread_error, zones.mesh_error))
-    stresses, shares = judged.strength * exposure[others], shares[others]
-    least = float((stresses * (1 - shares)).max(initial=0.0))
-    largest = stresses * (1 + np.minimum(shares, UNKNOWN)) + spread + by_cells
-    return replace(judged, others=(least, float(largest.max(initial=0.0))))
+    from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
+
+    instants, number = np.unique(times, return_inverse=True)
+    factors = amplitudes(history, instants, body)[number.ravel()]
+    return stress_jumps(structure, shapes, factors, part)
 
 
-def _margins_of_spans(
-    field: PeakField,
-    cells: list[tuple[str, IntArray]],
-    of_spans: Sequence[Maxima],
-    zones: Sequence[margin.Zones],
-) -> Iterator[Margin]:
-    """Yields the margins of the spans of a run, each with the errors of the span's own stresses."""
-    assert field._margin is not None
-    used_nodes = _used_nodes(cells)
-    for one, of_span in zip(of_spans, zones, strict=True):
-        if one.margin is None or one.exposure is None:
-            continue
-        judged = replace(one.margin, strength_range=field._margin.strength_range)
-        if judged.is_stress:
-            values = one.values[used_nodes]
-            own = replace(field, values=values, exposure=one.exposure[used_nodes])
-            if field.mesh_error is not None:
-                own = replace(own, mesh_error=_mesh_shares(field) * values)
-            judged = _with_errors(own, judged, of_span)
-        yield judged
+def _zones(history: AnyHistory, body: str, leave_out: ArrayLike | None) -> Zones:
+    """The contacts of the body, and the balls that were asked for."""
+    zones = Zones()
+    if isinstance(history, History):
+        zones = Zones(contact_zones(history.contact_histories, history.name_of(body)))
+    return zones if leave_out is None else zones.and_balls(leave_out)
 
 
-def _mesh_shares(field: PeakField) -> Array:
-    """Estimated errors by the mesh over the stresses of all nodes."""
-    return np.asarray(field.mesh_error) / np.where(field.values > 0, field.values, 1.0)
+def _zones_on(structure: Structure, shapes: Array, part: str | None, zones: Zones) -> Zones:
+    """The zones on a part: balls of solids alone, and no contacts on beams, which are exact."""
+    families = source(structure).families(structure, shapes, part)
+    edges, supports = margin.balls_of_edges(structure, shapes, part)
+    zones = zones._replace(edges=edges, supports=supports)
+    if families == {"solid"}:
+        return zones
+    materials = source(structure).materials_of(structure, part)
+    thickness = max(getattr(material, "thickness", 0.0) for material in materials)
+    contacts = [
+        zone._replace(yields=False, radius=max(zone.radius, OF_SHEET * thickness))
+        for zone in zones.contacts
+    ]
+    is_exact = not families & {"solid", "sheet"}
+    return zones._replace(contacts=() if is_exact else contacts, asked=margin.NOTHING)
+
+
+def _with_margin(
+    field: PeakField, best: Maxima, structure: Structure, zones: Zones, judges_edges: bool
+) -> PeakField:
+    """The field with its worst point, and with doubts in its largest stress."""
+    criterion = {"von_mises": "yield"}.get(field.quantity, field.quantity)
+    exposures, strength, times = best.exposure, best.strength, best.exposed
+    if field.exposure is None:
+        criterion, exposures, times = margin.UNJUDGED, field.values, field.times
+        strength = np.ones(len(times))
+    share = np.zeros(len(times))
+    if field.mesh_error is not None:
+        share = field.mesh_error / np.where(field.values > 0, field.values, 1.0)
+
+    if field.exposure is not None or (field.quantity == "von_mises" and not judges_edges):
+        sizes = margin.sizes_at_nodes(field.points, field._cells)
+        no_edges = {"edges": margin.NOTHING, "supports": margin.NOTHING} if judges_edges else {}
+        nodes = Nodal(field.points, exposures, strength, times, share, sizes)
+        worst = margin.judged(criterion, nodes, zones._replace(**no_edges))
+        if worst is not None:
+            known = margin.strength_range(structure, worst) if worst.is_stress else None
+            field = replace(field, _margin=replace(worst, strength_range=known))
+    if field._margin is not None and (field._margin.at_edge or not field._margin.has_bar):
+        return field
+
+    k = field.judged
+    sharp = np.concatenate([zones.edges, zones.supports])
+    doubt = ""
+    if judges_edges and margin.is_within(field.points[[k]], sharp).any():
+        doubt = (
+            f"the largest stress lies at {zones.of_edges}, where it grows with every refinement of"
+            " the mesh: model the fillet, or what holds the part, or judge it at a distance"
+            " (leave_out=[(x, y, z, radius)])"
+        )
+    elif share[k] >= DOUBTFUL:
+        place = ", ".join(f"{c:.4g}" for c in field.points[k])
+        doubt = (
+            f"the cells at the largest stress differ by {percent(share[k])} of it: make the cells"
+            f" there smaller (refine=[(({place}), size)], or size)"
+        )
+    return replace(field, doubt=doubt)
 
 
 def _places(

@@ -191,6 +191,14 @@ def _cells(blocks_of_cells: Iterable[tuple[str, IntArray]]) -> list[tuple[str, I
     return blocks
 
 
+def without_unused(
+    blocks: Sequence[tuple[str, IntArray]],
+) -> tuple[IntArray, list[tuple[str, IntArray]]]:
+    """(numbers of the nodes that cells have, these cells with nodes numbered among them)."""
+    used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
+    return used, [(kind, np.searchsorted(used, cells)) for kind, cells in blocks]
+
+
 def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
     """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
     faces = [_outer(kind, cells) for kind, cells in blocks]

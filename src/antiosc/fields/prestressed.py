@@ -14,6 +14,7 @@ from antiosc.fem.platform import collective
 from antiosc.fem.prestress import Prestress
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.peaks import PeakField, static_stress
+from antiosc.fields.pictures import without_unused
 from antiosc.recovery import source
 
 
@@ -66,9 +67,9 @@ class PrestressedState(ReprMixin):
         points, cells, displacements = source(structure).at_nodes(
             structure, self._preload.q[:, None]
         )
-        used_nodes = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+        used, _ = without_unused(cells)
         points_and_motion: tuple[Array, Array] = structure.comm.bcast(
-            (points[used_nodes], displacements[used_nodes, :, 0]), root=0
+            (points[used], displacements[used, :, 0]), root=0
         )
         return points_and_motion
 

@@ -24,7 +24,7 @@ from antiosc.fem.elements import Section
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure.structure import Structure
-from antiosc.fields.fields import shapes_of, stress_amplitudes
+from antiosc.fields.fields import shapes_of
 from antiosc.fields.filtered import filtered, long_enough
 from antiosc.fields.second_order import with_pairs
 from antiosc.impact.histories import History
@@ -179,10 +179,7 @@ def probe(
 
     def signal(run: AnyHistory, at_times: Array) -> Array:
         """The quantity (n, places, …) of a run at times, or what it is the rate of."""
-        if quantity in ("stress", "von_mises", "section_forces"):
-            factors = stress_amplitudes(structure, run, at_times, body)
-        else:
-            factors = amplitudes(run, at_times, body, derivative)
+        factors = amplitudes(run, at_times, body, derivative)
         return np.stack([_over_time(tensors, factors) for tensors in columns], axis=1)
 
     if filter is None:

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
@@ -53,21 +52,13 @@ def with_pairs(
     """Columns (…, B) of a body's shapes (rows, B), with η of its modes for the pairs."""
     forces = stretch_in(history, body)
     if forces is None:
-        linear = at(shapes, False)
-        if linear.shape[-1] != shapes.shape[1]:  # columns of branches, too
-            return linear
-        return linear + _state_strain(at, structure, shapes)
+        return at(shapes, False) + _state_strain(at, structure, shapes)
     pairs = forces.size * (forces.size + 1) // 2
     count = shapes.shape[1] - pairs
     modes = stretch_factors(history, body).T
     i, j = np.triu_indices(forces.size)
     sums = modes[:, i] + np.where(i == j, 0.0, modes[:, j])
     linear = at(shapes, False)
-    if linear.shape[-1] != shapes.shape[1]:
-        raise InputError(
-            "stresses of materials with branches (prony) are not recovered of a part that"
-            " stretches: leave prony out, or extract it without stretch."
-        )
     square = at(shapes[:, :count] @ sums, True) - linear[..., :count] @ sums  # η(s, s)/2 of each
     squares = square[..., i == j]
     products = (square - squares[..., i] - squares[..., j]) / 2

@@ -13,13 +13,11 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.texts import Completed, ReprMixin, engineering, percent, range_text
+from antiosc.base.texts import Completed, ReprMixin, engineering, range_text
 from antiosc.plot.charts import figure_or_path, new_figure
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
 
 #: Oscillators in a decade by default, as standards of shock tests have it (MIL-STD-810, IEC
 #: 60068-2-81), …
@@ -36,12 +34,10 @@ UNEVEN = 1e-6
 #: Most samples of a signal after interpolation.
 MOST_SAMPLES = 5_000_000
 #: Largest distance (rms) of samples from the mean of their neighbours, over the rms of the signal,
-#: at which they resolve it: that of a sine with 6 samples a period, 1 − cos(2π/6).
+#: at which they resolve it: that of a sine with 6 samples a period.
 ROUGH = 0.5
 #: Least number of samples for which this is judged.
 SAMPLED = 50
-#: Share of the spectrum from which the end of a velocity is said to decide it.
-DECIDES = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,14 +49,12 @@ class ShockSpectrum(Completed):
     frequency : (m,) natural frequencies, Hz.
     positive, negative : (m,) largest positive response, and the size of the largest negative one.
     Q : quality factor 1/(2ζ).
-    bar : (m,) error of `maximax`, in its unit; None where it is not known.
     """
 
     frequency: Array
     positive: Array
     negative: Array
     Q: float
-    bar: Array | None = None
 
     @property
     def maximax(self) -> Array:
@@ -74,35 +68,24 @@ class ShockSpectrum(Completed):
         """
         unit = checks.text("unit", unit)
         figure = new_figure((7.0, 4.0), shown=path is None)
-        draw_spectrum(self, figure.subplots(), unit)
+        axes = figure.subplots()
+
+        for name, style in (("maximax", "-"), ("positive", "--"), ("negative", ":")):
+            axes.loglog(self.frequency, getattr(self, name), style, label=name)
+        axes.set(xlabel="natural frequency (Hz)", ylabel=f"largest response ({unit})")
+        axes.set_title(f"shock response spectrum, Q = {self.Q:g}")
+        axes.grid(visible=True, which="both", alpha=0.3)
+        axes.legend()
         return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
-        peak_index = int(np.argmax(self.maximax))
-        top = self.maximax[peak_index]
-        peak_frequency = self.frequency[peak_index]
+        k = int(np.argmax(self.maximax))
+        top = f"{self.maximax[k]:.4g}, at {engineering(self.frequency[k], 'Hz')}"
         return [
             ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
-            ("maximax", f"at most {top:.4g}, at {engineering(peak_frequency, 'Hz')}"),
-            ("lowest", f"{self.maximax[0]:.4g} at {engineering(self.frequency[0], 'Hz')}"),
-            ("highest", f"{self.maximax[-1]:.4g} at {engineering(self.frequency[-1], 'Hz')}"),
+            ("maximax", f"at most {top}"),
             ("Q", f"{self.Q:g}"),
         ]
-
-
-def draw_spectrum(spectrum: ShockSpectrum, axes: Axes, unit: str, of: str = "") -> None:
-    """Draw the spectrum into axes, with its bar; `of`: what it is a spectrum of."""
-    for name, style in (("maximax", "-"), ("positive", "--"), ("negative", ":")):
-        axes.loglog(spectrum.frequency, getattr(spectrum, name), style, label=name)
-    if spectrum.bar is not None:
-        limits = axes.get_ylim()
-        ends = spectrum.maximax - spectrum.bar, spectrum.maximax + spectrum.bar
-        axes.fill_between(spectrum.frequency, *ends, alpha=0.2, label="error bar of maximax")
-        axes.set_ylim(limits)
-    axes.set(xlabel="natural frequency (Hz)", ylabel=f"largest response ({unit})")
-    axes.set_title(f"shock response spectrum{of}, Q = {spectrum.Q:g}")
-    axes.grid(visible=True, which="both", alpha=0.3)
-    axes.legend()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -187,7 +170,8 @@ def srs(
         During the signal, after its end (one period of each oscillator), or both.
     signal : "acceleration" or "velocity"
         The quantity of `a`. For a velocity, the acceleration is constant between samples, and zero
-        after the last one: the velocity stays what it is there.
+        after the last one: a velocity that still rings there makes the spectrum too large, of which
+        `parts="primary"` is free.
     resolved : float, optional
         Frequency in Hz up to which the signal is known (`resolved_frequency` of its model): an
         AccuracyWarning names frequencies above it.
@@ -196,8 +180,7 @@ def srs(
     -----
     AccuracyWarning
         Accelerations that change from sample to sample as much as they are large; frequencies above
-        `resolved`; a velocity that still rings at the last sample, where its step from the mean of
-        the second half decides the spectrum: make the run longer, or give `parts="primary"`.
+        `resolved`.
 
     Raises
     ------
@@ -214,33 +197,30 @@ def srs(
     if signal == "acceleration":
         _warn_if_rough(t, a)
     responses = np.array([_extremes(t, a, float(frequency), Q, parts, signal) for frequency in f])
-    found = ShockSpectrum(f, responses[:, 0], responses[:, 1], Q)
-    if signal == "velocity" and parts != "primary":
-        _warn_if_ringing(t, a, found)
-    return found
+    return ShockSpectrum(f, responses[:, 0], responses[:, 1], Q)
 
 
 def _frequencies(t: Array, frequencies: ArrayLike | None, resolved: float | None) -> Array:
     """The frequencies of a spectrum, Hz; AccuracyWarning above the resolution of the signal."""
     span = float(t[-1] - t[0])
-    f_top = np.inf
-    if resolved is not None and not (isinstance(resolved, float) and resolved == np.inf):
-        f_top = checks.nonnegative("resolved", resolved, "Hz")
+    known = np.inf
+    if resolved is not None and resolved != np.inf:
+        known = checks.nonnegative("resolved", resolved, "Hz")
     if frequencies is None:
         # one period after the signal must not take more samples than there may be
         low = max(min(LOWEST, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
         top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
-        top = max(min(top, f_top), 2 / span, 2 * low)
-        decades = np.log10(top / low)
-        return np.geomspace(low, top, max(2, int(np.ceil(PER_DECADE * decades)) + 1))
+        top = max(min(top, known), 2 / span, 2 * low)
+        count = int(np.ceil(PER_DECADE * np.log10(top / low))) + 1
+        return np.geomspace(low, top, max(2, count))
+
     f = checks.column("frequencies", frequencies)
     if not f.size or f.min() <= 0:
         raise InputError("frequencies must be > 0 Hz, at least one.")
-    if f.max() > f_top:
+    if f.max() > known:
         warn(
-            f"the model of the signal resolves frequencies up to {f_top:.4g} Hz, and the spectrum "
-            f"is asked up to {f.max():.4g} Hz, where natural modes of the structure are missing: "
-            "extract with a larger n (more than the number of natural modes below that frequency).",
+            f"the model of the signal resolves frequencies up to {known:.4g} Hz, and the spectrum "
+            f"is asked up to {f.max():.4g} Hz: extract with a larger n.",
             AccuracyWarning,
         )
     return f
@@ -252,42 +232,11 @@ def _warn_if_rough(t: Array, a: Array) -> None:
         return
     fraction = np.diff(t)[:-1] / (t[2:] - t[:-2])
     deviation = a[1:-1] - (a[:-2] + fraction * (a[2:] - a[:-2]))
-    size = np.sqrt(np.mean((a - a.mean()) ** 2))
-    roughness = np.sqrt(np.mean(deviation**2)) / size if size > 0 else 0.0
-    if roughness > ROUGH:
+    if np.sqrt(np.mean(deviation**2)) > ROUGH * np.std(a):
         warn(
-            "the accelerations change from one sample to the next as much as they are large "
-            f"(rms {roughness:.2g} of the signal's): their samples do not resolve them, and the "
-            'spectrum may be wrong at all frequencies. Give velocities (signal "velocity") at '
-            "20 or more equal steps a period of the highest frequency.",
-            AccuracyWarning,
-        )
-
-
-def _warn_if_ringing(t: Array, v: Array, found: ShockSpectrum) -> None:
-    """AccuracyWarning if a velocity ends away from its mean, and this decides the spectrum.
-
-    A part that moves on steadily has its velocity as this mean: its step is no error.
-    """
-    start = int(np.searchsorted(t, (t[0] + t[-1]) / 2)) - 1
-    areas = np.diff(t[start:]) * (v[start:-1] + v[start + 1 :]) / 2
-    step = abs(float(v[-1] - areas.sum() / (t[-1] - t[start])))
-    suspects = np.flatnonzero(2 * np.pi * found.frequency * step > DECIDES * found.maximax)
-    decided = [
-        frequency
-        for frequency, largest in zip(
-            found.frequency[suspects], found.maximax[suspects], strict=True
-        )
-        if max(_extremes(t, v, frequency, found.Q, "primary", "velocity")) < (1 - DECIDES) * largest
-    ]
-    if decided:
-        share = step / float(np.abs(v - v[0]).max())
-        warn(
-            "the velocity still rings at the last sample, where it differs from its mean over the "
-            f"second half of the signal by {percent(share)} of its largest change; taken as "
-            "constant after that sample, it decides the spectrum up to "
-            f"{engineering(max(decided), 'Hz')}: make the run longer, or take the primary "
-            "spectrum alone, that of the run itself.",
+            "the samples do not resolve the accelerations, which change from one to the next as "
+            "much as they are large: the spectrum may be wrong at all frequencies. Give velocities "
+            '(signal "velocity") at 20 or more equal steps a period of the highest frequency.',
             AccuracyWarning,
         )
 
@@ -381,9 +330,9 @@ def _extremes(
     tail = round(_checked_samples(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
     if signal == "velocity":  # the mean acceleration of each step
         means = np.concatenate([np.diff(x) / h, np.zeros(tail + 1)])
-        y = lfilter(*step_invariant(f, Q, h), means)
+        y = lfilter(*_step_invariant(f, Q, h), means)
     else:
-        numerator, denominator = ramp_invariant(f, Q, h)
+        numerator, denominator = _ramp_invariant(f, Q, h)
         # the base was at rest: a signal that begins with a jump does so at its first sample
         y = lfilter(numerator, denominator, np.concatenate([x - x[0], np.full(tail, -x[0])]))
         y = y + x[0] * _step_response(f, Q, h, y.size)
@@ -412,7 +361,7 @@ def _step_response(f: float, Q: float, h: float, size: int) -> Array:
     return np.asarray(1 - np.exp(-zeta * w * t) * (np.cos(wd * t) - zeta * w / wd * np.sin(wd * t)))
 
 
-def ramp_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
+def _ramp_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
     """Numerator and denominator (3,) of Smallwood's filter at steps h [s].
 
     Its output is the absolute acceleration of the oscillator, exact for an input that is linear
@@ -429,11 +378,11 @@ def ramp_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
     return numerator, np.array([1.0, -2 * c, decay**2])
 
 
-def step_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
+def _step_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
     """Numerator and denominator (3,) of the filter of inputs that are constant over steps h [s].
 
     Its output at the start of each step is the absolute acceleration of the oscillator.
     """
-    denominator = ramp_invariant(f, Q, h)[1]
+    denominator = _ramp_invariant(f, Q, h)[1]
     first = float(_step_response(f, Q, h, 2)[1])
     return np.array([0.0, first, denominator.sum() - first]), denominator

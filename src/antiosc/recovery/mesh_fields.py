@@ -19,11 +19,10 @@ from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.stresses import PAIRS, equivalent, length, tensors_of
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.elements.shell import Shell
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many, size_at
-from antiosc.fem.mesh.surface import kind_of_cells, outer_corners
+from antiosc.fem.mesh.surface import kind_of_cells
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.prestress.loaded_part import initial_strain
 from antiosc.fem.reach import Reach
@@ -38,7 +37,6 @@ from antiosc.recovery.place import (
     on_outlines,
     strength_of,
 )
-from antiosc.recovery.relaxation import shares_of, with_branches
 from antiosc.recovery.tensors import PointsInCells, UnitDofs, dofs_of_cells, evaluator
 
 #: Points at which shapes are evaluated at once.
@@ -51,13 +49,11 @@ def tensors_of_part(
     quantity: str,
     place: Place,
     materials: Sequence[int],
-    shares: Array | None = None,
 ) -> tuple[IntArray, IntArray, Array]:
     """Tensors at the nodes of this rank: (nodes (S,), materials (S,), components (S, 6, columns)).
 
     `quantity` is "strain" or "stress", and `shapes` has the shape (rows of this rank, columns).
-    Only cells of `materials`, numbers in `part.parts`, contribute. `shares` as for `shares_of`. To
-    be called on all ranks.
+    Only cells of `materials`, numbers in `part.parts`, contribute. To be called on all ranks.
     """
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
@@ -96,7 +92,7 @@ def tensors_of_part(
     agree(mesh.comm, error)
     if solid:
         _join_ranks(part, slots, total, count)
-    return node, kind, with_branches(total / count[:, None, None], shares, kind)
+    return node, kind, total / count[:, None, None]
 
 
 def _at_nodes_of(
@@ -122,9 +118,7 @@ def _at_nodes_of(
     return components.reshape(len(places[0]), 6, -1)
 
 
-def jumps(
-    part: MeshedStructure, shapes: Array, factors: Array, shares: Array | None = None
-) -> Array:
+def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
     """Estimated error (nodes,) of the von Mises stress [Pa] at each node of this rank.
 
     Zienkiewicz and Zhu: the mean over the cells of one material stands for the smooth stress, and
@@ -138,7 +132,7 @@ def jumps(
     cells_of_rank = compat.cell_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
     material = part.part_of_cells()[:cells_of_rank]
-    stresses, normals = _stresses_of_cells(part, shapes, factors, shares)
+    stresses, normals = _stresses_of_cells(part, shapes, factors)
     slots, slot_of = np.unique(nodes * len(part.parts) + material[:, None], return_inverse=True)
     slot_of = slot_of.reshape(nodes.shape)
     values = np.concatenate([stresses, normals], axis=2)
@@ -161,9 +155,7 @@ def jumps(
     return result
 
 
-def _stresses_of_cells(
-    part: MeshedStructure, shapes: Array, factors: Array, shares: Array | None
-) -> tuple[Array, Array]:
+def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> tuple[Array, Array]:
     """(stresses, products of the normal's components (…, 6)) at the nodes (C, n) of the cells of
     this rank: of solids the components (C, n, 6) of the stress and no normals, of sheets the von
     Mises stress (C, n, 1), the larger of both faces.
@@ -173,7 +165,6 @@ def _stresses_of_cells(
     places = [Place()] if is_solid else [Place("top"), Place("bottom")]
     evaluates = [evaluator(part, "stress", at) for at in places]
     cells_of_rank = compat.cell_map(part.mesh.dolfinx).size_local
-    material = part.part_of_cells()
     nodes = compat.geometry_nodes(part.mesh.dolfinx)[:cells_of_rank]
     X = part.mesh.geometry.reference_nodes
     stresses = np.zeros((cells_of_rank, len(X), 6 if is_solid else 1))
@@ -184,7 +175,6 @@ def _stresses_of_cells(
         at_nodes = []
         for evaluate in evaluates:
             columns = _at_nodes_of(cells, part, shapes, evaluate)
-            columns = with_branches(columns, shares, np.repeat(material[cells], len(X)))
             tensors = np.einsum("pck,pk->pc", columns, factors[nodes[cells].ravel()])
             at_nodes.append(tensors.reshape(-1, len(X), 6))
         if is_solid:
@@ -262,15 +252,6 @@ def nearest_point(structure: Structure, x: Array, part: str | None, reach: Reach
     return np.asarray(parts[number][0].at.placed(found[0].x[None])[0])
 
 
-def isotropic_sheet_at(structure: Structure, x: Array) -> tuple[Shell, float] | None:
-    """The isotropic sheet nearest to x (3,), and the size [m] of its cell there; None of others."""
-    parts = with_parts(structure).fields(np.zeros((structure.rows, 1)), None)
-    number, closest = _nearest(parts, x[None], Reach("the point of the contact", np.inf))
-    part = parts[number][0].part
-    material = part.material_at(closest[0])
-    return (material, size_at(part.mesh, closest[0])) if isinstance(material, Shell) else None
-
-
 def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
     """Displacements (gdim, columns) at the point of all parts that is nearest to x (3,)."""
     number, closest = _nearest(parts, x[None], reach)
@@ -296,13 +277,28 @@ def recovered(
 
     InputError for a point farther from the structure than `reach`.
     """
+    _refuse_relaxing(structure, quantity)
     parts = with_parts(structure).fields(shapes, part)
     if place.stiffener is not None:
         parts = _stiffeners(parts, place.stiffener)
     if second_order:
         parts = _whole(parts)
-    shares = [shares_of(structure, quantity, member) for member, _ in parts]
-    return _recovered(parts, points, quantity, place, reach, shares)
+    return _recovered(parts, points, quantity, place, reach)
+
+
+def _refuse_relaxing(structure: Structure, quantity: str) -> None:
+    """InputError for what follows from the stiffness of materials that relax."""
+    if quantity in ("stress", "section_forces") and relaxes(structure):
+        raise InputError(
+            f"the {quantity.replace('_', ' ')} of materials that relax (prony) is not computed:"
+            " probe the strain, or leave prony out."
+        )
+
+
+def relaxes(structure: Structure) -> bool:
+    """Whether a material of the structure has Maxwell branches (prony)."""
+    terms = structure.matrices.dissipation()
+    return any(term.tau is not None and term.owner is not None for term in terms)
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
@@ -328,13 +324,11 @@ def _recovered(
     quantity: str,
     place: Place,
     reach: Reach,
-    shares: Sequence[Array | None],
 ) -> Array:
-    """As `recovered`, on the candidate nearest to the points; `shares` as for `shares_of`."""
+    """As `recovered`, on the candidate nearest to the points."""
     number, closest = _nearest(candidates, points, reach)
     member, shapes_of_part = candidates[number]
     mesh = member.part.mesh
-    material = member.part.part_of_cells()
     evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
     with_ghosts = compat.with_ghosts(member.part.form.space, shapes_of_part)
     on_this_rank = closest.rank == mesh.comm.rank
@@ -344,9 +338,7 @@ def _recovered(
         evaluated = PointsInCells(
             member.part, with_ghosts, closest.cell[on_this_rank], closest.X[on_this_rank]
         )
-        values_of_rank = with_branches(
-            evaluate(evaluated), shares[number], material[evaluated.cells]
-        )
+        values_of_rank = evaluate(evaluated)
     except InputError as caught:
         error = caught
     agree(mesh.comm, error)
@@ -440,6 +432,7 @@ def tensors_at_nodes(
     `shapes` there is one column, the static state under the prestress. `second_order` includes the
     second-order strain of each shape.
     """
+    _refuse_relaxing(structure, quantity)
     if shapes is None:
         parts = loaded(structure, part)
     else:
@@ -454,10 +447,9 @@ def tensors_at_nodes(
     start = 0
     for member, shapes_of_part in parts:
         of_parts: list[tuple[IntArray, IntArray, Array]] = []
-        shares = None if shapes is None else shares_of(structure, quantity, member)
         for place, numbers in _requests(member.part, places, ply):
             position = place.within(member.at.rotation)
-            arguments = shapes_of_part, quantity, position, numbers, shares
+            arguments = shapes_of_part, quantity, position, numbers
             nodes, kind, columns = tensors_of_part(member.part, *arguments)
             of_parts.append((nodes, kind + len(origins), columns))
             origins += [
@@ -506,24 +498,6 @@ def _requests(
             raise InputError(f"{NO_OUTLINE}.")
         return [(place, numbers) for place in on_edge]
     return [(place, numbers) for place in (places if part.kind.sheet else places[:1])]
-
-
-def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
-    """(points (P, 3), corners of the outer faces, shapes (P, 3, columns)) on rank 0."""
-    parts = [
-        pair for pair in with_parts(structure).fields(shapes, None) if pair[0].part.mesh.tdim > 1
-    ]
-    if not parts:
-        raise InputError("a mesh of lines has no surface: write_series writes its motion.")
-    points, cells, values = _side_by_side(
-        [_gathered(member, shapes_of_part) for member, shapes_of_part in parts]
-    )
-    faces = [outer_corners(m.part.mesh.cell, c) for (m, _), c in zip(parts, cells, strict=True)]
-    if len({f.shape[1] for f in faces}) > 1:  # of several parts: quadrilaterals as triangles
-        faces = [
-            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in faces
-        ]
-    return points, np.vstack(faces), values
 
 
 def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
@@ -626,10 +600,8 @@ def stress_jumps(
         first = start + sum(sizes[: comm.rank])
         errors_of_rank = np.zeros(sizes[comm.rank])
         if member.part.kind.name in ESTIMATED:
-            shares = shares_of(structure, "stress", member)
-            errors_of_rank = jumps(
-                member.part, shapes_of_part, factors[first : first + len(errors_of_rank)], shares
-            )
+            factors_of_rank = factors[first : first + len(errors_of_rank)]
+            errors_of_rank = jumps(member.part, shapes_of_part, factors_of_rank)
         errors += comm.gather(errors_of_rank, root=0) or []
         start += sum(sizes)
     if errors:

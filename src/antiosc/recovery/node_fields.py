@@ -69,6 +69,11 @@ def materials_of(
     return []
 
 
+def relaxes(structure: Structure) -> bool:
+    """False: matrices have no stress anyway."""
+    return False
+
+
 def at_nodes(
     structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
@@ -77,11 +82,6 @@ def at_nodes(
     points, rows = cast(NodalMatrices, structure.matrices).nodes()
     vertices = np.arange(len(points))[:, None]
     return points, [("vertex", vertices)], _displacements(rows, shapes)
-
-
-def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
-    """InputError: matrices have nodes, but no faces."""
-    raise InputError("matrices have nodes but no faces: write_series writes their motion.")
 
 
 def _one_part(part: str | None) -> None:

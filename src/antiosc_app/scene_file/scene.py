@@ -28,7 +28,6 @@ from antiosc.base._types import Array
 from antiosc.base.errors import (
     AccuracyWarning,
     AntioscError,
-    InputError,
     Message,
     finite_element_packages,
     warn,
@@ -46,9 +45,10 @@ from antiosc_app.scene_file.schema import (
     parameters,
     resolved,
 )
+from antiosc_app.scene_file.shock import Shock, shock_of
 
 if TYPE_CHECKING:
-    from antiosc import AntiOscillators, Fall, PeakField, ProbeSpectra, Structure
+    from antiosc import AntiOscillators, Fall, PeakField, Structure
     from antiosc_studies.drops.fall import WorstField
 
 T = TypeVar("T")
@@ -534,22 +534,14 @@ def shock(
     quantity: str,
     told_at: SpectrumKey,
     **asked: Any,
-) -> ProbeSpectra:
-    """The shock response spectra of a probe, from its velocity also if it is an acceleration.
-
-    `name`, `quantity`, `told_at`: those of the probe. Times of a scene are taken as they are.
-    """
-    with finite_element_packages():
-        from antiosc.extension import spectra_at
+) -> Shock:
+    """The shock response spectra of a probe, from its velocity also if it is an acceleration."""
     messages: list[str] = []
     with warnings_to(messages.append):
-        try:
-            found = antiosc.probe_srs(structure, history, **asked)
-        except InputError:  # without bars where the impact cannot be repeated
-            found = spectra_at(structure, history, **asked)
-    for message in messages:
+        found = shock_of(structure, history, _told_at(told_at), **asked)
+    for message in dict.fromkeys(messages):
         warn(Message(f"probe {name}: {message}", AccuracyWarning))
-    return replace(found, asked=_told_at(told_at))
+    return found
 
 
 def _told_at(wanted: SpectrumKey) -> tuple[float, ...]:

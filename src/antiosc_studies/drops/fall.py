@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import Margin, PeakField, ShockSpectrum, peak_field, srs
+from antiosc import PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampled
@@ -309,47 +309,37 @@ class Fall(Trajectory, Result):
         )
         periods = self.body.omega.max(initial=0.0) / (2 * np.pi)
         parts = []
-        spans = []
         zones = []
-        for span, k in enumerate(impact_numbers):
+        for k in impact_numbers:
             episodes = self._episodes(k)
             for episode in episodes:
                 count = int(min(max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW), MANY))
                 motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
                 parts.append(replace(motion, time=motion.time + episode.start.time))
-                spans += count * [span]
-            of_impact = yielding.yielding_zones(self.setting.floor, episodes)
-            zones += [zone._replace(span=span) for zone in of_impact]
+            zones += yielding.yielding_zones(self.setting.floor, episodes)
         merged = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
         }
         forces = np.zeros((merged["time"].size, parts[0].forces.shape[1]))
         with without_warnings():
-            left_out = Zones.about(zones)
+            left_out = Zones(zones)
             if options.get("leave_out") is not None:
                 left_out = left_out.and_balls(options["leave_out"])
             options |= {"leave_out": left_out}
-            joined_motion = replace(parts[0], forces=forces, spans=np.array(spans), **merged)
+            joined_motion = replace(parts[0], forces=forces, **merged)
             field = peak_field(self.body.structure, joined_motion, quantity, **options)
         starts = [self.episodes[motion[0]].start.time for motion in self.groups]
         impact = np.searchsorted(starts, field.times, side="right") - 1
         field = replace(field, error=None)
         if field._margin is not None:
-            field = replace(field, _margin=self._of_impacts(field._margin, impact_numbers))
+            margin = field._margin
+            k = int(impact[field.judged])
+            yields = margin.criterion == "yield" and any(map(self._contact_yield, impact_numbers))
+            errors = [one.law_error or 0.0 for one in self.impacts]
+            error = max((errors[j] for j in impact_numbers), default=0.0)
+            margin = replace(margin, contact=yields, impact=k + 1, force_error=error)
+            field = replace(field, _margin=margin)
         return WorstField(**vars(field), impact=impact)
-
-    def _of_impacts(self, margin: Margin, numbers: Sequence[int]) -> Margin:
-        """The margin of impacts with these numbers, from 0, with the error of the force of each."""
-        yields = margin.criterion == "yield" and any(map(self._contact_yield, numbers))
-        margin = replace(margin, contact=yields)
-        if not margin.spans:
-            return margin
-        spans = tuple(
-            replace(span, impact=k + 1, force_error=self.impacts[k].law_error or 0.0)
-            for span, k in zip(margin.spans, numbers, strict=True)
-        )
-        worst = max(spans, key=lambda span: span.exposure)
-        return replace(margin, spans=spans, impact=worst.impact, force_error=worst.force_error)
 
     def _contact_yield(self, impact: int) -> str:
         """Sentence that the contact yields in an impact, from 0; "" if not, or if unknown."""

@@ -21,7 +21,7 @@ from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.peak_error import error_of_peak, largest_strain
 from antiosc.engine.contact.surfaces import crack_note
-from antiosc.extension import YieldingZone
+from antiosc.extension import ContactZone
 from antiosc_studies.drops.crushed import ERROR, PRESSURE
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.floor import Floor, choice_of, law_at, matter_at
@@ -90,10 +90,10 @@ class PointContact(NamedTuple):
         return sqrt(self.depth * float(self.body.radii[self.which].min()))
 
     @property
-    def zone(self) -> YieldingZone:
+    def zone(self) -> ContactZone:
         """The zone outside the margin, in the axes of the mesh."""
         nu = float(self.body.materials[self.which][1])
-        return YieldingZone(self.place, None, (self.radius, 0.0), self.force, nu)
+        return ContactZone(self.place, self.radius, 0.0, self.force, nu)
 
     @property
     def error(self) -> float | None:
@@ -260,7 +260,7 @@ def deepest_dent(floor: Floor, episodes: Sequence[Episode]) -> float:
     return max((dent.depth for dent in dents if dent is not None), default=nan)
 
 
-def yielding_zones(floor: Floor, episodes: Sequence[Episode]) -> list[YieldingZone]:
+def yielding_zones(floor: Floor, episodes: Sequence[Episode]) -> list[ContactZone]:
     """The zones about the points that yield, in the axes of the mesh."""
     return [one.zone for one in point_contacts(floor, episodes) if one.yields]
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,16 +14,15 @@ import parts
 import sheets
 from antiosc.base.stresses import extreme_principal
 from antiosc.base.texts import engineering
-from antiosc.engine.contact.half_space import hertz_stresses, spread_difference
+from antiosc.engine.contact.half_space import hertz_stresses
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.fields.deformed import deformed
-from antiosc.fields.margin import Margin, Zones, margin_of, on_part
-from antiosc.impact.histories.verdict import CONTACT_RADII, YieldingZone, yielding_zones
+from antiosc.fields.margin import Nodal, Zones, judged
+from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
-from antiosc.recovery.sharp_edges import interior_angle
 from antiosc.recovery.tensors import PointsInCells, SheetAxes, evaluator, middle_strains
 from sheets import sheet as mapped
 from static_loads import held
@@ -190,9 +187,7 @@ def test_a_re_entrant_corner_is_told_and_its_stress_grows_with_the_mesh():
     for n in (3, 6):
         part, hit = held(ell(n), ao.Site((2.0, 0.5), (0, -1), radius=0.4), 1e3)
         peak = ao.peak_field(part, hit, body="part")
-        assert interior_angle(part, np.array([1.0, 1.0, 0.0])) == pytest.approx(270)
-        assert "corner of 270" in peak.doubt
-        assert "leave_out" in peak.doubt
+        assert "make the cells there smaller" in peak.doubt
         largest.append(peak.values.max())
     assert largest[1] > 1.2 * largest[0]
 
@@ -211,7 +206,7 @@ def test_a_contact_that_yields_is_told_beside_the_margin():
         assert (pressure > 1.6 * 355e6) == yields
         assert margin.contact == yields
         assert ("apart from the contact, which itself yields. The" in margin.sentence) == yields
-        assert not len(margin.beyond)  # a sheet has no zone of the contact
+        assert not margin.scope  # a sheet has no zone of the contact
 
 
 def test_the_margin_leaves_out_balls_that_are_given(strip):
@@ -221,140 +216,14 @@ def test_the_margin_leaves_out_balls_that_are_given(strip):
     worst = peak.margin()
     assert worst.value == pytest.approx(6 * 100.0 * (0.2 - 0.06) / (0.01 * 0.02**2), rel=0.02)
     assert worst.point[0] == pytest.approx(0.06)
-    assert worst.nearer.value == ao.peak_field(part, hit, body="part").margin().value
+    everywhere = ao.peak_field(part, hit, body="part").margin().value
     assert worst.sentence.startswith("yield is not reached outside the balls of leave_out")
     np.testing.assert_array_equal(peak.points[peak.judged], worst.point)
     whole = ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.0, 0.0, 1.0)]).margin()
-    assert whole.value == worst.nearer.value
-    assert not len(whole.beyond)
+    assert whole.value == everywhere
+    assert not whole.scope
     with pytest.raises(ao.InputError, match="leave_out"):
         ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.01, 0.0)])
-
-
-def hit_zone(hit):
-    """The zone about the contact of a hit, on the part."""
-    (zone,) = yielding_zones(hit.contact_histories, hit.name_of("structure"))
-    return zone
-
-
-def test_a_solid_is_judged_beyond_three_radii_of_a_contact_that_yields():
-    """The largest value of the nodes that are farther, found by hand."""
-    alu = ao.material("aluminium 6082-T6")
-    site, patch = np.array([0.07, 0.02, 0.02]), 0.01
-    part = ao.Structure(parts.box((10, 4, 2), (0.1, 0.04, 0.02)), alu, [ao.Support("left")])
-    model = ao.extract(part, ao.Site(site, (0, 0, -1), radius=patch), n=12)
-    for speed, yields in ((3.0, True), (1e-3, False)):
-        ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=speed)
-        hit = ao.simulate(model, ball, duration=4e-4)
-        peak = ao.peak_field(part, hit)
-        margin = peak.margin()
-        contact = 3 * hit.dent.radius if yields else 0.0
-        far = np.linalg.norm(peak.points - site, axis=1) > contact
-        assert far.sum() < len(far)
-        assert (hit.dent is not None) == margin.contact == yields
-        x = peak.points - site
-        radii, r = (contact / 3 or 1.0, patch), np.hypot(x[:, 0], x[:, 1])
-        spread = yields * spread_difference(hit.peak_force, radii, alu.nu, r, -x[:, 2])
-        k = int(np.argmax(np.where(far, peak.values + spread, 0.0)))
-        assert margin.value == pytest.approx(peak.values[k], rel=1e-12)
-        assert margin.spread == pytest.approx(spread[k], rel=1e-9)
-        stress = max((peak.values + spread)[k], hit_zone(hit).edge_stress if yields else 0.0)
-        assert margin.exposure == pytest.approx(stress / alu.yield_strength)
-        assert ("reached outside 3 radii of the contact (" in margin.sentence) == yields
-        assert ("by Hertz's pressure on" in margin.sentence) == yields == margin.at_edge
-        if yields:
-            np.testing.assert_allclose(margin.beyond, [[*site, contact]])
-            unknown = hit_zone(hit)._replace(push=None).spread_error(peak.points)
-            assert (unknown >= spread - 1e-3 * spread.max()).all()
-            near = peak.values[~far].max()
-            assert margin.nearer.value == pytest.approx(near, rel=1e-12)
-            assert ("; nearer, up to" in margin.sentence) == (near > margin.value)
-
-
-def test_a_coarse_mesh_has_hertz_s_stress_at_the_edge_of_what_is_left_out():
-    """Three radii below the contact, where no node is: the closed form on the axis."""
-    alu = ao.material("aluminium 6082-T6")
-    site = np.array([0.05, 0.05, 0.1])
-    block = parts.box((3, 3, 3), (0.1, 0.1, 0.1))
-    part = ao.Structure(block, alu, [ao.Support("-z")])
-    model = ao.extract(part, ao.Site(site, (0, 0, -1), radius=0.034), n=4)
-    ball = ao.Sphere(0.005, material="bearing steel 100Cr6", velocity=1.0)
-    hit = ao.simulate(model, ball, duration=1e-4)
-    zone = hit_zone(hit)
-    z = CONTACT_RADII
-    nu = alu.nu
-    along = -1 / (1 + z**2)
-    across = -(1 + nu) * (1 - z * np.arctan2(1, z)) - along / 2
-    pressure = 1.5 * hit.peak_force / np.pi / zone.radii[0] ** 2
-    assert zone.edge_stress == pytest.approx(pressure * abs(along - across), rel=1e-6)
-    peak = ao.peak_field(part, hit)
-    margin = peak.margin()
-    assert margin.at_edge
-    assert margin.exposure == pytest.approx(zone.edge_stress / alu.yield_strength)
-    assert peak.largest_mesh_error is None
-    assert "at 3 radii of the contact by Hertz's pressure" in margin.sentence
-    away = np.linalg.norm(peak.points - site, axis=1) > CONTACT_RADII * zone.radii[0]
-    of_mesh = f"farther away, by the mesh, up to {engineering(peak.values[away].max(), 'Pa')} at"
-    assert of_mesh in margin.sentence
-    assert "too coarse" not in margin.sentence  # the mesh's own may be anywhere
-
-
-def test_the_largest_stress_by_the_mesh_is_told_where_another_place_decides():
-    """A node under the patch, whose stress a smaller one raises, has less than one far away."""
-    points = np.array([[0.01, 0.0, 0.0], [0.05, 0.0, 0.0]])
-    zones = SimpleNamespace(
-        away=None, balls=[], spread_error=lambda at: np.where(at[:, 0] < 0.02, 8e7, 0.0)
-    )
-    stresses, strengths = np.array([2e7, 7.8e7]), np.full(2, 2.35e8)
-    times, places = np.array([1e-4, 2e-4]), [Place()] * 2
-    margin = margin_of("yield", stresses, strengths, points, times, places, zones)
-    assert (margin.value, margin.stress) == (2e7, 1e8)
-    margin = dataclasses.replace(margin, edge_stress=1.16e8)
-    assert "farther away, by the mesh, up to 78.0 MPa at (50, 0, 0) mm, 200 µs)" in margin.sentence
-
-
-@pytest.mark.parametrize("radii", [3.0, 12.0])
-def test_a_thin_part_has_no_stress_of_a_half_space_at_the_edge(radii):
-    """Where the mesh does not resolve the contact, the margin says so in its place."""
-    alu = ao.material("aluminium 6082-T6")
-
-    def struck(height):
-        plate = parts.box((6, 6, 2), (0.1, 0.1, height))
-        part = ao.Structure(plate, alu, [ao.Support("-z")])
-        site = np.array([0.05, 0.05, height])
-        model = ao.extract(part, ao.Site(site, (0, 0, -1), radius=0.017), n=4)
-        ball = ao.Sphere(0.005, material="bearing steel 100Cr6", velocity=1.0)
-        hit = ao.simulate(model, ball, duration=1e-4)
-        return part, hit
-
-    height = radii * hit_zone(struck(0.002)[1]).radii[0]
-    part, hit = struck(height)
-    thickness = height / hit_zone(hit).radii[0]
-    margin = ao.peak_field(part, hit).margin()
-    is_thin = thickness < 6
-    assert is_thin == (radii == 3.0)
-    assert (margin.edge_stress == 0.0) == is_thin
-    assert margin.thin == pytest.approx(thickness if is_thin else np.inf)
-    assert (f"is {int(10 * thickness) / 10:g} contact radii thick" in margin.sentence) == is_thin
-    radius = hit_zone(hit).radii[0]
-    mean = hit.peak_force / np.pi / radius**2  # of the axis, where a half-space bears most
-    z = min(thickness, CONTACT_RADII)
-    along = -1 / (1 + z**2)
-    across = -(1 + alu.nu) * (1 - z * np.arctan2(1, z)) - along / 2
-    of_axis = 1.5 * mean * abs(along - across)
-    if is_thin:  # three radii are within it
-        assert margin.thin_stress == pytest.approx(of_axis, rel=0.05)
-        assert margin.stresses[1] >= 1.1 * margin.thin_stress
-    assert (margin.thin_stress == 0.0) != is_thin
-    assert ("This verdict may change with the mesh" in margin.sentence) == is_thin
-    assert margin.needed_cells == (pytest.approx(radius) if is_thin else None)
-
-
-def test_a_part_that_is_nearly_thick_enough_is_not_told_to_be_as_thick():
-    margin = ao.results.Margin("yield", 0.9 * YIELD, YIELD, np.zeros(3), 0.0, contact=True)
-    beyond = np.array([[0.0, 0.0, 0.0, 3e-3]])
-    sentence = dataclasses.replace(margin, beyond=beyond, thin=5.97).sentence
-    assert "is 5.9 contact radii thick there, too thin (less than 6)" in sentence
 
 
 def _pascals(share: float) -> str:
@@ -364,16 +233,17 @@ def _pascals(share: float) -> str:
 def test_a_margin_within_its_error_by_the_mesh_is_undecided():
     margin = ao.results.Margin("yield", 0.9 * YIELD, YIELD, np.zeros(3), 0.0)
     assert margin.sentence.startswith("yield is not reached")
-    undecided = dataclasses.replace(margin, mesh_error=0.2 * YIELD)
+    undecided = dataclasses.replace(margin, errors=(0.7 * YIELD, 1.1 * YIELD))
     range_told = (
         f"stress {_pascals(0.7)} to {_pascals(1.1)} with its errors, strength {_pascals(1)}"
     )
-    assert undecided.sentence.startswith(f"yield may be reached ({range_told}): the largest")
+    assert undecided.sentence.startswith(f"yield may be reached ({range_told}")
     assert not undecided.reached
-    above = dataclasses.replace(undecided, value=1.19 * YIELD)
-    assert above.sentence.startswith("yield may be reached")
-    certain = dataclasses.replace(undecided, value=1.21 * YIELD)
+    certain = dataclasses.replace(undecided, value=1.2 * YIELD, errors=(1.1 * YIELD, 1.3 * YIELD))
     assert certain.sentence.startswith("yield is reached")
+    unresolved = dataclasses.replace(margin, errors=(0.5 * YIELD, np.inf))
+    assert unresolved.bounds[1] == np.inf
+    assert "may be reached (the stress has no bar)" in unresolved.sentence
 
 
 @pytest.mark.parametrize(
@@ -387,13 +257,9 @@ def test_the_range_of_a_yield_strength_belongs_to_the_verdict(stress, verdict):
     assert "taken as exact" not in margin.sentence
     exact = dataclasses.replace(margin, strength_range=None).sentence
     assert f"strength {engineering(YIELD, 'Pa')} (taken as exact: no range was given)" in exact
-    low, high = (engineering(share * YIELD, "Pa") for share in (0.8, 1.3))
-    assert f"{engineering(YIELD, 'Pa')} ({low} to {high})" in margin.sentence
     lowest = dataclasses.replace(margin, strength_range=None, strength=0.8 * YIELD)
     assert margin.least_margin == pytest.approx(lowest.margin)
-    alone = f"margin of safety {1 / stress - 1:.3g} against {engineering(YIELD, 'Pa')}"
-    assert f"{alone}, {0.8 / stress - 1:.3g} against {low}" in margin.sentence
-    assert exact.endswith(alone)
+    assert f"margin of safety {1 / stress - 1:.3g}, {0.8 / stress - 1:.3g}" in margin.sentence
 
 
 def test_a_peak_takes_the_range_of_its_material():
@@ -407,112 +273,8 @@ def test_a_peak_takes_the_range_of_its_material():
     assert margin.strength_range == (0.9 * YIELD, 1.2 * YIELD)
 
 
-#: A square plate of 200 × 200 × 2 mm of which the edges are held, struck in its middle.
-SQUARE = {"a": 0.2, "thickness": 2e-3, "middle": (0.103, 0.098, 0.0)}
-
-
-@functools.cache
-def struck_plate(size: float, fine: float, radius: float = 2e-3) -> tuple[ao.History, Margin]:
-    """(impact, margin) of a ball on the plate; `fine`: size of the cells within 12 mm of it."""
-    a = SQUARE["a"]
-    spans = ((0, 0.09, size), (0.09, 0.12, fine), (0.12, a - size / 2, size), (a, a + size, size))
-    edges = np.unique(np.round(np.concatenate([np.arange(*span) for span in spans]) / a, 6))
-    n = len(edges) - 1
-
-    def of_plate(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
-        x, y = (a * np.interp(u, np.linspace(0, 1, n + 1), edges) for u in (s, t))
-        return x, y, 0 * x
-
-    shell = ao.Shell(210e9, 0.3, 7850.0, thickness=SQUARE["thickness"], yield_strength=1e9)
-    on_edge = ao.Support(lambda x: (abs(x[:2] - 0.1) > 0.1 - 1e-9).any(axis=0), ("x", "y", "z"))
-    part = ao.Structure(mapped(n, of_plate), shell, [on_edge])
-    site = ao.Site(SQUARE["middle"], (0, 0, -1), radius=radius)
-    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.5)
-    hit = ao.simulate(ao.extract(part, site, n=20), ball, duration=1e-4)
-    margin = ao.peak_field(part, hit).margin()
-    assert margin is not None
-    return hit, margin
-
-
-@pytest.mark.slow
-def test_the_stress_of_a_sheet_does_not_depend_on_the_patch():
-    """The bending that the contact has beyond the patch is added; patches of one and two
-    thicknesses alone differ by F·3(1 + ν)/(2πt²)·ln 2.
-    """
-    (one, narrow), (other, wide) = (struck_plate(0.02, 2e-3, radius) for radius in (2e-3, 4e-3))
-    force = other.peak_force / one.peak_force
-    assert force == pytest.approx(1.0, rel=0.05)
-    logarithm = 3 * one.peak_force * 1.3 / (2 * np.pi * 4e-6) * np.log(2)
-    assert narrow.value - wide.value / force == pytest.approx(logarithm, rel=0.1)
-    assert wide.stress / force == pytest.approx(narrow.stress, rel=0.02)
-    assert narrow.spread > 0.2 * narrow.stress
-
-
-@pytest.mark.parametrize("size", [0.03, 0.02, 0.01])
-@pytest.mark.slow
-def test_the_bar_of_a_stress_of_a_sheet_holds_that_of_cells_that_resolve_the_patch(size):
-    _, fine = struck_plate(0.02, 2e-3)
-    _, coarse = struck_plate(size, size)
-    assert coarse.stresses[0] < fine.stress < coarse.stresses[1]
-    assert fine.stresses[1] < 1.1 * fine.stress
-
-
-@pytest.mark.parametrize("spread", [0.0, 1e-4, 0.1])
-def test_a_stress_is_told_once_and_its_uncertain_part_where_it_shows(spread):
-    ball = np.array([[0.0, 0.0, 0.0, 3.2e-3]])
-    margin = ao.results.Margin(
-        "yield", 0.4 * YIELD, YIELD, np.zeros(3), 0.0, contact=True, beyond=ball,
-        spread=0.4 * YIELD * spread,
-    )  # fmt: skip
-    assert margin.sentence.count(engineering(margin.stress, "Pa")) == 1
-    uncertain = f"({engineering(margin.spread, 'Pa')} of it for the radius of the patch)"
-    assert (uncertain in margin.sentence) == (spread == 0.1)
-    for value, share in ((0.8, 0.27), (1.2, 0.27), (0.5, 0.27), (2.0, 0.27), (2.0, 3.3)):
-        judged = dataclasses.replace(margin, value=value * YIELD, force_error=share)
-        is_open = value * (1 - share) < 1 <= value * (1 + share)
-        assert ("may be" in judged.sentence) == is_open
-
-
-@pytest.mark.parametrize(
-    ("cause", "error"),
-    [
-        ("mesh at this place", {"mesh_error": 0.6 * YIELD}),
-        ("mesh at a place", {"others": (0.0, 0.9 * YIELD)}),
-        ("hollow", {"hollow_stress": 0.5 * YIELD}),
-        ("thickness", {"thin_stress": 0.9 * YIELD}),
-        ("force", {"force_error": 0.9}),
-    ],
-)
-def test_the_widest_cause_is_that_without_which_the_largest_stress_falls_most(cause, error):
-    others = {"mesh_error": 0.1 * YIELD, "hollow_stress": 0.05 * YIELD, "force_error": 0.1}
-    others |= {"others": (0.0, 0.45 * YIELD), "thin_stress": 0.42 * YIELD}
-    base = ao.results.Margin("yield", 0.4 * YIELD, YIELD, np.zeros(3), 0.0, contact=True, **others)
-    wide = dataclasses.replace(base, **error)
-    assert cause in wide.widest
-    without = {
-        name: dataclasses.replace(wide, **{name: (0.0, 0.0) if name == "others" else 0.0})
-        for name in others
-    }
-    (name,) = error
-    assert min(without, key=lambda one: without[one].stresses[1]) == name
-
-
-def test_a_stress_by_hertz_has_the_error_of_the_mesh_s_own_too():
-    """A place of the mesh with nearly as much may have more, and another one within its error."""
-    ball = np.array([[0.0, 0.0, 0.0, 3.2e-3]])
-    own = 0.95 * YIELD, YIELD, np.array([0.1, 0.0, 0.0]), 0.0
-    margin = ao.results.Margin("yield", *own, contact=True, beyond=ball, edge_stress=0.98 * YIELD)
-    assert margin.at_edge
-    margin = dataclasses.replace(margin, mesh_error=0.1 * YIELD)
-    assert margin.stresses == pytest.approx((0.9 * 0.98 * YIELD, 1.1 * 0.98 * YIELD))
-    rough = dataclasses.replace(margin, mesh_error=0.3 * YIELD)
-    assert rough.stresses == pytest.approx((0.9 * 0.98 * YIELD, 1.25 * YIELD))
-    among = dataclasses.replace(rough, others=(0.97 * YIELD, 1.4 * YIELD), force_error=0.1)
-    assert among.stresses == pytest.approx((0.9 * 0.97 * YIELD, 1.1 * 1.4 * YIELD))
-
-
-def test_the_spread_of_a_force_is_that_of_two_circles_on_a_half_space():
-    """The closed forms on the axis, on the surface (Johnson, 3.4) and of a point (Boussinesq)."""
+def test_stresses_under_hertz_s_pressure():
+    """The closed forms on the axis and on the surface (Johnson, 3.4)."""
     nu, a, pressure = 0.3, 1e-3, 1.5 / np.pi / 1e-6
     z = np.linspace(0.1, 5, 20)
     rr, tt, zz, rz = hertz_stresses(1.0, a, nu, 0 * z, a * z) / pressure
@@ -525,139 +287,6 @@ def test_the_spread_of_a_force_is_that_of_two_circles_on_a_half_space():
     np.testing.assert_allclose(surface, [radial, -radial, 0 * x, 0 * x], atol=1e-6)
     inside = hertz_stresses(1.0, a, nu, a * np.array([0.5, 1.0]), np.zeros(2)) / pressure
     np.testing.assert_allclose(inside[2], [-np.sqrt(0.75), 0.0], atol=1e-3)
-    angles = np.linspace(0.1, 1.5, 7)
-    differences = []
-    for distance in (0.1, 0.2):
-        r, z = distance * np.sin(angles), distance * np.cos(angles)
-        zz, rz = -3 / (2 * np.pi) * z**2 / distance**5 * np.array([z, r])
-        np.testing.assert_allclose(hertz_stresses(1.0, a, nu, r, z)[2:], [zz, rz], rtol=1e-3)
-        differences.append(spread_difference(1.0, (a, 3 * a), nu, r, z) * distance**2)
-    np.testing.assert_allclose(differences[0] / differences[1], 4, rtol=0.01)  # Saint-Venant
-
-
-@pytest.mark.slow
-def test_two_patches_differ_by_no_more_than_their_spread():
-    """Of a block of finite elements, outside three radii of the smaller patch, but for its mesh."""
-    block = parts.box((12, 12, 6), (0.02, 0.02, 0.01))
-    part = ao.Structure(block, ao.Solid(210e9, 0.3, 7850.0), [ao.Support(lambda x: x[2] < 1e-9)])
-    site, radii = np.array([0.01, 0.01, 0.01]), (2e-3, 4e-3)
-    fields = []
-    for radius in radii:
-        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
-        fields.append(ao.peak_field(part, hit, body="part"))
-    x = fields[0].points - site
-    bound = spread_difference(100.0, radii, 0.3, np.hypot(x[:, 0], x[:, 1]), -x[:, 2])
-    far = np.linalg.norm(x, axis=1) > 3 * radii[0]
-    change = abs(fields[0].values - fields[1].values)[far]
-    assert (change <= bound[far] + 0.1 * bound[far].max()).all()
-    assert change.max() > 0.3 * bound[far].max()
-
-
-@pytest.mark.slow
-def test_a_patch_wider_than_a_plate_is_thick_has_the_bending_of_the_contact_in_its_spread():
-    """Of a plate of finite elements that is held at its rim, outside three radii of the contact."""
-    size, thickness, nu = 0.04, 3e-3, 0.3
-    plate = parts.box((20, 20, 3), (size, size, thickness))
-    rim = ao.Support(lambda x: (abs(x[:2] - size / 2) > size / 2 - 1e-9).any(axis=0))
-    part = ao.Structure(plate, ao.Solid(210e9, nu, 7850.0), [rim])
-    site, radii = np.array([size / 2, size / 2, thickness]), (1e-3, 8e-3)
-    fields = []
-    for radius in (2e-3, radii[1]):  # the least that the mesh resolves
-        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
-        fields.append(ao.peak_field(part, hit, body="part"))
-    far = np.linalg.norm(fields[0].points - site, axis=1) > 3 * radii[0]
-    zone = YieldingZone(site, np.array([0.0, 0.0, -1.0]), (2e-3, radii[1]), 100.0, nu)
-    contact, model = (field.values[far] for field in fields)
-    points = fields[0].points[far]
-    assert (model + zone.spread_error(points)).max() < 0.8 * contact.max()
-    bound = model + zone._replace(depth=thickness).spread_error(points)
-    assert contact.max() < bound.max() < 1.4 * contact.max()
-
-
-def under_contact_and_patch(part: ao.Structure, site: np.ndarray, radii: tuple[float, float]):
-    """(peak fields of 100 N on patches of both radii, the zone of the contact with the first)."""
-    fields = []
-    for radius in radii:
-        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
-        fields.append(ao.peak_field(part, hit, body="part"))
-    zone = YieldingZone(site, np.array([0.0, 0.0, -1.0]), radii, 100.0, 0.38)
-    (measured,) = on_part(part, Zones.about([zone])).contacts
-    return fields, measured
-
-
-@pytest.mark.slow
-def test_a_step_beside_the_contact_is_no_plate_of_its_thickness():
-    """A block whose rim is thinner, under two patches that both lie on the rim in part.
-
-    The stresses of finite elements rise within the spread outside three radii, but for a tenth of
-    the largest rise, and the spread is at most three times that.
-    """
-    rim = 12e-3
-    block = parts.box((20, 16, 5), (0.02, 0.016, 5e-3))
-    solid = without(block, lambda x: (x[:, 0] > rim) & (x[:, 2] < 3e-3))
-    base = ao.Support(lambda x: x[2] < 1e-9)
-    part = ao.Structure(solid, ao.Solid(2.1e9, 0.38, 1270.0), [base])
-    site, radii = np.array([0.01, 8e-3, 5e-3]), (1.5e-3, 5e-3)
-    fields, measured = under_contact_and_patch(part, site, radii)
-    assert measured.depth == pytest.approx(5e-3)
-    points = fields[0].points
-    far = np.linalg.norm(points - site, axis=1) > 3 * radii[0]
-    change = (fields[0].values - fields[1].values)[far]
-    for thickness in (measured.depth, 2e-3):  # of a thin roof too: the part is thicker below
-        spread = measured._replace(depth=thickness).spread_error(points[far])
-        assert (change <= spread + 0.1 * change.max()).all()
-        assert change.max() < spread.max() < 3 * change.max()
-
-
-@pytest.mark.slow
-def test_a_rib_between_slits_under_the_patch_is_within_the_bar():
-    """The stress of finite elements under a contact on the rib, below its roof."""
-    block = parts.box((20, 12, 10), (0.02, 0.012, 0.01))
-    solid = without(
-        block, lambda x: (x[:, 2] < 9e-3) & (abs(abs(x[:, 0] - 0.01) - 2.5e-3) < 0.6e-3)
-    )
-    base = ao.Support(lambda x: x[2] < 1e-9)
-    part = ao.Structure(solid, ao.Solid(2.1e9, 0.38, 1270.0), [base])
-    site, radii = np.array([0.01, 6e-3, 0.01]), (1.5e-3, 5e-3)
-    fields, measured = under_contact_and_patch(part, site, radii)
-    assert measured.hollow == pytest.approx(1e-3)
-    points = fields[0].points
-    far = np.linalg.norm(points - site, axis=1) > 3 * radii[0]
-    contact, model = (field.values[far].max() for field in fields)
-    assert model + measured.spread_error(points[far]).max() < contact
-    assert contact < model + measured.hollow_stress
-    assert measured._replace(hollow=np.inf).hollow_stress == 0.0
-    margin = Margin("yield", 1.0, 50.0, site, 0.0, beyond=np.array([[0, 0, 0, 1.0]]))
-    hollow = dataclasses.replace(margin, hollow_stress=2.0)
-    assert hollow.stresses[1] == margin.stresses[1] + 2.0
-    assert "a hollow lies under the patch" in hollow.sentence.lower()
-    assert "narrows it" not in hollow.sentence  # no smaller patch holds
-    advised = measured.smallest_patch
-    assert radii[0] < 0.58 * advised < 1.1 * radii[0]  # the law of the contact holds up to 0.58
-    assert Zones.about([measured]).hollow_patch == advised
-    assert measured._replace(radii=(radii[0], advised)).smallest_patch == 0.0
-    hollow = dataclasses.replace(hollow, hollow_patch=advised)
-    assert f"down to a radius of {engineering(advised, 'm', 2)}, narrows it" in hollow.sentence
-
-
-def test_a_plate_thinner_than_its_patch_has_no_hollow_by_rounding():
-    """The largest and the least of its thicknesses differ by rounding alone."""
-    zone = YieldingZone(
-        np.zeros(3), None, (1e-3, 8e-3), 100.0, 0.3, depth=6e-3, hollow=6e-3 * 0.999
-    )
-    assert zone.hollow_stress == 0.0
-    assert zone._replace(hollow=3e-3).hollow_stress > 0
-
-
-def without(mesh: ao.Mesh, is_cut: Callable[[np.ndarray], np.ndarray]) -> ao.Mesh:
-    """A mesh of hexahedra without the cells whose middles are cut."""
-    geometry = mesh.dolfinx.geometry
-    corners = compat.geometry_nodes(mesh.dolfinx)
-    kept = corners[~is_cut(geometry.x[corners].mean(axis=1))]
-    used, cells = np.unique(kept, return_inverse=True)
-    whole = cells.reshape(kept.shape).astype(np.int64)
-    made = compat.create_mesh(mesh.comm, whole, geometry.x[used], mesh.cell, 1)
-    return ao.read_mesh(made)
 
 
 def test_hertz_s_stress_is_small_beyond_what_the_margin_leaves_out():
@@ -684,15 +313,6 @@ def test_at_each_strength_the_exposure_is_1(criterion):
             stress[entry] = stress[entry[::-1]] = size * 1e6
             assert getattr(PLY, criterion)(stress) == pytest.approx(1.0)
             assert getattr(PLY, criterion)(stress / 3) == pytest.approx(1 / 3)
-
-
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
-def test_interior_angles_of_a_box(cell):
-    box = ao.Structure(parts.box((2, 2, 2), (1, 1, 1), cell), ao.Solid(1e9, 0.3, 1e3))
-    corner = interior_angle(box, np.array([1.0, 1.0, 1.0]))
-    assert corner == pytest.approx(90 if cell == "hexahedron" else 180)  # a diagonal of a face
-    assert interior_angle(box, np.array([0.5, 0.5, 1.0])) == pytest.approx(180)
-    assert interior_angle(box, np.array([0.5, 0.5, 0.5])) == 0
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -1022,7 +642,57 @@ def test_balls_that_are_given_do_not_replace_the_zone_of_the_contact():
     hit = ao.simulate(model, ball, ball.hertz(70e9, 0.33), duration=2e-4)
     alone = ao.peak_field(part, hit).margin()
     with_ball = ao.peak_field(part, hit, leave_out=[(0.0, 0.0, 0.0, 0.004)]).margin()
-    np.testing.assert_array_equal(with_ball.beyond[1:], alone.beyond)
-    assert len(alone.beyond) == 1
+    assert "3 radii of the contact" in alone.scope
     before = "outside the balls of leave_out, and "
     assert with_ball.scope == alone.scope.replace("outside ", before)
+
+
+def row_of_nodes(values, error=0.02, size=1e-3) -> Nodal:
+    """Nodes on the x axis with these exposures, 10 mm apart."""
+    x = 0.01 * np.arange(len(values))
+    points = np.column_stack([x, 0 * x, 0 * x])
+    ones = np.ones(len(values))
+    return Nodal(points, np.array(values), YIELD * ones, 0 * x, error * ones, size * ones)
+
+
+def test_a_stress_that_the_mesh_does_not_resolve_has_no_bar():
+    """By jumps of half of it, at the worst node or at one that may have more."""
+    exposures = np.array([0.5, 0.4, 0.2])
+    good = judged("yield", row_of_nodes(exposures), Zones())
+    assert good.errors == pytest.approx((0.49 * YIELD, 0.51 * YIELD))
+    assert not good.note
+    for errors, has_bar in (
+        ([0.6, 0.02, 0.02], False),
+        ([0.02, 0.6, 0.02], False),  # 0.64 at most
+        ([0.02, 0.02, 5.0], True),  # 0.4 at most: twice the value
+    ):
+        nodes = row_of_nodes(exposures)._replace(error=np.array(errors))
+        found = judged("yield", nodes, Zones())
+        assert found.has_bar == has_bar
+        assert ("no bar" in found.sentence) != has_bar
+        assert has_bar or "500 µm" in found.note  # half the size of the cells
+
+
+@pytest.mark.parametrize(
+    ("size", "patch", "resolved"), [(1e-3, 1e-3, True), (4e-3, 1e-3, False), (1e-3, 4e-3, False)]
+)
+def test_a_contact_that_is_not_resolved_has_no_bar_beside_it(size, patch, resolved):
+    """Three radii of it are left out; Hertz's stress there stands in for the mesh's."""
+    point = np.array([0.0, 0.0, 0.0])
+    zone = ContactZone(point, 1e-3, patch, 5000.0, 0.3)
+    near = row_of_nodes([0.9, 0.3, 0.1], size=size)
+    near = near._replace(points=near.points * np.array([0.4, 1, 1]))  # 4 mm apart
+    found = judged("yield", near, Zones([zone]))
+    assert "outside 3 radii" in found.scope
+    assert found.has_bar == resolved
+    assert found.at_edge == (not resolved)
+    if not resolved:
+        assert found.value == pytest.approx(zone.edge_stress)
+        assert "1.0 mm" in found.note
+    for beside, has_bar in ((0.1, True), (0.4, resolved)):  # there it may be three times as much
+        points = np.array([[0.0, 0, 0], [0.004, 0, 0], [0.05, 0, 0]])
+        far = near._replace(exposure=np.array([0.9, beside, 0.9]), points=points)
+        weak = zone._replace(force=1.0)
+        found = judged("yield", far, Zones([weak]))
+        assert found.value == pytest.approx(0.9 * YIELD)
+        assert found.has_bar == has_bar

@@ -61,12 +61,12 @@ def test_no_peak_of_a_long_run_is_missed(struck, quantity):
     peak = ao.peak_field(part, long, quantity)
     top = dense.values.max()
     np.testing.assert_allclose(peak.values, dense.values, rtol=4e-3, atol=1e-9 * top)
-    assert np.all(peak.values >= dense.values * (1 - 2e-4) - 1e-9 * top)
+    assert np.all(peak.values >= dense.values - peak.error)
     assert 0 < peak.error < 0.05 * top
     assert dense.error is None
     i = int(peak.values.argmax())
     again = ao.peak_field(part, long, quantity, [peak.times[i]])
-    assert again.values[i] == pytest.approx(peak.values[i], rel=1e-12)
+    assert again.values[i] == pytest.approx(peak.values[i], rel=1e-3)
 
 
 def test_a_run_too_long_for_all_its_motion_is_told(struck, monkeypatch):
@@ -93,12 +93,11 @@ def test_runs_of_many_nodes_are_looked_at_in_parts(struck, monkeypatch):
 
 
 def test_times_and_nodes_of_an_envelope(struck, monkeypatch):
-    """The same in any number of blocks of nodes and windows of times."""
+    """The same in any number of blocks of nodes and times."""
     part, hit = struck
     peak = ao.peak_field(part, hit, "velocity")
-    monkeypatch.setattr(peaks, "BLOCK_BYTES", 8 * 3 * 12 * peaks.WINDOW * 5)
+    monkeypatch.setattr(peaks, "BLOCK_BYTES", 8 * 3 * 12 * 100 * 5)
     monkeypatch.setattr(peaks, "AT_ONCE", 100)
-    monkeypatch.setattr(peaks, "WINDOW", 30)
     blocks = ao.peak_field(part, hit, "velocity")
     np.testing.assert_allclose(blocks.values, peak.values, rtol=1e-12)
     np.testing.assert_allclose(blocks.times, peak.times, rtol=1e-12)
@@ -106,19 +105,6 @@ def test_times_and_nodes_of_an_envelope(struck, monkeypatch):
         ao.peak_field(part, hit, "velocity", [])
     with pytest.raises(ao.InputError, match="quantity must be"):
         ao.peak_field(part, hit, "pressure")
-
-
-def test_peaks_do_not_depend_on_what_is_interpolated_first(struck, monkeypatch):
-    """Where a value may be the largest is known by bounds: also of motions that are 30 % off."""
-    part, hit = struck
-    long = ao.simulate(hit.model, BALL, LAW, 2e-3)
-    for quantity in ("acceleration", "stress"):
-        monkeypatch.setattr(peaks, "INTERPOLATED", 0.0)  # every time is looked at
-        exact = ao.peak_field(part, long, quantity)
-        monkeypatch.setattr(peaks, "INTERPOLATED", 0.3)
-        rough = ao.peak_field(part, long, quantity)
-        np.testing.assert_allclose(rough.values, exact.values, rtol=1e-12)
-        np.testing.assert_array_equal(rough.times, exact.times)
 
 
 def test_the_largest_values_keep_apart():

@@ -9,7 +9,6 @@ from __future__ import annotations
 from math import pi
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
 
@@ -42,54 +41,6 @@ def hertz_stresses(force: float, radius: float, nu: float, r: Array, z: Array) -
     tt = -lateral - share * (2 * nu + of_depth - of_angle)
     rz = -r * squared / (u + a**2 * squared) * a**2 * np.sqrt(u) / (a**2 + u)
     return 1.5 * force / (pi * a**2) * np.stack([rr, tt, -(share**3) * along, rz])
-
-
-def spread_difference(
-    force: float, radii: tuple[float, float], nu: float, r: Array, z: Array
-) -> Array:
-    """Von Mises stress [Pa] of the difference of the stresses of a force spread over two circles.
-
-    It bounds the difference of the von Mises stresses, in a part too whose other stresses do not
-    depend on the radius: the von Mises stress is a norm of the deviator.
-    """
-    one, other = (hertz_stresses(force, radius, nu, r, z) for radius in radii)
-    return von_mises(one - other)
-
-
-def bending_difference(
-    force: float, radii: tuple[float, float], nu: float, r: Array, thickness: ArrayLike
-) -> Array:
-    """Bending stress [Pa] of a plate by a force on the smaller of two circles, less that by the
-    same force on the larger; 0 outside it, where both are alike.
-
-    Westergaard's equivalent radius stands for a circle that is small for the thickness (Roark's
-    Formulas for Stress and Strain, circular plates).
-    """
-    smaller, larger = sorted(radii)
-    t = np.asarray(thickness)
-    small = np.sqrt(1.6 * smaller**2 + t**2) - 0.675 * t
-    equivalent = np.where(smaller < 0.5 * t, small, smaller)
-    ratio = larger / np.maximum(r, equivalent)
-    return np.asarray(_log_stress(force, nu, t) * np.log(np.maximum(ratio, 1.0)))
-
-
-def disc_bending(force: float, radius: float, nu: float, r: Array, thickness: float) -> Array:
-    """Mean of both bending stresses [Pa] at distances r from the middle of a circle on which a
-    force is spread evenly over a thin plate, less that at a distance of 1 m.
-
-    The sum of both moments over 1 + nu solves Poisson's equation: its Laplacian is minus the load.
-    """
-    inside = (1 - (r / radius) ** 2) / 2 - np.log(radius)
-    outside = -np.log(np.maximum(r, radius))
-    of_log = _log_stress(force, nu, np.asarray(thickness))
-    return np.asarray(of_log * np.where(r < radius, inside, outside))
-
-
-def _log_stress(force: float, nu: float, t: Array) -> Array:
-    """Bending stress [Pa] of a plate of thickness t [m] for each e-fold of the distance from a
-    force.
-    """
-    return np.asarray(3 * force * (1 + nu) / (2 * np.pi * t**2))
 
 
 def von_mises(stresses: Array) -> Array:

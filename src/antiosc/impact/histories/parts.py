@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc.base import checks
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 from antiosc.engine import library
@@ -222,8 +222,6 @@ class BodyHistory(ReprMixin):
     springs : (n, J) modal displacements of the spring of each Maxwell branch of its damping.
     kinetic, strain : (n,) energies [J].
     stretched : the second-order forces that took part in its motion; None: it is linear.
-    spans : (n,) numbers of the spans of the run, from 0, whose stresses are judged one by one too,
-        as those of the impacts of a fall; None: one span.
     """
 
     placed: SceneBody
@@ -237,7 +235,6 @@ class BodyHistory(ReprMixin):
     _columns: Array
     springs: Sequence[Array] = ()
     stretched: Stretch | None = None
-    spans: IntArray | None = None
 
     def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
         """Displacement (n,) [m] of a site, along the direction that the contact pushes it in.

@@ -30,7 +30,7 @@ from antiosc.models.free_modes import RESIDUAL_ROUNDING
 from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.models.motion import Inertia
 from antiosc.recovery import source
-from antiosc.recovery.series import Frames
+from antiosc.recovery.series import write_vtu
 from antiosc.reduce.extraction import SiteShapes, beside_rigid, site_shapes
 from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
 from antiosc.reduce.extraction.mode_checks import check_modes
@@ -125,7 +125,7 @@ class StructureModes(ReprMixin):
             scaled = shapes / np.where(size > 0, size, 1.0)
             fields = {f"mode {i + 1}": scaled[:, :, i] for i in range(self.n)}
             with files.atomic_file(target, "the modes") as part:
-                part.write_bytes(Frames(points, cells).content(fields))
+                write_vtu(part, points, cells, fields)
 
         on_root(self.structure.comm, work)
         return target

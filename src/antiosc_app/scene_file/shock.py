@@ -1,0 +1,102 @@
+"""The shock response spectrum of a probe: of the component with the largest value."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import antiosc
+from antiosc import History, ShockSpectrum, Structure, resolved_frequency
+from antiosc.base._types import Array
+from antiosc.base.cfc import CLASSES, PASSED
+from antiosc.base.errors import InputError
+from antiosc.base.texts import engineering, range_text
+
+#: Samples in a period of the highest frequency of a model, and in one of the highest resolved one.
+HIGHEST, RESOLVED = 5, 20
+#: Least number of samples of a run, and most times the anti-oscillators.
+LEAST, MOST = 1001, 4_000_000
+
+
+class Shock(NamedTuple):
+    """Spectra of a velocity in m/s² by component, and the frequencies in Hz that are told."""
+
+    spectra: Mapping[str, ShockSpectrum]
+    asked: tuple[float, ...] = ()
+    filter: str | None = None
+
+    @property
+    def component(self) -> str:
+        """The component with the largest value among the frequencies that the filter passes."""
+        return max(self.spectra, key=lambda name: float(self._passed(name).max()))
+
+    def _passed(self, name: str) -> Array:
+        """Values of a component, 0 above what the filter passes if it passes any of them."""
+        spectrum = self.spectra[name]
+        limit = np.inf if self.filter is None else PASSED * CLASSES[self.filter]
+        beyond = spectrum.frequency > limit
+        return np.where(beyond & ~beyond.all(), 0.0, spectrum.maximax)
+
+    def numbers(self) -> dict[str, Any]:
+        """The largest value with its component and frequency, and those that were asked for."""
+        name = self.component
+        k = int(np.argmax(self._passed(name)))
+        spectrum = self.spectra[name]
+        found: dict[str, Any] = {"component": name, "value": float(spectrum.maximax[k])}
+        found |= {"unit": "m/s²", "frequency": float(spectrum.frequency[k]), "Q": spectrum.Q}
+        found |= {"filter": self.filter, "at": [self._at(one) for one in self.asked]}
+        return found
+
+    def _at(self, frequency: float) -> dict[str, Any]:
+        """The largest component at a frequency in Hz; the value is None outside the spectrum."""
+        known = self.spectra[self.component].frequency
+        if not known[0] <= frequency <= known[-1]:
+            return {"frequency": frequency, "value": None}
+        values = {
+            name: float(np.interp(np.log(frequency), np.log(known), one.maximax))
+            for name, one in self.spectra.items()
+        }
+        component = max(values, key=lambda name: values[name])
+        return {"frequency": frequency, "component": component, "value": values[component]}
+
+    @property
+    def sentence(self) -> str:
+        """The numbers in words."""
+        n = self.numbers()
+        through = f" through {self.filter}" if self.filter else ""
+        value, frequency = engineering(n["value"], "m/s²", 4), engineering(n["frequency"], "Hz")
+        told = f"shock response spectrum (Q = {n['Q']:g}) {n['component']}{through}: largest"
+        told += f" {value} (no error bar) at {frequency}"
+        for one in n["at"]:
+            told += f"; at {engineering(one['frequency'], 'Hz')} "
+            if one["value"] is None:
+                known = self.spectra[n["component"]].frequency
+                told += f"not known, it has {range_text(known[0], known[-1], 'Hz')}"
+            else:
+                told += f"{engineering(one['value'], 'm/s²', 4)}, {one['component']}"
+        return told
+
+
+def shock_of(
+    structure: Structure, history: History, asked: tuple[float, ...], **place: Any
+) -> Shock:
+    """The spectra of the velocity at a point, at the arguments `place` of a probe."""
+    model: Any = history.of(place.get("body", "structure"))[0]
+    highest = float(np.max(model.omega, initial=0.0)) / (2 * np.pi)
+    resolved = None
+    with contextlib.suppress(InputError):  # a model that was read lacks it
+        resolved = resolved_frequency(model)
+
+    end = float(history.time[-1])
+    rate = max(HIGHEST * highest, RESOLVED * min(resolved or 0.0, highest))
+    count = max(int(min(rate * end + 2, MOST / max(model.omega.size, 1))), LEAST)
+    times = place.pop("times", np.linspace(0.0, end, count))
+    velocity = antiosc.probe(structure, history, quantity="velocity", times=times, **place)
+    spectra = {
+        component: antiosc.srs(times, signal, signal="velocity", resolved=resolved)
+        for component, signal in zip("xyz", velocity.T, strict=False)
+    }
+    return Shock(spectra, asked, place.get("filter"))
