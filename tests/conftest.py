@@ -39,8 +39,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     if skipped:
         terminalreporter.write_line(
             f"{skipped} skipped: `.ci/more` installs what they need, as CI does before `.ci/run`"
-            " on Debian 12, 13 and sid (.github/workflows/ci.yml); series of ADIOS2 run on the last"
-            " two."
+            " on Debian 12, 13 and sid (.github/workflows/ci.yml)."
         )
 
 

@@ -6,11 +6,10 @@ of it is in one file, so that a new version needs changes here only.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from ctypes import addressof
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 import dolfinx
@@ -818,29 +817,3 @@ def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
 def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:
     """Columns on the owned dofs of this rank, with the values at ghosts on other ranks added."""
     return Exchange(space).ghosts_added(block)
-
-
-# --- Files ----------------------------------------------------------------------------------
-
-
-def writes_vtx() -> bool:
-    """Whether dolfinx was built with ADIOS2."""
-    return hasattr(dolfinx.io, "VTXWriter")
-
-
-def write_vtx(
-    mesh: dolfinx.mesh.Mesh, path: Path, name: str, times: Array, fields: Iterable[Array]
-) -> None:
-    """Write a series of vectors at the geometry nodes of this rank (nodes, 3), one for each time
-    [s].
-    """
-    space = lagrange(mesh, coordinate_map(mesh).degree, 3)
-    function = fem.Function(space)
-    function.name = name
-    nodes = geometry_nodes(mesh)
-    dofs = np.array([space.dofmap.cell_dofs(cell) for cell in range(len(nodes))], dtype=int)
-    values = function.x.array.reshape(-1, 3)
-    with dolfinx.io.VTXWriter(mesh.comm, path, [function], engine="BP4") as writer:
-        for time, field in zip(times, fields, strict=True):
-            values[dofs.reshape(nodes.shape)] = field[nodes]
-            writer.write(time)
