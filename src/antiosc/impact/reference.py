@@ -123,10 +123,10 @@ class Contacts:
         for _ in range(MOST_SWEEPS if len(active) > 1 else 1):
             before = F.copy()
             for c in active:
-                unloaded = free[c] - A[c] @ F + A[c, c] * F[c]
-                slope = rate[c] - A_rate[c] @ F + A_rate[c, c] * F[c]
-                values = map(float, (unloaded, A[c, c], slope, A_rate[c, c]))
-                F[c] = self.laws[c].implicit(*values, self.states[c], float(F[c]))
+                unloaded = float(free[c] - A[c] @ F + A[c, c] * F[c])
+                slope = float(rate[c] - A_rate[c] @ F + A_rate[c, c] * F[c])
+                slopes = float(A[c, c]), slope, float(A_rate[c, c])
+                F[c] = self.laws[c].implicit(unloaded, *slopes, self.states[c], float(F[c]))
             change = np.abs(F - before).max(initial=0.0)
             if len(active) < 2 or not change > SWEEP_TOL * np.abs(F).max():
                 return F
