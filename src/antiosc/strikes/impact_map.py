@@ -441,7 +441,7 @@ def _refined(
         lumped_modes = lumped(structure, static, modes)
         elastic = oscillators(lumped_modes, count, driving_point.UNOBSERVABLE)
         model = at_one_site(static, elastic, n)
-        assert callable(remainder)  # there is a band, and no damper
+        assert remainder is not None  # there is a band
         bound, _ = error_bound(structure, lumped_modes, remainder, elastic, band, model.omega)
         if bound >= error[i]:
             continue

@@ -34,7 +34,6 @@ from antiosc.reduce.extraction import expanded_at, shapes_of_models
 from antiosc.reduce.extraction.eigenmodes import AS_SITES
 from antiosc.reduce.extraction.krylov import (
     BASIS_STEP,
-    DampedBand,
     by_krylov,
     with_damping,
 )
@@ -98,8 +97,12 @@ def models_of(
     """The models of groups of sites; `spent`: seconds that the factorization took."""
     start_time = time.perf_counter()
     terms = structure.matrices.dissipation()
-    if terms and (options.method == "modes" or errors is not None):
-        argument = 'method="modes"' if options.method == "modes" else 'error="estimate"'
+    refused = {
+        'method="modes"': options.method == "modes",
+        'error="estimate"': errors is not None,
+        "band=": options.band is not None,
+    }
+    for argument in (name for name, given in refused.items() if terms and given):
         raise InputError(f"{argument} does not take dampers, nor layers that relax: leave it out.")
     loads = [
         np.column_stack([c.b for columns in group.values() for c in columns]) for group in groups
@@ -132,14 +135,13 @@ def models_of(
         )
         at_site = at_one_site(static, selected, options.n) if UNNAMED in group else None
         band: dict[str, float] | None = None
-        if options.band is not None and isinstance(remainder, DampedBand):
-            band = _band(remainder.bottom, options.band, remainder.error)
-        elif options.band is not None and callable(remainder):
+        if options.band is not None and remainder is not None:
             omega = selected.omega if at_site is None else at_site.omega
             bound, lowest = error_bound(
                 structure, lumped_modes, remainder, selected, options.band, omega
             )
-            band = _band(lowest, options.band, bound)
+            ends = lowest / (2 * np.pi), options.band / (2 * np.pi)
+            band = {"bottom": ends[0], "top": ends[1], "error_bound": bound}
         seconds = {
             "site": spent,
             "modes": (time.perf_counter() - start_time) / (len(models) + 1),
@@ -166,11 +168,6 @@ def models_of(
         on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
-
-
-def _band(bottom: float, top: float, bound: float) -> dict[str, float]:
-    """The record of a band with the ends `bottom` and `top` [rad/s] and an error bound."""
-    return {"bottom": bottom / (2 * np.pi), "top": top / (2 * np.pi), "error_bound": bound}
 
 
 def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
@@ -296,8 +293,8 @@ def extract(
         `accuracy`. At a site of symmetry an uneven mesh gives every mode that the symmetry hides a
         little mass.
     band : float, optional
-        Highest frequency of interest, Hz (see `impact_band`). The number of anti-oscillators is
-        chosen so that the error of Z(ω) up to this frequency is at most `accuracy`.
+        Highest frequency of interest, Hz (see `impact_band`); not with dampers. The number of
+        anti-oscillators is chosen so that the error of Z(ω) up to it is at most `accuracy`.
     accuracy : float
         Largest |ΔZ|/|Z| over the band, at 1 % damping. `info["band"]["error_bound"]` is the bound
         that was reached, 2e-6 at least for rounding. For several sites: the largest relative

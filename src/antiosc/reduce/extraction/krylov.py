@@ -35,21 +35,13 @@ With dampers, the shapes V span the Krylov space of A⁻¹M that starts from A�
 of the sites and of the ends of the dampers; A⁻¹C leads into the same space. A relaxing layer adds
 A⁻¹CV of each block. K, M and C are all projected on V: VᵀCV is semidefinite for every number of
 shapes, so that every model is passive.
-
-Bound: the model's displacements Vy under unit forces on the sites at the complex frequency s leave
-the residual ρ, the error of the receptance is ρᵀD⁻¹ρ with D = K + sC + s²M. For Re s > 0
-
-    |xᴴDx| ≥ Re(s̄ xᴴDx)/|s| ≥ Re s/|s| (xᴴKx + |s|² xᴴMx),
-
-since damping gives no energy: ‖ΔH‖ ≤ |s|/Re s max(1, σ/|s|²) ‖ρ‖² in the norm of A⁻¹, A = K + σM.
-The residual lies in the space of the vectors that follow V in the recurrence.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -77,16 +69,6 @@ from antiosc.reduce.extraction.oscillators import (
 
 #: Share of the damping of the model by which dampers may brake motions that it has not.
 UNDAMPED = 1e-12
-#: Frequencies at which the residual is found at once.
-AT_ONCE = 64
-
-
-@dataclass(frozen=True)
-class DampedBand:
-    """A bound on the error of a damped model's receptance, and the band's lower end [rad/s]."""
-
-    error: float
-    bottom: float
 
 
 def with_damping(
@@ -143,49 +125,6 @@ def _with_losses(
     by_losses = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
     factor = np.vstack([damping.factor, by_losses])
     return replace(model, damping=from_factors(factor, damping.factors))
-
-
-def band_error(
-    structure: Structure,
-    static: SiteShapes,
-    vectors: Array,
-    H: Array,
-    c: Array,
-    n: int,
-    band: float,
-    terms: Sequence[Dissipation],
-) -> DampedBand:
-    """Error bound (see the module) for the first n of the vectors V, with H = VᵀMV and c = VᵀMΦ."""
-    p = len(static.kept)
-    k = vectors.shape[1]
-    shift = static.shift
-    K = np.zeros((p + k, p + k))
-    M = np.zeros((p + k, p + k))
-    M[:p, :p] = static.mass
-    M[p:, :p] = c
-    M[:p, p:] = c.T
-    M[p:, p:] = H
-    K[:p, :p] = static.k0
-    K[p:, p:] = np.eye(k) - shift * M[p:, p:]
-    damping = projected(structure.comm, terms, np.column_stack([static.phi, vectors]))
-    used = slice(0, p + n)
-    theta = np.linalg.eigvalsh(M[p : p + n, p : p + n])
-    poles = np.maximum(1 / theta[theta > 0][::-1] - shift, 0.0)
-    lowest = lowest_frequency_at_sites(static.k0, static.mass, poles[poles > 0])
-    omega = np.conj(samples(band, lowest))
-    load = np.eye(p + k)[:, :p]
-    root = np.linalg.cholesky(K + shift * M)
-    inverse = np.linalg.inv(root)
-    worst = 0.0
-    for frequencies in np.array_split(omega, -(-omega.size // AT_ONCE)):
-        s = 1j * frequencies
-        D = K + s[:, None, None] ** 2 * M + damping.stiffness(frequencies)
-        y = np.linalg.solve(D[:, used, used], load[None, used])
-        residual_norms = spectral_norms(inverse @ (load - D[:, :, used] @ y))
-        Z = spectral_norms(np.linalg.inv(y[:, :p]))
-        coercive = np.abs(s) / s.real * np.maximum(1.0, shift / np.abs(s) ** 2)
-        worst = max(worst, float(np.max(coercive * residual_norms**2 * Z)))
-    return DampedBand(worst, float(abs(omega[0])))
 
 
 #: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
@@ -387,11 +326,6 @@ class Lanczos:
 
         return bound
 
-    def damped_error(self, n: int, band: float) -> DampedBand:
-        """The bound on the error of the receptance with damping (`band_error`)."""
-        basis = self.vectors, self.H
-        return band_error(self._structure, self._static, *basis, self._c, n, band, self._terms)
-
     def error(self, n: int, band: float) -> float:
         """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors, up to the frequency `band` [rad/s]."""
         m0, P, poles = self.parameters(n)
@@ -413,7 +347,7 @@ def by_krylov(
     band: float | None,
     accuracy: float,
     terms: Sequence[Dissipation] = (),
-) -> list[tuple[Modes, Remainder | DampedBand | None]]:
+) -> list[tuple[Modes, Remainder | None]]:
     """(Ritz pairs; with a band the bound on their truncation error) of each model.
 
     Without a band there are `counts` pairs with more than the share `tol` in Z,
@@ -426,7 +360,7 @@ def by_krylov(
         Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
         for static, n in zip(statics, counts, strict=True)
     ]
-    results: dict[int, tuple[Modes, Remainder | DampedBand | None]] = {}
+    results: dict[int, tuple[Modes, Remainder | None]] = {}
     if band is None:
         results = {i: (run.modes(0), None) for i, run in enumerate(lanczos) if counts[i] == 0}
     with doing("extracting anti-oscillators", structure.comm.rank) as report:
@@ -442,39 +376,31 @@ def by_krylov(
             for i, solution in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
                 steps_before = lanczos[i].steps
                 lanczos[i].advance(solution)
-                bound: Remainder | DampedBand | None = None
-                if terms:
-                    count, bound = _enough_damped(lanczos[i], counts[i], band, accuracy)
-                else:
-                    count = _kept_count(lanczos[i], steps_before, counts[i], tol, band, accuracy)
-                    bound = None if band is None or count is None else lanczos[i].remainder(count)
+                count = _kept_count(
+                    lanczos[i], steps_before, counts[i], tol, band, accuracy, bool(terms)
+                )
                 if count is not None:
+                    bound = None if band is None else lanczos[i].remainder(count)
                     results[i] = lanczos[i].modes(count), bound
                     lanczos[i].release()
             log.debug("Krylov step: %d of %d models done", len(results), len(lanczos))
     return [results[i] for i in range(len(lanczos))]
 
 
-def _enough_damped(
-    run: Lanczos, n: int, band: float | None, accuracy: float
-) -> tuple[int | None, DampedBand | None]:
-    """(vectors to keep of a damped model, or None to continue; its error bound)."""
-    if band is None:
-        return (min(n, run.steps) if run.steps >= n or run.exhausted else None), None
-    count = min(run.steps if run.exhausted else run.applied, n)
-    if not count:
-        return None, None
-    bound = run.damped_error(count, band)
-    sufficient = count == n or run.exhausted or bound.error <= accuracy
-    return (count if sufficient else None), bound
-
-
 def _kept_count(
-    run: Lanczos, before: int, n: int, tol: float, band: float | None, accuracy: float
+    run: Lanczos,
+    before: int,
+    n: int,
+    tol: float,
+    band: float | None,
+    accuracy: float,
+    damped: bool,
 ) -> int | None:
     """Number of vectors to keep, or None to continue; vectors after `before` are from the last
     block.
     """
+    if damped:  # also vectors that move dampers but no site
+        return min(n, run.steps) if run.steps >= n or run.exhausted else None
     if band is not None:
         bounded = min(run.applied, n)  # the truncation error of these is known only now
         sufficient = bounded == n or run.exhausted
