@@ -15,6 +15,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import PatchData
 from antiosc.reduce.site import Functional
 from antiosc.reduce.site.doubts import WHOLE_PATCH
+from antiosc.reduce.site.place import place_at
 from antiosc.reduce.site.sites import Sites, located
 
 #: The second radius over the first, and the ratio used instead if the larger patch leaves the face.
@@ -33,12 +34,12 @@ def patch_of(structure: Structure, site: Functional) -> PatchData | None:
     if site.radius is None or site.point is None or site.direction is None:
         return None
     matrices = with_parts(structure)
-    (member,) = matrices.members(site.part if matrices.assembled else None)
-    point = member.at.own(site.point[None])
-    direction = (site.direction @ member.at.rotation)[None]
+    place = place_at(matrices, site.point, site.direction, site.part)
+    member = place.member
 
     def of_radius(radius: float) -> Sites:
-        return located(member.part, point, direction, np.array([radius]))
+        radii = np.array([radius])
+        return located(member.part, place.point[None], place.direction[None], radii)
 
     first = of_radius(site.radius)
     facts: PatchData = {"faces": float(first.size[0]), "cut": float(first.share[0] < WHOLE_PATCH)}

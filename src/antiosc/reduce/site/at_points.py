@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from math import inf, sqrt
+from math import sqrt
+from typing import cast
 
 import numpy as np
 
@@ -17,18 +18,16 @@ from antiosc.base.texts import engineering, point_text
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.ends import EndMotion
-from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, closest_many, corners_at, size_at
-from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import warn
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.doubts import ALONG_SURFACE, surface_below, warn_of_doubts
-from antiosc.reduce.site.names import at_node, middle_of, motion_of, on_face
+from antiosc.reduce.site.place import Place, motion_of, place_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
 from antiosc.reduce.site.sites import (
     Sites,
@@ -43,9 +42,6 @@ from antiosc.reduce.site.sites import (
 ON_STRUCTURE = 1e-6
 #: A patch counts as whole if the share of its load on the part is within this of 1.
 ROUNDED_SHARE = 1e-9
-#: Parts count as equally near if their distances differ by less than this share of the assembly's
-#: size.
-AS_NEAR = 1e-9
 
 
 def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functional]:
@@ -81,60 +77,34 @@ def before_joining(
     `part_of` returns the structure of a part, with or without its supports.
     """
     by_site: dict[int, Functional] = {}
-    sites_by_part: dict[str, tuple[Member, dict[int, Site]]] = {}
-    for k, unplaced in enumerate(sites):
-        site = unplaced if unplaced.face is None else on_face(structure, unplaced)
-        site = site if site.node is None else at_node(structure, site)
-        end = motion_of(structure, site.point) if isinstance(site.point, str) else None
-        assert site.direction is not None  # Site has seen to that
-        direction = in_space(site.direction)
-        if end is not None and isinstance(structure, AssembledMatrices) and site.part is None:
-            by_site[k] = _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
-            continue
-        member, aim = in_part(structure, site, direction)
-        sites_by_part.setdefault(member.name, (member, {}))[1][k] = aim
-    for member, sites_of_part in sites_by_part.values():
-        part = part_of(member)
-        patched_sites = _on_mesh(part, list(sites_of_part.values()), member.at.placed)
-        on_neighbours = _beyond_seams(structure, member, patched_sites, part_of)
-        total_share = patched_sites.share + sum(share for _, share, _ in on_neighbours)
-        warn_of_doubts(part, replace(patched_sites, share=np.minimum(total_share, 1.0)))
-        for i, load in enumerate(
-            _site_functionals(part, list(sites_of_part.values()), patched_sites)
-        ):
-            placed_load = _on_whole(structure, member, load)
-            if on_neighbours and total_share[i] > patched_sites.share[i]:
-                placed_load.b[:] *= patched_sites.share[i] / total_share[i]
-                for neighbour, share, b in on_neighbours:
-                    placed_load.b[neighbour.rows] += share[i] / total_share[i] * b[i]
-            by_site[list(sites_of_part)[i]] = placed_load
-    return [by_site[k] for k in range(len(sites))]
-
-
-def in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Member, Site]:
-    """(struck part, site in the axes of this part)."""
-    snap = site.snap
-    if isinstance(site.point, str):
-        if site.part is not None and structure.assembled:
-            raise InputError(
-                f'the point {site.point!r} is a name and tells the part ("part:group"): leave the '
-                f"part {site.part!r} out."
-            )
-        structure.members(site.part)
-        member, point = middle_of(structure, site.point)
-        snap = inf
-    else:
-        assert site.point is not None
-        x = in_space(site.point)[None]
-        if site.part is not None:
-            (member,) = structure.members(site.part)
+    by_part: dict[str, dict[int, Place]] = {}
+    for k, site in enumerate(sites):
+        named = isinstance(site.point, str) and site.face is None
+        end = motion_of(structure, str(site.point)) if named else None
+        if end is not None and site.part is None:
+            by_site[k] = _without_mesh(cast(AssembledMatrices, structure), site, end)
         else:
-            (member,) = nearest_parts(structure, x, direction)
-        point = member.at.own(x)[0]
-    direction_of_part = direction @ member.at.rotation
-    point_key = tuple(point.tolist())
-    towards = tuple(direction_of_part.tolist())
-    return member, replace(site, point=point_key, direction=towards, snap=snap, part=None)
+            place = place_of(structure, site)
+            by_part.setdefault(place.member.name, {})[k] = place
+
+    for places in by_part.values():
+        member = next(iter(places.values())).member
+        part = part_of(member)
+        struck = [sites[k] for k in places]
+        found = _on_mesh(part, struck, list(places.values()))
+        on_neighbours = _beyond_seams(structure, member, found, part_of)
+        total_share = found.share + sum(share for _, share, _ in on_neighbours)
+        warn_of_doubts(part, replace(found, share=np.minimum(total_share, 1.0)))
+
+        for i, (k, load) in enumerate(
+            zip(places, _site_functionals(part, struck, found), strict=True)
+        ):
+            by_site[k] = _on_whole(structure, member, load)
+            if on_neighbours and total_share[i] > found.share[i]:
+                by_site[k].b[:] *= found.share[i] / total_share[i]
+                for neighbour, share, b in on_neighbours:
+                    by_site[k].b[neighbour.rows] += share[i] / total_share[i] * b[i]
+    return [by_site[k] for k in range(len(sites))]
 
 
 def _on_whole(structure: MeshedParts, member: Member, functional: Functional) -> Functional:
@@ -152,12 +122,12 @@ def _on_whole(structure: MeshedParts, member: Member, functional: Functional) ->
     return replace(functional, b=b, point=x, direction=d, across=tangential, part=name)
 
 
-def _without_mesh(
-    structure: AssembledMatrices, site: Site, end: EndMotion, direction: Array
-) -> Functional:
+def _without_mesh(structure: AssembledMatrices, site: Site, end: EndMotion) -> Functional:
     """The functional on u of a superelement's site or of a reference point."""
     layout = structure.layout
     part, _, name = str(site.point).partition(":")
+    direction = in_space(site.direction or ())
+    direction = direction / np.linalg.norm(direction)
     if layout.plane and direction[2]:
         raise InputError(
             f"direction {site.direction} leaves the plane in which the assembly moves."
@@ -182,63 +152,30 @@ def _without_mesh(
     return Functional(b, interface.radius, interface.local_compliance, end.point, direction)
 
 
-def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> list[Member]:
-    """The part nearest to each of the points (P, 3).
-
-    Where parts touch, it is the one whose surface faces the impactor most.
-    """
-    members = structure.members()
-    if not isinstance(structure, AssembledMatrices) or len(members) == 1:
-        return members * len(points)
-    distance = np.array([m.closest(points).distance for m in members])
-    is_nearest = distance <= distance.min(axis=0) + AS_NEAR * structure.layout.size
-    parts = []
-    for point, is_nearest_part in zip(points, is_nearest.T, strict=True):
-        candidates = [m for m, is_near in zip(members, is_nearest_part, strict=True) if is_near]
-        facing = partial(_facing, point=point, direction=direction)
-        parts.append(candidates[0] if len(candidates) == 1 else min(candidates, key=facing))
-    return parts
-
-
-def _facing(member: Member, point: Array, direction: Array) -> float:
-    """Cosine between the direction of impact and the outward normal of a part at a point.
-
-    0 for parts without an outside.
-    """
-    part = member.part
-    if not part.kind.outside:
-        return 0.0
-    faces = Faces(part.mesh, sheet=False)
-    direction_of_part = direction @ member.at.rotation
-    contact = faces.contact(
-        member.at.own(point[None]),
-        direction_of_part[None],
-        np.array([1e-6 * part.mesh.extent()]),
-        np.zeros(len(faces.facets), dtype=int),
-    )
-    return float(contact.normals[0] @ direction_of_part)
-
-
 # -- on one mesh
 
 
-def _on_mesh(
-    structure: MeshedStructure, sites: Sequence[Site], placed: Callable[[Array], Array]
-) -> Sites:
-    """Sites at points of a mesh; `placed` maps points (n, 3) to the assembly's axes, for
-    messages.
-    """
+def _on_mesh(structure: MeshedStructure, sites: Sequence[Site], places: Sequence[Place]) -> Sites:
+    """Sites at places of a mesh."""
     mesh = structure.mesh
-    points_and_directions = [_in_space(mesh, structure.form, site) for site in sites]
-    points, directions = (np.array(column) for column in zip(*points_and_directions, strict=True))
+    placed = places[0].member.at.placed
+    points = np.array([place.point for place in places])
+    directions = np.array([place.direction for place in places])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    if "z" not in structure.form.components and np.any(np.abs(directions[:, 2]) > 1e-12):
+        raise InputError(f"a direction of impact leaves the plane of {mesh.name}, which is 2-D.")
+
     nearest = closest_many(mesh, points)
     extent = mesh.extent()
-    for i, site in enumerate(sites):
-        _check_distance(mesh, extent, site, placed(np.array([points[i], nearest[i].x])), nearest[i])
+    for i, (site, place) in enumerate(zip(sites, places, strict=True)):
+        if place.exact:
+            both = placed(np.array([points[i], nearest[i].x]))
+            _check_distance(mesh, extent, site, both, nearest[i])
     radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
     plausible.warn_each(
         plausible.patch_doubt(site.radius, extent) for site in sites if site.radius is not None
     )
+
     leaving = _leaving(structure, nearest.x, directions, radii)
     directions[leaving] *= -1.0
     for x in placed(nearest.x[leaving]):
@@ -397,21 +334,6 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
             )
         if sites_found.moving[i] <= LEAST_FREE_SHARE:
             raise SiteError(constrained(f"the site at {text(points[i])}"))
-
-
-def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
-    """Point and unit direction of a site in the axes of its part, which has three coordinates."""
-    x = site.point
-    d = site.direction
-    assert not isinstance(x, str)
-    assert x is not None
-    assert d is not None  # Site has seen to that
-    point = np.array(x)
-    direction = np.array(d)
-    direction /= np.linalg.norm(direction)
-    if "z" not in form.components and abs(direction[2]) > 1e-12:
-        raise InputError(f"direction {tuple(d)} leaves the plane of {mesh.name}, which is 2-D.")
-    return point, direction
 
 
 def _check_distance(

@@ -21,9 +21,9 @@ from antiosc.fem.mesh.closest import closest_many
 from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.reduce.site.at_points import ON_STRUCTURE, in_part, nearest_parts
+from antiosc.reduce.site.at_points import ON_STRUCTURE
 from antiosc.reduce.site.doubts import warn_of_doubts
-from antiosc.reduce.site.names import at_node, on_face
+from antiosc.reduce.site.place import nearest_parts, place_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
 from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, Sites, located
 
@@ -308,18 +308,14 @@ def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
     It begins with the facets that touch the point, or the nearest ones: a point between the corners
     of a curved facet lies within the solid.
     """
-    site = site if site.face is None else on_face(structure, site)
-    site = site if site.node is None else at_node(structure, site)
-    assert site.direction is not None
-    member, aim = in_part(structure, site, in_space(site.direction))
-    part = member.part
+    place = place_of(structure, site)
+    part = place.member.part
     if not part.kind.outside:
         return None
     faces = part.faces
     labels = np.zeros(len(faces.facets), dtype=int)
-    point = closest_many(part.mesh, np.asarray(aim.point, dtype=float)[None])[0].x[None]
-    direction = np.asarray(aim.direction, dtype=float)[None]
-    direction /= np.linalg.norm(direction)
+    point = closest_many(part.mesh, place.point[None])[0].x[None]
+    direction = (place.direction / np.linalg.norm(place.direction))[None]
 
     def contact(reach: float) -> SurfaceAtSites:
         return faces.contact(point, direction, np.array([reach]), labels)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import hypot, inf, isclose
 from typing import Any
 
@@ -22,10 +22,9 @@ from antiosc.fem.mesh.closest import closest
 from antiosc.fem.mesh.curvature import curvature
 from antiosc.fem.mesh.room import largest_ball
 from antiosc.fem.structure import in_space
-from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import Body
-from antiosc.reduce.site.at_points import nearest_parts
+from antiosc.reduce.site.place import Place, place_at
 
 NO_SURFACE = "matrices have no surface: give the law of the contact."
 #: Default radius [m] of an edge or a corner, at most a quarter of the least dimension.
@@ -57,14 +56,14 @@ def surface_at(
         raise InputError("the site is no point of a surface.")
     matrices = with_parts(structure, NO_SURFACE)
     corner = corner_radius(structure)
-    struck = _Struck.of(matrices, point, direction, part)
-    material = struck.material
+    place = place_at(matrices, point, direction, part)
+    material = _material(place)
     matter = _contact_material(material)
     if matter is None:
         raise InputError("a plane part has no surface in space.")
     if isinstance(material, Beam):
         return _bar_surface(material, matter, radius)
-    curved = struck.curvature(lengths)
+    curved = _curvature(place, direction, lengths)
     surface = placed(curved, matter, corner, radius)
     if curved.kind in SHARP:
         return surface
@@ -127,54 +126,33 @@ def curvature_at(
         unit_direction = in_space(checks.coordinates("direction", direction, ""))
         if not unit_direction.any():
             raise InputError("direction must not be the zero vector.")
-    return _Struck.of(matrices, x, unit_direction).curvature(lengths)
+    return _curvature(place_at(matrices, x, unit_direction), unit_direction, lengths)
 
 
 def material_at(structure: Structure, point: Array, direction: Array | None = None) -> Any:
     """The material of a meshed structure at its point nearest to `point` [m]."""
     matrices = with_parts(structure, NO_SURFACE)
-    return _Struck.of(matrices, point, direction).material
+    return _material(place_at(matrices, point, direction))
 
 
-@dataclass(frozen=True)
-class _Struck:
-    """The struck part of a structure, with the point and the direction (3,) in its axes."""
+def _material(place: Place) -> Any:
+    """The material of the part at the place."""
+    part = place.member.part
+    return part.material_at(closest(part.mesh, place.point))
 
-    member: Member
-    point: Array
-    along: Array | None
 
-    @classmethod
-    def of(
-        cls, matrices: MeshedParts, point: Array, direction: Array | None, name: str | None = None
-    ) -> _Struck:
-        """The struck part of a structure; `name`: name of the part, by default the nearest one."""
-        point_row = point[None]
-        if name is None:
-            unit_direction = np.zeros(3) if direction is None else direction
-            (member,) = nearest_parts(matrices, point_row, unit_direction)
-        else:
-            (member,) = matrices.members(name)
-        direction_of_part = None if direction is None else direction @ member.at.rotation
-        return cls(member, member.at.own(point_row)[0], direction_of_part)
-
-    @property
-    def material(self) -> Any:
-        """The material of the part at the point."""
-        part = self.member.part
-        return part.material_at(closest(part.mesh, self.point))
-
-    def curvature(self, lengths: bool) -> Curvature:
-        """Curvature of the outer surface, in the axes of the structure; see `curvature_at`."""
-        part = self.member.part
-        placement = self.member.at
-        if part.kind.sheet and part.mesh.gdim == 2:
-            curvature_in_part = _flat(self.point, self.along)
-        else:
-            curvature_in_part = curvature(part.mesh, part.faces, self.point, self.along, lengths)
-        if part.kind.sheet:
-            curvature_in_part = curvature_in_part.beyond(self.material.section.thickness / 2)
-        return curvature_in_part.placed(placement.rotation, placement.placed(np.zeros((1, 3)))[0])
+def _curvature(place: Place, along: Array | None, lengths: bool) -> Curvature:
+    """Curvature of the outer surface, in the axes of the structure; see `curvature_at`."""
+    part = place.member.part
+    at = place.member.at
+    along = None if along is None else place.direction
+    if part.kind.sheet and part.mesh.gdim == 2:
+        curved = _flat(place.point, along)
+    else:
+        curved = curvature(part.mesh, part.faces, place.point, along, lengths)
+    if part.kind.sheet:
+        curved = curved.beyond(_material(place).section.thickness / 2)
+    return curved.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
 
 
 def _flat(point: Array, along: Array | None) -> Curvature:

@@ -1,20 +1,19 @@
-"""Points by name: groups, faces, node numbers and reference points of joints.
+"""Where a push or a probe acts: a part and a point of it.
 
-The point of a group is the one nearest to the centroid of its entities.
+It is given by coordinates, by a group or a face, by a node number or by a reference point of
+joints. The point of a group is the one nearest to the centroid of its entities.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.checks import (
-    whole,
-)
 from antiosc.base.errors import InputError, name_list
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.structure import in_space
@@ -27,9 +26,107 @@ if TYPE_CHECKING:
     from antiosc.fem.assembly.ends import EndMotion
     from antiosc.fem.structure.meshed import Member
 
-
 #: Quantities available at a point without a mesh.
 MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
+#: Parts count as equally near if their distances differ by less than this share of the assembly's
+#: size.
+AS_NEAR = 1e-9
+NAMED_PART = 'the point {!r} is a name and tells the part ("part:group"): leave the part {!r} out.'
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point (3,) [m] of a part and a direction (3,) there, in the axes of the part.
+
+    `exact`: coordinates, which have to lie on the part; others are moved to it.
+    """
+
+    member: Member
+    point: Array
+    direction: Array
+    exact: bool = False
+
+    @property
+    def in_structure(self) -> Array:
+        """The point (3,) in the axes of the structure."""
+        return self.member.at.placed(self.point[None])[0]
+
+
+def place_at(
+    matrices: MeshedParts, point: Array, direction: Array | None = None, part: str | None = None
+) -> Place:
+    """The place of a point (3,) on the named part, or on the nearest one that is struck."""
+    along = np.zeros(3) if direction is None else direction
+    if part is None:
+        (member,) = nearest_parts(matrices, point[None], along)
+    else:
+        (member,) = matrices.members(part if matrices.assembled else None)
+    return Place(member, member.at.own(point[None])[0], along @ member.at.rotation, True)
+
+
+def place_of(matrices: MeshedParts, site: Site) -> Place:
+    """The place of a site at a point, a group, a face or a node."""
+    from antiosc.fem.mesh.surface import struck_point  # needs dolfinx
+
+    direction = None if site.direction is None else in_space(site.direction)
+    if site.face is not None:
+        member, group = _group_of(matrices, site.face)
+        point, along = struck_point(member.part.mesh, group)
+    elif site.node is not None:
+        member, point = node_of(matrices, site.node, site.part)
+    elif isinstance(site.point, str):
+        if site.part is not None and matrices.assembled:
+            raise InputError(NAMED_PART.format(site.point, site.part))
+        matrices.members(site.part)
+        member, point = _middle_of(matrices, site.point)
+    else:
+        assert site.point is not None
+        if site.part is not None:
+            matrices.members(site.part)
+        return place_at(matrices, in_space(site.point), direction, site.part)
+    if direction is not None:
+        along = direction @ member.at.rotation
+    return Place(member, point, along)
+
+
+def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> list[Member]:
+    """The part nearest to each of the points (P, 3).
+
+    Where parts touch, it is the one whose surface faces the impactor most.
+    """
+    members = structure.members()
+    if not structure.assembled or len(members) == 1:
+        return list(members) * len(points)
+    size = cast("AssembledMatrices", structure).layout.size
+    distance = np.array([m.closest(points).distance for m in members])
+    is_nearest = distance <= distance.min(axis=0) + AS_NEAR * size
+    parts = []
+    for point, is_nearest_part in zip(points, is_nearest.T, strict=True):
+        candidates = [m for m, is_near in zip(members, is_nearest_part, strict=True) if is_near]
+        facing = partial(_facing, point=point, direction=direction)
+        parts.append(candidates[0] if len(candidates) == 1 else min(candidates, key=facing))
+    return parts
+
+
+def _facing(member: Member, point: Array, direction: Array) -> float:
+    """Cosine between the direction of impact and the outward normal of a part at a point.
+
+    0 for parts without an outside.
+    """
+    from antiosc.fem.mesh.surface import Faces  # needs dolfinx
+
+    part = member.part
+    if not part.kind.outside:
+        return 0.0
+    faces = Faces(part.mesh, sheet=False)
+    direction_of_part = direction @ member.at.rotation
+    contact = faces.contact(
+        member.at.own(point[None]),
+        direction_of_part[None],
+        np.array([1e-6 * part.mesh.extent()]),
+        np.zeros(len(faces.facets), dtype=int),
+    )
+    return float(contact.normals[0] @ direction_of_part)
 
 
 def point_of(
@@ -46,27 +143,25 @@ def point_of(
     if (point is None) == (node is None):
         raise InputError("a probe takes a point or the number of a node.")
     if node is not None:
-        member, point_in_part = node_of(with_parts(structure), whole("node", node), part)
-        return member.at.placed(point_in_part[None])[0], member.name or None, None
+        member, x = node_of(with_parts(structure), checks.whole("node", node), part)
+        return member.at.placed(x[None])[0], member.name or None, None
     if not isinstance(point, str):
         return in_space(checks.coordinates("point", point)), part, None
+
     checks.text("point", point)
     if part is not None:
-        raise InputError(
-            f'the point {point!r} is a name and tells the part ("part:group"): leave the part '
-            f"{part!r} out."
-        )
+        raise InputError(NAMED_PART.format(point, part))
     if structure.matrices.located:
         raise InputError("matrices have no groups: give the point's coordinates.")
     matrices = with_parts(structure)
     without_mesh = motion_of(matrices, point)
     if without_mesh is not None:
         return without_mesh.point, None, without_mesh
-    member, point_in_part = middle_of(matrices, point)
-    return member.at.placed(point_in_part[None])[0], member.name or None, None
+    member, x = _middle_of(matrices, point)
+    return member.at.placed(x[None])[0], member.name or None, None
 
 
-def middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:
+def _middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:
     """(part, centroid (3,) of a group [m]) in the axes of the part.
 
     `name`: the group of one mesh, or "part:group".
@@ -75,30 +170,6 @@ def middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:
 
     member, group = _group_of(matrices, name)
     return member, centre(member.part.mesh, group)
-
-
-def on_face(matrices: MeshedParts, site: Site) -> Site:
-    """A site on a face as a site at a point of the face, with its direction."""
-    from antiosc.fem.mesh.surface import struck_point  # needs dolfinx
-
-    assert site.face is not None
-    member, group = _group_of(matrices, site.face)
-    point_in_part, inward = struck_point(member.part.mesh, group)
-    point = member.at.placed(point_in_part[None])[0]
-    along = member.at.rotation @ inward
-    direction = along.tolist() if site.direction is None else site.direction
-    part = member.name if matrices.assembled else None
-    point = point[: len(direction)]
-    return replace(site, point=point.tolist(), direction=direction, face=None, snap=True, part=part)
-
-
-def at_node(matrices: MeshedParts, site: Site) -> Site:
-    """A site at a node number as a site at a point."""
-    assert site.node is not None
-    member, point_in_part = node_of(matrices, site.node, site.part)
-    point = member.at.placed(point_in_part[None])[0][: len(site.direction or (0, 0, 0))]
-    part = member.name if matrices.assembled else None
-    return replace(site, point=point.tolist(), node=None, snap=True, part=part)
 
 
 def node_of(matrices: MeshedParts, number: int, part: str | None = None) -> tuple[Member, Array]:
