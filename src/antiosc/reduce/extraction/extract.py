@@ -41,8 +41,7 @@ from antiosc.reduce.extraction.model import (
     UNNAMED,
     Columns,
     info_of_model,
-    model_of_named_sites,
-    model_of_one_site,
+    model_of,
 )
 from antiosc.reduce.extraction.oscillators import (
     DEFAULT_COUNT,
@@ -129,40 +128,32 @@ def models_of(
     models: list[AntiOscillators] = []
     for group, static, n in zip(groups, statics, counts, strict=True):
         modes, remainder = computed.pop(0)
-        lumped_modes = lumped(structure, static, modes)
-        selected = (
-            every_mode(lumped_modes, n) if terms else oscillators(lumped_modes, n, options.tol)
-        )
+        known = lumped(structure, static, modes)
+        selected = every_mode(known, n) if terms else oscillators(known, n, options.tol)
         at_site = at_one_site(static, selected, options.n) if UNNAMED in group else None
         band: dict[str, float] | None = None
         if options.band is not None and remainder is not None:
             omega = selected.omega if at_site is None else at_site.omega
-            bound, lowest = error_bound(
-                structure, lumped_modes, remainder, selected, options.band, omega
-            )
+            bound, lowest = error_bound(structure, known, remainder, selected, options.band, omega)
             ends = lowest / (2 * np.pi), options.band / (2 * np.pi)
             band = {"bottom": ends[0], "top": ends[1], "error_bound": bound}
         seconds = {
             "site": spent,
             "modes": (time.perf_counter() - start_time) / (len(models) + 1),
         }
-        record = info_of_model(structure, group, lumped_modes, selected, options.method)
+        record = info_of_model(structure, group, known, selected, options.method)
         info = record.having(
             band=band,
             expansion=options.expansion,
             seconds={**structure.seconds, **seconds},
         )
-        elastic = len(selected.omega)
         complete = modes.complete
-        del lumped_modes, modes  # as large as the shapes
-        if at_site is None:
-            model = model_of_named_sites(structure, group, static, selected, info)
-        else:
-            (target,) = group[UNNAMED]
-            del selected
-            model = model_of_one_site(structure, target, at_site, elastic, info)
-            if errors is not None:
-                model = errors.added_to(model, target)
+        if at_site is not None:
+            selected = replace(selected, phi=np.zeros((0, 0)))
+        del known, modes  # as large as the shapes, as `selected.phi` was
+        model = model_of(structure, group, static, selected, at_site, info)
+        if errors is not None:
+            model = errors.added_to(model, group[UNNAMED][0])
         if terms or structure.matrices.lossy:
             model = with_damping(structure, model, static, terms)
         on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -84,82 +84,83 @@ def _no_estimate(structure: Structure) -> str | None:
     return refusal(structure) or None
 
 
-def model_of_one_site(
-    structure: Structure, target: Functional, parameters: OneSite, elastic: int, info: ModelInfo
+def model_of(
+    structure: Structure,
+    sites: Columns,
+    static: SiteShapes,
+    selected: Selection,
+    one: OneSite | None,
+    info: ModelInfo,
 ) -> AntiOscillators:
-    """The model of a single unnamed site."""
-    info = info.having(
-        meshed=structure.matrices.meshed,
-        converged=(info.converged or 0)
-        + len(parameters.m)
-        - elastic,  # the weak rigid-body mode is one
-    )
-    if target.point is not None and target.direction is not None:
-        info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
-    weight = uniform_inertia(structure, target)
-    shapes = np.column_stack([parameters.residual + parameters.psi.sum(axis=1), parameters.psi])
-    participation: Array | None = None
-    if weight is not None:
-        weights = (
-            dot(structure.comm, part, weight) for part in (parameters.residual, parameters.psi)
-        )
-        participation = np.hstack(list(weights))
-    model = AntiOscillators(
-        m0=parameters.m0,
-        k0=parameters.k0,
-        m=parameters.m,
-        omega=parameters.omega,
-        local_compliance=target.local_compliance,
-        radius=target.radius,
-        participation=participation,
-        shapes=shapes,
-        direction=target.direction,
-        inertia=inertia_of(structure, shapes, parameters.hidden),
-        hidden=parameters.hidden if structure.rigid_inertia is not None else None,
-        info=info,
-    )
-    return _with_second_order(structure, model)
-
-
-def model_of_named_sites(
-    structure: Structure, sites: Columns, static: SiteShapes, selected: Selection, info: ModelInfo
-) -> AntiOscillators:
-    """The model of several sites, or of one site with a name."""
-    ends = np.cumsum([len(of_site) for of_site in sites.values()])
-    columns = {
-        name: tuple(range(end - len(of_site), end))
-        for (name, of_site), end in zip(sites.items(), ends.tolist(), strict=True)
-    }
-    firsts = [of_site[0] for of_site in sites.values()]
+    """The model of p >= 1 sites; `one`: the parameters of a single site without a name."""
+    firsts = {name: of_site[0] for name, of_site in sites.items()}
     directions = [column.direction for of_site in sites.values() for column in of_site]
     has_directions = all(direction is not None for direction in directions)
-    info = info.having(independent=static.kept.tolist())
-    if has_directions:
-        places = {name: of_site[0].point for name, of_site in sites.items()}
-        points = {name: place.tolist() for name, place in places.items() if place is not None}
-        info = replace(info, points=points)
-    unit = static.phi @ static.W.T
-    shapes = np.hstack([unit, selected.phi])
+    if one is None:
+        shapes = np.hstack([static.phi @ static.W.T, selected.phi])
+        parameters = _named(sites, static, selected)
+        hidden = static.nodal
+        participation = weights_of(structure, shapes) if has_directions else None
+        points = {name: x.point.tolist() for name, x in firsts.items() if x.point is not None}
+        info = info.having(independent=static.kept.tolist())
+        info = replace(info, points=points) if has_directions else info
+    else:
+        shapes = one.shapes
+        parameters = {"m0": one.m0, "k0": one.k0, "m": one.m, "omega": one.omega}
+        hidden = one.hidden
+        (first,) = firsts.values()
+        parameters |= {"local_compliance": first.local_compliance, "radius": first.radius}
+        participation = _along(structure, first.direction, shapes)
+        # the weak rigid-body mode has converged
+        converged = (info.converged or 0) + len(one.m) - len(selected.omega)
+        info = info.having(meshed=structure.matrices.meshed, converged=converged)
+        if first.point is not None and first.direction is not None:
+            info = replace(info, point=first.point.tolist(), direction=first.direction.tolist())
+
+    along = np.array(directions) if has_directions else None
+    is_known = one is None or structure.rigid_inertia is not None
     model = AntiOscillators(
-        m0=_in_site_basis(static.W, selected.m0),
-        k0=_in_site_basis(static.W, static.k0),
-        P=static.W @ selected.P.T,
-        omega=selected.omega,
-        sites=tuple(sites),
-        columns=columns,
-        dependence=static.dependence,
-        rigid=static.rigid,
-        slide=static.slide,
-        local_compliance=np.array([first.local_compliance for first in firsts]),
-        radius=tuple(first.radius for first in firsts),
-        participation=weights_of(structure, shapes) if has_directions else None,
+        **parameters,
+        participation=participation,
         shapes=shapes,
-        direction=np.array(directions) if has_directions else None,
-        inertia=inertia_of(structure, shapes, static.nodal),
-        hidden=static.nodal,
+        direction=along if one is None or along is None else along[0],
+        inertia=inertia_of(structure, shapes, hidden),
+        hidden=hidden if is_known else None,
         info=info,
     )
     return _with_second_order(structure, model)
+
+
+def _named(sites: Columns, static: SiteShapes, selected: Selection) -> dict[str, Any]:
+    """The parameters of a model of named sites."""
+    ends = np.cumsum([len(of_site) for of_site in sites.values()]).tolist()
+    firsts = [of_site[0] for of_site in sites.values()]
+    return {
+        "m0": _in_site_basis(static.W, selected.m0),
+        "k0": _in_site_basis(static.W, static.k0),
+        "P": static.W @ selected.P.T,
+        "omega": selected.omega,
+        "sites": tuple(sites),
+        "columns": {
+            name: tuple(range(end - len(of_site), end))
+            for (name, of_site), end in zip(sites.items(), ends, strict=True)
+        },
+        "dependence": static.dependence,
+        "rigid": static.rigid,
+        "slide": static.slide,
+        "local_compliance": np.array([first.local_compliance for first in firsts]),
+        "radius": tuple(first.radius for first in firsts),
+    }
+
+
+def _along(structure: Structure, direction: Array | None, shapes: Array) -> Array | None:
+    """Participation of the shapes of one site in a uniform acceleration along the impact."""
+    load = None if direction is None else structure.uniform_inertia(direction)
+    if load is None:
+        return None
+    weights = np.asarray(dot(structure.comm, shapes, load))
+    weights[0] -= weights[1:].sum()
+    return weights
 
 
 def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscillators:

@@ -64,7 +64,6 @@ class ConstraintModes:
     ----------
     P : φ_iᵀMΦ of the modes, kg^½ of the basis, (n, p).
     m0 : residual mass (p, p).
-    residual : (rows, p) the shapes that move with m0, on the rows of this rank.
     off : residual forces of the modes over their elastic ones, (n,).
     stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as computed, (n, n).
     """
@@ -73,7 +72,6 @@ class ConstraintModes:
     modes: Modes
     P: Array
     m0: Array
-    residual: Array
     off: Array
     stiffnesses: Array
     masses: Array
@@ -123,7 +121,6 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
         modes=modes,
         P=P,
         m0=m0,
-        residual=residual,
         stiffnesses=stiffnesses,
         masses=masses,
         off=residual_forces,
@@ -159,15 +156,13 @@ class Selection:
     Attributes
     ----------
     m0, P, omega : residual mass (p, p), P (N, p) and circular frequencies (N,).
-    residual, phi : (rows, p) and (rows, N) the shapes that move with m0 and with the modes of unit
-        mass, on the rows of this rank.
+    phi : (rows, N) the modes of unit mass, on the rows of this rank.
     unobservable, merged : numbers of modes that were dropped and merged.
     """
 
     m0: Array
     P: Array
     omega: Array
-    residual: Array
     phi: Array
     unobservable: int
     merged: int
@@ -198,7 +193,6 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
         m0=semidefinite(known.m0 + lumped_rows.T @ lumped_rows),
         P=P[order],
         omega=np.sqrt(poles[order]),
-        residual=known.residual + known.modes.phi @ lumped_rows,
         phi=known.modes.phi @ combination,
         unobservable=len(omega) - modes,
         merged=modes - len(observable),
@@ -218,7 +212,6 @@ def every_mode(known: ConstraintModes, n: int) -> Selection:
         m0=semidefinite(known.m0 + lumped_rows.T @ lumped_rows),
         P=P,
         omega=known.modes.omega[order],
-        residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ lumped_rows,
         phi=known.modes.phi[:, order],
         unobservable=0,
         merged=0,
@@ -247,7 +240,7 @@ class OneSite:
     Attributes
     ----------
     k0, m0, omega, m : as in `AntiOscillators`.
-    residual, psi : (rows,) and (rows, N) the shapes that move with m0 and with the m_i.
+    shapes : (rows, 1 + N) those of a unit displacement of the site, static and of the m_i.
     hidden : (rows, h) rigid-body modes that are not in the model.
     """
 
@@ -255,8 +248,7 @@ class OneSite:
     m0: float
     omega: Array
     m: Array
-    residual: Array
-    psi: Array
+    shapes: Array
     hidden: Array
 
 
@@ -303,28 +295,23 @@ def at_one_site(static: SiteShapes, selected: Selection, n: int) -> OneSite:
     """The anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `selected` at a single site.
 
     A weak rigid-body mode becomes one of them (`antiosc.models.motion`). The shapes of `selected`
-    become those of the model, in place.
+    are changed in place.
     """
     w = float(static.W[0, 0])
-    k0 = w**2 * float(static.k0[0, 0])
-    m0 = w**2 * float(selected.m0[0, 0])
-    omega = selected.omega
     c = w * selected.P[:, 0]
-    m = c**2
-    residual = w * selected.residual[:, 0]
+    k0, m0 = w**2 * float(static.k0[0, 0]), w**2 * float(selected.m0[0, 0])
     psi = selected.phi
-    psi *= c
-    hidden = static.nodal
-    if n and static.weak.any():
-        a = float(static.slide[0, 0])
-        weak = hidden[:, 0] * np.sign(a)
-        hidden = hidden[:, 1:]
-        shapes = np.column_stack([weak, residual + psi.sum(axis=1), psi])
-        m0, m, omega, residual_of_shapes, combination = with_rigid_mode(k0, m0, m, omega, abs(a))
-        k0 = 0.0
-        residual = shapes @ residual_of_shapes
-        psi = shapes @ combination
-    return OneSite(k0, m0, omega, m, residual, psi, hidden)
+    psi *= c  # in place: as large as the shapes
+    shapes = np.hstack([w * static.phi, psi])
+    if not (n and static.weak.any()):
+        return OneSite(k0, m0, selected.omega, c**2, shapes, static.nodal)
+
+    a = float(static.slide[0, 0])
+    shapes = np.hstack([np.sign(a) * static.nodal[:, :1], shapes])
+    m0, m, omega, residual, combination = with_rigid_mode(k0, m0, c**2, selected.omega, abs(a))
+    psi = shapes @ combination
+    unit = shapes @ residual + psi.sum(axis=1)
+    return OneSite(0.0, m0, omega, m, np.column_stack([unit, psi]), static.nodal[:, 1:])
 
 
 def error_bound(
