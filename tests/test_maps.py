@@ -218,7 +218,7 @@ def test_sites_on_supports_are_counted(steel, mapped):
         ao.impact_map(steel, "top", accuracy=1e9)
     messages = " ".join(str(warning.message) for warning in said)
     assert "5 of 35 sites are left out" in messages
-    assert "at 30 of 30 sites" in messages
+    assert "At 30 of 30 sites" in messages
     with pytest.raises(ao.InputError, match="site"):
         ao.impact_map(steel, "left")
 

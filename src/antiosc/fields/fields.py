@@ -37,7 +37,6 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
-from antiosc.fields import second_order
 from antiosc.fields.pictures import SavedFields, outer_faces, without_unused
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
@@ -348,7 +347,7 @@ def reactions(
     from antiosc.reduce.site.released import Released  # needs dolfinx
 
     released = Released(matrices, structure.supports)
-    _check_reactions(structure, history)
+    _check_reactions(structure, history, body)
     support_motions = _static_equilibrium(structure, released.pulled)
     rigid = released.rigid()
     support_inertia, rigid_inertia = released.inertia(support_motions, rigid)
@@ -362,10 +361,6 @@ def reactions(
     comm = structure.comm
     accelerations = amplitudes(history, times_checked, body, 2)
     forces_of_supports = accelerations @ dot(comm, shapes, support_inertia) - forces @ work
-    if stretch_in(history, body) is not None:
-        forces_of_supports += second_order.work_on(
-            structure, history, body, shapes, released.motions, times_checked
-        )
     velocities = amplitudes(history, times_checked, body, 1)
     springs = spring_amplitudes(history, times_checked, body)
     terms = released.damping(shapes)
@@ -388,10 +383,15 @@ def reactions(
     )
 
 
-def _check_reactions(structure: Structure, history: History) -> None:
+def _check_reactions(structure: Structure, history: History, body: str) -> None:
     """InputError if the reactions of this history cannot be computed."""
     scene = history.assembly.scene
     has_gravity = bool(np.any(scene.gravity))
+    if stretch_in(history, body) is not None:
+        raise InputError(
+            "reactions of a part that stretches as it bends are not computed: extract its model "
+            "without stretch, whose reactions are those of linear theory."
+        )
     if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")
     if has_gravity and structure.rigid_modes.shape[1]:

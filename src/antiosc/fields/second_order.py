@@ -18,16 +18,13 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.fem.structure.structure import Structure
-from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
     AnyHistory,
-    stretch_amplitudes,
     stretch_factors,
     stretch_in,
 )
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors
-from antiosc.reduce.extraction import stretching
 
 #: What gives columns (…, B) of shapes (rows, B); True: with the strain η(s, s)/2 of each.
 Columns = Callable[[Array, bool], Array]
@@ -65,22 +62,6 @@ def with_pairs(
     linear += _state_strain(at, structure, shapes)
     linear[..., count:] += np.where(i == j, square, products)
     return linear
-
-
-def work_on(
-    structure: Structure, history: History, body: str, shapes: Array, motions: Array, at: Array
-) -> Array:
-    """Work (n, R) of the second-order forces on motions of all parts before joining, at times."""
-    forces = stretch_in(history, body)
-    assert forces is not None
-    count = shapes.shape[1] - forces.size * (forces.size + 1) // 2
-    phi = shapes[:, :count] @ stretch_factors(history, body).T
-    quadratic_work, cubic_work = stretching.work_on(structure, phi, shapes[:, count:], motions)
-    a = stretch_amplitudes(history, at, body)
-    pairs = forces.pairs(a)
-    return np.asarray(
-        pairs @ quadratic_work + np.einsum("nk,np,kpr->nr", a, pairs, cubic_work, optimize=True)
-    )
 
 
 def tensors_at_nodes(

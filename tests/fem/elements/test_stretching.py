@@ -413,55 +413,12 @@ def test_a_beam_between_walls_is_pulled_as_it_bends():
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_walls_are_pulled_as_a_beam_bends():
-    """By the same force; momentum and sum of all forces along the blow."""
+def test_reactions_of_a_part_that_stretches_are_refused():
     part, site = beam_between_walls()
-    ends = [ao.Support(lambda x, at=at: np.isclose(x[0], at)) for at in WALLS]
-    part = ao.Structure(part.matrices.mesh, part.matrices.parts[0][0], ends)
     model = ao.extract(part, site, n=12, stretch=2)
-    hit = ao.simulate(model, ao.RigidMass(20.0, velocity=0.4), ao.Linear(1e5), 80e-3)
-    k = int(np.argmax(np.abs(hit.displacement)))
-    pull = 12 / 5 * 210e9 * 0.01 * 0.004 * (hit.displacement[k] / 0.3) ** 2
-    found = ao.reactions(part, hit, site, [hit.time[k]])
-    near, far = found.force.values()
-    assert near[0, 0] == pytest.approx(-pull, rel=0.01)
-    assert far[0, 0] == pytest.approx(pull, rel=0.01)
-    balance = found.total + found.applied - found.inertia
-    assert np.abs(balance).max() < 1e-6 * hit.peak_force
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("rise", "rel"), [(0.0, 0.06), (2e-3, 0.02)])
-def test_reactions_are_those_of_all_degrees_of_freedom(rise, rel):
-    """Rows of the supports of K u + f(u) + M u'' of the part without them."""
-    mesh, site = plate(rise=rise)[0].matrices.mesh, plate(rise=rise)[1]
-    ends = [ao.Support(lambda x, at=at: np.isclose(x[0], at)) for at in WALLS]
-    part, free = ao.Structure(mesh, SHELL, ends), ao.Structure(mesh, SHELL)
-    blow = (0.2, 1.0, 1e6, 4e-3)
-    full = Full(part, site)
-    times = full.impact(*blow, 400)[0]
-    h, u = times[1], full.motion
-    a = np.zeros_like(u)
-    a[1:-1] = (u[2:] - 2 * u[1:-1] + u[:-2]) / h**2
-    K, M = csr(free.K), csr(free.M)
-    every = slice(4, -4, 8)
-    rows = K @ u[every].T + M @ a[every].T + np.array([full.forces(x) for x in u[every]]).T
-    model = ao.extract(part, site, n=60, stretch="auto")
-    hit = ao.simulate(model, ao.RigidMass(0.2, velocity=1.0), ao.Power(1e6, 1.5), 4e-3)
-    found = ao.reactions(part, hit, site, times[every])
-    linear = ao.simulate(
-        replace(model, stretch=None), ao.RigidMass(0.2, velocity=1.0), ao.Power(1e6, 1.5), 4e-3
-    )
-    flat = ao.reactions(part, linear, site, times[every])
-    form = part.matrices.form
-    for axis, component in ((0, "x"), (2, "z")):
-        dofs, x = compat.dof_coordinates(form.space, form.components[component])
-        exact = np.array([rows[dofs[np.isclose(x[:, 0], at)]].sum(axis=0) for at in WALLS])
-        own, alone = (np.array([f[:, axis] for f in r.force.values()]) for r in (found, flat))
-        scale = np.abs(exact).max()
-        assert np.abs(own - exact).max() < rel * scale
-        assert np.abs(alone - exact).max() > 2.5 * rel * scale
+    hit = ao.simulate(model, ao.RigidMass(20.0, velocity=0.4), ao.Linear(1e5), 1e-3)
+    with pytest.raises(InputError, match="stretches"):
+        ao.reactions(part, hit, site)
 
 
 @pytest.mark.slow
@@ -519,7 +476,7 @@ def test_peaks_of_a_part_that_stretches_are_those_of_dense_times(tmp_path):
 
 
 def test_parts_with_common_nodes_stretch_as_one_mesh():
-    """A plate in two meshes: tensors, forces, motion and reactions."""
+    """A plate in two meshes: tensors, forces and motion."""
     part, site = plate(n=(6, 4))
     mesh = part.mesh
     x = mesh.dolfinx.geometry.x
@@ -544,12 +501,6 @@ def test_parts_with_common_nodes_stretch_as_one_mesh():
     assert two.peak_force == pytest.approx(one.peak_force, rel=1e-4)  # of the steps
     deflections = [np.abs(hit.displacement).max() for hit in (one, two)]
     assert deflections[1] == pytest.approx(deflections[0], rel=1e-3)
-    times = np.linspace(0, 4e-3, 40)
-    pull = [
-        ao.reactions(structure, hit, site, times).total
-        for structure, hit in ((part, one), (whole, two))
-    ]
-    assert pull[1] == pytest.approx(pull[0], abs=0.01 * np.abs(pull[0]).max())
 
 
 def test_what_does_not_stretch_refuses_in_a_sentence():

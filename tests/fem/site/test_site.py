@@ -258,7 +258,7 @@ def told(part, count=3, **facts) -> list[str]:
 
 def test_the_worst_of_the_doubtful_patches_is_told(part):
     (text,) = told(part, size=[0.0401, 0.01, 0.06], radii=[0.04, 0.04, 0.045])
-    assert "at 2 of 3 sites" in text
+    assert "At 2 of 3 sites" in text
     assert "more than the radius 45.0 mm" in text
     (text,) = told(part, 1, size=[0.0107], radii=[0.00386])  # rounded so that both help
     assert "at most 3.8 mm" in text
@@ -289,7 +289,7 @@ def test_a_blow_along_the_surface_is_told(part):
     points = np.tile([0.1, 0.05, 0.1], (2, 1))
     directions = np.array([[0.0, 0.0, -1.0], [0.999, 0.0, -0.0447]])
     places = located(part, points, directions, np.full(2, 0.04))
-    with pytest.warns(ao.AccuracyWarning, match="at 1 of 2 .* lies along") as all_:
+    with pytest.warns(ao.AccuracyWarning, match="lies along .*At 1 of 2") as all_:
         warn_of_doubts(part, replace(places, size=np.full(2, 0.01)))
     assert len(all_) == 1
     alone = located(part, points[:1], directions[1:], np.full(1, 0.04))

@@ -226,47 +226,6 @@ def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
     return np.column_stack(loads)
 
 
-def work_on(
-    structure: Structure, phi: Array, follows: Array, motions: Array
-) -> tuple[Array, Array]:
-    """Work of second-order forces on motions w (n, R): (P, R) of pairs, (m, P, R) of mode and
-    pair.
-
-    phi (dofs, m) and follows (dofs, P) as for `tensors`; `motions` are those of all parts before
-    joining. To third order in the amplitudes
-
-        w·f = Σ a_i a_j g_ijᵀw + Σ a_k a_i a_j ∫ (C ε(v_ij) + C η(φ_i, φ_j)/2) : η(φ_k, w)
-              + ε(φ_k):C:η(v_ij, w) + ε(w):C:η(φ_k, v_ij).
-    """
-    pairs = list(combinations_with_replacement(range(phi.shape[1]), 2))
-    two, three = np.zeros(motions.shape[1]), np.zeros(motions.shape[1])
-    fields = with_parts(structure).fields(follows)
-    for piece, (_, responses) in zip(_pieces(structure, phi), fields, strict=True):
-        moved = motions[piece.rows]
-        two = two + _loads_of(piece, pairs).T @ moved
-        three = three + _third_order(piece, responses, moved, pairs)
-    return two, three
-
-
-def _third_order(
-    piece: _Piece, follows: Array, motions: Array, pairs: list[tuple[int, int]]
-) -> Array:
-    """The work (m, P, R) of third order on motions of a part, where `follows` are the responses."""
-    points = piece.points
-    slopes = piece.slopes
-    three = np.zeros((len(slopes), len(pairs), motions.shape[1]))
-    stresses = [points.stress(motion_slopes) for motion_slopes in slopes]
-    for p, (i, j) in enumerate(pairs):
-        response_slopes = points.slopes(follows[:, p])
-        tension = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
-        tension = tension + points.stress(response_slopes)
-        for k, slope in enumerate(slopes):
-            strained = points.weighted_stress(points.second(slope, response_slopes))
-            slope_forces = points.along(tension, slope) + points.along(stresses[k], response_slopes)
-            three[k, p] = points.load(strained, slope_forces) @ motions
-    return three
-
-
 def _static(structure: Structure, g: Array, phi: Array) -> Array:
     """K⁻¹g minus its components along the motions φ: φᵀK of the result is 0."""
     factor = structure.factorize()

@@ -47,8 +47,8 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = Fals
         doubts += _patch_doubts(sites)
     for which, text in doubts:
         if which.any():
-            count = f"at {which.sum()} of {len(sites)} sites " if len(sites) > 1 else ""
-            warn(structure.comm, count + text, AccuracyWarning)
+            count = f" (At {which.sum()} of {len(sites)} sites.)" if len(sites) > 1 else ""
+            warn(structure.comm, text + count, AccuracyWarning)
 
 
 def doubtful_patches(sites: Sites) -> dict[str, BoolArray]:
@@ -91,8 +91,8 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
         normal = ", ".join(f"{c:.3g}" for c in contact.normals[np.argmax(along)].round(9) + 0.0)
         yield (
             along,
-            "the direction lies along the surface, where an impactor slides and does not strike:"
-            f" give that in which it flies, against the normal ({normal}).",
+            "the direction of the site lies along the surface, where an impactor slides and does"
+            f" not strike: give that in which it flies, against the normal ({normal}).",
         )
 
 
@@ -115,9 +115,9 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
     larger_radius = f", or a radius of {engineering(rounded_up(size / times), 'm', 2)}"
     yield (
         is_coarse,
-        f"the patch is not resolved: the {entities} measure {engineering(size, 'm', 3)}, more than"
-        f" {rule}the radius {engineering(radius, 'm', 3)}; take cells of at most"
-        f" {engineering(rounded_down(times * radius), 'm', 2)} there ({SMALLER_CELLS})"
+        f"the {entities} at the site measure {engineering(size, 'm', 3)}, more than"
+        f" {rule}the radius {engineering(radius, 'm', 3)}: the patch is not resolved; take cells"
+        f" of at most {engineering(rounded_down(times * radius), 'm', 2)} there ({SMALLER_CELLS})"
         f"{'' if _cut(sites).any() else larger_radius}.",
     )
 

@@ -105,11 +105,6 @@ class Released:
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", rigid)
 
-    @property
-    def motions(self) -> Array:
-        """The motions g (dofs, 6 S) on one rank; call `inertia` first."""
-        return self._motions
-
     def rigid(self) -> Array:
         """Unit translations (dofs of all parts before joining, 3) of the whole structure."""
         return self._of.places.rigid_motions(np.zeros(3))[:, :3]
