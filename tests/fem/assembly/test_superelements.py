@@ -15,7 +15,6 @@ from assemblies import NU, SOLID, box
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.filterwarnings("ignore:.*the compliance under a point"),
-    pytest.mark.filterwarnings("ignore:at . of . sites"),
     pytest.mark.filterwarnings("ignore:none of the"),
 ]
 
