@@ -204,13 +204,6 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
     return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
 
 
-def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
-    """M e on the rows of this rank, e a unit uniform motion; None without coordinates."""
-    if target.direction is None:
-        return None
-    return structure.uniform_inertia(target.direction)
-
-
 def weights_of(structure: Structure, shapes: Array) -> Array | None:
     """Generalised masses (k, 3) of shapes (rows, k) for unit uniform accelerations along x, y, z.
 

@@ -34,7 +34,7 @@ from antiosc.recovery.series import write_vtu
 from antiosc.reduce.extraction import SiteShapes, beside_rigid, site_shapes
 from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
 from antiosc.reduce.extraction.mode_checks import check_modes
-from antiosc.reduce.extraction.model import inertia_of, uniform_inertia, weights_of
+from antiosc.reduce.extraction.model import inertia_of, weights_of
 from antiosc.reduce.extraction.oscillators import DEFAULT_COUNT, REPEATED, SEARCHED
 from antiosc.reduce.site import Functional, Site, functional
 
@@ -438,7 +438,8 @@ def _model(
     residual = np.zeros_like(where.b)
     if static_correction:
         r, residual = _left_out(structure, where, static, modes, b)
-    inertia = uniform_inertia(structure, where)
+    along = where.direction
+    inertia = None if along is None else structure.uniform_inertia(along)
     rigid, a = _rigid_modes(static)
     hidden = rigid[:, a == 0]
     return NaturalModes(
