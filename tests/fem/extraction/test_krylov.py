@@ -132,6 +132,7 @@ def test_bad_wishes(steel, options, words):
 
 
 @pytest.mark.filterwarnings("ignore:.*of the beam is larger")
+@pytest.mark.filterwarnings("ignore:the density")
 def test_pairs_that_double_precision_does_not_resolve_are_left_out():
     """One element, thousands of times as thick as long: θ of some pairs is rounding."""
     section = ao.Section(A=1.5e4, I=2500.0, I_side=250.0, J=2.5e4)
