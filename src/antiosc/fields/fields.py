@@ -336,7 +336,7 @@ def reactions(
     InputError
         A structure without supports, of given matrices or with superelements; sites that are not
         those of the model; a model with other damping than the structure; a moving ground; gravity
-        on a part that can slide on its supports.
+        on a part that can slide on its supports; a part that stretches.
     """
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
