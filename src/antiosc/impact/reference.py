@@ -84,7 +84,13 @@ class Contacts:
         self.system = system
         self.laws = laws
         self.closed = system.closed.tolist()
-        self.states = system.begun()
+        earlier = system.contact_states or [None] * len(laws)
+        self.states: list[Any] = [None] * len(laws)  # before the first touch
+        for c, contact in enumerate(earlier):
+            if contact is not None:
+                self.states[c] = contact.state
+            elif self.closed[c]:
+                self.states[c] = laws[c].touch(0.0)
         self.events: list[tuple[float, int, int, float]] = []
         self.touches = 0
 
@@ -95,7 +101,8 @@ class Contacts:
 
     def origin(self, c: int) -> float:
         """Indentation [m] at which a contact touches and parts."""
-        return self.laws[c].origin(self.states[c])
+        state = self.states[c]
+        return 0.0 if state is None else self.laws[c].origin(state)
 
     def touch(self, c: int, t: float, speed: float) -> None:
         """Close a contact at its closing speed [m/s]."""
