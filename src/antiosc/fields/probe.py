@@ -145,7 +145,8 @@ def probe(
     ------
     InputError
         A model without shapes, or extracted from another structure; a quantity that the element
-        family does not have; a layer, a part or a group that does not exist; a point that lies
+        family does not have; a stress of materials that relax; a layer, a part or a group that does
+        not exist; a point that lies
         too far from the structure; an unknown filter, or one for a BodyHistory.
 
     Warns
