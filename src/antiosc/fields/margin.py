@@ -390,11 +390,14 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
             " smaller cells"
         )
     if unknown is not None:
-        size, at = engineering(float(needed[unknown]), "m", 2), point_text(nodes.points[unknown])
-        why, what = "it differs by half or more between cells", f"cells of {size} ({SMALLER_CELLS})"
+        at, cells = point_text(nodes.points[unknown]), engineering(float(needed[unknown]), "m", 2)
+        why, what = (
+            "it differs by half or more between cells",
+            f"cells of {cells} ({SMALLER_CELLS})",
+        )
         if at_contacts[unknown]:
             why = "the cells or the patch are larger than the contact"
-            what = f"cells and a patch of {size} ({SMALLER_CELLS}, {PATCH_RADIUS})"
+            what = f"cells and a patch of {cells} ({SMALLER_CELLS}, {PATCH_RADIUS})"
         notes.append(f"the stress has no bar: at {at} {why}; {what} there would give one")
     note = ". ".join([*notes[:1], *map(capitalised, notes[1:])])
     errors = strength * least, strength * largest

@@ -117,7 +117,7 @@ def searched_maxima(
         [motion.factors(times[k : k + AT_ONCE]) for k in range(0, len(times), AT_ONCE)]
     )
     single = columns.astype(np.float32)
-    k = sampled_maxima(single, factors.astype(np.float32), np.arange(len(times)), scalar)[1]
+    k = sampled_maxima(single, factors.astype(np.float32), np.arange(1.0 * len(times)), scalar)[1]
     three = np.clip(k.astype(int)[:, None] + (-1, 0, 1), 0, len(times) - 1)
     y = np.concatenate(
         [
@@ -544,8 +544,8 @@ def peak_field(
         zones = _zones_on(structure, shapes, part, zones)
         result = _with_margin(result, best, structure, zones, judges_edges)
     if result._margin is not None:
-        layer = plies[int(best.ply[result.judged])]
-        told = "" if layer is None else f"layer {layer.layer} ({layer.surface})"
+        at_ply = plies[int(best.ply[result.judged])]
+        told = "" if at_ply is None else f"layer {at_ply.layer} ({at_ply.surface})"
         dents = isinstance(history, History) and any(map(yields, history.contact_histories))
         own = replace(result._margin, layer=told, contact=dents and result._margin.is_stress)
         result = replace(result, _margin=own)
@@ -579,7 +579,7 @@ def _search(
         found = amplitudes(history, times, body, derivative)
         return np.pad(found, ((0, 0), (0, int(is_static))), constant_values=1.0)
 
-    if not is_sampled:
+    if not is_sampled or isinstance(history, BodyHistory):
         return functools.partial(_at_times, factors(instants), instants)
 
     instants = _evenly(instants, MOST)
@@ -650,8 +650,8 @@ class Maxima(NamedTuple):
         is_larger = other.values > self.values
         names = ("values", "times", "exposure", "strength", "exposed", "ply")
         pairs = ((getattr(other, name), getattr(self, name)) for name in names)
-        arrays = [np.where(is_larger, *pair) for pair in pairs]
-        return Maxima(*arrays[:2], _larger_error(self.error, other.error), *arrays[2:])
+        values, times, *others = (np.where(is_larger, *pair) for pair in pairs)
+        return Maxima(values, times, _larger_error(self.error, other.error), *others)
 
     def at(self, nodes: IntArray) -> Maxima:
         """Those of some of the points."""
@@ -806,9 +806,11 @@ def _with_margin(
 
     if field.exposure is not None or (field.quantity == "von_mises" and not judges_edges):
         sizes = margin.sizes_at_nodes(field.points, field._cells)
-        no_edges = {"edges": margin.NOTHING, "supports": margin.NOTHING} if judges_edges else {}
+        seen = zones
+        if judges_edges:
+            seen = zones._replace(edges=margin.NOTHING, supports=margin.NOTHING)
         nodes = Nodal(field.points, exposures, strength, times, share, sizes)
-        worst = margin.judged(criterion, nodes, zones._replace(**no_edges))
+        worst = margin.judged(criterion, nodes, seen)
         if worst is not None:
             known = margin.strength_range(structure, worst) if worst.is_stress else None
             field = replace(field, _margin=replace(worst, strength_range=known))

@@ -49,7 +49,9 @@ def with_pairs(
     """Columns (…, B) of a body's shapes (rows, B), with η of its modes for the pairs."""
     forces = stretch_in(history, body)
     if forces is None:
-        return at(shapes, False) + _state_strain(at, structure, shapes)
+        linear = at(shapes, False)
+        of_state = _state_strain(at, structure, shapes)
+        return linear + of_state if linear.size else linear  # empty on other ranks than the first
     pairs = forces.size * (forces.size + 1) // 2
     count = shapes.shape[1] - pairs
     modes = stretch_factors(history, body).T
