@@ -6,7 +6,7 @@ They stand first on the terminal, on the page and in the report, in the same wor
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from antiosc import Fall, History
 from antiosc.base.errors import NOTE, by_weight, weight
@@ -20,7 +20,7 @@ from antiosc.base.texts import (
 )
 from antiosc.extension import DEFLECTION, QUANTITIES, ErrorBudget, unknown_dent, yield_share
 from antiosc_app.headline import force_bar, with_force
-from antiosc_app.presentation import Rows
+from antiosc_app.presentation import Card, Rows
 
 if TYPE_CHECKING:
     from antiosc import Margin, PeakField
@@ -40,38 +40,25 @@ STRESS = "largest stress"
 MOST_ROWS, MOST_CAUTIONS = 8, 3
 
 
-class Card(NamedTuple):
-    """An answer: the question, the text, and of a verdict its kind."""
-
-    name: str
-    text: str
-    tone: str = ""
-
-
 def cards_of_history(
     hit: History, budget: ErrorBudget | None, fields: Mapping[str, PeakField] | None
 ) -> list[Card]:
-    """The answers of an impact of two bodies; `fields`: its `PeakField`s by quantity, None as long
-    as they are computed.
-    """
+    """The answers of an impact of two bodies."""
     force = force_bar(budget)
     hard = Card(FORCE, _shown(hit, budget, "peak_force"))
     far = Card(FAR, deflection_text(hit, budget))
     if fields is None:
         return [Card(BREAKS, "…"), hard, far, Card(STRESS, "…")]
-    margins = [
-        with_force(peak.worst_point, force)
+
+    has_bar = force is not None
+    judged = [
+        (with_force(peak.worst_point, force), peak.exposure is not None)
         for peak in fields.values()
-        if peak.worst_point is not None and peak.exposure is not None
+        if peak.worst_point is not None
     ]
-    told = [peak.worst_point for peak in fields.values() if peak.worst_point is not None]
-    stress = stress_text([with_force(one, force) for one in told], has_bar=force is not None)
-    return [
-        verdict(margins, dent_of(hit), has_bar=force is not None),
-        hard,
-        far,
-        Card(STRESS, stress),
-    ]
+    margins = [margin for margin, has_strength in judged if has_strength]
+    stress = stress_text([margin for margin, _ in judged], has_bar=has_bar)
+    return [verdict(margins, dent_of(hit), has_bar=has_bar), hard, far, Card(STRESS, stress)]
 
 
 def cards_of_fall(fall: Fall, worst: WorstField | None) -> list[Card]:

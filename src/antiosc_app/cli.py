@@ -88,59 +88,53 @@ def _run(arguments: Sequence[str] | None) -> int:
     try:
         return int(options.run(options))
     except AntioscError as error:
-        _print_error(error)
+        from antiosc_app.scene_file.document import SceneFileError
+
+        is_of_scene = isinstance(error, SceneFileError)  # it begins with the file's name
+        print_text(str(error) if is_of_scene else f"antiosc: {error}", sys.stderr)
         return 1
 
 
-def _print_error(error: AntioscError) -> None:
-    """Print an error on the first rank; errors of a scene file begin with the file's name."""
-    from antiosc_app.scene_file.document import SceneFileError
-
-    is_of_scene = isinstance(error, SceneFileError)
-    print_text(str(error) if is_of_scene else f"antiosc: {error}", sys.stderr)
+#: A name of `add_argument`, and its options.
+Argument = tuple[str, dict[str, Any]]
 
 
-#: The scene file of a command, and the options of commands as arguments of `add_argument`.
-FILE = ("file", {"metavar": "FILE", "help": "the scene file, such as scene.toml"})
-REPORT = (
-    "--report",
-    {
-        "metavar": "OUT.html",
-        "nargs": "?",
-        "const": "",
-        "help": "write a report: one page, one file (without a name: that of the scene, .html)",
-    },
-)
-OUT = ("--out", {"metavar": "FOLDER", "help": "where the files of [output] go"})
-VERBOSE = ("--verbose", {"action": "store_true", "help": "tell how it is computed, too"})
-READING: list[tuple[str, dict[str, Any]]] = [
-    ("--unit", {"metavar": "UNIT", "help": "of the file, as mm, in or m"}),
-    ("--size", {"type": float, "metavar": "METRES", "help": "largest cell of the mesh"}),
-    (
-        "--piece",
-        {
-            "type": int,
-            "metavar": "NUMBER",
-            "help": "of a part in several pieces the one that is read alone, 1 the largest",
-        },
-    ),
+def _argument(name: str, help: str, metavar: str | None = None, **options: Any) -> Argument:
+    """An argument of a command."""
+    given = {} if metavar is None else {"metavar": metavar}
+    return name, {"help": help, **given, **options}
+
+
+FILE = _argument("file", "the scene file, such as scene.toml", "FILE")
+ABOUT_REPORT = "write a report: one page, one file (without a name: that of the scene, .html)"
+REPORT = _argument("--report", ABOUT_REPORT, "OUT.html", nargs="?", const="")
+STUDY = [
+    FILE,
+    _argument("--out", "where the files of [output] go", "FOLDER"),
+    REPORT,
+    _argument("--verbose", "tell how it is computed, too", action="store_true"),
 ]
-STUDY = [FILE, OUT, REPORT, VERBOSE]
+ABOUT_PIECE = "of a part in several pieces the one that is read alone, 1 the largest"
+READING = [
+    _argument("--unit", "of the file, as mm, in or m", "UNIT"),
+    _argument("--size", "largest cell of the mesh", "METRES", type=float),
+    _argument("--piece", ABOUT_PIECE, "NUMBER", type=int),
+]
+ABOUT_COMPARE = "run the unreduced model too, if it takes at most so long"
 #: Command -> its arguments.
-ARGUMENTS: dict[str, list[tuple[str, dict[str, Any]]]] = {
+ARGUMENTS: dict[str, list[Argument]] = {
     "new": [
-        ("file", {"metavar": "FILE", "nargs": "?", "help": "the scene file (default: scene.toml)"}),
-        ("part", {"metavar": "PART", "nargs": "?", "help": "the mesh, CAD file or deck"}),
-        ("--drop", {"action": "store_true", "help": "a fall of PART onto a floor, not an impact"}),
-        ("--material", {"metavar": "NAME", "help": "of `antiosc materials` (default: steel S235)"}),
+        _argument("file", "the scene file (default: scene.toml)", "FILE", nargs="?"),
+        _argument("part", "the mesh, CAD file or deck", "PART", nargs="?"),
+        _argument("--drop", "a fall of PART onto a floor, not an impact", action="store_true"),
+        _argument("--material", "of `antiosc materials` (default: steel S235)", "NAME"),
         *READING,
     ],
     "open": [
-        ("part", {"metavar": "PART", "help": "the mesh, CAD file or deck"}),
-        ("--no-browser", {"action": "store_true", "help": "print the address alone"}),
+        _argument("part", "the mesh, CAD file or deck", "PART"),
+        _argument("--no-browser", "print the address alone", action="store_true"),
         *READING,
-        ("--contact", {"choices": ("tied", "apart"), "help": "what becomes of that of a deck"}),
-        ("--timeout", {"type": float, "metavar": "SECONDS", "help": "limit of reading the file"}),
+        _argument("--contact", "what becomes of that of a deck", choices=("tied", "apart")),
     ],
     "check": [FILE],
     "run": STUDY,
@@ -149,26 +143,16 @@ ARGUMENTS: dict[str, list[tuple[str, dict[str, Any]]]] = {
     "map": STUDY,
     "tradeoff": [
         FILE,
-        (
-            "--tol",
-            {"type": float, "help": "relative error of interest (default: of [strike])"},
-        ),
-        ("--limit", {"type": float, "metavar": "SECONDS", "help": "make no mesh that ends later"}),
-        ("--chart", {"metavar": "OUT.png", "help": "draw error against seconds"}),
-        (
-            "--compare",
-            {
-                "type": float,
-                "metavar": "SECONDS",
-                "help": "run the unreduced model too, if it takes at most so long",
-            },
-        ),
+        _argument("--tol", "relative error of interest (default: of [strike])", type=float),
+        _argument("--limit", "make no mesh that ends later", "SECONDS", type=float),
+        _argument("--chart", "draw error against seconds", "OUT.png"),
+        _argument("--compare", ABOUT_COMPARE, "SECONDS", type=float),
         REPORT,
     ],
     "export": [
         FILE,
-        ("out", {"metavar": "OUT", "help": "the file to write, .fmu or .c"}),
-        ("--fmi", {"type": int, "choices": (2, 3), "default": 2, "help": "version of an FMU"}),
+        _argument("out", "the file to write, .fmu or .c", "OUT"),
+        _argument("--fmi", "version of an FMU", type=int, choices=(2, 3), default=2),
     ],
 }
 
@@ -217,13 +201,9 @@ def _materials(options: argparse.Namespace) -> int:
     for name in matches:
         record = materials.record(name)
         print_text(f"{name:<38} {record.line}")
-        if part_of_name:
-            typical = (
-                f"typical, no source could be read: {record.typical}" if record.typical else ""
-            )
-            print_text(
-                "\n".join(f"    {text}" for text in (record.source, typical, record.note) if text)
-            )
+        typical = record.typical and f"typical, no source could be read: {record.typical}"
+        for text in filter(None, (record.source, typical, record.note) if part_of_name else ()):
+            print_text(f"    {text}")
     if not part_of_name:
         print_text("sources: antiosc materials NAME")
     return 0

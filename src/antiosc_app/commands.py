@@ -51,15 +51,9 @@ def _new(options: Namespace) -> int:
     part = options.part
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
         file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
-    path, sentences = new.write_scene(
-        file or "scene.toml",
-        part,
-        options.drop,
-        options.material,
-        options.unit,
-        options.size,
-        options.piece,
-    )
+    names = ("drop", "material", "unit", "size", "piece")
+    given = {name: getattr(options, name) for name in names}
+    path, sentences = new.write_scene(file or "scene.toml", part, **given)
     for sentence in sentences:
         print_text(sentence)
     print_text(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
@@ -70,15 +64,9 @@ def _open(options: Namespace) -> int:
     """Run `antiosc open`; returns the exit code."""
     from antiosc_app import view
 
-    view.until_interrupted(
-        options.part,
-        options.unit,
-        options.timeout,
-        options.size,
-        options.piece,
-        options.contact,
-        browser=not options.no_browser,
-    )
+    names = ("unit", "size", "piece", "contact")
+    given = {name: getattr(options, name) for name in names}
+    view.until_interrupted(options.part, not options.no_browser, **given)
     return 0
 
 
@@ -131,10 +119,6 @@ WORST = (
     "force, all: bars without the error of the contact law; all, to finest: the largest of those of"
     " peak force, impulse and contact time."
 )
-#: What is said of a trade-off that is ended before its end.
-ENDED = (
-    "Ended after {} methods, which are not compared with a finest one: none is the cheapest yet."
-)
 #: Sections that have no place beside [strike]; keys that it shares with [simulate].
 NOT_STRUCK = {"extract", "simulate", "sweep", "map", "monte_carlo", "probes", "stress"}
 OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
@@ -150,21 +134,14 @@ def _tradeoff(options: Namespace) -> int:
     arguments |= {name: value for name, value in given.items() if value is not None}
     from antiosc.extension import line_of  # needs dolfinx
 
-    finished: list[TradeoffMember] = []
+    print_text(f"As they are computed:\n{line_of()}")
 
     def ready(member: TradeoffMember) -> None:
-        if not finished:
-            print_text(f"As they are computed:\n{line_of()}")
-        finished.append(member)
         print_text(line_of(member.cells()))
 
-    try:
-        with run.collected_warnings(scene.warnings):
-            call = Call(antiosc.tradeoff, arguments | {"ready": ready})
-            tradeoff = Evaluation(scene.document)(call)
-    except (KeyboardInterrupt, SystemExit):
-        print_text(ENDED.format(len(finished)))
-        raise
+    arguments["ready"] = ready
+    with run.collected_warnings(scene.warnings):
+        tradeoff = Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
     print_text(f"\n{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
     for sentence in scene.warnings:
         print_text(labelled(sentence), sys.stderr)
@@ -269,10 +246,4 @@ def _stopped_early(computed: run.SceneResults) -> bool:
     return STOPPED in (getattr(computed.history, "status", 0), *statuses)
 
 
-_OTHERS = {
-    "new": _new,
-    "open": _open,
-    "check": _check,
-    "tradeoff": _tradeoff,
-    "export": _export,
-}
+_OTHERS = {"new": _new, "open": _open, "check": _check, "tradeoff": _tradeoff, "export": _export}

@@ -38,16 +38,6 @@ OWN = "own material"
 #: Floors: rigid, or a half-space of a material.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)
-#: Soft layers on a floor: name -> modulus [Pa] and loss factor. Typical of what is sold, whose
-#: modulus may be 0.4 to 2 times as large (recalled, no source could be read).
-LAYERS: dict[str, Table] = {
-    "none": {},
-    "cork": {"E": 12e6, "loss": 0.15},
-    "rubber granulate": {"E": 1.5e6, "loss": 0.15},
-    "polyethylene foam": {"E": 0.4e6, "loss": 0.2},
-}
-#: First thickness of a layer [m].
-LAYER = 0.02
 #: Keys that fields of the page change, by section; no other is taken, and none names a file.
 EDITABLE: dict[str, frozenset[str]] = {
     "geometry": frozenset({"size"}),
@@ -61,10 +51,7 @@ EDITABLE: dict[str, frozenset[str]] = {
         {"radius", "tip_radius", "mass", "velocity", "name", "E", "nu", "rho", "yield_strength"}
     ),
     "simulate": frozenset({"duration"}),
-    "drop": frozenset(
-        {"height", "tilt", "toward", "corner_radius", "damping", "floor.friction"}
-        | {"floor.layer.thickness", "floor.layer.E"}
-    ),
+    "drop": frozenset({"height", "tilt", "toward", "corner_radius", "damping", "floor.friction"}),
 }
 #: Keys without a value that a scene takes as "auto".
 AUTOMATIC = {"sites": "radius", "extract": "n", "simulate": "duration"}
@@ -101,7 +88,6 @@ class EditedScene:
         if held:
             self._hold(impact)
         self._past: list[State] = []
-        self._future: list[State] = []
 
     @property
     def falls(self) -> bool:
@@ -128,7 +114,6 @@ class EditedScene:
             "held": list(self._state.held),
             "falls": self.falls,
             "undo": bool(self._past),
-            "redo": bool(self._future),
         }
 
     @property
@@ -141,17 +126,8 @@ class EditedScene:
 
     def undo(self) -> None:
         """Go one change back."""
-        self._go(self._past, self._future)
-
-    def redo(self) -> None:
-        """Take the change that was undone."""
-        self._go(self._future, self._past)
-
-    def _go(self, source: list[State], target: list[State]) -> None:
-        """Take the last state of a list; the present one goes to the other."""
-        if source:
-            target.append(self._state)
-            self._state = source.pop()
+        if self._past:
+            self._state = self._past.pop()
 
     def change(self, values: Table, stressed: Sequence[float] = (), cells: float = 0.0) -> None:
         """Take a change of the page; InputError if the scene would have a mistake: it stays as it
@@ -170,12 +146,13 @@ class EditedScene:
             self._state = before
             raise
         self._past = [*self._past, before][-MOST_UNDO:]
-        self._future = []
 
     def _take(self, name: str, value: Any, stressed: Sequence[float], cells: float) -> None:
         """One change by its name."""
         if name == "set":
-            for place, entry in _pairs(value):
+            if not isinstance(value, dict):
+                raise InputError("a change is a table of places and values.")
+            for place, entry in value.items():
                 self._set(place, entry)
         elif name == "hold":
             self._toggle(value)
@@ -187,14 +164,7 @@ class EditedScene:
             self._make_of("impactor", value)
         elif name == "onto":
             floor = self._state.fall["drop"].setdefault("floor", {})
-            floor.pop("layer", None)
             _put(floor, "material", None if value == RIGID_FLOOR else _one_of(value, MATERIALS))
-        elif name == "layer":
-            floor = self._state.fall["drop"].setdefault("floor", {})
-            layer = LAYERS[_one_of(value, LAYERS)]
-            if layer:  # it takes the place of the material
-                floor.pop("material", None)
-            _put(floor, "layer", {"thickness": LAYER, **layer} if layer else None)
         elif name == "finer":
             self._refine(stressed, cells)
         else:
@@ -205,7 +175,8 @@ class EditedScene:
         section, _, key = place.partition(".")
         if key not in EDITABLE.get(section, ()):
             raise InputError(f"the page does not change {checks.shown(place)}.")
-        if value is None and AUTOMATIC.get(section) == key and self._chooses(section):
+        has_patch = section != "sites" or self._look.family == "Solid"
+        if value is None and AUTOMATIC.get(section) == key and has_patch:
             value = AUTO
         for table in self._tables(section):
             *inner, last = key.split(".")
@@ -215,10 +186,6 @@ class EditedScene:
         if place == "sites.point" and "refine" in self._state.impact.get("geometry", {}):
             refine = self._state.impact["geometry"]["refine"]  # the fine cells follow the site
             self._state.impact["geometry"]["refine"] = [[list(value), refine[0][1]]]
-
-    def _chooses(self, section: str) -> bool:
-        """Whether a run chooses a missing key of a section: beams and sheets have no patch."""
-        return section != "sites" or self._look.family == "Solid"
 
     def _tables(self, section: str) -> list[Table]:
         """The tables of a section, of impact and fall, which share the part."""
@@ -313,13 +280,6 @@ def _first(path: Path, look: Inspection, drop: bool) -> Table:
     if drop and look.of_deck:
         sections["deck"]["free"] = True
     return sections
-
-
-def _pairs(value: object) -> list[tuple[str, Any]]:
-    """The places and values of a change."""
-    if not isinstance(value, dict) or not all(isinstance(place, str) for place in value):
-        raise InputError("a change is a table of places and values.")
-    return list(value.items())
 
 
 def _one_of(value: object, names: Any) -> str:

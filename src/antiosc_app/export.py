@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from antiosc import Contact, ContactLaw, LinearBody, Motion, Scene
+from antiosc import Contact, LinearBody, Motion, Scene
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.extension import SceneParts
@@ -34,16 +34,10 @@ def export(
 ) -> None:
     """Write an impact, a scene, or a model alone for another program.
 
-    ==========  ==================================================================================
-    ending      content
-    ==========  ==================================================================================
-    ``.fmu``    FMI 2.0 or 3.0 for co-simulation, with C sources and the available binaries. An
-    impact
-                or a scene runs by itself and gives forces and motions. A model alone is a port:
-                forces on its sites are inputs, their motions outputs; its motion under them is
-                exact.
-    ``.c``      The same as one C99 file without dependencies, for controllers.
-    ==========  ==================================================================================
+    A file named ``.fmu`` is one of FMI 2.0 or 3.0 for co-simulation, with C sources and the
+    available binaries: an impact or a scene runs by itself and gives forces and motions; a model
+    alone is a port, whose inputs are the forces on its sites and its outputs their motions. ``.c``
+    is the same as one C99 file without dependencies, for controllers.
 
     Parameters
     ----------
@@ -74,8 +68,7 @@ def export(
     target = Path(file)
     if duration is not None:
         duration = checks.positive("duration", duration, "s")
-    law = _law(exported, impactor, contact)
-    scene = _scene(exported, impactor, law, initial_velocity, gravity, gap)
+    scene = _scene(exported, impactor, contact, initial_velocity, gravity, gap)
 
     tol = checks.tolerance(tol)
     if scene is not None:
@@ -96,45 +89,31 @@ def ending_of(path: str | os.PathLike[str]) -> str:
     return ending
 
 
-def _law(source: object, impactor: LinearBody | None, contact: AnyLaw | None) -> ContactLaw | None:
-    """The law of an impact; None for a model alone or a scene."""
-    if impactor is None:
-        if contact is not None and not is_auto(contact):
-            raise InputError("a contact needs an impactor: give both, or neither.")
-        return None
-    if isinstance(source, SceneParts):
-        raise InputError("a Scene has its bodies and contacts; give no impactor with it.")
-    return law_of(AUTO if contact is None else contact, source, impactor)
-
-
 def _scene(
     source: LinearBody | SceneParts,
     impactor: LinearBody | None,
-    contact: ContactLaw | None,
-    initial_velocity: float | Motion,
+    contact: AnyLaw | None,
+    initial: float | Motion,
     gravity: float | Sequence[float],
     gap: float | None,
 ) -> SceneParts | None:
     """The scene of an impact; None for a model alone."""
+    if impactor is None:
+        if contact is not None and not is_auto(contact):
+            raise InputError("a contact needs an impactor: give both, or neither.")
+        return source if isinstance(source, SceneParts) else None
     if isinstance(source, SceneParts):
-        return source
-    if impactor is None or contact is None:
-        return None
-    motion = _motion(source, initial_velocity)
+        raise InputError("a Scene has its bodies and contacts; give no impactor with it.")
+
+    law = law_of(AUTO if contact is None else contact, source, impactor)
+    if not isinstance(initial, Motion):  # a number > 0 closes the gap
+        initial = -checks.number("initial_velocity", initial, "m/s")
+        modes = checked_body("model", source).modal()
+        if modes.direction is not None and modes.inertia is not None:
+            initial = Motion(tuple(float(initial * x) for x in modes.direction))
     return Scene(
         {"structure": source, "impactor": impactor},
-        [Contact("structure", "impactor", contact, gap)],
+        [Contact("structure", "impactor", law, gap)],
         gravity=gravity,
-        motion={} if motion == 0 else {"structure": motion},
+        motion={} if initial == 0 else {"structure": initial},
     )
-
-
-def _motion(model: LinearBody, initial: float | Motion) -> float | Motion:
-    """The initial motion of the structure in a scene; a number > 0 closes the gap."""
-    if isinstance(initial, Motion):
-        return initial
-    speed = checks.number("initial_velocity", initial, "m/s")
-    modes = checked_body("model", model).modal()
-    if modes.direction is None or modes.inertia is None:
-        return -speed
-    return Motion(tuple(float(-speed * x) for x in modes.direction))

@@ -12,7 +12,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, percent, plain, point_text
 from antiosc_app.cards import bar_of_fall
-from antiosc_app.headline import WIDE, Headline, stress_sentences
+from antiosc_app.headline import WIDE, stress_sentences
 from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_studies.drops.fall import WorstField
@@ -45,8 +45,8 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
     part = geometry(points, faces)
     if worst is not None:
         nearest = cKDTree(worst.points - fall.body.centre).query(points)[1]
-        part["values"] = np.minimum(worst.values / (_top(worst) or 1.0), 1.0)[nearest]
-        part["values"] = part["values"].astype(np.float32)
+        values = np.minimum(worst.values / (_top(worst) or 1.0), 1.0)
+        part["values"] = values[nearest].astype(np.float32)
     return {
         "fall": {
             "part": part,
@@ -116,44 +116,24 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     }
 
 
-def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
-    """The headline of a fall: the part, the strongest impact, and whether the part survives."""
+def sentences_of_fall(fall: Fall, worst: WorstField | None) -> list[str]:
+    """How the answers of a fall were found."""
     height = engineering(fall.setting.height, "m")
-    floor = floor_text(fall)
-    about = f"A part of {engineering(fall.body.mass, 'kg')} falls from {height} onto {floor}."
-    hardest = fall.hardest
-    if hardest is None:
-        return Headline(about, [("impacts", "none")], [f"{fall.message}."])
-    strongest = fall.impacts[hardest]
-    numbers = [("impacts", f"{len(fall.impacts)}"), ("hardest", f"impact {hardest + 1}")]
-    for name, unit in NUMBERS[:3]:
-        value = engineering(getattr(strongest, name), unit)
-        if name == "peak_force" and strongest.law_error:
-            value += f" ± {percent(strongest.law_error)}"
-        numbers.append((name.replace("_", " "), value))
-    lost = float(fall.impacts.column("lost").sum())
-    numbers.append(("lost in all", engineering(lost, "J")))
-    sentences = [fall.flat, fall.contact_verdict, *fall.notes, f"the fall ended: {fall.message}"]
+    about = f"A part of {engineering(fall.body.mass, 'kg')} falls from {height}"
+    told = [about, fall.flat]
     if worst is not None and worst.exposure is not None:
-        sentences[1:1] = stress_sentences({worst.quantity: worst}, bar_of_fall(fall, worst))
-    told = [f"{capitalised(one.rstrip('.'))}." for one in dict.fromkeys(sentences) if one]
-    return Headline(about, numbers, told, caution=caution_of_fall(fall, hardest))
+        told += stress_sentences({worst.quantity: worst}, bar_of_fall(fall, worst))
+
+    told += [fall.contact_verdict, *fall.notes, f"the fall ended: {fall.message}"]
+    return [f"{capitalised(one.rstrip('.'))}." for one in dict.fromkeys(told) if one]
 
 
-def caution_of_fall(fall: Fall, hardest: int) -> str:
+def caution_of_fall(fall: Fall) -> str:
     """What must be read before the numbers: the bar of the hardest impact is missing or wide."""
-    if reason := fall.no_bar(hardest):
+    if fall.hardest is None:
+        return ""
+    if reason := fall.no_bar(fall.hardest):
         return f"There is no error bar: {reason}."
 
-    bar = fall.impacts[hardest].law_error or 0.0
+    bar = fall.impacts[fall.hardest].law_error or 0.0
     return f"The force is a rough one, ± {percent(bar)}." if bar >= WIDE else ""
-
-
-def floor_text(fall: Fall) -> str:
-    """Text of the floor."""
-    floor = fall.setting.floor
-    if floor.layer is not None:
-        return f"a soft layer of {engineering(floor.layer.thickness, 'm')}"
-    if isinstance(floor.material, str):
-        return f"a floor of {floor.material}"
-    return "a rigid floor" if floor.rigid else "an elastic floor"

@@ -99,85 +99,46 @@ def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
             yield number, causality, variable
 
 
-def _units(root: ET.Element) -> None:
-    """Add the definitions of units."""
-    units = ET.SubElement(root, "UnitDefinitions")
-    for name, base in _UNITS.items():
-        powers = {unit: str(power) for unit, power in base.items()}
-        ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", powers)
-
-
-def _experiment(root: ET.Element, data: RunData) -> None:
-    """Add the default experiment."""
-    ET.SubElement(
-        root,
-        "DefaultExperiment",
-        startTime="0",
-        stopTime=repr(float(data.duration)),
-        tolerance=repr(float(data.options[1])),
-        stepSize=repr(float(data.duration) / 1000),
-    )
-
-
 def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
     """The XML of modelDescription.xml; versions 2 and 3 differ in nesting and attributes."""
     is_fmi2 = fmi == 2
-    root = ET.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": f"{fmi}.0",
-            "modelName": title,
-            "guid" if is_fmi2 else "instantiationToken": data.token,
-            "description": "an impact on anti-oscillators, or a port of a linear structure",
-            "generationTool": f"antiosc {__version__}",
-            "variableNamingConvention": "flat",
-            **({"numberOfEventIndicators": "0"} if is_fmi2 else {}),
-        },
-    )
+    attributes = {
+        "fmiVersion": f"{fmi}.0",
+        "modelName": title,
+        "guid" if is_fmi2 else "instantiationToken": data.token,
+        "description": "an impact on anti-oscillators, or a port of a linear structure",
+        "generationTool": f"antiosc {__version__}",
+        "variableNamingConvention": "flat",
+    }
+    if is_fmi2:
+        attributes["numberOfEventIndicators"] = "0"
+    root = ET.Element("fmiModelDescription", attributes)
+
     state = "FMUstate" if is_fmi2 else "FMUState"
-    abilities = ["canHandleVariableCommunicationStepSize", f"canGetAndSet{state}"]
-    abilities.append(f"canSerialize{state}")
+    abilities = ["canHandleVariableCommunicationStepSize"]
+    abilities += [f"canGetAndSet{state}", f"canSerialize{state}"]
     if is_fmi2:
         abilities.append("canNotUseMemoryManagementFunctions")
         abilities += ["canInterpolateInputs"] if data.input_variables else []
-    abilities_of = {"modelIdentifier": name, **dict.fromkeys(abilities, "true")}
-    slave = ET.SubElement(root, "CoSimulation", abilities_of)
+    of_slave = {"modelIdentifier": name, **dict.fromkeys(abilities, "true")}
+    slave = ET.SubElement(root, "CoSimulation", of_slave)
     if is_fmi2:
         source_files = ET.SubElement(slave, "SourceFiles")
         for unit in UNITS:
             ET.SubElement(source_files, "File", name=unit)
-    _units(root)
-    _experiment(root, data)
-    variables = ET.SubElement(root, "ModelVariables")
 
-    def variable(attributes: dict[str, str], unit: str, start: str = "") -> None:
-        unit_and_start = {"unit": unit, **({"start": start} if start else {})}
-        if is_fmi2:
-            ET.SubElement(
-                ET.SubElement(variables, "ScalarVariable", attributes), "Real", unit_and_start
-            )
-        else:
-            ET.SubElement(variables, "Float64", {**attributes, **unit_and_start})
+    units = ET.SubElement(root, "UnitDefinitions")
+    for unit, base in _UNITS.items():
+        powers = {base_unit: str(power) for base_unit, power in base.items()}
+        ET.SubElement(ET.SubElement(units, "Unit", name=unit), "BaseUnit", powers)
+    experiment = {"startTime": 0, "stopTime": float(data.duration)}
+    experiment |= {"tolerance": float(data.options[1]), "stepSize": float(data.duration) / 1000}
+    told = {key: repr(value) for key, value in experiment.items()}
+    ET.SubElement(root, "DefaultExperiment", told)
+    _add_variables(root, data, is_fmi2)
 
-    if not is_fmi2:  # version 2 needs none, and masters ask for a start value of whatever is there
-        time = {"name": "time", "valueReference": "0", "causality": "independent"}
-        variable({**time, "variability": "continuous"}, "s")
-    outputs = []
-    for number, causality, variable_of_run in _variables(data):
-        fixed = "fixed" if causality == "parameter" else "continuous"
-        attributes = {
-            "name": variable_of_run.name,
-            "valueReference": str(number),
-            "description": variable_of_run.description,
-            "causality": causality,
-            "variability": fixed,
-        }
-        if causality == "output":
-            outputs.append(number)
-            variable({**attributes, "initial": "calculated"}, variable_of_run.unit)
-        else:
-            variable(attributes, variable_of_run.unit, repr(float(variable_of_run.start)))
     structure = ET.SubElement(root, "ModelStructure")
+    outputs = [number for number, causality, _ in _variables(data) if causality == "output"]
     for group in ("Output", "InitialUnknown"):
         unknowns = ET.SubElement(structure, f"{group}s") if is_fmi2 else structure
         for number in outputs:
@@ -186,6 +147,32 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
             else:
                 ET.SubElement(unknowns, group, valueReference=str(number))
     return root
+
+
+def _add_variables(root: ET.Element, data: RunData, is_fmi2: bool) -> None:
+    """Add the variables; of version 3 time, too: masters ask for a start value of what is there."""
+    variables = ET.SubElement(root, "ModelVariables")
+    if not is_fmi2:
+        time = {"name": "time", "valueReference": "0", "causality": "independent"}
+        ET.SubElement(variables, "Float64", {**time, "variability": "continuous", "unit": "s"})
+
+    for number, causality, variable in _variables(data):
+        attributes = {
+            "name": variable.name,
+            "valueReference": str(number),
+            "description": variable.description,
+            "causality": causality,
+            "variability": "fixed" if causality == "parameter" else "continuous",
+        }
+        value = {"unit": variable.unit}
+        if causality == "output":
+            attributes["initial"] = "calculated"
+        else:
+            value["start"] = repr(float(variable.start))
+        if is_fmi2:
+            ET.SubElement(ET.SubElement(variables, "ScalarVariable", attributes), "Real", value)
+        else:
+            ET.SubElement(variables, "Float64", attributes | value)
 
 
 def _build_description(name: str) -> ET.Element:
@@ -211,11 +198,7 @@ def sources() -> dict[str, str]:
 
 
 def binaries() -> dict[str, bytes]:
-    """Platform -> library: the one in use, and those that were built for other platforms.
-
-    `packaging/library.py --fmu` builds the others into the folder `binaries`; those built from
-    other sources are left out.
-    """
+    """Platform -> library: the one in use, and those that were built for other platforms."""
     libraries = {library.platform(): library.FILE.read_bytes()}
     sources = library.library.aom_source_hash()
     for name, (_, ending) in PLATFORMS.items():

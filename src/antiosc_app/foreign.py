@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
@@ -16,7 +17,6 @@ import numpy as np
 import antiosc
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import (
-    AntioscWarning,
     InputError,
     NotTakenWarning,
     PiecesError,
@@ -57,6 +57,8 @@ MOST_SOLIDS = 40
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
 #: Cards of decks that give elements a material.
 MODEL_CARD = re.compile(rb"^\s*(\*(material|\w+ ?\w* section)\b|mat(1|2|8|9)\b[*,\s])", re.I | re.M)
+#: A card of contact between pieces.
+CONTACT_CARD = re.compile(rb"^\s*\*contact ?pair\b", re.I | re.M)
 #: Argument -> what it does to a part, in words.
 OPTIONS = {
     "fragments": "its solids are joined where they touch (fragments).",
@@ -68,58 +70,41 @@ OPTIONS = {
 
 @dataclass(frozen=True)
 class ForeignPart:
-    """A part, and how it was read.
-
-    Attributes
-    ----------
-    read : arguments of `read_mesh`, or of `read_model`, besides the file.
-    meshed : whether the file is a geometry that is meshed here.
-    structure : structure of a deck with a model.
-    notes : what was decided, one sentence each.
-    pieces : if the part is in several pieces, these, the largest first.
-    inferred : whether the unit of a deck is inferred from its materials.
-    """
+    """A part, and how it was read; `read` are the arguments of `read_mesh` or `read_model`."""
 
     mesh: Mesh
     read: Read
-    structure: Structure | None = None
-    notes: list[str] = field(default_factory=list)
-    pieces: Sequence[Piece] = ()
-    inferred: bool = False
-    meshed: bool = False
+    structure: Structure | None = None  # of a deck with a model
+    notes: list[str] = field(default_factory=list)  # what was decided, one sentence each
+    pieces: Sequence[Piece] = ()  # the largest first
+    inferred: bool = False  # whether the unit of a deck is inferred from its materials
+    meshed: bool = False  # whether the file is a geometry that is meshed here
 
 
 def foreign_part(
     path: Path,
     free: bool = False,
     unit: str | None = None,
-    timeout: float | None = None,
     size: float | None = None,
     contact: str | None = None,
     alone: Read | None = None,
 ) -> ForeignPart:
-    """Read or mesh a part; `free`: a deck without supports; `unit`: unit of the file, if known.
-
-    `timeout` [s]: limit of each reading. `size` [m]: largest cell; None: by the size of a geometry,
-    that of the cells of a mesh or a deck. `contact`: what becomes of the contact of a deck, "tied"
-    or "apart". `alone`: how one piece is read (`way_of_piece`).
-
-    Raises
-    ------
-    AntioscError
-        It cannot be read.
-    """
+    """Read or mesh a part."""
     with finite_element_packages():
         importlib.import_module("antiosc.fem.mesh")
-    limit: Read = {} if timeout is None else {"timeout": timeout}
     if is_deck(path):
-        given = {"free": free or None, "contact": contact, "size": size, **(alone or {})}
+        has_contact = alone is None and bool(CONTACT_CARD.search(path.read_bytes()))
+        told = contact or ("tied" if has_contact else None)  # as without it, but told
+        given = {"free": free or None, "contact": told, "size": size, **(alone or {})}
         given = {key: value for key, value in given.items() if value is not None}
-        return _of_deck(path, limit | given, unit)
+        part = _of_deck(path, given, unit)
+        if contact is None and "piece" in part.read:  # nothing could be tied
+            part.read.pop("contact", None)
+        return part
     if contact is not None:
         raise InputError(f"{path.name} is no deck with contact: leave contact away.")
     with without_warnings():
-        return _of_mesh(path, unit, limit, size, alone)
+        return _of_mesh(path, unit, size, alone)
 
 
 def is_deck(path: Path) -> bool:
@@ -142,23 +127,21 @@ def unit_of_length(length: float) -> str:
 # --- Meshes and geometries ------------------------------------------------------------------------
 
 
-def _of_mesh(
-    path: Path, unit: str | None, limit: Read, size: float | None, alone: Read | None
-) -> ForeignPart:
+def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | None) -> ForeignPart:
     """Read a mesh, or mesh a geometry; `size` [m] of its cells, if it is given."""
     from antiosc.extension import usual_size
     from antiosc.io.cad import STATES_UNIT
     from antiosc.io.facets import SURFACES
 
     suffix = path.suffix.lower()
-    read: Read = limit | ({} if unit is None else {"unit": unit})
+    read: Read = {} if unit is None else {"unit": unit}
     is_unknown = unit is None and suffix not in STATES_UNIT
     ways: list[Read] = [{}, *({"cells": dim} for dim in (3, 2, 1))]
     pieces: Sequence[Piece] = ()
     notes: list[str] = []
 
     if suffix in GEOMETRIES or suffix in SURFACES:
-        contents, read = _opened(path, read, limit, is_unknown)
+        contents, read = _opened(path, read, is_unknown)
         pieces = contents.pieces
         ways = _ways_of(contents, suffix in GEOMETRIES, notes)
         ways = ways if alone is None else [alone]
@@ -202,11 +185,11 @@ def _of_mesh(
     return ForeignPart(mesh, read, None, notes, pieces, meshed=meshed)
 
 
-def _opened(path: Path, read: Read, limit: Read, is_unknown: bool) -> tuple[FileMesh, Read]:
+def _opened(path: Path, read: Read, is_unknown: bool) -> tuple[FileMesh, Read]:
     """(box, groups and solids of a geometry in m, arguments with its unit)."""
     from antiosc.io.reading import outline
 
-    contents = outline(path, **limit)
+    contents = outline(path)
     if is_unknown:
         read = read | {"unit": unit_of_length(float(np.ptp(contents.points, axis=0).max()))}
     factor = UnitSystem.of(read.get("unit", "m")).length
@@ -231,9 +214,7 @@ def _ways_of(contents: FileMesh, is_geometry: bool, notes: list[str]) -> list[Re
 def _first(
     path: Path, read: Read, ways: list[Read]
 ) -> tuple[Mesh, Read, Sequence[Piece], list[str]]:
-    """(mesh, options, pieces, what was told) of the first of the ways that works, each whole, then
-    its largest piece; else the first error.
-    """
+    """(mesh, options, pieces, what was told) of the first of the ways that works."""
     reason: InputError | None = None
     pieces: Sequence[Piece] = ()
     for way in ways:
@@ -283,28 +264,24 @@ def _of_deck(path: Path, options: Read, unit: str | None) -> ForeignPart:
 
     members = with_parts(structure).members()
     mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
-    notes = [*structure.plausibility.get("doubts", ()), *map(str, filter(_is_decision, told))]
+    decided = (one for one in told if getattr(one, "category", None) is not NotTakenWarning)
+    notes = [*structure.plausibility.get("doubts", ()), *map(str, decided)]
     pieces = pieces or more
     notes += [] if pieces else _of_piece(read, pieces)  # what was told lists the pieces
     return ForeignPart(mesh, read, structure, [*dict.fromkeys(notes)], pieces, unit is None)
 
 
-def _is_decision(message: str) -> bool:
-    """Whether a warning is of what was decided, not of what was not taken."""
-    return not issubclass(getattr(message, "category", AntioscWarning), NotTakenWarning)
-
-
 def _completed(
     reader: Callable[..., T], read: Read, told: list[str]
 ) -> tuple[T, Read, Sequence[Piece]]:
-    """(what `reader` makes of a deck, its arguments, pieces): what a deck does not state is that of
-    steel, of loose pieces the largest is read; else the first error.
-
-    `told` gets the warnings of the last reading.
-    """
+    """(what `reader` makes of a deck, its arguments, pieces); unstated ones are of steel."""
     reason: InputError | None = None
     pieces: Sequence[Piece] = ()
-    for further in _further(read):
+    pieces_read: list[Read] = [{}] if "piece" in read else [{}, {"piece": 1}]
+    constants: list[Read] = [{}, {"density": STEEL["rho"]}]
+    constants.append({"density": STEEL["rho"], "modulus": STEEL["E"]})
+    for stated, piece in product(constants, pieces_read):
+        further = {**piece, **stated}
         told.clear()
         try:
             with warnings_to(told.append):
@@ -316,20 +293,8 @@ def _completed(
     raise reason
 
 
-def _further(read: Read) -> Iterator[Read]:
-    """Yield arguments to be tried beside those given, from none to all."""
-    pieces: list[Read] = [{}] if "piece" in read else [{}, {"piece": 1}]
-    stated: list[Read] = [{}, {"density": STEEL["rho"]}]
-    stated.append({"density": STEEL["rho"], "modulus": STEEL["E"]})
-    for constants in stated:
-        for piece in pieces:
-            yield {**piece, **constants}
-
-
 def unit_of_materials(families: Sequence[Any], length: float) -> str:
-    """The unit of a deck read in mm: the first in which most of its materials are real ones; by its
-    longest side `length` [m] where it states none.
-    """
+    """The unit of a deck read in mm: the first in which most of its materials are real ones."""
     values = np.array([_modulus_and_density(family) for family in families])
     read = UnitSystem.of("mm")
     values /= [read.stress, read.density]

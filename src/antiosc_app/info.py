@@ -1,4 +1,4 @@
-"""Packages of this installation: versions, BLAS, solvers, and how to get missing ones."""
+"""Packages of this installation: versions, solvers, and how to get missing ones."""
 
 from __future__ import annotations
 
@@ -8,29 +8,50 @@ import importlib.util
 import platform
 import subprocess
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from antiosc.base import process
-from antiosc.base.process import loading, restored, start_petsc
+from antiosc.base.process import loading, restored
 
 #: Remark on a package that is installed but cannot be imported.
 BROKEN = "fails to load"
 
 
-@dataclass(frozen=True)
-class Package:
-    """A package that antiosc can use."""
+class Package(NamedTuple):
+    """A package that antiosc can use; structures with a mesh need it if `meshes`."""
 
-    name: str  # its usual spelling
-    module: str  # the module that is imported
-    debian: str  # name of its Debian package
-    conda: str  # name on conda-forge
-    pypi: str  # name on PyPI; empty: not there for all systems
-    version: Callable[[], str]  # called only where the module is installed
-    meshes: bool = True  # structures with a mesh need it
+    name: str
+    module: str
+    meshes: bool
+    version: Callable[[], str] | None = None
+
+    @property
+    def debian(self) -> str:
+        """Name of its Debian package."""
+        return f"python3-{self.module}{'-real' if self.module in OF_DEBIAN else ''}"
+
+    @property
+    def conda(self) -> str:
+        """Name on conda-forge."""
+        return CONDA.get(self.module, self.module)
+
+    @property
+    def pypi(self) -> str:
+        """Name on PyPI; "" if it is not there for all systems."""
+        return "" if self.module in (*OF_DEBIAN, "mpi4py") else self.module
+
+
+#: Packages that PyPI does not have, and names on conda-forge that differ from the module.
+OF_DEBIAN = ("dolfinx", "petsc4py", "slepc4py")
+CONDA = {
+    "gmsh": "python-gmsh",
+    "dolfinx": "fenics-dolfinx",
+    "matplotlib": "matplotlib-base",
+    "petsc4py": '"petsc=*=real_*" petsc4py',
+}
 
 
 def version() -> str:
@@ -49,10 +70,17 @@ def packages_found() -> dict[Package, str]:
         try:
             with loading(), restored():
                 spec = importlib.util.find_spec(package.module)
-                versions[package] = package.version() if spec else ""
+                versions[package] = _version_of(package) if spec else ""
         except Exception as error:  # an installed package can fail in any way: say so and go on
             versions[package] = f"{BROKEN}: {error}"
     return versions
+
+
+def _version_of(package: Package) -> str:
+    """The version of a package that is installed."""
+    if package.version is not None:
+        return package.version()
+    return str(importlib.import_module(package.module).__version__)
 
 
 def meshes_work() -> bool:
@@ -63,24 +91,19 @@ def meshes_work() -> bool:
 
 def report() -> str:
     """Text of versions, BLAS, threads, PETSc's solvers, and missing packages with a remedy."""
-    rows = [
-        ("antiosc", version()),
-        ("Python", f"{platform.python_version()}  {sys.executable}"),
-    ]
+    rows = [("antiosc", version()), ("Python", f"{platform.python_version()}  {sys.executable}")]
     remarks = []
-    for package, version_found in packages_found().items():
-        rows.append(
-            (
-                package.name,
-                BROKEN if version_found.startswith(BROKEN) else version_found or "missing",
-            )
-        )
-        if version_found.startswith(BROKEN):
-            remarks.append(f"{package.name} is installed but {version_found}")
-    absent = [package for package, version_found in packages_found().items() if not version_found]
-    rows += [("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"), ("CHOLMOD", _cholmod())]
-    rows += [("threads", _threads())]
-    rows.append(("BLAS", blas()))
+    for package, found in packages_found().items():
+        is_broken = found.startswith(BROKEN)
+        rows.append((package.name, BROKEN if is_broken else found or "missing"))
+        if is_broken:
+            remarks.append(f"{package.name} is installed but {found}")
+
+    rows.append(("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"))
+    rows += [("CHOLMOD", _cholmod()), ("BLAS", blas())]
+    rows.append(("threads", f"{process.cores()} cores, {process.free_cores()} free"))
+
+    absent = [package for package, found in packages_found().items() if not found]
     if absent:
         names = ", ".join(package.name for package in absent)
         remarks.append(f"Missing: {names}. Remedy: {remedy(absent, installation())}")
@@ -97,13 +120,11 @@ def installation() -> str:
         return "conda"
     if not Path("/etc/debian_version").is_file():
         return "pip"
-    is_debian = "/usr/lib/python3/dist-packages" in sys.path
-    if sys.base_prefix == "/usr" and is_debian:
-        return "debian"
-    return "venv"
+    is_debian = sys.base_prefix == "/usr" and "/usr/lib/python3/dist-packages" in sys.path
+    return "debian" if is_debian else "venv"
 
 
-def remedy(missing: list[Package], kind: str) -> str:
+def remedy(missing: Sequence[Package], kind: str) -> str:
     """The command that installs missing packages in an installation of this kind."""
     if kind == "conda":
         names = sorted({package.conda for package in missing})
@@ -111,16 +132,19 @@ def remedy(missing: list[Package], kind: str) -> str:
     debian = f"sudo apt install {' '.join(sorted({package.debian for package in missing}))}"
     if kind == "debian":
         return debian
+
     pip = [package.pypi for package in missing if package.pypi]
     commands = [f"pip install {' '.join(dict.fromkeys(pip))}"] if pip else []
-    if len(pip) < len(missing):
-        elsewhere = "conda (conda-forge), or the container of packaging/Dockerfile"
-        if kind == "venv":
-            elsewhere = f"{debian}, and an environment of Debian's Python: "
-            elsewhere += "/usr/bin/python3 -m venv --system-site-packages"
-        elif sys.platform == "win32":
-            elsewhere = "WSL with Debian, or the container of packaging/Dockerfile"
-        commands.append(f"for meshes {elsewhere}")
+    if len(pip) < len(missing) and kind == "venv":
+        environment = "/usr/bin/python3 -m venv --system-site-packages"
+        commands.append(
+            f"for meshes {debian}, and an environment of Debian's Python: {environment}"
+        )
+    elif len(pip) < len(missing):
+        commands.append(
+            "for meshes conda (conda-forge), WSL with Debian, or the container of"
+            " packaging/Dockerfile"
+        )
     return "; ".join(commands)
 
 
@@ -141,8 +165,7 @@ def _cholmod() -> str:
         from antiosc.extension import cholmod
     except Exception as error:  # whatever an installed package may raise
         return f"not called directly, as its binding cannot be loaded ({error})"
-    refusal = cholmod.refusal()
-    if refusal:
+    if refusal := cholmod.refusal():
         return f"through PETSc: {refusal}"
     numbers = cholmod.version(cholmod.loaded_cholmod())
     return f"{'.'.join(map(str, numbers))}  called directly"
@@ -155,33 +178,6 @@ def blas() -> str:
     return next((f"{pool['internal_api']}  {pool['filepath']}" for pool in pools), "unknown")
 
 
-def _threads() -> str:
-    """Text of the number of threads."""
-    count = f"{process.cores()} cores"
-    user_choice = process.user_threads()
-    if user_choice:
-        variable, number = user_choice
-        return f"{number} ({variable}), {count}"
-    if process.pools() is None:
-        return f"as many as BLAS takes (threadpoolctl is missing), {count}"
-    return f"1, more for large factors while cores are free; {count}, {process.free_cores()} free"
-
-
-def _petsc() -> str:
-    """Version of PETSc."""
-    start_petsc()
-    from petsc4py import PETSc
-
-    return ".".join(map(str, PETSc.Sys.getVersion()))
-
-
-def _slepc() -> str:
-    """Version of SLEPc."""
-    from slepc4py import SLEPc
-
-    return ".".join(map(str, SLEPc.Sys.getVersion()))
-
-
 def _mpi() -> str:
     """Version of MPI."""
     from mpi4py import MPI
@@ -190,51 +186,32 @@ def _mpi() -> str:
 
 
 def _gmsh() -> str:
-    # Its __version__ is that of the interface, not of the program, which would have to be
-    # initialised: not in this process, where it changes the locale and may be in use.
-    """Version of gmsh."""
+    """Version of gmsh, from another process: it would change the locale of this one."""
     code = (
         "import gmsh; gmsh.initialize(readConfigFiles=False);"
         "gmsh.option.setNumber('General.Terminal', 0);"
         "print(gmsh.option.getString('General.Version'))"
     )
     program = [sys.executable, "-P", "-c", code]
-    completed = subprocess.run(program, capture_output=True, text=True, timeout=60, cwd="/")
-    if completed.returncode:
-        raise ImportError(
-            " ".join(completed.stderr.split()[-20:]) or f"it ends with {completed.returncode}"
-        )
-    return completed.stdout.split()[-1]
-
-
-def _package(
-    name: str, module: str = "", version: Callable[[], str] | None = None, *, meshes: bool = True
-) -> Package:
-    """A package; its names on Debian, conda-forge and PyPI follow from the module's name."""
-    module = module or name
-    version = version or (lambda: importlib.import_module(module).__version__)
-    suffix = "-real" if module in ("dolfinx", "petsc4py", "slepc4py") else ""
-    pypi = "" if suffix or module == "mpi4py" else module
-    conda = {"gmsh": "python-gmsh", "dolfinx": "fenics-dolfinx", "matplotlib": "matplotlib-base"}
-    petsc = {"petsc4py": '"petsc=*=real_*" petsc4py'}
-    packaged_name = (conda | petsc).get(module, module)
-    return Package(name, module, f"python3-{module}{suffix}", packaged_name, pypi, version, meshes)
+    done = subprocess.run(program, capture_output=True, text=True, timeout=60, cwd="/")
+    if done.returncode:
+        reason = " ".join(done.stderr.split()[-20:])
+        raise ImportError(reason or f"it ends with {done.returncode}")
+    return done.stdout.split()[-1]
 
 
 PACKAGES = [
-    _package("NumPy", "numpy", meshes=False),
-    _package("SciPy", "scipy", meshes=False),
-    _package("matplotlib", meshes=False),
-    _package("jinja2", meshes=False),
-    _package("MPI", "mpi4py", _mpi),
-    _package("mpi4py"),
-    _package("PETSc", "petsc4py", _petsc),
-    _package("petsc4py"),
-    _package("SLEPc", "slepc4py", _slepc),
-    _package("slepc4py"),
-    _package("dolfinx"),
-    _package("gmsh", version=_gmsh),
-    _package("threadpoolctl", meshes=False),
-    _package("meshio"),
-    _package("h5py"),
+    Package("NumPy", "numpy", False),
+    Package("SciPy", "scipy", False),
+    Package("matplotlib", "matplotlib", False),
+    Package("jinja2", "jinja2", False),
+    Package("MPI", "mpi4py", True, _mpi),
+    Package("mpi4py", "mpi4py", True),
+    Package("petsc4py", "petsc4py", True),
+    Package("slepc4py", "slepc4py", True),
+    Package("dolfinx", "dolfinx", True),
+    Package("gmsh", "gmsh", True, _gmsh),
+    Package("threadpoolctl", "threadpoolctl", False),
+    Package("meshio", "meshio", True),
+    Package("h5py", "h5py", True),
 ]

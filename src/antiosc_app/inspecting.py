@@ -15,27 +15,11 @@ from antiosc.base import progress
 from antiosc.base._types import BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.texts import rounded_up
+from antiosc_app import guessed
 from antiosc_app.foreign import STEEL, Read, foreign_part, is_deck, way_of_piece
-from antiosc_app.guessed_sites import (
-    SITE_WORDS,
-    Place,
-    nodes_around,
-    on_faces,
-    on_lines,
-    on_rim,
-    thickness_at,
-)
-from antiosc_app.guessed_supports import (
-    SUPPORT_WORDS,
-    groups_on,
-    groups_with,
-    held_nodes,
-    nodes_of,
-    supporting_side,
-)
-from antiosc_app.headline import without_bars
+from antiosc_app.guessed import Place
 from antiosc_app.inspection import DIMENSIONS, Inspection, rounded_to
-from antiosc_app.scene_file.automatic import FIRST_COUNT
+from antiosc_app.scene_file.compiled import FIRST_COUNT
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -60,26 +44,14 @@ def inspect_part(
     path: Path,
     free: bool = False,
     unit: str | None = None,
-    timeout: float | None = None,
     size: float | None = None,
     piece: int | None = None,
     contact: str | None = None,
     whole: Inspection | None = None,
 ) -> Inspection:
-    """Read or mesh the file of a part and inspect it, or one of its pieces.
-
-    `free`: whether to ignore the supports of a deck; `unit`: unit of the file, if known;
-    `timeout` [s]: limit of each reading; `size` [m]: largest cell, if it is asked for; `piece`:
-    rank among those of the inspection without it, which is `whole`, if it was made; `contact`: what
-    becomes of the contact of a deck, if that is asked for.
-
-    Raises
-    ------
-    AntioscError
-        It cannot be read or meshed, or has no such piece.
-    """
+    """Read or mesh the file of a part and inspect it, or one of its pieces."""
     check_size(path)
-    options = free, unit, timeout, size, contact
+    options = free, unit, size, contact
     if piece is None:
         part = foreign_part(path, *options)
     elif whole is None and is_deck(path):  # one reading of it lists all pieces
@@ -123,22 +95,22 @@ def _inspected(
     nodes = compat.geometry_nodes(mesh.dolfinx)
     size = float(np.linalg.norm(np.ptp(x, axis=0)))
     outer = Faces(mesh, mesh.tdim < 3)
-    faces = nodes_around(outer)
+    faces = guessed.nodes_around(outer)
 
     where: tuple[str, ...] = ()
     plane = None
     if structure is not None:
-        supported = held_nodes(structure, x, size)
-    elif where := groups_with(mesh, SUPPORT_WORDS)[:1]:
+        supported = guessed.held_nodes(structure, x, size)
+    elif where := guessed.groups_with(mesh, guessed.SUPPORT_WORDS)[:1]:
         supported = np.zeros(len(x), dtype=bool)
-        supported[nodes_of(mesh, where)] = True
+        supported[guessed.nodes_of(mesh, where)] = True
     else:
-        supported, plane = supporting_side(x, size, faces if mesh.tdim == 3 else None)
+        supported, plane = guessed.supporting_side(x, size, faces if mesh.tdim == 3 else None)
 
     point, direction = _place(mesh, outer, structure, supported)
     cell = None
     if meshed and mesh.tdim == 3:
-        behind = thickness_at(x, faces, (point, direction))
+        behind = guessed.thickness_at(x, faces, (point, direction))
         cell = usual_cell(float(np.ptp(x, axis=0).max()), behind)
         cell = None if cell >= read.get("size", inf) else cell
 
@@ -155,7 +127,6 @@ def _inspected(
         n_cells=mesh.n_cells,
         where=where,
         plane=None if plane is None else [rounded_to(plane[0], size), plane[1].tolist()],
-        on_plane=groups_on(mesh, supported) if plane else (),
         point=rounded_to(point, size),
         direction=rounded_to(direction),
         cell=cell,
@@ -166,7 +137,7 @@ def _inspected(
         measure=compat.integrate(1 * measure(mesh, None), mesh.dolfinx),
         structure=structure,
         flat=_flat(mesh, outer, structure, (point, direction)),
-        bars=structure is None or not without_bars(structure),
+        bars=structure is None or _has_bars(structure),
         meshed=meshed,
         largest=longest,
         radius=rounded_up(longest) if mesh.gdim == 2 and mesh.tdim == 2 else None,
@@ -199,20 +170,29 @@ def _places(mesh: Mesh, outer: Faces, supported: BoolArray) -> Iterator[Place]:
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
-    struck: IntArray = nodes_of(mesh, groups_with(mesh, SITE_WORDS)[:1])
+    struck: IntArray = guessed.nodes_of(mesh, guessed.groups_with(mesh, guessed.SITE_WORDS)[:1])
     if mesh.tdim == 1:
-        return on_lines(x, compat.geometry_nodes(mesh.dolfinx), supported, struck)
+        return guessed.on_lines(x, compat.geometry_nodes(mesh.dolfinx), supported, struck)
     if mesh.gdim == 2:
-        return on_rim(x, nodes_around(outer), supported)
-    return on_faces(x, nodes_around(outer), outer, supported, struck)
+        return guessed.on_rim(x, guessed.nodes_around(outer), supported)
+    return guessed.on_faces(x, guessed.nodes_around(outer), outer, supported, struck)
+
+
+def _has_bars(structure: Structure) -> bool:
+    """Whether `extract(…, error="estimate")` takes the structure of a deck."""
+    from antiosc.extension import ModelErrors, refuse_dampers
+
+    try:
+        refuse_dampers(structure, "an error bar")
+        return not ModelErrors(structure).skipped
+    except InputError:
+        return False
 
 
 def _flat(
     mesh: Mesh, outer: Faces, structure: Structure | None, place: Place
 ) -> tuple[float, float] | None:
-    """(modulus [Pa], Poisson's ratio) of a flat face if the surface at a site is unknown; else
-    None.
-    """
+    """(modulus [Pa], Poisson's ratio) of a flat face if the surface at a site is unknown."""
     from antiosc.extension import curvature
     from antiosc.reduce.site.surface import material_at, surface_at
 
@@ -228,11 +208,3 @@ def _flat(
             return E, nu
         return STEEL["E"], STEEL["nu"]
     return None
-
-
-def of_mesh(inspection: Inspection, mesh: Mesh) -> Inspection:
-    """The inspection with the skin of another mesh of the part."""
-    from antiosc.extension import Faces
-
-    points = np.array(mesh.dolfinx.geometry.x)
-    return replace(inspection, points=points, faces=nodes_around(Faces(mesh, mesh.tdim < 3)))

@@ -16,7 +16,6 @@ from antiosc import Sphere
 from antiosc.base import materials
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.texts import engineering, rounded_down
-from antiosc.io.reading import HOW_MADE
 from antiosc_app.foreign import STEEL, Read
 
 if TYPE_CHECKING:
@@ -49,63 +48,36 @@ DIMENSIONS = {"Beam": 1, "Shell": 2, "Solid": 3}
 
 @dataclass(frozen=True)
 class Inspection:
-    """The result of inspecting a part; lengths in m.
+    """The result of inspecting a part; lengths in m."""
 
-    Attributes
-    ----------
-    family : "Solid", "Shell" or "Beam".
-    read : arguments of `read_mesh` or `read_model` besides the file.
-    low, high : (3,) corners of its box.
-    groups : names of its groups.
-    shape, n_cells : shape and number of the cells of its largest mesh.
-    where : groups that are held; plane : (point, normal) of held nodes; neither: free.
-    on_plane : names of the groups that lie on that plane.
-    point, direction : those of the site.
-    radius : radius of the patch of a plane part, which facets do not tell; None of others.
-    cell : size of the cells at the site of a solid that is meshed here; None: as elsewhere.
-    count : number of anti-oscillators, at most a quarter of the number of dofs.
-    points, faces, held : nodes (P, 3), corners (F, k), mask of fixed nodes: for the picture.
-    measure : volume [m³], area [m²] or length [m] of its cells.
-    structure : that of a deck as it was read, with materials and supports of its own.
-    flat : (modulus [Pa], Poisson's ratio) of a flat face that replaces an unknown surface.
-    bars : whether its models have error bars of mesh and truncation.
-    meshed : whether its file is a geometry that is meshed here.
-    largest : largest distance between two corners of a cell of its mesh.
-    notes : decisions made while reading, one sentence each.
-    pieces : those of a part in several pieces, the largest first, joined or not.
-    inferred : whether the unit of a deck is inferred from its materials.
-    material : name of the material; unused for a deck; asked : whether it was asked for.
-    """
-
-    family: str
-    read: Read
-    low: Array
+    family: str  # "Solid", "Shell" or "Beam"
+    read: Read  # arguments of `read_mesh` or `read_model` besides the file
+    low: Array  # (3,) corners of its box
     high: Array
     groups: list[str]
-    shape: str
+    shape: str  # of the cells of its largest mesh
     n_cells: int
-    where: tuple[str, ...]
-    plane: list[list[float]] | None
-    on_plane: tuple[str, ...]
-    point: list[float]
+    where: tuple[str, ...]  # groups that are held
+    plane: list[list[float]] | None  # (point, normal) of held nodes; neither: it is free
+    point: list[float]  # of the site
     direction: list[float]
-    cell: float | None
-    count: int
-    points: Array = field(repr=False)
+    cell: float | None  # size of the cells at the site of a solid that is meshed here
+    count: int  # of anti-oscillators, at most a quarter of the dofs
+    points: Array = field(repr=False)  # nodes (P, 3), corners (F, k), fixed nodes: the picture
     faces: IntArray = field(repr=False)
     held: BoolArray = field(repr=False)
-    measure: float
-    structure: Structure | None = field(repr=False)
-    flat: tuple[float, float] | None
-    bars: bool
-    meshed: bool
-    largest: float
-    notes: tuple[str, ...] = ()
-    pieces: Sequence[Piece] = ()
-    inferred: bool = False
-    radius: float | None = None
-    material: str = MATERIAL
-    asked: bool = False
+    measure: float  # volume [m³], area [m²] or length [m] of its cells
+    structure: Structure | None = field(repr=False)  # of a deck
+    flat: tuple[float, float] | None  # E [Pa] and nu of a flat face in place of an unknown surface
+    bars: bool  # whether its models have error bars of mesh and truncation
+    meshed: bool  # whether its file is a geometry that is meshed here
+    largest: float  # longest distance between two corners of a cell
+    notes: tuple[str, ...] = ()  # decisions made while reading, one sentence each
+    pieces: Sequence[Piece] = ()  # the largest first, joined or not
+    inferred: bool = False  # whether the unit of a deck is inferred from its materials
+    radius: float | None = None  # of the patch of a plane part, which facets do not tell
+    material: str = MATERIAL  # unused for a deck
+    asked: bool = False  # whether the material was asked for
 
     @property
     def of_deck(self) -> bool:
@@ -173,11 +145,6 @@ class Inspection:
         """The number and kind of its cells."""
         return f"{self.n_cells} cells of kind {self.shape}"
 
-    @property
-    def lasting_notes(self) -> list[str]:
-        """The notes without those on how its mesh was made: one with other cells has its own."""
-        return [note for note in self.notes if not any(words in note for words in HOW_MADE)]
-
     def sentences(self, name: str, drop: bool = False) -> list[str]:
         """Text lines for the terminal; without the impact if the part is dropped."""
         groups = brief(self.groups)
@@ -213,31 +180,16 @@ class Inspection:
         alike = [np.isclose((m.E, m.rho), list(known), rtol=0.1).all(axis=-1).any() for m in strong]
         return [m.name for m, like in zip(strong, alike, strict=True) if like]
 
-    def unstated(self) -> dict[str, str]:
-        """Key -> what is taken for it because the deck does not state it."""
-        units = {"density": "kg/m³", "modulus": "Pa"}
-        return {
-            key: f"{self.read[key]:g} {unit}, for the deck has none"
-            for key, unit in units.items()
-            if key in self.read
-        }
-
-    def mass_text(self) -> str:
-        """The mass, and whether its material is guessed."""
-        mass = engineering(self.mass, "kg", 4)
-        return mass if self.of_deck else f"{mass}, if it is of {self.material}"
-
-    def ball_text(self) -> str:
-        """The ball and its mass."""
-        mass = 4 / 3 * pi * materials.record(BALL_MATERIAL).rho * self.ball**3
-        return f"steel ball, radius {1e3 * self.ball:g} mm ({engineering(mass, 'kg')})"
-
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
         """What is taken: (name, value, key of the scene that changes it)."""
         section = "[deck]" if self.of_deck else "[geometry]"
-        rows = [(key, taken, f"{section} {key}") for key, taken in self.unstated().items()]
+        rows = []
         if "unit" in self.read:
-            rows.insert(0, ("unit of the file", self.unit_text(), f"{section} unit"))
+            rows.append(("unit of the file", self.unit_text(), f"{section} unit"))
+        for key, unit in (("density", "kg/m³"), ("modulus", "Pa")):
+            if key in self.read:
+                told = f"{self.read[key]:g} {unit}, for the deck has none"
+                rows.append((key, told, f"{section} {key}"))
         if "contact" in self.read:
             rows.append(("contact pairs", CONTACT_TEXTS[self.read["contact"]], "[deck] contact"))
 
@@ -258,8 +210,11 @@ class Inspection:
             rows.append(("thickness", f"{self.thickness:g} m", "[material] thickness"))
         elif self.family == "Beam" and not self.of_deck:
             rows.append(("section", f"a bar of {self.thickness:g} m", "[material] section"))
-        key = "[deck] unit" if self.of_deck else "[material] name"
-        rows.append(("mass", self.mass_text(), key))
+        mass = engineering(self.mass, "kg", 4)
+        if self.of_deck:
+            rows.append(("mass", mass, "[deck] unit"))
+        else:
+            rows.append(("mass", f"{mass}, if it is of {self.material}", "[material] name"))
 
         if drop:
             fall = f"from {FALL_HEIGHT:g} m, without supports, z up, tilted by {list(TILT)}°"
@@ -268,22 +223,15 @@ class Inspection:
             return [*rows, ("fall", fall, "[drop] height, tilt"), ("floor", floor, floor_key)]
         site = f"{rounded_to(self.point)} m along {self.direction}"
         kind = "by materials and curvatures" if self.flat is None else "Hertz, as on a flat face"
+        mass = engineering(4 / 3 * pi * materials.record(BALL_MATERIAL).rho * self.ball**3, "kg")
+        striker = f"steel ball, radius {1e3 * self.ball:g} mm ({mass}), 1 m/s"
         return [
             *rows,
             ("held", self._held(), "[[supports]]"),
             ("struck", site, "[sites.tip] point, direction"),
-            ("striker", f"{self.ball_text()}, 1 m/s", "[impactor]"),
+            ("striker", striker, "[impactor]"),
             ("contact", kind, "[contact] kind"),
         ]
-
-    def plane_text(self) -> str:
-        """Text of the plane whose nodes are held: "the underside, z = 0 mm"; "" without one."""
-        if self.plane is None:
-            return ""
-        point, normal = self.plane
-        axis = normal.index(1.0)
-        side = "the underside" if axis == 2 else "the side"
-        return f"{side}, {'xyz'[axis]} = {1e3 * point[axis]:g} mm"
 
     def _held(self) -> str:
         """Text of the support."""
@@ -293,8 +241,10 @@ class Inspection:
             return f"at the group {self.where[0]!r}"
         if self.plane is None:
             return "nowhere: it is free"
-        groups = f"{', '.join(brief(self.on_plane))}: " if self.on_plane else ""
-        return f"{groups}the nodes on {self.plane_text()}"
+        point, normal = self.plane
+        axis = normal.index(1.0)
+        side = "the underside" if axis == 2 else "the side"
+        return f"the nodes on {side}, {'xyz'[axis]} = {1e3 * point[axis]:g} mm"
 
 
 #: The number at the end of a name, such as "face 12" or "hole 6 mm (1)"; names of one run that

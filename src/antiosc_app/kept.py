@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from antiosc import AntiOscillators, from_free_modes
-from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, warn, warnings_to
 from antiosc.models.body import ModelInfo
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -25,8 +24,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-#: Number of free modes after each round of the search, which runs between calls of the page.
-MODE_ROUNDS = (10, 20, 40)
+#: Number of free modes, which are computed between calls of the page.
+MODES = 40
 #: Anti-oscillators of a model from free modes.
 COUNT = 20
 #: Number of meshes, structures and models that are kept: with its shapes a model of 77 000 dofs has
@@ -63,10 +62,7 @@ class ResultCache(OrderedDict[str, T]):
 
 
 class Kept:
-    """Meshes, structures, models and free modes of the scenes of one part.
-
-    `structure`: the one of all scenes, where it was given.
-    """
+    """Meshes, structures, models and free modes of the scenes of one part."""
 
     def __init__(self, structure: Structure | None = None) -> None:
         self._given = structure
@@ -92,24 +88,17 @@ class Kept:
         return make()
 
     def from_modes(self, scene: CompiledScene) -> tuple[Structure, AntiOscillators] | None:
-        """(structure, model from its free modes) of a scene, perhaps on the cells of another site;
-        None if these modes are unknown, or the model was extracted.
-        """
+        """(structure, model from its free modes) of a scene; None if these are not known."""
         data = scene.document.data
         modes = self._modes.get(key_of(coarse(data), OF_STRUCTURE))
         if modes is None or scene.model is None or key_of(data, OF_MODEL) in self._models:
             return None
-        model = modes.model(scene.model.arguments["site"].made)
-        return None if model is None else (modes.structure, model)
+        return modes.structure, modes.model(scene.model.arguments["site"].made)
 
-    def search_modes(self, structure: Structure, data: dict[str, Any]) -> bool:
-        """Compute a round of free modes of the structure of a scene; returns whether there are
-        more.
-        """
-        key = key_of(coarse(data), OF_STRUCTURE)
+    def search_modes(self, structure: Structure, data: dict[str, Any]) -> None:
+        """Compute the free modes of the structure of a scene."""
         with contextlib.suppress(AntioscError):  # without them every click is extracted
-            return self._modes.of(key, lambda: FreeModes(structure)).search()
-        return False
+            self._modes.of(key_of(coarse(data), OF_STRUCTURE), lambda: FreeModes(structure))
 
 
 def coarse(data: dict[str, Any]) -> dict[str, Any]:
@@ -138,46 +127,28 @@ def key_of(data: dict[str, Any], sections: tuple[str, ...]) -> str:
 
 
 class FreeModes:
-    """Free modes of a structure, computed in rounds, and models at any site from them."""
+    """Free modes of a structure, and models at any site from them."""
 
     def __init__(self, structure: Structure) -> None:
         from antiosc.extension import ModeSolver
 
         structure.factorize(np.inf)  # a click is one solve
         self.structure = structure
-        self._solver = ModeSolver(structure)
-        #: numbers of modes of the remaining rounds
-        self.left = list(MODE_ROUNDS)
-        self._known: tuple[Array, Array] | None = None
+        modes = ModeSolver(structure).lowest(MODES)
+        rigid = structure.rigid_modes
+        self.omega = np.concatenate([np.zeros(rigid.shape[1]), modes.omega])
+        self.phi = np.column_stack([rigid, modes.phi])
 
-    def search(self) -> bool:
-        """Compute one more round of modes; return whether another round is needed."""
-        if not self.left:
-            return False
-        count = self.left[0]
-        try:
-            modes = self._solver.lowest(count)
-        finally:
-            self.left.pop(0)
-        rigid = self.structure.rigid_modes
-        omega = np.concatenate([np.zeros(rigid.shape[1]), modes.omega])
-        self._known = omega, np.column_stack([rigid, modes.phi])
-        return bool(self.left) and not modes.complete
-
-    def model(self, site: Site) -> AntiOscillators | None:
-        """The model of a site by one solve, without bars; None before the first round."""
+    def model(self, site: Site) -> AntiOscillators:
+        """The model of a site by one solve, without bars."""
         from antiosc.fem.linalg.algebra import multiply
         from antiosc.reduce.site import functional, surfaces
 
-        if self._known is None:
-            return None
         structure = self.structure
-        omega, phi = self._known
         load = functional(structure, site)
         y = structure.factorize().solve_block(load.b[:, None])[:, 0]
-        inertia = float(y @ multiply(structure.M, y))
-        of_site = load.b @ phi, float(load.b @ y), inertia
-        model = from_free_modes(omega, *of_site, COUNT, structure.shift, "krylov")
+        of_site = load.b @ self.phi, float(load.b @ y), float(y @ multiply(structure.M, y))
+        model = from_free_modes(self.omega, *of_site, COUNT, structure.shift, "krylov")
         assert load.point is not None
         assert load.direction is not None
         info = ModelInfo(

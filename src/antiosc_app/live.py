@@ -27,11 +27,7 @@ from antiosc import (
 from antiosc.base._types import Array
 from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
-from antiosc.extension import (
-    DEFLECTION,
-    QUANTITIES,
-    ErrorBudget,
-)
+from antiosc.extension import DEFLECTION, QUANTITIES, ErrorBudget
 from antiosc.models.body import info_of, site_points
 
 #: Data of the page: numbers, texts, arrays, and lists and tables of these.
@@ -154,11 +150,7 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
 
 
 def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
-    """Data that do not depend on the site: the law, the striker, and the slider positions.
-
-    A slider that does not exist is None: the mass of a vibrating striker, the stiffness of a
-    measured law.
-    """
+    """Data that do not depend on the site: the law, the striker, and the slider positions."""
     assert isinstance(law, Compiled)
     values = law.parameters()
     rigid = striker["omega"].size == 1 and striker["omega"][0] == 0
@@ -191,9 +183,7 @@ def finite_parameters(law: ContactLaw) -> list[float]:
 def modal_data(
     body: ModalBody, start: Array | None = None, load: Array | None = None, local: float = 0.0
 ) -> Data:
-    """A body in free modes as data for `pose` of engine.js; `local`: compliance of its patch
-    [m/N].
-    """
+    """A body in free modes as data for `pose` of engine.js."""
     zeros = np.zeros(body.omega.size)
     return {
         "omega": body.omega,
@@ -228,10 +218,9 @@ def _ratio(model: LinearBody) -> float | None:
     damping = getattr(model, "damping", None)
     if damping is None:
         return 0.0
-    plain = isinstance(damping, Damping) and isinstance(damping.ratio, float)
-    if plain and damping.alpha == damping.beta == 0:
-        return damping.ratio
-    return None
+    if not isinstance(damping, Damping) or damping.alpha or damping.beta:
+        return None
+    return damping.ratio if isinstance(damping.ratio, float) else None
 
 
 def _computed(hit: History, budget: ErrorBudget | None) -> Data:
@@ -270,9 +259,7 @@ def caption(data: Data) -> str:
     """Text below the picture of the set-up."""
     if "fall" in data:
         return "Drag to turn; red: the impacts, click one."
-    text = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
-    place = data.get("place")
-    return f"{text} {place['told']}".rstrip() if place else text
+    return "Drag to turn; dark: held by supports; the arrow is the direction of impact."
 
 
 def striker_place(hit: History, blow: Data) -> Data | None:
@@ -281,24 +268,8 @@ def striker_place(hit: History, blow: Data) -> Data | None:
     direction = info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:
         return None
-    radius, sentence = _drawn_striker(hit.impactor, blow)
-    return {
-        "point": list(points[0]),
-        "direction": list(direction),
-        "radius": radius,
-        "tip": getattr(hit.impactor, "tip_radius", None),
-        "told": sentence,
-    }
 
-
-def _drawn_striker(striker: LinearBody, blow: Data) -> tuple[float | None, str]:
-    """(radius [m] of the ball that is drawn for the striker, sentence on it)."""
-    if blow["radius"] is not None:
-        return blow["radius"], ""
-    tip = getattr(striker, "tip_radius", None)
-    if tip is not None:
-        return tip, "Of the striker only its round tip is drawn."
-    if blow["mass"] is None:
-        return None, ""
-    radius = (blow["mass"] / (STEEL * 4 / 3 * pi)) ** (1 / 3)
-    return radius, "The striker is drawn as a steel ball of its mass."
+    radius = blow["radius"] or getattr(hit.impactor, "tip_radius", None)
+    if radius is None and blow["mass"] is not None:  # a steel ball of its mass
+        radius = (blow["mass"] / (STEEL * 4 / 3 * pi)) ** (1 / 3)
+    return {"point": list(points[0]), "direction": list(direction), "radius": radius}

@@ -8,7 +8,7 @@ For a map it gets the free modes of all sites.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -46,11 +46,8 @@ STEPS = 32767
 BEAM = 0.012
 
 
-def of_structure(structure: Structure, hit: History, edges: bool = False) -> Data | None:
-    """Surface and fields for the page, the same on all ranks; None for a part without a surface.
-
-    `edges`: with those of its cells.
-    """
+def of_structure(structure: Structure, hit: History) -> Data | None:
+    """Surface and fields for the page, the same on all ranks; None for a part without a surface."""
     try:
         shapes = shapes_of(structure, hit, "structure")
         points, cells, displacements = source(structure).at_nodes(structure, shapes)
@@ -59,7 +56,7 @@ def of_structure(structure: Structure, hit: History, edges: bool = False) -> Dat
     except AntioscError:  # without shapes, elements or outline there is nothing to turn
         return None
     skin, displacements, stress = structure.comm.bcast((skin, displacements, stress), root=0)
-    page, used_nodes = drawn(skin, edges)
+    page, used_nodes = drawn(skin)
     node = skin.node[used_nodes]
     displacements = displacements[node]
     times = np.linspace(0.0, float(hit.run.time[-1]), TIMES)
@@ -88,56 +85,26 @@ def geometry(points: Array, faces: IntArray) -> Data:
     }
 
 
-@dataclass(frozen=True, eq=False)
-class PageSurface:
-    """The surface of a structure on the page.
-
-    points (P, 3), faces (T, 3); `node` (P,): the mesh node of each point; `cells`: (F, 3 or 4)
-    corners of the outer faces of the cells, in order around each.
-    """
+class PageSurface(NamedTuple):
+    """Points (P, 3), triangles (T, 3) of a structure, and the mesh node of each point (P,)."""
 
     points: Array
     faces: IntArray
     node: IntArray
-    cells: Sequence[IntArray]
 
 
-def drawn(skin: PageSurface, edges: bool) -> tuple[Data, IntArray]:
-    """(geometry of a surface, the points of it that are used); `edges`: with those of its cells."""
+def drawn(skin: PageSurface) -> tuple[Data, IntArray]:
+    """(geometry of a surface, the points of it that are used)."""
     used_points, faces = np.unique(skin.faces, return_inverse=True)
-    page = geometry(skin.points[used_points], faces.reshape(-1, 3))
-    if edges:
-        page |= edges_of(skin.points, skin.cells, used_points)
-    return page, used_points
-
-
-def edges_of(points: Array, faces: Sequence[IntArray], used_points: IntArray) -> Data:
-    """`edges` of faces (F, 3 or 4), and the `seams` of them at which more than two faces meet, as
-    ribs do under a skin: (E, 2) indices of `used_points`. Points at one place are one.
-    """
-    around = [np.stack([face, np.roll(face, -1, axis=1)], axis=-1) for face in faces]
-    pairs = np.vstack([np.zeros((0, 2), dtype=int), *(ends.reshape(-1, 2) for ends in around)])
-    steps = np.round(STEPS * points / (float(np.ptp(points, axis=0).max()) or 1.0))
-    _, place = np.unique(steps, axis=0, return_inverse=True)
-    ends = np.sort(place.ravel()[pairs], axis=1)
-    _, first, count = np.unique(ends, axis=0, return_index=True, return_counts=True)
-    known = {"edges": pairs[first], "seams": pairs[first[count > 2]]}
-    return {
-        name: np.searchsorted(used_points, one).astype(np.uint32) for name, one in known.items()
-    }
+    return geometry(skin.points[used_points], faces.reshape(-1, 3)), used_points
 
 
 def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface:
-    """Outer faces of cells at points (N, 3) as triangles, and lines as bars.
-
-    The triangles are consistently oriented, those of solids outward. InputError if there are none.
-    """
+    """Outer faces of cells at points (N, 3) as triangles, and lines as bars."""
     pieces: list[tuple[Array, IntArray]] = [(points, np.arange(len(points)))]
     faces: list[IntArray] = []
-    outer: list[IntArray] = []
     for block in cells:
         block_faces = outer_faces([block])
-        outer += [block_faces] * (block_faces.shape[1] > 2)
         if block_faces.shape[1] == 2:
             start = sum(len(node) for _, node in pieces)
             corners, block_faces, node = _bars(points, block_faces)
@@ -151,35 +118,25 @@ def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface
     if not faces:
         raise InputError("nodes alone have no surface.")
     places, nodes = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    return PageSurface(places, np.vstack(faces), nodes, outer)
+    return PageSurface(places, np.vstack(faces), nodes)
 
 
 def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
     """Lines as square bars with four points at each end: (points, triangles, nodes)."""
     edges = points[lines[:, 1]] - points[lines[:, 0]]
-    first_side = np.cross(
-        edges, np.where(np.abs(edges).argmin(axis=1)[:, None] == np.arange(3), 1, 0)
-    )
-    first_side /= np.linalg.norm(first_side, axis=1, keepdims=True)
-    second_side = np.cross(edges, first_side) / np.linalg.norm(edges, axis=1, keepdims=True)
+    other = np.where(np.abs(edges).argmin(axis=1)[:, None] == np.arange(3), 1, 0)
+    first = np.cross(edges, other)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(edges, first) / np.linalg.norm(edges, axis=1, keepdims=True)
     width = BEAM * float(np.ptp(points, axis=0).max())
-    corners = width * np.stack(
-        [
-            first_side + second_side,
-            second_side - first_side,
-            -first_side - second_side,
-            first_side - second_side,
-        ],
-        axis=1,
-    )
+    around = [first + second, second - first, -first - second, first - second]
+    corners = width * np.stack(around, axis=1)
     ends = [points[lines[:, k]][:, None] + corners for k in (0, 1)]
-    corner_numbers = np.arange(8 * len(lines)).reshape(len(lines), 2, 4)
+
+    near, far = np.moveaxis(np.arange(8 * len(lines)).reshape(len(lines), 2, 4), 1, 0)
     faces = []
     for k in range(4):
-        a = corner_numbers[:, 0, k]
-        b = corner_numbers[:, 0, (k + 1) % 4]
-        c = corner_numbers[:, 1, (k + 1) % 4]
-        d = corner_numbers[:, 1, k]
+        a, b, c, d = near[:, k], near[:, (k + 1) % 4], far[:, (k + 1) % 4], far[:, k]
         faces += [np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]
     node = np.repeat(lines.ravel(), 4)
     return np.stack(ends, axis=1).reshape(-1, 3), np.vstack(faces), node
@@ -193,10 +150,7 @@ NO_OUTLINE = (
 
 
 def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | str:
-    """Stresses (N, 6, columns) at all nodes on rank 0; text why they are not known.
-
-    For sheets on both sides, for beams at each point of the outline.
-    """
+    """Stresses (N, 6, columns) at all nodes on rank 0; text why they are not known."""
     stresses = []
     for side in sides(structure):
         try:
@@ -225,10 +179,7 @@ def _averages(tensors: NodeTensors, n: int) -> list[Array]:
 
 
 def _coordinates(hit: History, times: Array) -> Array:
-    """(n, J + 1) modal displacements of the structure and contact force; then pair amplitudes.
-
-    Pairs of modes are added for a part that stretches.
-    """
+    """(n, J + 1) modal displacements of the structure and contact force; then pair amplitudes."""
     q, _ = hit.states(times)
     q = q[:, hit.assembly.spans["structure"]]
     forces = hit.assembly.stretched.get("structure")
@@ -308,28 +259,22 @@ COMPUTED = ("peak_deflection", "peak_stress", "exposure")
 def sites_of_map(
     impact_map: ImpactMap, structure: Structure | None = None
 ) -> tuple[Data, Data] | None:
-    """(blow, sites) for the page, the same on every rank; None if it cannot repeat the map.
-
-    `structure` gives the surface behind sites that are single points.
-    """
-    impactor = impact_map.impactor
-    law = impact_map.contact
-    duration = impact_map.duration
+    """(blow, sites) for the page, the same on every rank; None if it cannot repeat the map."""
+    impactor, law, duration = impact_map.impactor, impact_map.contact, impact_map.duration
     if impactor is None or law is None or duration is None or not is_compiled(law):
+        return None
+    if impact_map.peak_force is None or len(impact_map) > MOST_SITES:
         return None
     if impact_map.stretched is not None and impact_map.stretched.any():
         return None
-    if impact_map.laws is not None and any(type(blow) is not type(law) for blow in impact_map.laws):
+    laws = [] if impact_map.laws is None else list(impact_map.laws)
+    if any(type(blow) is not type(law) for blow in laws):
         return None
     striker = checked_body("impactor", impactor)
-    speed = striker.velocity
-    if (
-        len(impact_map) > MOST_SITES
-        or impact_map.peak_force is None
-        or not isinstance(speed, float)
-    ):
+    if not isinstance(striker.velocity, float):
         return None
-    modal = striker.modal()
+
+    speed, modal = striker.velocity, striker.modal()
     start = modal.rigid_motion(-speed)
     blow = impact_data(law, modal_data(modal, start), impactor, abs(speed))
     forms = [impact_map.model(i).modal() for i in range(len(impact_map))]
@@ -338,13 +283,13 @@ def sites_of_map(
         local = np.full(len(impact_map), law.compliance)
     elif law.without(1.0) is law:  # it is taken as given
         local = np.zeros(len(impact_map))
-    quantities = {
-        name: impact_map.quantities()[name] for name in SHOWN if name in impact_map.quantities()
-    }
-    other_quantities = {
-        n: v for n, v in impact_map.quantities().items() if n in ("impulse", "restitution")
-    }
-    sites = {
+
+    known = impact_map.quantities()
+    shown = [name for name in SHOWN if name in known]
+    is_surface = impact_map.elements.shape[1] == 3
+    faces = impact_map.elements if is_surface else np.zeros((0, 3), dtype=int)
+    durations = impact_map.durations
+    sites: Data = {
         "start": np.cumsum([0, *(modal.omega.size for modal in forms)]).astype(np.uint32),
         "omega": np.concatenate([modal.omega for modal in forms]),
         "b": np.concatenate([modal.b for modal in forms]),
@@ -353,39 +298,27 @@ def sites_of_map(
         "local": local,
         "points": impact_map.points.astype(np.float32).ravel(),
         "directions": impact_map.directions.astype(np.float32).ravel(),
-        "faces": (impact_map.elements if impact_map.elements.shape[1] == 3 else np.zeros((0, 3)))
-        .astype(np.uint32)
-        .ravel(),
+        "faces": faces.astype(np.uint32).ravel(),
         "alone": _dots(impact_map).tolist(),
         "radii": np.zeros(0) if impact_map.radius is None else impact_map.radius,
         "first": hardest(impact_map),
-        "durations": np.full(len(impact_map), duration)
-        if impact_map.durations is None
-        else impact_map.durations,
+        "durations": np.full(len(impact_map), duration) if durations is None else durations,
         "doubtful": impact_map.doubtful.tolist(),
-        "names": {
-            name: MAP_QUANTITIES[name][0] + " (computed case)" * (name in COMPUTED)
-            for name in quantities
-        },
-        "units": {name: MAP_QUANTITIES[name][1] for name in quantities},
-        "quantities": quantities | other_quantities,
+        "names": {n: MAP_QUANTITIES[n][0] + " (computed case)" * (n in COMPUTED) for n in shown},
+        "units": {name: MAP_QUANTITIES[name][1] for name in shown},
+        "quantities": {n: known[n] for n in (*shown, "impulse", "restitution") if n in known},
     }
-    if impact_map.laws is not None:
-        rows = [finite_parameters(site_law) for site_law in impact_map.laws]
-        sites["laws"] = {
-            "kind": blow["law"]["kind"],
-            "size": len(rows[0]),
-            "params": np.array(rows).ravel(),
-        }
+    if laws:
+        rows = [finite_parameters(site_law) for site_law in laws]
+        params = np.array(rows).ravel()
+        sites["laws"] = {"kind": blow["law"]["kind"], "size": len(rows[0]), "params": params}
     if structure is not None:
-        sites["skin"] = _skin(structure, _area(impact_map.points, sites["faces"].reshape(-1, 3)))
+        sites["skin"] = _skin(structure, _area(impact_map.points, faces))
     return {**blow, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
 
 
 def _dots(impact_map: ImpactMap) -> IntArray:
-    """Numbers of the sites that are drawn as dots: those of no triangle, and sound ones whose
-    triangles all have a doubtful corner, as these are grey.
-    """
+    """Numbers of the sites that are drawn as dots: those that no sound triangle shows."""
     if impact_map.elements.shape[1] != 3:
         return np.arange(len(impact_map))
     sound = ~impact_map.doubtful
@@ -402,8 +335,7 @@ def _skin(structure: Structure, mapped: float) -> Data | None:
         return None
     if _area(skin.points, skin.faces) < LARGER_AREA * mapped:
         return None
-    used_nodes, faces = np.unique(skin.faces, return_inverse=True)
-    return geometry(skin.points[used_nodes], faces.reshape(-1, 3))
+    return drawn(skin)[0]
 
 
 def _area(points: Array, faces: IntArray) -> float:

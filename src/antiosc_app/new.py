@@ -16,31 +16,20 @@ import numpy as np
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError
-from antiosc_app.foreign import DECK_ENDINGS
+from antiosc_app import inspection
 from antiosc_app.inspecting import inspect_part
-from antiosc_app.inspection import (
-    BALL_MATERIAL,
-    FALL_HEIGHT,
-    FLOOR_MATERIAL,
-    FRICTION,
-    MATERIAL,
-    TILT,
-    Inspection,
-    brief,
-)
+from antiosc_app.inspection import Inspection, brief
 from antiosc_app.report import rendered
-from antiosc_app.scene_file.automatic import FIRST_COUNT
+from antiosc_app.scene_file.compiled import FIRST_COUNT
 
 #: Width of the comment of a scene that lists the groups, and most of its lines.
 WIDTH, MOST_LINES = 96, 10
 #: Number of impacts of the fall.
 IMPACTS = 3
-#: Radius [m] of the ball where nothing is known of the part.
-BALL = 0.01
 #: Options of reading that a scene has, and None for those that it does not need.
 READ = (
     *("unit", "size", "gdim", "density", "modulus", "piece", "contact", "fragments", "solid"),
-    *("cells", "order", "timeout", "free", "merge"),
+    *("cells", "order", "free", "merge"),
 )
 #: Views (elevation, azimuth) [degrees] from which a part is drawn: the first that sees the struck
 #: face well, by this least cosine, or the one that sees it best.
@@ -67,17 +56,8 @@ def write_scene(
     size: float | None = None,
     piece: int | None = None,
 ) -> tuple[Path, list[str]]:
-    """Write a new scene file, complete or absent; returns its path and sentences on the part.
-
-    `material`: name of the material of a part that is no deck; `unit`: unit of the file; `size`
-    [m]: largest cell, if it is asked for; `piece`: rank of the piece that is read alone.
-
-    Raises
-    ------
-    AntioscError
-        The file exists, the part cannot be read, or the material is unknown: nothing is written.
-    """
-    metal = materials.record(MATERIAL if material is None else material)
+    """Write a new scene file, complete or absent; returns its path and sentences on the part."""
+    metal = materials.record(inspection.MATERIAL if material is None else material)
     if metal.G is not None:
         raise InputError(
             f"{metal.name} is not isotropic: write the scene with another material, then give "
@@ -99,7 +79,7 @@ def write_scene(
 
     try:
         with progress.doing(f"looking at {source.name}"):
-            look = inspect_part(source, drop, unit, None, size, piece)
+            look = inspect_part(source, drop, unit, size, piece)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     if look.of_deck and material is not None:
@@ -109,26 +89,10 @@ def write_scene(
     flat = None if look.flat is None or look.of_deck else (metal.E, metal.nu)
     look = replace(look, material=metal.name, asked=material is not None, flat=flat or look.flat)
 
-    _write(target, text(target.name, relative, look, drop))
+    _absent(target)
+    files.write_text(target, text(target.name, relative, look, drop), "the scene file")
     picture = _picture(target.with_suffix(".png"), look, drop)
     return target, [*sentences, *look.sentences(source.name, drop), picture]
-
-
-def _write(target: Path, content: str) -> None:
-    """Write a file, complete or not at all, that must not exist."""
-    temporary = files.part_name(target, ".toml")
-    try:
-        with temporary.open("x", encoding="utf-8") as stream:
-            stream.write(content)
-        try:
-            os.link(temporary, target)  # fails if the target exists; a rename would replace it
-        finally:
-            temporary.unlink()
-        files.clear_parts(target)
-    except FileExistsError:
-        _absent(target)
-    except OSError as error:
-        raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
 
 
 def _absent(target: Path) -> None:
@@ -139,36 +103,32 @@ def _absent(target: Path) -> None:
         )
 
 
-def text(name: str, source: str, look: Inspection | None, drop: bool = False) -> str:
-    """The scene as text; `source` is the part's file as the scene names it.
-
-    `look`: the inspection of the part, if it exists. `drop`: whether the part falls.
-    """
-    ending = Path(source).suffix.lower()
+def text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
+    """The scene as text; `source` is the part's file as the scene names it."""
     return rendered(
         Path(__file__).with_name("page") / "scene.toml",
         name=name,
         source=json.dumps(source, ensure_ascii=False),
         part=Path(source).name,
-        deck=ending in DECK_ENDINGS if look is None else look.of_deck,
-        closed=ending == ".stl",
+        deck=look.of_deck,
+        closed=Path(source).suffix.lower() == ".stl",
         look=look,
-        read=dict.fromkeys(READ) | dict(look.read if look else {}),
-        family="Solid" if look is None else look.family,
+        read=dict.fromkeys(READ) | look.read,
+        family=look.family,
         fewest=FIRST_COUNT,
-        material=MATERIAL if look is None else look.material,
-        point=[0.0, 0.0, 0.1] if look is None else look.point,
-        direction=[0.0, 0.0, -1.0] if look is None else look.direction,
-        ball=BALL if look is None else look.ball,
-        ball_material=json.dumps(BALL_MATERIAL),
+        material=look.material,
+        point=look.point,
+        direction=look.direction,
+        ball=look.ball,
+        ball_material=json.dumps(inspection.BALL_MATERIAL),
         drop=drop,
-        groups=[] if look is None else _listed(look.groups),
+        groups=_listed(look.groups),
         fall={
-            "height": FALL_HEIGHT,
-            "tilt": list(TILT),
+            "height": inspection.FALL_HEIGHT,
+            "tilt": list(inspection.TILT),
             "until": IMPACTS,
-            "friction": FRICTION,
-            "floor": FLOOR_MATERIAL,
+            "friction": inspection.FRICTION,
+            "floor": inspection.FLOOR_MATERIAL,
         },
         json=json.dumps,
     )

@@ -21,25 +21,15 @@ from antiosc.base.texts import capitalised, engineering
 from antiosc.models.body import info_of
 from antiosc_app import cards, falls, live, live_data, report, results
 from antiosc_app.cards import MOST_CAUTIONS
-from antiosc_app.edited import (
-    FLOORS,
-    HAMMERS,
-    LAYERS,
-    MATERIALS,
-    OWN,
-    EditedScene,
-    Table,
-    toml,
-)
-from antiosc_app.headline import caution_of, force_bar, headline_of_map, largest_stress
+from antiosc_app.edited import FLOORS, HAMMERS, MATERIALS, OWN, EditedScene, Table, toml
+from antiosc_app.headline import largest_stress
 from antiosc_app.inspecting import inspect_part, inspect_structure
 from antiosc_app.inspection import CONTACT_TEXTS, Inspection
 from antiosc_app.kept import Kept
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
-from antiosc_app.scene_file.automatic import Choice, with_values
-from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import Document, SceneFileError, read, without_line
+from antiosc_app.scene_file.compiled import Choice, compiled, with_values
+from antiosc_app.scene_file.document import Document, SceneFileError, read
 from antiosc_app.scene_file.scene import STUDIES
 from antiosc_app.scene_file.settled import Settled, settled
 from antiosc_app.working import Worker
@@ -54,14 +44,6 @@ JOINED, ALL = 0, "all joined"
 ANOTHER = "another piece of the file was opened meanwhile: load this page again."
 #: Most sites of a map, unless the page asks for another number.
 MOST_SITES = 200
-#: Below a written scene: what scenes have and the page has not.
-MORE = """
-# The motion of a point, its signal through a filter, and its shock response spectrum:
-# [probes.sensor]
-# point = [0.0, 0.0, 0.0]           # m
-# quantity = "acceleration"
-# filter = "CFC1000"                # of SAE J211 and ISO 6487; without it the peak is unfiltered
-"""
 
 
 class Answer(NamedTuple):
@@ -74,32 +56,20 @@ class Answer(NamedTuple):
 
 
 class Opened:
-    """A part that is open in a browser; it answers the calls of the page.
-
-    Parameters
-    ----------
-    path : path of its file; results are saved beside it.
-    structure : instead of a file, with its material and supports; nothing is saved.
-    unit : unit of the file; None: it is guessed.
-    timeout : limit [s] of reading the file; None: by its kind and size.
-    size : largest cell [m]; None: as `antiosc new` takes it.
-    piece : rank of the piece that is opened; None: as `antiosc new` takes them.
-    contact : what becomes of the contact of a deck, "tied" or "apart"; None: likewise.
-    """
+    """A part that is open in a browser; it answers the calls of the page."""
 
     def __init__(
         self,
         path: Path,
         structure: Structure | None = None,
         unit: str | None = None,
-        timeout: float | None = None,
         size: float | None = None,
         piece: int | None = None,
         contact: str | None = None,
     ) -> None:
         self._path = path
         self._given = structure
-        self._options: Table = {"unit": unit, "timeout": timeout, "size": size}
+        self._options: Table = {"unit": unit, "size": size}
         self._choice: Table = {"piece": piece, "contact": contact}
         self._worker = Worker()
         self._kept = Kept(structure)
@@ -162,7 +132,7 @@ class Opened:
 
     def _opened(self) -> Data:
         """Open the file: its skin, its faces, and its first scene."""
-        from antiosc_app.skin import over_half, places, skin
+        from antiosc_app.skin import places, skin
 
         look = self._look = self._inspected()
         self._scene = EditedScene(self._path, look, {}, ())
@@ -180,16 +150,14 @@ class Opened:
             "piece": look.read.get("piece", JOINED),
             "contact": look.read.get("contact", ""),
             "contacts": CONTACT_TEXTS if "contact" in look.read else {},
-            "told": _told_of_file(look, self._path.name, own),
+            "told": _told_of_file(look, own),
             "skin": shape,
             "faces": list(faces),
-            "large_faces": over_half(shape, list(faces)),
             "places": places(shape, list(faces)),
             "materials": [] if look.of_deck else [*MATERIALS, OWN],
             "striker_materials": [*MATERIALS, OWN],
             "hammers": HAMMERS,
             "floors": FLOORS,
-            "layers": list(LAYERS),
             "family": look.family,
             "of_deck": look.of_deck and not own,
             "refines": look.meshed or not own,
@@ -214,7 +182,7 @@ class Opened:
         """Open another piece of the part, or all of them joined, or with another choice of its
         contact; if that fails, the one before stays.
         """
-        before = self._choice, self._whole, self._first, self._scene, self._look
+        before = vars(self).copy()
         if "contact" in values:
             contact = checks.choice("contact", values["contact"], tuple(CONTACT_TEXTS))
             self._choice, self._whole = {"piece": None, "contact": contact}, None
@@ -226,7 +194,7 @@ class Opened:
         try:
             self._first = self._opened()
         except BaseException:
-            self._choice, self._whole, self._first, self._scene, self._look = before
+            vars(self).update(before)
             raise
         self._worker.next_turn()
         return {}
@@ -246,8 +214,6 @@ class Opened:
         changes = {name: value for name, value in values.items() if name != "opening"}
         if changes == {"undo": True}:
             self._edited.undo()
-        elif changes == {"redo": True}:
-            self._edited.redo()
         else:
             stressed, cells = self._worst_cells() if "finer" in changes else ((), 0.0)
             in_words(lambda: self._edited.change(changes, stressed, cells))
@@ -259,7 +225,7 @@ class Opened:
             return [], 0.0
         made = self._answer.results
         sizes = [size for size, _, _ in (info_of(made.history.model).cells or {}).values()]
-        worst = largest_stress(made.stresses or {}, None).get("stress_place")
+        worst = largest_stress(made.stresses or {}).get("stress_place")
         return worst or [], min(sizes, default=0.0)
 
     def _run(self, whole: bool, more: Table | None = None) -> Answer:
@@ -325,9 +291,8 @@ class Opened:
         from antiosc_app import live_meshes
 
         told = self._told_of_hit(made)
-        edges = self._look is not None and self._look.of_deck
-        told["part"] = live_meshes.of_structure(made.structure, made.history, edges)
-        told |= largest_stress(made.stresses or {}, force_bar(run.error_budget(made.history)))
+        told["part"] = live_meshes.of_structure(made.structure, made.history)
+        told |= largest_stress(made.stresses or {})
         data = made.compiled.document.data
         self._worker.afterwards(lambda: self._kept.search_modes(made.structure, data))
         return told
@@ -370,11 +335,7 @@ class Opened:
         data = live_data.data_of_map(made.map, made.structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
-        head = headline_of_map(made.map, made.structure, self._path.name)
-        told = cards.cautions(head.caution, made.warnings)
-        text = results.text(made, results.presentations(made))
-        about = {"cards": [], "rows": head.numbers, "sentences": head.sentences, "text": text}
-        return {**data, "summary": about | _parted(told)}
+        return {**data, "summary": summary(made)}
 
     # -- files
 
@@ -392,7 +353,7 @@ class Opened:
         scene, page = (self._path.with_name(name) for name in names)
         try:
             with scene.open("x", encoding="utf-8") as stream:
-                stream.write(toml(self._edited.sections) + MORE * (not self._edited.falls))
+                stream.write(toml(self._edited.sections))
         except OSError as error:
             raise InputError(f"cannot write {scene.name}: {error.strerror}.") from None
         made.compiled.document = read(scene)
@@ -408,27 +369,22 @@ def in_words(work: Callable[[], Any]) -> Any:
     try:
         return work()
     except SceneFileError as error:
-        raise InputError(without_line(error)) from None
+        raise InputError(str(error.__cause__ or error.sentence)) from None
 
 
 def summary(made: run.SceneResults) -> Data:
     """The answers of a run: cards, rows, cautions, and the text that `antiosc run` prints."""
     parts = results.presentations(made)
-    told: Data = {"text": results.text(made, parts), "sentences": []}
-    if made.fall is not None:
-        first = falls.headline_of_fall(made.fall, made.worst).caution
-        told |= {"cards": cards.cards_of_fall(made.fall, made.worst)}
-        told |= {"rows": cards.rows_of_fall(made.fall)}
-        return told | _parted(cards.cautions(first, made.warnings))
-    budget = run.error_budget(made.history)
-    told["cards"] = cards.cards_of_history(made.history, budget, made.stresses)
-    told["rows"] = cards.rows_of_history(made.history, budget)
-    return told | _parted(cards.cautions(caution_of(made.history, budget), made.warnings))
-
-
-def _parted(told: list[str]) -> Data:
-    """Cautions that are shown, and those that are folded."""
-    return {"cautions": told[:MOST_CAUTIONS], "more": told[MOST_CAUTIONS:]}
+    first = parts[1]
+    told = cards.cautions(first.caution, made.warnings)
+    return {
+        "cards": first.cards,
+        "rows": first.rows,
+        "cautions": told[:MOST_CAUTIONS],
+        "more": told[MOST_CAUTIONS:],
+        "sentences": first.sentences if made.map is not None else [],
+        "text": results.text(made, parts),
+    }
 
 
 def _piece_text(rank: int, piece: Piece) -> str:
@@ -437,7 +393,7 @@ def _piece_text(rank: int, piece: Piece) -> str:
     return f"{rank}: {size} mm{f', {piece.name}' if piece.name else ''}"
 
 
-def _told_of_file(look: Inspection, name: str, own: bool) -> list[str]:
+def _told_of_file(look: Inspection, own: bool) -> list[str]:
     """What was taken while the file was read: the part's size and mass, its unit, its notes."""
     told = [f"{look.sides_text()}, {look.cells}"]
     with contextlib.suppress(InputError):
@@ -446,8 +402,7 @@ def _told_of_file(look: Inspection, name: str, own: bool) -> list[str]:
         told.append(f"unit of the file: {look.unit_text()}; antiosc open --unit changes it")
     if look.of_deck and look.free_deck and not own:
         told.append("the deck holds it nowhere")
-    notes = [capitalised(note.removeprefix(f"{name}: ")) for note in look.lasting_notes]
-    return [f"{'; '.join(told)}.", *notes]
+    return [f"{'; '.join(told)}.", *map(capitalised, look.notes)]
 
 
 def _free_names(part: Path) -> list[str]:

@@ -26,28 +26,17 @@ if TYPE_CHECKING:
 CURVES = 12
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A picture of a report.
-
-    Attributes
-    ----------
-    heading, caption : description of the picture, with units.
-    draw : function that writes it to a file with this ending.
-    same_view : whether it shows the same as the previous picture, and is left out if that failed.
-    """
+class Picture(NamedTuple):
+    """A picture of a report: what it shows, with units; `draw` writes it to a file."""
 
     heading: str
     caption: str
     draw: Callable[[Path], object]
     ending: str = ".png"
-    same_view: bool = False
 
 
 class Drawn(NamedTuple):
-    """A picture with its data URL, which is empty if it could not be drawn; the caption says
-    why.
-    """
+    """A picture with its data URL, "" if it could not be drawn; the caption says why."""
 
     heading: str
     caption: str
@@ -56,12 +45,10 @@ class Drawn(NamedTuple):
 
 def drawn_pictures(pictures: Iterable[Picture]) -> Iterator[Drawn]:
     """Draw pictures as data URLs; every rank must call it, since fields are distributed."""
-    data_url = ""
     for picture in pictures:
-        if picture.same_view and not data_url:
-            continue
         caption = picture.caption
         data_url = ""
+
         with progress.doing(f"drawing: {picture.heading}"), tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"picture{picture.ending}"
             try:
@@ -177,31 +164,64 @@ def spaced(name: str) -> str:
     return name.replace("_", " ")
 
 
+class Card(NamedTuple):
+    """An answer: the question, the text, and of a verdict its kind."""
+
+    name: str
+    text: str
+    tone: str = ""
+
+
 @dataclass
 class Presentation:
-    """The parts of a result's presentation, made on every rank since fields are distributed.
+    """What terminal, files, page and report show of a result, made on every rank.
 
     Attributes
     ----------
-    text : text for the terminal that tells how the result is computed, too.
-    answers : rows of the short text: does it break, how hard, how far, where; then a few more.
-    caution : what must be read with them first, "" if nothing must.
-    asked : numbers that stand beside those of the headline of a report.
-    tables : file -> its columns.
+    cards : the answers that stand first: does it break, how hard, how far, where.
+    asked : the numbers that were asked for beside them; rows : a few more.
+    caution : what must be read with them, "" if nothing must.
+    sentences : how the answers were found.
+    sections : heading -> blocks below it, which tell how it is computed.
+    tables, fields : file -> its columns, or function that writes it.
     numbers : numbers for result.json.
     plotted : name of a file -> object with a method `plot`.
-    fields : file -> function that writes it.
-    sections : heading of a report -> blocks below it.
     pictures : pictures of a report.
     """
 
-    text: Sequence[str] = ()
-    answers: Rows = field(default_factory=list)
+    cards: Sequence[Card] = ()
+    asked: Rows = field(default_factory=list)
+    rows: Rows = field(default_factory=list)
     caution: str = ""
-    asked: Sequence[tuple[str, str]] = ()
+    sentences: Sequence[str] = ()
+    sections: dict[str, list[Block]] = field(default_factory=dict)
     tables: dict[str, Columns] = field(default_factory=dict)
+    fields: dict[str, Callable[[Path], Path]] = field(default_factory=dict)
     numbers: dict[str, object] = field(default_factory=dict)
     plotted: dict[str, object] = field(default_factory=dict)
-    fields: dict[str, Callable[[Path], Path]] = field(default_factory=dict)
-    sections: dict[str, list[Block]] = field(default_factory=dict)
     pictures: Sequence[Picture] = ()
+
+    @property
+    def answers(self) -> Rows:
+        """The rows of the short text."""
+        return [*(card[:2] for card in self.cards), *self.asked, *self.rows]
+
+    @property
+    def of_report(self) -> list[tuple[str, list[Block]]]:
+        """Heading and blocks of each section of a report, which begins with the further rows."""
+        first, *others = self.sections.items() or [("Results", [])]
+        return [(first[0], [self.rows, *first[1]]), *others]
+
+    @property
+    def text(self) -> list[str]:
+        """The paragraphs of the long text, in which each number stands once."""
+        blocks = (block for part in self.sections.values() for block in part)
+        sentences = "\n".join(self.sentences)
+        return [format_rows(self.answers), self.caution, sentences, *map(format_block, blocks)]
+
+
+def format_block(block: Block) -> str:
+    """A block as text."""
+    if isinstance(block, str):
+        return block
+    return format_columns(block) if isinstance(block, dict) else format_rows(block)

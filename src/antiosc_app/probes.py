@@ -46,12 +46,7 @@ SECTION_FORCES = {
 
 
 class Probe:
-    """One probe: its quantity, filter, times [s], and values (n, c) by component.
-
-    `error` : the error of its largest value; None if it is not known.
-    `point` : where it lies [m]; None if that is not known.
-    `shock` : its shock response spectra, if the scene asks for them.
-    """
+    """One probe: its quantity, filter, times [s], and values (n, c) by component."""
 
     def __init__(self, results: SceneResults, name: str) -> None:
         call = results.compiled.probes[name]
@@ -112,19 +107,12 @@ class Probe:
         return columns
 
     def peak(self) -> Columns:
-        """The largest value: of a vector its magnitude, of other quantities one component.
-
-        Keys: quantity, filter, component ("magnitude"; "" of a scalar), value, unit, time, g of
-        accelerations, axis: component, value and time of the largest component of a vector;
-        truncation, mesh, force, error: the shares of its relative error and their sum; None if
-        unknown.
-        """
-        values, units = self.values, self.units()
+        """The largest value: of a vector its magnitude, and its largest component as axis."""
+        values, units, error = self.values, self.units(), self.error
         if self.is_vector:
             values = np.linalg.norm(values, axis=1)[:, None]
             units = {"magnitude": next(iter(units.values()))}
         component, row, value = _largest_of(values, units)
-        error = self.error
         peak: Columns = {
             "quantity": self.quantity,
             "filter": self.filter,
@@ -133,14 +121,10 @@ class Probe:
             "unit": units[component],
             "time": float(self.times[row]),
             "unfiltered": self.unfiltered,
-            "truncation": None if error is None else error.truncation,
-            "mesh": None if error is None else error.mesh,
-            "force": None if error is None else error.force,
             "error": None if error is None or not np.isfinite(error) else float(error),
         }
-        if self.is_vector:
-            axis, row, along = _largest_of(self.values, self.units())
-            peak["axis"] = {"component": axis, "value": along, "time": float(self.times[row])}
+        for cause in ("truncation", "mesh", "force"):
+            peak[cause] = None if error is None else getattr(error, cause)
         if self.quantity == "acceleration":
             peak["g"] = value / GRAVITY
         return peak
@@ -154,42 +138,26 @@ class Probe:
             numbers["srs"] = self.shock.numbers()
         return numbers
 
-    def rows(self) -> Rows:
-        """The largest value with its bar, where it lies, and its spectrum, in words."""
-        rows = [(f"probe {self.name}", self.text())]
-        if self.point is not None:
-            rows.append(("", f"it lies at {point_text(self.point)}"))
-        if self.shock is not None:
-            rows.append(("", self.shock.sentence))
-        return rows
-
-    def text(self) -> str:
-        """The largest value in words."""
-        peak = self.peak()
-        label = f"{spaced(peak['quantity'])} {peak['component']}".rstrip()
-        through = f" through {peak['filter']}" if peak["filter"] else ""
-        value = engineering(peak["value"], peak["unit"], 4)
-        bar = "" if self.error is None else f" {self.error}"
-        g = f" ({plain(peak['g'], 4)} g)" if "g" in peak else ""
-        raw = "" if self.unfiltered is None else f", {self.raw(peak['unit'])}"
-        told = f"{label}{through}: largest {value}{bar}{g} at {engineering(peak['time'], 's')}{raw}"
-        if "axis" not in peak:
-            return told
-        axis = engineering(peak["axis"]["value"], peak["unit"], 4)
-        return f"{told}; largest component {peak['axis']['component']}, {axis}"
-
-    def raw(self, unit: str) -> str:
-        """The largest value without the filter, which may hide a blow."""
-        assert self.unfiltered is not None
-        return f"{engineering(self.unfiltered, unit)} unfiltered"
-
     def fact(self) -> tuple[str, str]:
-        """Name and largest value with its bar, for a headline."""
+        """Name and largest value with its bar."""
         peak = self.peak()
         name = ", ".join(filter(None, (f"{self.name}: {spaced(self.quantity)}", self.filter)))
         bar = "" if self.error is None else f" {self.error}"
-        raw = "" if self.unfiltered is None else f", {self.raw(peak['unit'])}"
-        return name, f"{engineering(peak['value'], peak['unit'])}{bar}{raw}"
+        g = f" ({plain(peak['g'], 3)} g)" if "g" in peak else ""
+        told = f"{engineering(peak['value'], peak['unit'])}{bar}{g}"
+        if self.unfiltered is not None:  # the filter may hide a blow
+            told += f", {engineering(self.unfiltered, peak['unit'])} unfiltered"
+        return name, told
+
+    def rows(self) -> Rows:
+        """When and where the largest value arises, and its spectrum, in words."""
+        peak = self.peak()
+        told = [f"largest {peak['component']}".rstrip() + f" at {engineering(peak['time'], 's')}"]
+        if self.point is not None:
+            told.append(f"it lies at {point_text(self.point)}")
+
+        rows = [(f"probe {self.name}", "; ".join(told))]
+        return rows if self.shock is None else [*rows, ("", self.shock.sentence)]
 
     def signal(self) -> tuple[str, Array, Array, str]:
         """(name, times, values, unit) of the component with the largest value."""

@@ -16,7 +16,6 @@ import math
 import os
 import platform
 import re
-import secrets
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,34 +34,19 @@ from antiosc.base.errors import (
     weight,
 )
 from antiosc.base.process import loading
-from antiosc.base.texts import capitalised, piece_told
+from antiosc.base.texts import capitalised
 from antiosc_app import info, live, live_data
-from antiosc_app.cards import (
-    FAR,
-    FORCE,
-    MOST_CAUTIONS,
-    STRESS,
-    Card,
-    cards_of_fall,
-    cards_of_history,
-    cautions,
-)
-from antiosc_app.headline import (
-    Headline,
-    force_bar,
-    headline_of_history,
-    headline_of_map,
-    largest_stress,
-)
+from antiosc_app.cards import FAR, FORCE, MOST_CAUTIONS, STRESS, cautions
+from antiosc_app.headline import largest_stress
 from antiosc_app.live import Data
 from antiosc_app.presentation import (
-    Columns,
+    Card,
     Presentation,
     drawn_pictures,
     format_number,
     with_prefixes,
 )
-from antiosc_app.results import advice_of, presentations
+from antiosc_app.results import presentations
 from antiosc_app.scene_file.run import SceneResults, error_budget, on_first
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import Output
@@ -265,55 +249,45 @@ def write_page(results: SceneResults, parts: Sequence[Presentation], path: Path)
 
 def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The HTML text of the page."""
-    data, headline, answers = _live(results)
-    one_view = data is not None and data.get("part") is not None
-    asked = [Card(*fact) for part_shown in parts for fact in part_shown.asked]
-    first = "" if headline is None else headline.caution
-    told = cautions(first, results.warnings)
+    data = _live(results)
+    model, *parts = parts
+    told = cautions(" ".join(part.caution for part in parts if part.caution), results.warnings)
     notes = [one for one in by_weight(results.warnings) if weight(one) == NOTE]
-    more = [*told[MOST_CAUTIONS:], *map(capitalised, notes)]
     program = f"antiosc {info.version()}"
     date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
-    python = f"Python {platform.python_version()}, NumPy {np.__version__}"
-    names = [program, python, date]
+    names = [program, f"Python {platform.python_version()}, NumPy {np.__version__}", date]
     source = ""
     if results.compiled is not None:
         path = results.compiled.document.path
         names.insert(0, path.name)
         with contextlib.suppress(OSError):  # the file may have gone since it was read
             source = _uncommented(path.read_text(encoding="utf-8"))
+
     script = "" if data is None else live.script()
-    place = f"/* {secrets.token_hex(16)} */"  # of the program, whose words stay: it is signed
-    model, *parts = parts
-    views = (picture for part_shown in (*parts, model) for picture in part_shown.pictures)
-    pictures = list(
-        drawn_pictures(picture for picture in views if not (one_view and picture.same_view))
-    )
-    stills = [
-        picture for picture in pictures if picture.heading.startswith(STILLS) and picture.data
-    ]
-    html = rendered(
+    views = (picture for part in (*parts, model) for picture in part.pictures)
+    pictures = list(drawn_pictures(views))
+    stills = [one for one in pictures if one.heading.startswith(STILLS) and one.data]
+    return rendered(
         Path(__file__).with_name("page") / "report.html",
         title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
-        cards=[*answers, *asked],
+        cards=[card for part in parts for card in (*part.cards, *(Card(*x) for x in part.asked))],
         keys=KEYS,
         cautions=told[:MOST_CAUTIONS],
-        more=more,
-        headline=headline,
-        sections=[section for part_shown in parts for section in part_shown.sections.items()],
-        details=[(n, [advice_of(results), *blocks]) for n, blocks in model.sections.items()],
+        more=[*told[MOST_CAUTIONS:], *map(capitalised, notes)],
+        sentences=[sentence for part in parts for sentence in part.sentences],
+        sections=[section for part in parts for section in part.of_report],
+        details=list(model.sections.items()),
         still=stills[0] if stills else None,
         pictures=[picture for picture in pictures if picture not in stills[:1]],
         program=program,
         source=source,
         style=live.style(),
-        script=place,
+        script=script,
         policy=live.policy(script),
         live="" if data is None else live.embedded(data),
         drawn="" if data is None else live.caption(data),
     )
-    return html.replace(place, script)
 
 
 def _uncommented(scene: str) -> str:
@@ -322,41 +296,19 @@ def _uncommented(scene: str) -> str:
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip() + "\n"
 
 
-def _live(results: SceneResults) -> tuple[Data | None, Headline | None, list[Card]]:
-    """(data of the live page, headline, answers); without data for scenes and sweeps."""
-    fall = results.fall
-    if fall is not None and hasattr(fall, "episodes"):
+def _live(results: SceneResults) -> Data | None:
+    """The data of the live page; None for scenes and sweeps."""
+    fall, hit = results.fall, results.history
+    if fall is not None:
         from antiosc_app import falls  # it may need the finite-element packages
 
-        headline = falls.headline_of_fall(fall, results.worst)
-        answers = cards_of_fall(fall, results.worst)
-        return falls.data_of_fall(fall, results.worst), headline, answers
+        return falls.data_of_fall(fall, results.worst) if hasattr(fall, "episodes") else None
     if results.map is not None:
-        headline = headline_of_map(results.map, results.structure, _file_of(results))
-        answers = [Card(*fact) for fact in headline.numbers]
-        return live_data.data_of_map(results.map, results.structure), headline, answers
-    hit = results.history
+        return live_data.data_of_map(results.map, results.structure)
     if hit is None or isinstance(hit, SceneHistory):
-        return None, None, []
-    budget = error_budget(hit)
-    data = live_data.data_of_history(hit, results.structure, budget)
-    stresses = results.stresses or {}
-    if data is not None:
-        data |= largest_stress(stresses, force_bar(budget))
-    headline = headline_of_history(hit, results.structure, budget, stresses, _file_of(results))
-    return data, headline, cards_of_history(hit, budget, stresses)
-
-
-def _file_of(results: SceneResults) -> str:
-    """The name of the file of the part of a scene of one part, and the piece of it that is read;
-    "" if it is not known.
-    """
-    scene = {} if results.compiled is None else results.compiled.document.data
-    for section, key in (("deck", "path"), ("geometry", "source")):
-        if isinstance(name := scene.get(section, {}).get(key), str):
-            piece = piece_told(results.warnings)
-            return f"{piece} of {Path(name).name}" if piece else Path(name).name
-    return ""
+        return None
+    data = live_data.data_of_history(hit, results.structure, error_budget(hit))
+    return None if data is None else data | largest_stress(results.stresses or {})
 
 
 def rendered(template: Path, **content: object) -> str:
@@ -376,35 +328,12 @@ def rendered(template: Path, **content: object) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"shown": format_number, "prefixed": with_prefixes, "zipped": _zipped}
-    environment.filters |= {"parted": _parted, "breakable": _breakable}
+    environment.filters |= {"shown": format_number, "prefixed": with_prefixes}
+    environment.filters["zipped"] = _zipped
     environment.tests["numeric"] = lambda cell: (
         format_number(cell).strip("-–+.0123456789eE% ") == ""
     )
     return str(environment.get_template(template.name).render(content))
-
-
-def _breakable(text: str) -> Any:
-    """A title as HTML that a line may break after the separators of a file's name."""
-    from markupsafe import Markup, escape  # comes with jinja2
-
-    return Markup(re.sub(r"([_/-])(?=\w)", r"\1<wbr>", str(escape(text))))
-
-
-#: First rows of a long table, which a report shows; the others are folded.
-FIRST_ROWS = 10
-
-
-def _parted(table: Columns) -> tuple[Columns, Columns]:
-    """A table in two: its first rows, and the others if it is long, else {}.
-
-    Each has units with its own prefixes.
-    """
-    columns = {name: list(values) for name, values in table.items()}
-    if max(map(len, columns.values()), default=0) <= 2 * FIRST_ROWS:
-        return columns, {}
-    first = {name: values[:FIRST_ROWS] for name, values in columns.items()}
-    return first, {name: values[FIRST_ROWS:] for name, values in columns.items()}
 
 
 def _zipped(columns: Iterable[Iterable[object]]) -> Iterator[tuple[object, ...]]:

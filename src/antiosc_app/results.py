@@ -9,21 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from antiosc import AntiOscillators, History, SceneHistory, advise
-from antiosc.base._types import Array, IntArray
+from antiosc import AntiOscillators, History, SceneHistory
+from antiosc.base._types import Array
 from antiosc.base.cfc import SHOCK_FILTER
-from antiosc.base.errors import AntioscError, InputError, by_weight, weight
-from antiosc.base.texts import (
-    engineering,
-    percent,
-    piece_told,
-    plain,
-    point_text,
-    range_text,
-    restitution_text,
-)
+from antiosc.base.errors import InputError, by_weight, weight
+from antiosc.base.texts import engineering, percent, plain, point_text, range_text
 from antiosc.extension import (
-    DEFLECTION,
     MAP_QUANTITIES,
     QUANTITIES,
     ErrorBudget,
@@ -33,26 +24,9 @@ from antiosc.extension import (
     trusted,
 )
 from antiosc.models.body import info_of, site_points
-from antiosc.plot.charts import legend_beside, plot_force, plot_model, plot_motion
+from antiosc.plot.charts import plot_force, plot_model, plot_motion
 from antiosc.plotting import plot_deformed, plot_map
-from antiosc_app.cards import (
-    MOST_CAUTIONS,
-    MOST_ROWS,
-    bar_of_fall,
-    cards_of_fall,
-    cards_of_history,
-    cautions,
-    rows_of_fall,
-    rows_of_history,
-)
-from antiosc_app.falls import headline_of_fall
-from antiosc_app.headline import (
-    caution_of,
-    force_bar,
-    judgement,
-    largest_share,
-    map_cautions,
-)
+from antiosc_app import cards, falls, headline
 from antiosc_app.presentation import (
     Block,
     Columns,
@@ -62,7 +36,6 @@ from antiosc_app.presentation import (
     chart,
     curves,
     escaped,
-    format_columns,
     format_rows,
     spaced,
     spectrum,
@@ -76,8 +49,8 @@ if TYPE_CHECKING:
 
     from antiosc import Drops, Fall, PeakField, Sample, Structure
 
-#: Views of a part in space: name -> (elevation, azimuth) in degrees; None: the default view.
-VIEWS = {"": None, ", from behind": (24.0, 128.0), ", from above": (75.0, -52.0)}
+#: Heading of the structure and its model.
+MODEL = "Model"
 ENERGIES = ("kinetic", "strain", "contact", "dissipated")
 
 
@@ -88,43 +61,38 @@ def _model(results: SceneResults) -> Presentation:
     """The structure and its reduced model; a report shows them after the pictures."""
     structure, model = results.structure, results.model
     presentation = Presentation()
-    blocks: list[Block] = []
-    mass: Rows = [] if structure is None else mass_of(structure)
+    rows: Rows = []
     if structure is not None:
-        presentation.text = [structure.describe(), *([] if model else [format_rows(mass)])]
+        rows += [("structure", structure.describe()), *mass_of(structure)]
         presentation.numbers["structure"] = structure.describe()
         with suppress(InputError):  # some matrices do not know it
             presentation.numbers["mass"] = structure.mass
     if model is not None:
-        rows = _model_rows(model)
-        presentation.text = [*presentation.text, format_rows([*mass, *rows])]
+        rows += _model_rows(model)
         names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
         numbers = {name: getattr(model, name, None) for name in names}
         presentation.numbers["model"] = numbers | {"points": site_points(model)}
         presentation.plotted["model"] = model
-        blocks.append(rows)
-        if np.ndim(model.k0) == 0:
-            table: Columns = {"anti-oscillator": range(1, model.n + 1)}
-            table |= {"frequency (Hz)": model.omega / (2 * np.pi), "mass (kg)": model.m}
-            blocks.append(table | {"stiffness (N/m)": model.k})
-        presentation.pictures = [
-            chart(
-                "Anti-oscillators",
-                "Frequency (Hz) and mass of each anti-oscillator: in kg at one site, as share of"
-                " the static mass at several.",
-                partial(spectrum, model),
-            ),
-            Picture(
-                "Dynamic stiffness",
-                "|Z(ω)| (N/m) over frequency (Hz), infinite at the antiresonances, and the share of"
-                " the static mass that the anti-oscillators hold.",
-                partial(plot_model, model),
-                ".svg",
-            ),
-        ]
-    if blocks or structure is not None:
-        presentation.sections["Model"] = blocks
+        presentation.pictures = _model_pictures(model)
+    if rows:
+        presentation.sections[MODEL] = [rows]
     return presentation
+
+
+def _model_pictures(model: AntiOscillators) -> list[Picture]:
+    """Pictures of a reduced model."""
+    masses = (
+        "Frequency (Hz) and mass of each anti-oscillator: in kg at one site, as share of the static"
+        " mass at several."
+    )
+    stiffness = (
+        "|Z(ω)| (N/m) over frequency (Hz), infinite at the antiresonances, and the share of the"
+        " static mass that the anti-oscillators hold."
+    )
+    return [
+        chart("Anti-oscillators", masses, partial(spectrum, model)),
+        Picture("Dynamic stiffness", stiffness, partial(plot_model, model), ".svg"),
+    ]
 
 
 def _model_rows(model: AntiOscillators) -> Rows:
@@ -158,24 +126,6 @@ def mass_of(structure: Structure) -> Rows:
         return [("mass", f"not known: {error}")]
 
 
-def advice_of(results: SceneResults) -> Rows:
-    """Rows on the structure, and on `advise`'s choice of the family if it has one."""
-    if results.structure is None:
-        return []
-    rows = [("structure", results.structure.describe()), *mass_of(results.structure)]
-    if not hasattr(results.impactor, "hertz"):
-        return rows
-    with suppress(AntioscError):
-        advice = advise(results.structure, results.impactor)
-        rows += [
-            ("sufficient element family", advice.family),
-            ("elements suffice up to", engineering(advice.element_size, "m")),
-            ("highest relevant frequency", engineering(advice.frequency, "Hz")),
-            ("reasons", "; ".join(advice.reasons)),
-        ]
-    return rows
-
-
 # -- an impact
 
 
@@ -185,111 +135,72 @@ def _impact(results: SceneResults) -> Presentation:
     peaks = results.stresses or {}
     probes = probes_of(results)
     budget = error_budget(hit)
+    single = not isinstance(hit, SceneHistory)
+
     columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
     numbers: Columns = hit.numbers()
-    moved: Rows = []
     if budget is not None:
         numbers["error_budget"] = {name: budget.shares(name) for name in budget}
         if budget.no_bar:
             numbers["no_error_bar"] = budget.footnote
-        if budget.deflection is not None:
-            moved = [("deflection at the site", budget.shown(DEFLECTION, 3))]
-    probe_rows = [row for probe in probes for row in probe.rows()]
-    stresses = _stress_rows(peaks, force_bar(budget))
-    summary = hit.summary()
-    if budget is not None:  # its lines have the shares of the force
-        shares = budget.causes_text("peak_force")
-        summary = "\n".join(row for row in summary.splitlines() if shares not in row)
-    accuracy = "\n".join(filter(None, (str(budget or ""), largest_share(budget))))
-    single = not isinstance(hit, SceneHistory)
-    cards = [card[:2] for card in cards_of_history(hit, budget, peaks)] if single else []
-    asked = [probe.fact() for probe in probes]
-    answers = [*cards, *asked, *rows_of_history(hit, budget)] if single else []
-    shocks = [probe.shock for probe in probes if probe.shock is not None]
+
+    plotted: dict[str, object] = {**({"force": hit} if single else {}), **peaks}
+    found = [probe.shock for probe in probes if probe.shock is not None]
+    shocks = [shock.spectra[shock.component] for shock in found]
+    plotted |= {f"srs_{k + 1}" if k else "srs": shock for k, shock in enumerate(shocks)}
+    facts = [("striker", headline.striker_text(hit.impactor))] if single else _contact_table(hit)
     return Presentation(
-        text=[
-            format_rows(cards),
-            caution_of(hit, budget),
-            summary,
-            accuracy,
-            format_rows([*moved, *probe_rows, *stresses]),
-        ],
-        answers=answers,
-        caution=caution_of(hit, budget),
-        asked=asked,
+        cards=cards.cards_of_history(hit, budget, peaks) if single else [],
+        asked=[probe.fact() for probe in probes],
+        rows=cards.rows_of_history(hit, budget) if single else [],
+        caution=headline.caution_of(hit, budget),
+        sentences=headline.sentences_of_history(hit, budget, peaks),
         tables={"history.csv": columns, **files_of(probes)},
         numbers={
             "result": numbers,
             "probes": {probe.name: probe.numbers() for probe in probes},
             "stress": _stress_numbers(peaks),
         },
-        plotted={
-            **({"force": hit} if single else {}),
-            **peaks,
-            **{f"srs_{k + 1}" if k else "srs": shock for k, shock in enumerate(shocks)},
-        },
+        plotted=plotted,
         fields={f"{name}.vtu": peak.write for name, peak in peaks.items()},
         sections={
-            "Results": [
-                _facts(hit),
-                moved,
-                hit.explanation,
-                probe_rows,
-                [] if single else stresses,
-            ],
+            "Results": [facts, [row for probe in probes for row in probe.rows()]],
             "Errors": _errors(hit, budget),
         },
         pictures=_impact_pictures(results, probes),
     )
 
 
-def _facts(hit: History) -> Block:
-    """The numbers of a history, or of each contact of a scene."""
-    if contacts := _contacts(hit):
-        hits = contacts.values()
-        table: Columns = {"contact": [f"{a} – {b}" for a, b in contacts]}
-        for name, unit in QUANTITIES.items():
-            table[f"{spaced(name)} ({unit})"] = [getattr(contact, name) for contact in hits]
-        return table | {"contacts": [len(contact.contacts) for contact in hits]}
-    rows = [(spaced(n), engineering(getattr(hit, n), u, 4)) for n, u in QUANTITIES.items()]
-    e = "not defined" if hit.restitution is None else restitution_text(hit.restitution, 4)
-    return [*rows, ("contacts", hit.count_text), ("coefficient of restitution", e)]
+def _contact_table(hit: History) -> Columns:
+    """The numbers of each contact of a scene."""
+    contacts = _contacts(hit)
+    table: Columns = {"contact": [f"{a} – {b}" for a, b in contacts]}
+    for name, unit in QUANTITIES.items():
+        values = [getattr(contact, name) for contact in contacts.values()]
+        table[f"{spaced(name)} ({unit})"] = values
+    return table | {"contacts": [len(contact.contacts) for contact in contacts.values()]}
 
 
 def _errors(hit: History, budget: ErrorBudget | None) -> list[Block]:
-    """Blocks on the errors of a history."""
+    """Blocks on the errors of a history, and on what it is made of."""
     rows = [(f"time integration: {name}", percent(value)) for name, value in hit.error.items()]
     rows.append(("these errors cover", error_scope(hit)))
     rows.append(("energy drift over the run, of the energy", percent(hit.energy.drift)))
+    rows.append(("step", engineering(hit.step, "s")))
+    if not isinstance(hit, SceneHistory):
+        rows.append(("law", type(hit.law).__name__))
+    rows += [("stretch", text) for text in hit.stretch_texts]
     rows += [("details", text) for text in hit.details]
     if budget is None:
         return [rows]
-    table: Columns = {"Error budget": ["value", *budget.causes, f"total{budget.condition}"]}
-    for name, bar in budget.items():
-        shares = budget.shares(name)
-        cells = [shares[cause] for cause in (*budget.causes, "total")]
-        told = ["–" if share is None else percent(share) for share in cells]
-        table[spaced(name)] = [engineering(bar.value, QUANTITIES[name], 4), *told]
+
+    causes = (*budget.causes, "total")
+    table: Columns = {"Error budget": [*budget.causes, f"total{budget.condition}"]}
+    for name in budget:
+        shares = [budget.shares(name)[cause] for cause in causes]
+        table[spaced(name)] = ["–" if share is None else percent(share) for share in shares]
     return [rows, table, *budget.notes]
-
-
-def _stress_rows(peaks: Mapping[str, PeakField], force: float | None) -> Rows:
-    """Rows with the verdicts on stresses, or the largest values if no strength is known."""
-    rows = []
-    for name, peak in peaks.items():
-        sentence = _largest(peak) if peak.worst_point is None else judgement(peak, force)
-        rows.append((spaced(name), sentence))
-        if peak.doubt:
-            rows.append(("", peak.doubt))
-    return rows
-
-
-def _largest(peak: PeakField) -> str:
-    """Text of the largest value of a field, its place and time."""
-    value, point, time = peak.largest(1)[0]
-    place = f"at {point_text(point)}, {engineering(time, 's')}"
-    return f"largest {engineering(value, peak.unit, 4)} {place}"
 
 
 #: Attributes of a margin among the numbers, and of the worst point where no strength is known.
@@ -360,11 +271,8 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
             "The structure at the time of the largest displacement of its site, or of the largest"
             " force; displacements are drawn larger by the factor stated."
         )
-        arrow = _impact_arrow(results.model)
-        for name, view in (VIEWS if arrow else {"": None}).items():
-            shape = partial(plot_deformed, results.structure, hit, view=view, **arrow)
-            heading = f"Deformed structure{name}"
-            pictures.append(Picture(heading, caption, shape, same_view=bool(name)))
+        shape = partial(plot_deformed, results.structure, hit, **_impact_arrow(results.model))
+        pictures.append(Picture("Deformed structure", caption, shape))
     for name, peak in (results.stresses or {}).items():
         caption = f"The largest value at each node over the run: {spaced(name)}."
         pictures.append(Picture("Largest stress", caption, peak.plot))
@@ -395,20 +303,9 @@ def _fall(results: SceneResults) -> Presentation:
     fall, worst = results.fall, results.worst
     single = hasattr(fall, "flights")
     table = fall_table(fall) if single else quantiles(fall, FALLS)
-    rows: Rows = [] if single else [("contact", f"yields in {fall.yields.sum()} of {len(fall)}")]
-    scene = {} if results.compiled is None else results.compiled.document.data
-    accelerometers = scene.get("accelerometers", {})
-    for name, peak in (results.peaks or {}).items():
-        through = accelerometers.get(name, {}).get("filter", "unfiltered")
-        told = f"at most {plain(peak.g, 4)} g ({through}), in impact {peak.impact + 1}"
-        if through != "unfiltered":
-            raw = without_filter(results, results.compiled.peaks[name])
-            told += f", {plain(raw.g, 4)} g unfiltered"
-        rows.append((f"accelerometer {name}", told))
     numbers: Columns = {"fall": table | {"status": fall.status, "message": fall.message}}
-    numbers["accelerometers"] = {
-        name: vars(peak) | {"g": peak.g} for name, peak in (results.peaks or {}).items()
-    }
+    peaks = results.peaks or {}
+    numbers["accelerometers"] = {name: vars(peak) | {"g": peak.g} for name, peak in peaks.items()}
     pictures = []
     if single:
         caption = (
@@ -416,28 +313,43 @@ def _fall(results: SceneResults) -> Presentation:
             " the impacts (N)."
         )
         pictures.append(Picture("Fall", caption, fall.plot))
-    shown = list(rows)  # the verdict is in the headline of a report
     if worst is not None:
-        rows += _stress_rows({worst.quantity: worst}, bar_of_fall(fall, worst))
         numbers["worst"] = {worst.quantity: float(worst.values.max())} | _margin_numbers(worst)
         caption = "The largest value at each node over all impacts."
         pictures.append(Picture("Largest stress", caption, worst.plot))
-    cards = [card[:2] for card in cards_of_fall(fall, worst)] if single else []
-    return Presentation(
-        answers=[*cards, *shown, *rows_of_fall(fall)] if single else [],
-        caution=headline_of_fall(fall, worst).caution if single else "",
-        text=[
-            format_rows(cards),
-            fall.summary() if single else format_columns(table),
-            format_rows(rows),
-        ],
+
+    presentation = Presentation(
         tables={"fall.csv": table},
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},
         fields={} if worst is None else {"worst.vtu": worst.write},
-        sections={"Fall": [table, shown, f"The fall ended: {fall.message}."]},
+        sections={"Fall": [table]},
         pictures=pictures,
     )
+    if not single:
+        presentation.rows = [("contact", f"yields in {fall.yields.sum()} of {len(fall)}")]
+        presentation.sentences = [f"The fall ended: {fall.message}."]
+        return presentation
+
+    presentation.cards = cards.cards_of_fall(fall, worst)
+    presentation.asked = _accelerometer_rows(results)
+    presentation.rows = cards.rows_of_fall(fall)
+    presentation.caution = falls.caution_of_fall(fall)
+    presentation.sentences = falls.sentences_of_fall(fall, worst)
+    return presentation
+
+
+def _accelerometer_rows(results: SceneResults) -> Rows:
+    """The peak accelerations that a scene asks for, beside those without a filter."""
+    rows = []
+    for name, peak in (results.peaks or {}).items():
+        call = results.compiled.peaks[name]
+        through = call.arguments.get("filter", "unfiltered")
+        told = f"at most {plain(peak.g, 4)} g ({through}), in impact {peak.impact + 1}"
+        if "filter" in call.arguments:
+            told += f", {plain(without_filter(results, call).g, 4)} g unfiltered"
+        rows.append((f"accelerometer {name}", told))
+    return rows
 
 
 def fall_table(fall: Fall) -> Columns:
@@ -473,15 +385,15 @@ def quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
 
 
-def _own_rows(nominal: Nominal | None) -> Rows:
-    """The error bars of a study's run without varied values, its contact and its stress."""
+def _own_blocks(nominal: Nominal | None) -> list[Block]:
+    """The answers of a study's run without varied values, in the words of `antiosc run`."""
     if nominal is None:
         return []
-    budget = error_budget(nominal.hit)
-    lines = (caution_of(nominal.hit, budget) or str(budget)).splitlines()
-    rows = [("" if i else "errors", line) for i, line in enumerate(lines)]
-    rows += [("contact", nominal.hit.verdict)] if nominal.hit.verdict else []
-    return rows + _stress_rows(nominal.fields, force_bar(budget))
+    hit, _, fields = nominal
+    budget = error_budget(hit)
+    rows: Rows = [card[:2] for card in cards.cards_of_history(hit, budget, fields)]
+    told = [headline.caution_of(hit, budget), *headline.sentences_of_history(hit, budget, fields)]
+    return [OWN_IMPACT, [*rows, *cards.rows_of_history(hit, budget)], " ".join(filter(None, told))]
 
 
 def _own_numbers(nominal: Nominal | None) -> Columns:
@@ -504,45 +416,28 @@ def _sweep(results: SceneResults) -> Presentation:
             given = any(budget and budget.law for budget in results.facts)
             table["± without the law (%)" if given else "± (%)"] = 100 * np.array(bars, dtype=float)
     table |= {name: getattr(batch, name) for name in ("restitution", "contacts", "status")}
-    own = _own_rows(results.nominal)
     shown: Columns = {with_unit(name): given for name, given in table.items()}
-    verdict: list[Block] = [OWN_IMPACT, own] if own else []
-    caption = "Peak force (N) of each impact, over the first value that varies"
-    caption += ", a line for each combination of the others." if len(values) > 1 else "."
     return Presentation(
-        text=[format_columns(table), *([OWN_IMPACT, format_rows(own)] if own else [])],
         tables={"sweep.csv": table},
         numbers={"sweep": table, **_own_numbers(results.nominal)},
-        sections={"Sweep": [shown, *verdict]},
-        pictures=[chart("Sweep", caption, partial(_draw_sweep, values, batch.peak_force))],
+        sections={"Sweep": [shown, *_own_blocks(results.nominal)]},
+        pictures=[
+            chart(
+                "Sweep",
+                "Peak force (N) of each impact, over the first value that varies.",
+                partial(_draw_sweep, values, batch.peak_force),
+            )
+        ],
     )
 
 
 def _draw_sweep(values: Mapping[str, list[Any]], force: Array, ax: Axes) -> None:
     """Draw the forces of a sweep over its first value."""
-    (name, first), *others = values.items()
+    name, first = next(iter(values.items()))
     numbers = all(isinstance(value, int | float) for value in first)
-    x = np.asarray(first if numbers else range(len(first)))
-    for told, rows in _lines(others, len(x)).items():
-        rows = rows[np.argsort(x[rows], kind="stable")]
-        ax.plot(x[rows], force[rows], "o-", ms=4, lw=1, label=escaped(told) or None)
-    if others:
-        ax.legend(fontsize="small")
+    ax.plot(first if numbers else range(len(first)), force, "o", ms=4)
     ax.set_xlabel(escaped(with_unit(name)))
     ax.set_ylabel("peak force (N)")
-
-
-def _lines(others: Sequence[tuple[str, list[object]]], count: int) -> dict[str, IntArray]:
-    """Text of the other values of a sweep -> the rows that have them; one line of all rows where
-    the values are no grid.
-    """
-    lines: dict[str, list[int]] = {}
-    for row in range(count):
-        told = ", ".join(f"{with_unit(name)} {values[row]}" for name, values in others)
-        lines.setdefault(told, []).append(row)
-    if min(map(len, lines.values())) < 2:  # no grid
-        lines = {"": list(range(count))}
-    return {told: np.array(rows) for told, rows in lines.items()}
 
 
 def with_unit(name: str) -> str:
@@ -555,15 +450,13 @@ def _sample(results: SceneResults) -> Presentation:
     """A Monte Carlo study: quantiles, and inputs and results of each run."""
     sample = results.sample
     table = quantiles(sample, QUANTITIES)
-    own = _own_rows(results.nominal)
     failed = [sample.failed.get(i, "") for i in range(len(sample))]
     caption = "Peak forces (N) of the runs, and their quantiles with the bars of their number."
     return Presentation(
-        text=[format_columns(table), OWN_IMPACT, format_rows(own)],
         tables={"monte_carlo.csv": {**sample.inputs, **sample.values, "error": failed}},
         numbers={"monte_carlo": table, **_own_numbers(results.nominal)},
         plotted={"monte_carlo": sample},
-        sections={"Random values": [table, OWN_IMPACT, own]},
+        sections={"Random values": [table, *_own_blocks(results.nominal)]},
         pictures=[Picture("Random values", caption, sample.plot, ".svg")],
     )
 
@@ -573,7 +466,6 @@ def _blow(results: SceneResults) -> Presentation:
     blow = results.found
     caption = "Signals in the band that is compared, and the contact force (N) that was found."
     return Presentation(
-        text=[blow.summary()],
         tables={"force.csv": {"time (s)": blow.time, "force (N)": blow.force}},
         numbers={"found": blow.numbers()},
         plotted={"found": blow},
@@ -602,17 +494,12 @@ def _tradeoff(results: SceneResults) -> Presentation:
         " their differences to the finest one, over the time of each."
     )
 
-    def draw(ax: Axes) -> None:
-        compared.draw(ax)
-        legend_beside(ax)
-
     return Presentation(
-        text=[compared.summary()],
         tables={"tradeoff.csv": table},
         numbers={"tradeoff": compared.numbers()},
         plotted={"tradeoff": compared},
         sections={"Speed against accuracy": [table, compared.message, *compared.notes]},
-        pictures=[chart("Speed against accuracy", caption, draw)],
+        pictures=[chart("Speed against accuracy", caption, compared.draw)],
     )
 
 
@@ -646,12 +533,14 @@ def _map(results: SceneResults) -> Presentation:
         table[f"{name} ({unit})" if unit else name] = values
     numbers = {"points": impact_map.points, "surface": impact_map.names.tolist(), **quantities}
     return Presentation(
-        text=[*map_cautions(impact_map), format_rows(rows)],
+        rows=rows,
+        caution=headline.caution_of_map(impact_map),
+        sentences=headline.sentences_of_map(impact_map),
         tables={"map.csv": table},
         numbers={"map": numbers | {"doubtful": impact_map.doubtful}},
         plotted={"map": impact_map},
         fields={"map.vtu": impact_map.write},
-        sections={"Map": [rows]},
+        sections={"Map": []},
         pictures=[
             Picture(
                 f"Map: {labels[q][0]}",
@@ -685,31 +574,21 @@ def presentations(results: SceneResults) -> list[Presentation]:
     return [_model(results), *(make(results) for make in present)]
 
 
-#: Number of answers that stand first.
-CARDS = 4
-
-
 def answer(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The short text: of an impact or a fall its answers, a few rows and cautions."""
-    first = next((part for part in parts if part.answers), None)
+    first = next((part for part in parts if part.cards), None)
     if first is None:
         return text(results, parts[1:])
-    told = cautions(first.caution, results.warnings)[:MOST_CAUTIONS]
-    rows = first.answers[: CARDS + MOST_ROWS]
-    return "\n".join([*filter(None, [_title(results)]), format_rows(rows), *told])
-
-
-def _title(results: SceneResults) -> str:
-    """The title of a scene, and which piece of a file is struck."""
+    told = cards.cautions(first.caution, results.warnings)[: cards.MOST_CAUTIONS]
+    rows = first.answers[: len(first.cards) + cards.MOST_ROWS]
     title = str(results.compiled.document.data.get("title", ""))
-    return ", ".join(filter(None, (title, piece_told(results.warnings))))
+    return "\n".join([*filter(None, [title]), format_rows(rows), *told])
 
 
 def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """Text of title, warnings that question the numbers, results, structure and model."""
-    title = _title(results)
     warnings = (f"warning: {one}" for one in by_weight(results.warnings) if not weight(one))
-    after = [part for part in parts if "Model" in part.sections]  # the answers stand first
-    parts = [*(part for part in parts if part not in after), *after]
-    pieces = [title, *warnings, *(piece for part in parts for piece in part.text)]
+    in_order = sorted(parts, key=lambda part: MODEL in part.sections)  # the answers stand first
+    title = str(results.compiled.document.data.get("title", ""))
+    pieces = [title, *warnings, *(piece for part in in_order for piece in part.text)]
     return "\n\n".join(filter(None, pieces))

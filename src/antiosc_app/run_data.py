@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from ctypes import byref
 from dataclasses import dataclass, field, replace
+from itertools import chain, count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,11 @@ CONTACT_TIMES = 20
 MOST_DOUBLINGS = 6
 #: Longest run over that duration.
 LONGEST_RUN = 1024
+#: Numbers of a contact, in the order of the model file.
+OF_CONTACTS = (
+    *("friction", "tangential_stiffness", "mass", "expected_depth", "expected_speed"),
+    *("slowest", "preload"),
+)
 _MAX = 10_000, 1_000_000  # contacts and steps of the run that chooses the step
 
 
@@ -61,27 +67,20 @@ class Variable:
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """A run for `csrc/export/antiosc_model.h`.
-
-    Attributes
-    ----------
-    system : its bodies and contacts; for a port (`inputs`) no contact, and one row for each site.
-    options : duration [s], rel_tol, force scale, step, resolution [s].
-    site_modes, site_forces, site_shifts : (S, J), (S, m), (K, S).
-    outputs : (O, 2) kind, and index of the contact or site.
-    starts : (N, J) change of the initial modal velocities by a unit of each parameter.
+    """A run for `csrc/export/antiosc_model.h`; `system` has its bodies and contacts, for a port
+    (`input_variables`) no contact, and one row for each site.
     """
 
     system: System
-    options: tuple[float, float, float, float, float]
-    duration: float
-    site_modes: Array
-    site_forces: Array
-    site_shifts: Array
-    outputs: NDArray[np.int32]
+    options: tuple[float, float, float, float, float]  # duration, rel_tol, scale, step, resolution
+    duration: float  # [s]
+    site_modes: Array  # (S, J)
+    site_forces: Array  # (S, m)
+    site_shifts: Array  # (K, S)
+    outputs: NDArray[np.int32]  # (O, 2) kind, and index of the contact or site
     output_variables: list[Variable]
     input_variables: list[Variable] = field(default_factory=list)
-    starts: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    starts: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (N, J) by unit parameters
     parameter_variables: list[Variable] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -99,9 +98,7 @@ class RunData:
         return self.system.packed
 
     def counts(self) -> list[int]:
-        """Numbers of modes, rows, contacts, breaks, sites, parameters, outputs, law parameters, and
-        stretching rows.
-        """
+        """Numbers of modes, rows, contacts, breaks, sites, parameters, outputs, …"""
         laws = [law.n_params for law, _ in self.given.laws]
         m, size = self.system.beta.shape
         return [
@@ -128,18 +125,7 @@ class RunData:
     def arrays(self) -> dict[str, Array]:
         """All numbers by name, in the order of the model file."""
         s = self.system
-        contacts = [
-            [
-                c.friction,
-                c.tangential_stiffness,
-                c.mass,
-                c.expected_depth,
-                c.expected_speed,
-                c.slowest,
-                c.preload,
-            ]
-            for c in self.given.contacts
-        ]
+        contacts = [[getattr(c, name) for name in OF_CONTACTS] for c in self.given.contacts]
         laws = [values for _, values in self.given.laws]
         values = np.concatenate([np.asarray(law, dtype=float) for law in laws]) if laws else []
         parts = {
@@ -210,18 +196,17 @@ def model_run(model: LinearBody) -> RunData:
             "a model alone is linear in an exported file, and this one stretches: export its"
             " impact, or extract it with stretch=False."
         )
-    count = body.B.shape[1]
     names = _column_names(body)
-    system = _body_system(body)
+    modes = BodyModes(body.omega, body.modes.decay, body.B.T, np.zeros(body.omega.size))
     inputs = [Variable(f"{name}force".lstrip("."), "N", "force on the site") for name in names]
     outputs, variables = _site_outputs(names)
     return RunData(
-        system,
+        posed([modes], (), body.r),
         (1.0, 1e-3, 0.0, 0.0, 0.0),
         1.0,
         body.B.T.copy(),
         body.r.copy(),
-        np.zeros((1, count)),
+        np.zeros((1, len(names))),
         outputs,
         variables,
         inputs,
@@ -300,12 +285,6 @@ def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
             )
 
 
-def _body_system(body: SceneBody) -> System:
-    """A body alone as a system: one row for each site, no contact."""
-    modes = BodyModes(body.omega, body.modes.decay, body.B.T, np.zeros(body.omega.size))
-    return posed([modes], (), body.r)
-
-
 def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
     """Names of a body's columns with a trailing dot, as "tip.", "tip.1."; "" for a single one."""
     names = [""] * body.B.shape[1]
@@ -334,27 +313,29 @@ def _contact_outputs(
     contacts: Sequence[tuple[str, str]], without_body: bool
 ) -> tuple[NDArray[np.int32], list[Variable]]:
     """Output specifications and variables of contacts."""
-    specs = []
     variables = []
-    for c, (a, b) in enumerate(contacts):
-        for kind, (name, unit) in OF_CONTACT.items():
-            specs.append((kind, c))
+    for a, b in contacts:
+        for name, unit in OF_CONTACT.values():
             full = name if without_body else f"{a},{b}.{name}"
             description = f"{name.replace('_', ' ')} of the contact of {a} and {b}"
             variables.append(Variable(full, unit, description))
-    return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
+    return _specs(OF_CONTACT, len(contacts)), variables
 
 
 def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variable]]:
     """Output specifications and variables of sites."""
-    specs = []
     variables = []
-    for i, prefix in enumerate(names):
+    for prefix in names:
         place = f"the {prefix.rstrip('._')}" if prefix else "the site"
-        for kind, (name, unit) in OF_SITE.items():
-            specs.append((kind, i))
+        for name, unit in OF_SITE.values():
             variables.append(Variable(prefix + name, unit, f"{name} of {place}"))
-    return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
+    return _specs(OF_SITE, len(names)), variables
+
+
+def _specs(kinds: Mapping[int, object], count: int) -> NDArray[np.int32]:
+    """(kind, index) of each output of all contacts or sites."""
+    specs = [(kind, i) for i in range(count) for kind in kinds]
+    return np.array(specs, dtype=np.int32).reshape(-1, 2)
 
 
 def _initial_speeds(assembly: Assembly, without_body: bool) -> tuple[list[Variable], Array]:
@@ -378,15 +359,11 @@ def _initial_speeds(assembly: Assembly, without_body: bool) -> tuple[list[Variab
 
 def distinct(names: Iterable[str]) -> list[str]:
     """The names, made distinct by "_2", "_3", …."""
-    used: dict[str, None] = {}
+    used: list[str] = []
     for name in names:
-        unique = name
-        copies = 1
-        while unique in used:
-            copies += 1
-            unique = f"{name}_{copies}"
-        used[unique] = None
-    return list(used)
+        tries = chain([name], (f"{name}_{copy}" for copy in count(2)))
+        used.append(next(one for one in tries if one not in used))
+    return used
 
 
 def model_file(data: RunData) -> bytes:

@@ -14,9 +14,7 @@ import json
 import math
 import secrets
 import signal
-import socket
 import threading
-import time
 import traceback
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
@@ -36,9 +34,7 @@ TOKEN = "X-Antiosc-Token"
 LARGEST_BODY = 65_536
 #: Largest headers of a call [bytes].
 LARGEST_HEADERS = 16_384
-#: Largest number of connections whose request has not arrived; another one ends the oldest.
-MOST_ARRIVING = 32
-#: Time limit [s] for a request to arrive.
+#: Time limit [s] for each piece of a request to arrive.
 PATIENCE = 10.0
 #: Interval [s] at which the server checks whether it is closed.
 POLL = 0.1
@@ -65,14 +61,7 @@ class Refused(Exception):
 
 
 class Server(ThreadingHTTPServer):
-    """Serves one page and its calls until `close`; `address` is that of the page.
-
-    Parameters
-    ----------
-    page : its HTML and its Content-Security-Policy.
-    calls : name -> function that answers; an AntioscError becomes a sentence on the page.
-    reports : name in an address -> file of a report that this program has written.
-    """
+    """Serves one page (HTML, Content-Security-Policy) and its calls by name until `close`."""
 
     daemon_threads = True
 
@@ -90,9 +79,6 @@ class Server(ThreadingHTTPServer):
         self.policy = page[1]
         self.hosts = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
         self.address = f"http://{HOST}:{self.server_port}/{self.token}/"
-        #: connections whose request has not arrived, and for how long [s] they have been waiting
-        self._arriving: dict[socket.socket, float] = {}
-        self._polled = time.monotonic()
 
     def start(self) -> None:
         """Serve in a new thread."""
@@ -106,37 +92,6 @@ class Server(ThreadingHTTPServer):
         """Stop; requests in progress are not interrupted."""
         self.shutdown()
         self.server_close()
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        for oldest in list(self._arriving)[: 1 - MOST_ARRIVING]:
-            self._hang_up(oldest)
-        self._arriving[request] = 0.0
-        super().process_request(request, client_address)
-
-    def shutdown_request(self, request: Any) -> None:
-        self.arrived(request)
-        super().shutdown_request(request)
-
-    def service_actions(self) -> None:
-        """End connections that are too slow; only time in which Python runs counts."""
-        now = time.monotonic()
-        passed = min(now - self._polled, 2 * POLL)
-        self._polled = now
-
-        for connection, waited in list(self._arriving.items()):
-            self._arriving[connection] = waited + passed
-            if waited > PATIENCE:
-                self._hang_up(connection)
-
-    def _hang_up(self, connection: socket.socket) -> None:
-        """End a connection; its thread notices."""
-        self.arrived(connection)
-        with contextlib.suppress(OSError):  # it may have ended meanwhile
-            connection.shutdown(socket.SHUT_RDWR)
-
-    def arrived(self, connection: socket.socket) -> None:
-        """The request of a connection is complete, or has ended."""
-        self._arriving.pop(connection, None)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore broken connections."""
@@ -195,7 +150,6 @@ class _Request(BaseHTTPRequestHandler):
 
     def _page(self) -> tuple[str, bytes]:
         """(content type, content) of the page."""
-        self.server.arrived(self.connection)
         parts = self.path.split("/")
         self._check_token(parts[1] if len(parts) > 1 else "")
         if parts[2:] == [""]:
@@ -217,7 +171,6 @@ class _Request(BaseHTTPRequestHandler):
         if call is None:
             raise Refused(HTTPStatus.NOT_FOUND, "there is no such call.")
         values = self._values()
-        self.server.arrived(self.connection)
         try:
             answer = {"answer": call(values)}
         except AntioscError as error:
@@ -246,32 +199,20 @@ class _Request(BaseHTTPRequestHandler):
             text = body.decode()
             if checks.nests_deeper(text, DEEPEST + 1):  # the table itself is one
                 raise ValueError("too deep")
-            return _checked_table(json.loads(text, parse_constant=_no_number))
+            values = json.loads(text, parse_constant=_finite, parse_float=_finite)
         except ValueError:
-            raise Refused(HTTPStatus.BAD_REQUEST, "the call is not a table in JSON.") from None
+            values = None
+        if not isinstance(values, dict):
+            raise Refused(HTTPStatus.BAD_REQUEST, "the call is not a table in JSON.")
+        return values
 
     def log_message(self, *_: object) -> None:
         """Print no requests."""
 
 
-def _no_number(text: str) -> float:
-    """Refuse NaN and infinity."""
-    raise ValueError(text)
-
-
-def _checked_table(values: object) -> dict[str, Any]:
-    """A table with finite numbers and limited nesting; else ValueError."""
-    if not isinstance(values, dict):
-        raise ValueError("no table")
-    level: list[object] = [values]
-    for _ in range(DEEPEST):
-        inner = [
-            list(container.values()) if isinstance(container, dict) else container
-            for container in level
-        ]
-        level = [item for container in inner if isinstance(container, list) for item in container]
-        if any(isinstance(item, float) and not math.isfinite(item) for item in level):
-            raise ValueError("not finite")
-    if any(isinstance(item, dict | list) for item in level):
-        raise ValueError("too deep")
-    return values
+def _finite(text: str) -> float:
+    """A number of a call; ValueError for NaN and infinity."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value

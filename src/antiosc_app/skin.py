@@ -11,38 +11,26 @@ from antiosc import Mesh, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.extension import Faces, source, with_parts
-from antiosc.io.facets import areas
 from antiosc.io.neutral import SIDES
-from antiosc_app.guessed_sites import sides_of
-from antiosc_app.guessed_supports import ON_PLANE
+from antiosc_app.guessed import ON_PLANE, sides_of
 from antiosc_app.inspection import Inspection
 from antiosc_app.live import Data
-from antiosc_app.live_meshes import STEPS, drawn, edges_of, geometry, surface
+from antiosc_app.live_meshes import STEPS, drawn, geometry, surface
 
 #: What the sides along z are called besides.
 DOWNWARD = {"-z": ", below", "+z": ", on top"}
-#: Share of the surface above which it is told how large a face is: the underside of a thin plate
-#: has 1/2 less its rim.
-HALF = 0.5
 #: The table of a support.
 Held: TypeAlias = Mapping[str, Any]
 
 
 class PageSkin(NamedTuple):
-    """Points and triangles of a part, each triangle with the number of its face.
-
-    Attributes
-    ----------
-    data : data for the page; `tags` (T,) number the faces from 1, 0 for none; `sets` are the
-        triangles of each name of `faces`, which may be those of another name too, and `nodes` the
-        points of each that is an edge or a point of a sheet.
-    faces : name -> support that fixes it; groups of edges and points have no triangles.
-    held : names of the faces that a new scene fixes.
+    """Points and triangles of a part: `tags` (T,) of its data number the faces from 1, 0 for none;
+    `sets` are the triangles of each face, and `nodes` the points of each edge of a sheet.
     """
 
     data: Data
-    faces: dict[str, Held]
-    held: list[str]
+    faces: dict[str, Held]  # name -> support that fixes it
+    held: list[str]  # names of the faces that a new scene fixes
 
 
 def skin(structure: Structure, look: Inspection) -> PageSkin:
@@ -52,7 +40,7 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     if len(members) > 1 or mesh.tdim == 1:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
         page_surface = surface(points, cells)
-        shape, _ = drawn(page_surface, look.of_deck)
+        shape, _ = drawn(page_surface)
         shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
         all_faces, held_first = ({}, []) if look.of_deck else _with_usual(_groups(mesh), look)
         shape["sets"] = shape["nodes"] = [np.zeros(0, dtype=np.uint32) for _ in all_faces]
@@ -72,16 +60,13 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
         sides = _flat_sides(mesh, outer, owner, len(groups))
         masks |= {name: owner == k for k, name in enumerate(sides, start=len(groups) + 1)}
         groups |= sides
-    corners = around = outer.vertices
+    corners = outer.vertices
     doubled = corners.shape[1] == 4
     if doubled:  # in tensor order: 0 1 / 2 3
-        around = corners[:, [0, 1, 3, 2]]
         corners = np.vstack([corners[:, [0, 1, 2]], corners[:, [1, 3, 2]]])
         owner = np.tile(owner, 2)
     used_points, faces = np.unique(corners, return_inverse=True)
     shape = geometry(mesh.dolfinx.geometry.x[used_points], faces.reshape(-1, 3))
-    if look.of_deck:
-        shape |= edges_of(mesh.dolfinx.geometry.x, [around], used_points)
     on_plane = _faces_on(outer, look.plane, mesh.extent())
     numbers = np.unique(owner[on_plane][owner[on_plane] > 0])
     has_others = np.isin(np.delete(owner[: len(outer)], on_plane), numbers).any()
@@ -93,23 +78,12 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     if look.plane is not None:
         masks[_plane_name(look)] = np.isin(np.arange(len(outer)), on_plane)
     shape["tags"] = owner.astype(np.uint32)
-    shape["sets"] = [_triangles(masks[name], doubled) for name in all_faces]
+    sets = (np.tile(masks[name], 2) if doubled else masks[name] for name in all_faces)
+    shape["sets"] = [np.flatnonzero(mask).astype(np.uint32) for mask in sets]
     lines = [_line_nodes(mesh, held) for held in all_faces.values() if outer.sheet]
     nodes = lines or [used_points[:0]] * len(all_faces)
     shape["nodes"] = [np.flatnonzero(np.isin(used_points, own)).astype(np.uint32) for own in nodes]
     return PageSkin(shape, all_faces, held_first)
-
-
-def over_half(shape: Data, names: Sequence[str]) -> dict[str, str]:
-    """What is told of faces that have more than half of the area of a skin, by their names."""
-    corners = shape["points"].reshape(-1, 3).astype(float)
-    area = areas(corners, shape["faces"].reshape(-1, 3))
-    shares = [area[triangles].sum() / area.sum() for triangles in shape["sets"]]
-    return {
-        name: f"{name} is {100 * share:.0f} % of the surface: it holds most of the part."
-        for name, share in zip(names, shares, strict=True)
-        if share > HALF
-    }
 
 
 def places(shape: Data, names: Sequence[str]) -> dict[str, str]:
@@ -142,16 +116,8 @@ def _line_nodes(mesh: Mesh, held: Held) -> IntArray:
     return np.unique(compat.entity_vertices(mesh.dolfinx, dim)[parts[dim]])
 
 
-def _triangles(mask: BoolArray, doubled: bool) -> IntArray:
-    """Numbers of the triangles of the faces in a mask; quadrilaterals are two each."""
-    return np.flatnonzero(np.tile(mask, 2) if doubled else mask).astype(np.uint32)
-
-
 def _groups(mesh: Mesh) -> dict[str, Held]:
-    """The groups that can be fixed (faces, edges and points), the largest first.
-
-    A group is without parts if its cells are gone, as a face whose nodes are merged.
-    """
+    """The groups that can be fixed (faces, edges and points), the largest first."""
     size = {
         name: sum(len(entities) for dim, entities in parts.items() if dim == max(parts))
         for name, parts in mesh.groups.items()

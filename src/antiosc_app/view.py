@@ -10,7 +10,7 @@ import webbrowser
 from collections.abc import Iterator
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError, finite_element_packages
@@ -36,12 +36,7 @@ HEIGHT = 900
 
 
 class View:
-    """The page of a part, served on this machine until `close`.
-
-    Attributes
-    ----------
-    address : address of the page, with its token, which grants access.
-    """
+    """The page of a part, served on this machine until `close`; its `address` grants access."""
 
     def __init__(self, opened: Opened, title: str, frames: str) -> None:
         self._opened = opened
@@ -111,20 +106,9 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
     return _open_page(_file(part), None, NOTEBOOKS)
 
 
-def until_interrupted(
-    path: str,
-    unit: str | None,
-    timeout: float | None,
-    size: float | None,
-    piece: int | None,
-    contact: str | None,
-    browser: bool,
-) -> None:
-    """Serve the page of a file until Ctrl-C; `unit`: unit of the file, if known; `timeout` [s]:
-    limit of reading it; `size` [m]: largest cell, if it is asked for; `piece`: that is opened;
-    `contact`: what becomes of that of a deck.
-    """
-    page = _open_page(_file(path), None, NOBODY, unit, timeout, size, piece, contact)
+def until_interrupted(path: str, browser: bool, **options: Any) -> None:
+    """Serve the page of a file until Ctrl-C, with the options of `antiosc open`."""
+    page = _open_page(_file(path), None, NOBODY, **options)
     print_text(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
     try:
         with _redirection(page.address) as entrance:
@@ -139,9 +123,7 @@ def until_interrupted(
 
 @contextlib.contextmanager
 def _redirection(address: str) -> Iterator[Path]:
-    """A page that this user alone can read, which leads to an address: any user reads the command
-    line of a browser, where the token must not stand.
-    """
+    """A page for this user alone that leads to an address: command lines are no secret."""
     handle, name = tempfile.mkstemp(prefix="antiosc-", suffix=".html")  # of mode 0600
     path = Path(name)
     try:
@@ -168,7 +150,6 @@ def _open_page(
     structure: Structure | None,
     frames: str,
     unit: str | None = None,
-    timeout: float | None = None,
     size: float | None = None,
     piece: int | None = None,
     contact: str | None = None,
@@ -181,11 +162,10 @@ def _open_page(
         from antiosc.io.neutral import UnitSystem
 
         UnitSystem.of(unit)
-    for name, value, of in (("--size", size, "m"), ("--timeout", timeout, "s")):
-        if value is not None:
-            checks.positive(name, value, of)
+    if size is not None:
+        checks.positive("--size", size, "m")
     if piece is not None:
         checks.whole("--piece", piece)
 
     title = path.name if structure is None else "A part"
-    return View(Opened(path, structure, unit, timeout, size, piece, contact), title, frames)
+    return View(Opened(path, structure, unit, size, piece, contact), title, frames)

@@ -22,12 +22,7 @@ class Overtaken(BaseException):
 
 
 class Worker:
-    """Computes one thing after the other; work of an earlier turn ends at its next step.
-
-    Attributes
-    ----------
-    turn : number of the present set-up.
-    """
+    """Computes one thing after the other; work of an earlier turn ends at its next step."""
 
     def __init__(self) -> None:
         self.turn = 0
@@ -80,16 +75,13 @@ class Worker:
         except CancelledError:  # the program ends
             return STALE
 
-    def afterwards(self, work: Callable[[], bool]) -> None:
-        """Do `work` again and again while it returns True and nobody waits."""
+    def afterwards(self, work: Callable[[], None]) -> None:
+        """Do `work` once nobody waits; it is left out if somebody does."""
 
         def run_work() -> None:
-            if self._waiting or self._closed:
-                return
-            with progress.following(lambda doing: setattr(self, "_doing", doing)):
-                again = work()
-            if again and not self._closed:
-                self._thread.submit(run_work)
+            if not (self._waiting or self._closed):
+                with progress.following(lambda doing: setattr(self, "_doing", doing)):
+                    work()
 
         if not self._closed:
             self._thread.submit(run_work)

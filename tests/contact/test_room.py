@@ -12,7 +12,7 @@ import antiosc as ao
 from antiosc.fem.mesh.room import largest_ball
 from antiosc.models.auto_contact import piercing
 from antiosc.reduce.site.surface import surface_at
-from antiosc_app.headline import headline_of_history
+from antiosc_app.headline import caution_of
 
 pytestmark = pytest.mark.fem
 #: A base of 60 × 40 × 10 mm with a wall at x < 10 mm, 40 mm high.
@@ -80,5 +80,4 @@ def test_a_ball_that_pierces_the_part_is_told(angle):
     assert "20.0 mm, pierces the part at (10, " in sentence
     assert piercing(large, model, ("", "")) == sentence
     hit = ao.simulate(model, large, duration=2e-4)
-    headline = headline_of_history(hit, angle, None, {})
-    assert headline.caution.startswith(sentence)
+    assert caution_of(hit, None).startswith(sentence)

@@ -19,7 +19,7 @@ import antiosc as ao
 from abaqus_decks import plate_deck
 from antiosc.base import progress
 from antiosc.base.errors import InputError
-from antiosc_app import edited, inspecting, live_meshes
+from antiosc_app import edited, inspecting
 from antiosc_app.cli import main
 from antiosc_app.opened import Opened
 from antiosc_app.working import STALE, Worker
@@ -38,16 +38,6 @@ view.setPointerCapture = () => {};
 view.dispatchEvent(new PointerEvent("pointerdown", at));
 view.dispatchEvent(new PointerEvent("pointerup", at));
 """
-DRAG = """
-const view = document.getElementById("view"), box = view.getBoundingClientRect();
-const [x, y] = bench.view.seen(page.part.tail());
-const at = (dx) => ({clientX: box.x + x + dx, clientY: box.y + y, pointerId: 1, bubbles: true});
-view.setPointerCapture = () => {};
-view.dispatchEvent(new PointerEvent("pointerdown", at(0)));
-view.dispatchEvent(new PointerEvent("pointermove", at(30)));
-view.dispatchEvent(new PointerEvent("pointerup", at(30)));
-"""
-
 READ = """
 return {data: {...document.documentElement.dataset}, scene: bench.scene, held: bench.held,
   cards: [...document.querySelectorAll("#cards dd")].map((one) => one.textContent),
@@ -137,7 +127,7 @@ def test_a_solid_shows_what_a_run_of_its_saved_scene_prints(step, capsys):
         assert page.strip() == printed.strip()
         assert scene["simulate"]["duration"] == scene["extract"]["n"] == "auto"
         assert len(scene["supports"]) == 2
-        answers = page.split("\n\n")[1].splitlines()
+        answers = page.split("\n\n")[1].splitlines()[:4]
         assert [line[:13].strip() for line in answers] == [
             "does it break", "largest force", "deflection", "largest stres"
         ]  # fmt: skip
@@ -183,10 +173,6 @@ def test_a_fall_shows_what_a_run_of_its_saved_scene_prints(tmp_path, capsys):
         shown = answer(one)
         assert len(shown["fall"]["impacts"]) == 3
         assert shown["summary"]["cards"][1].name == "largest force"
-        soft = edit(one, layer="cork")["scene"]["drop"]["floor"]
-        assert soft["layer"]["E"] == 12e6
-        given = edit(one, set={"drop.floor.layer.E": 1e7})["scene"]["drop"]["floor"]
-        assert given["layer"]["E"] == 1e7
     finally:
         one.close()
 
@@ -205,8 +191,7 @@ def test_a_field_changes_the_scene_and_undo_takes_it_back(opened):
     for _ in range(3):
         told = edit(opened, undo=True)
     assert told["scene"] == first["scene"]
-    assert (told["undo"], told["redo"]) == (False, True)
-    assert edit(opened, redo=True)["scene"]["impactor"]["velocity"] == 2.5
+    assert not told["undo"]
     edit(opened, undo=True)
 
 
@@ -260,7 +245,7 @@ WRONG = [
     {"set": {"impactor.radius": {"kind": "Sphere"}}}, {"set": {"impactor.velocity": "fast"}},
     {"set": {"geometry.size": 0}}, {"set": {"drop.height": 0}}, {"hold": "../../etc"}, {"hold": 1},
     {"striker": "bomb"}, {"material": "unobtainium"}, {"material": 3}, {"of": "/etc/passwd"},
-    {"onto": "lava"}, {"layer": "lava"}, {"opening": 77},
+    {"onto": "lava"}, {"opening": 77},
 ]  # fmt: skip
 
 
@@ -310,7 +295,7 @@ def test_free_modes_answer_a_click_at_once(deck):
     assert answer(deck, "strike") == {}  # nothing is known yet
     answer(deck)
     for _ in range(300):
-        if deck._kept._modes and not next(iter(deck._kept._modes.values())).left:
+        if deck._kept._modes:
             break
         time.sleep(0.1)
     edit(deck, set={"sites.point": [0.4, 0.4, 0.0]})
@@ -366,19 +351,6 @@ def test_a_deck_has_fields_for_what_it_does_not_state_and_edges_that_are_held(de
     assert held == [{"where": "+x"}]
     scene = edit(deck, set={"deck.yield_strength": 2e6, "deck.yield_range": [1e6, 3e6]})["scene"]
     assert scene["deck"]["yield_range"] == [1e6, 3e6]
-    ends = look["skin"]["points"].reshape(-1, 3)[look["skin"]["edges"]]
-    sides = np.sort(np.abs(ends[:, 1] - ends[:, 0]) * look["skin"]["half"] / live_meshes.STEPS)
-    np.testing.assert_allclose(sides, 84 * [[0, 0, 1 / 6]], atol=1e-4)  # 2 × 6 × 7 edges
-
-
-def test_a_rib_under_a_skin_is_drawn_where_it_meets_it():
-    """Two squares of a skin and one of a rib, with nodes of its own at the same places."""
-    x = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
-    rib = [(1, 0, 0), (1, 1, 0), (1, 1, -1), (1, 0, -1)]
-    cells = [np.array([[0, 1, 4, 3], [1, 2, 5, 4]]), np.array([[6, 7, 8, 9]])]
-    lines = live_meshes.edges_of(np.array(x + rib, dtype=float), cells, np.arange(10))
-    assert len(lines["edges"]) == 7 + 3
-    assert [sorted(pair) for pair in lines["seams"].tolist()] in ([[1, 4]], [[6, 7]])
 
 
 def test_nothing_is_written_through_a_link_that_leads_nowhere(deck, tmp_path):
@@ -401,21 +373,15 @@ def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
     ]
 
 
-def test_a_face_of_more_than_half_of_the_surface_is_told():
-    """Of a box of 0.1 x 0.08 x 0.06 m the sides along y and z have 28 of the 37.6 parts."""
-    from antiosc_app.skin import over_half, places, skin
+def test_faces_are_told_by_their_places():
+    from antiosc_app.skin import places, skin
 
     mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
-    sides = [mesh.groups[name][2] for name in ("-y", "+y", "-z", "+z")]
-    large = replace(mesh, groups={**mesh.groups, "large": {2: np.sort(np.concatenate(sides))}})
-    part = ao.Structure(large, ao.material("steel S235"), [])
-    shown = skin(part, inspecting._inspected(large, {}, None, False))
-    told = over_half(shown.data, list(shown.faces))
-    assert told == {"large": "large is 74 % of the surface: it holds most of the part."}
+    part = ao.Structure(mesh, ao.material("steel S235"), [])
+    shown = skin(part, inspecting._inspected(mesh, {}, None, False))
     where = places(shown.data, list(shown.faces))
     ends = {"-x": "x = 0 mm", "+x": "x = 100 mm", "+y": "y = 80 mm", "+z": "z = 60 mm"}
     assert {name: where[name] for name in ends} == ends
-    assert where["large"] == "50, 40, 30"
 
 
 def test_a_group_without_parts_is_no_face_to_be_held():
@@ -508,8 +474,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         browser.run(CLICK, [0.006, 0.02, 0.04], True)  # holds the top of the wall
         held = reached(browser, 2)
         assert len(held["held"]) == len(first["held"]) + 1
-        browser.run("kind.value = ''; kind.dispatchEvent(new Event('change'))")
-        browser.run(DRAG)
+        browser.run("bench.edit({ set: { 'sites.direction': [0.3, 0, -1] } })")
         turned = reached(browser, 3, "settled")
         assert turned["scene"]["sites"]["direction"] != held["scene"]["sites"]["direction"]
         browser.run("document.getElementById('undo').click()")

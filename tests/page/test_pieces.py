@@ -142,13 +142,13 @@ def test_a_deck_is_opened_with_its_contact_tied_or_left_out(tmp_path):
     one = Opened(cut_block(tmp_path / "two.inp", (4, 2, 1), (3, 1, 1)))
     try:
         first = one.calls["look"]({})
-        assert (first["contact"], first["pieces"]) == ("", [])  # tied by default
+        assert (first["contact"], first["pieces"]) == ("tied", [])
+        assert list(first["contacts"]) == ["tied", "apart"]
         assert box_of(first) == pytest.approx(BLOCK, abs=0.01)
         one.calls["take"]({"contact": "apart"})
         other = one.calls["look"]({})
         assert (other["contact"], other["piece"], len(other["pieces"])) == ("apart", 1, 2)
         assert box_of(other) == pytest.approx(BLOCK * (1, 1, 0.5), abs=0.01)
-        assert list(other["contacts"]) == ["tied", "apart"]
         assert other["scene"]["deck"]["contact"] == "apart"
         with pytest.raises(InputError, match="contact"):
             one.calls["take"]({"contact": "glued"})

@@ -20,7 +20,7 @@ from antiosc.base.texts import engineering
 from antiosc.extension import Faces
 from antiosc.io import cad
 from antiosc.io.neutral import UnitSystem
-from antiosc_app import guessed_sites, inspecting, new
+from antiosc_app import guessed, inspecting, new
 from antiosc_app.foreign import foreign_part, unit_of_materials
 from antiosc_app.inspecting import inspect_part
 from antiosc_app.inspection import brief
@@ -431,15 +431,6 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
         inspect_part(path, unit="ell")
 
 
-@pytest.mark.slow
-def test_a_timeout_is_that_of_every_reading(tmp_path):
-    bar, cube = deck(tmp_path / "bar.inp", "mm"), tmp_path / "cube.geo"
-    cube.write_text('SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 2, 2};')
-    for path in (bar, cube):
-        with pytest.raises(ao.MeshError, match="longer timeout in s"):
-            inspect_part(path, timeout=1e-3)
-
-
 def test_the_ball_has_two_hundredths_of_the_length_of_the_part():
     for length, radius in ((0.2, 0.004), (5.0, 0.1)):
         sides = (length, length / 2, length / 4)
@@ -499,10 +490,10 @@ def test_the_inside_of_a_closed_box_is_struck_last(tmp_path, lid):
     mesh = ao.read_mesh(path, size=4e-3)
     x, outer = mesh.dolfinx.geometry.x, Faces(mesh, False)
     none = np.zeros(len(x), dtype=bool), np.zeros(0, dtype=int)
-    places = list(guessed_sites.on_faces(x, guessed_sites.nodes_around(outer), outer, *none))
+    places = list(guessed.on_faces(x, guessed.nodes_around(outer), outer, *none))
     floor = next(k for k, (point, _) in enumerate(places) if abs(point[2] - 0.002) < 1e-6)
     assert (floor >= 6) == lid  # after the six sides outside
-    behind = guessed_sites.thickness_at(x, guessed_sites.nodes_around(outer), places[0])
+    behind = guessed.thickness_at(x, guessed.nodes_around(outer), places[0])
     assert behind == pytest.approx(0.002)
 
 

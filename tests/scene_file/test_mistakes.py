@@ -22,7 +22,7 @@ from antiosc_app.scene_file.document import (
     read,
 )
 from antiosc_app.scene_file.scene import CompiledScene
-from antiosc_app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS, kinds_of
+from antiosc_app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS, form_of
 from scene_files import (
     ASKED,
     BEAM,
@@ -100,7 +100,7 @@ def test_what_is_missing_is_named(tmp_path, capsys, lost, held):
 
 
 MANY = """\
-titel = "twenty mistakes"
+titel = "many mistakes"
 [matrices]
 K = "missing.mtx"
 M = 5
@@ -147,18 +147,16 @@ plot = "gif"
 csv = 1
 """
 #: line of MANY -> a word of its sentence
-TWENTY = {
-    1: "[title]", 3: "'missing.mtx'", 4: "file", 5: "'twelve'", 7: "whole", 8: "'direction'",
-    10: "whole", 11: "relative", 12: "'method'", 15: "SI", 17: "nu", 18: "rho", 20: "'RigidMass'",
-    21: "'mass'", 25: "'tip'", 26: "'ball'", 27: "stiffness", 28: "number", 32: "table",
-    34: "'tip'", 36: "shape", 37: "'ball'", 40: "'duration'", 41: "tol", 42: "'eksact'",
-    44: "svg", 45: "true",
+TOLD = {
+    1: "[title]", 3: "'missing.mtx'", 5: "'twelve'", 8: "'direction'", 10: "whole", 11: "relative",
+    12: "'method'", 15: "number", 20: "'RigidMass'", 21: "'mass'", 27: "stiffness", 28: "number",
+    32: "table", 36: "shape", 40: "'duration'", 41: "tol", 42: "'eksact'", 45: "true",
 }  # fmt: skip
 
 
 @pytest.mark.fem
 def test_what_a_run_would_tell_is_told_before(tmp_path, capsys):
-    """Units of a material, an impactor that flies away, a map without points."""
+    """Units of a material, a map without points."""
     heavy = BRACKET.replace("rho = 2700", "rho = 2.7e-9")
     ((line, sentence),) = sentences(written(tmp_path, heavy + HIT), capsys)
     assert line == 1 + heavy.splitlines().index("[material]")
@@ -168,8 +166,6 @@ def test_what_a_run_would_tell_is_told_before(tmp_path, capsys):
     assert line == 1 + empty.splitlines().index("where = []")
     assert "one point" in sentence
     for scene, count in (
-        (BEAM.replace("velocity = 1.0", "velocity = -2.0"), 1),
-        (BEAM.replace("velocity = 1.0", "velocity = -2.0") + "gravity = -9.81\n", 0),
         (BEAM, 0),
         (BRACKET.replace("E = 70e9", "E = 7e8").replace("rho = 2700", "rho = 1e6") + HIT, 1),
     ):
@@ -177,14 +173,14 @@ def test_what_a_run_would_tell_is_told_before(tmp_path, capsys):
         assert capsys.readouterr().out.count("warning: ") == count
 
 
-def test_twenty_mistakes_are_all_told_at_once(tmp_path, capsys):
+def test_many_mistakes_are_all_told_at_once(tmp_path, capsys):
     found = sentences(written(tmp_path, MANY), capsys)
     assert [line for line, _ in found] == sorted(line for line, _ in found)
-    for line, held in TWENTY.items():
+    for line, held in TOLD.items():
         assert any(held in sentence for at, sentence in found if at == line), (line, held)
-    extra = [(line, sentence) for line, sentence in found if line not in TWENTY]
+    extra = [(line, sentence) for line, sentence in found if line not in TOLD]
     assert len(extra) == 1  # of [motion.bal], whose velocity lacks a component
-    assert len(found) == len(TWENTY) + 1
+    assert len(found) == len(TOLD) + 1
 
 
 @pytest.mark.parametrize(
@@ -299,10 +295,7 @@ WRONG = {
     "contact": (
         'contacts = [3]\n' + BODIES[:BODIES.index('[[contacts]]')]+'[run]\nduration = 1e-3\n',
         [(1, "contacts[0")]),
-    "sweep kind": (
-        MODEL + HIT.replace('"Hertz"\nstiffness = 5e8', '"impactor.hertz"') + '[sweep]\n'
-        'contact.stiffness = [1e8]\nsimulate.n = [1]\n',
-        [(7, "number"), (7, "number"), (13, "duration")]),
+    "sweep": (MODEL + HIT + '[sweep]\nsimulate.n = [1]\n', [(13, "duration")]),
     "map": (MODEL + HIT + '[map]\non = "x"\n', [(12, "map"), (13, "no key")]),
     "parts": (
         '[parts.a]\nsource = 3\n[parts]\nb = 2\n' + SITE,
@@ -344,7 +337,8 @@ def test_a_value_is_checked_by_the_rule_of_its_function(scene, case):
 def test_a_name_for_a_type_holds_what_the_type_holds():
     """From NumPy 2.4 ArrayLike is such a name, of which nothing but its value tells the type."""
     for annotation in (float, list[int], ArrayLike):
-        assert kinds_of(SimpleNamespace(__value__=annotation)) == kinds_of(annotation) != ()
+        assert form_of(SimpleNamespace(__value__=annotation)) == form_of(annotation)
+        assert form_of(annotation) is not None
 
 
 #: Bodies that are no impactors.

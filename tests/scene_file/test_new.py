@@ -46,7 +46,7 @@ def test_a_scene_lists_all_groups_and_a_held_plane_names_its_face(tmp_path):
     text = template.text("scene.toml", "part.msh", look)
     assert all(f'"{name}"' in text for name in names)
     held = next(value for name, value, _ in look.taken(drop=False) if name == "held")
-    assert held == "below: the nodes on the underside, z = 0 mm"
+    assert held == "the nodes on the underside, z = 0 mm"
 
 
 def test_a_material_that_nobody_named_is_told_as_a_guess():

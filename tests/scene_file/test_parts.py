@@ -90,19 +90,14 @@ def test_an_assembly_runs(tmp_path, capsys):
     stiffness = 3 * 210e9 * 0.02 * 0.01**3 / 12 / 2.0**3
     assert numbers(tmp_path)["model"]["k0"] == pytest.approx(stiffness, rel=2e-3)
     assert (tmp_path / "probes.csv").read_text().startswith("time (s),middle x (rad),")
-    assert re.search(
-        r"probe middle +rotation magnitude: largest [\d.e-]+ rad", capsys.readouterr().out
-    )
+    assert re.search(r"middle: rotation + [\d.e-]+ rad", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "held"),
     [
-        ('a = ["first"', 'a = ["frist"', "'first'"),
-        ("[at.second]", "[at.secnd]", "'second'"),
         ('"Section.rectangle"', '"Section.rectangel"', "'Section.rectangle'"),
         ("[at.second]", "[material]\n[at.second]", "parts.NAME"),
-        ("near = [[0, 0, 0], 1e-6]", "near = [[0, 0, 0]]", "1 entries"),
         ("[[parts.first.supports]]", "[[parts.first.suports]]", "[supports]"),
     ],
 )
@@ -424,7 +419,7 @@ def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, c
     told = capsys.readouterr().out
     # no bar, as the force has none
     bar = r"no error bar \(anti-oscillators \S+ %\)"
-    assert re.search(rf"probe top +acceleration magnitude: largest \S+ m/s² {bar} \(\S+ g\)", told)
+    assert re.search(rf"top: acceleration +\S+ m/s² {bar} \(\S+ g\)", told)
     assert "margin of safety" in told
     found = numbers(tmp_path / "out")
     margin = found["stress"]["von_mises"]["margin"]

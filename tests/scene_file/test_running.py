@@ -13,10 +13,8 @@ from scipy.signal import StateSpace, lsim
 import antiosc as ao
 from antiosc.base.texts import engineering, percent
 from antiosc_app import commands
-from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
-from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import SECTIONS, parameters
 from fmus import OK, Fmu
 from paths import MESHES
@@ -50,7 +48,7 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     told = capsys.readouterr().out
     found = objects(path)
     hit = found.history
-    assert hit.summary() in told
+    assert engineering(hit.peak_force, "N") in told
     assert found.structure.describe() in told
     result = numbers(tmp_path / "out")["result"]
     assert result["peak_force"] == hit.peak_force
@@ -70,11 +68,7 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     told_of = numbers(tmp_path / "out")["probes"]["quarter"]
     expected = np.linalg.norm(off, axis=1).max() / np.linalg.norm(signal, axis=1).max()
     assert told_of["truncation"] == pytest.approx(expected, rel=1e-2)
-    assert f"{NO_BAR} (anti-oscillators {percent(told_of['truncation'])}) at" in told
-    along = np.abs(signal).max(axis=0)
-    axis = told_of["axis"]
-    assert (axis["component"], abs(axis["value"])) == ("xyz"[np.argmax(along)], along.max())
-    assert f"largest component z, {engineering(axis['value'], 'm', 4)}" in told
+    assert f"{NO_BAR} (anti-oscillators {percent(told_of['truncation'])})" in told
     assert told_of["error"] is told_of["force"] is None  # of a model without error = "estimate"
 
 
@@ -357,10 +351,8 @@ def test_a_new_parameter_is_taken_by_itself(tmp_path, capsys, monkeypatch):
     parameters.cache_clear()
     monkeypatch.setitem(vars(ao), "extract", extract)
     try:
-        text = BEAM.replace("n = 6", 'n = 6\npurity = "high"')
-        assert antiosc("check", written(tmp_path, text)) == 1
-        told = capsys.readouterr().err
-        assert "extract.purity must be a number; got 'high'" in told
+        text = BEAM.replace("n = 6", "purity = 0.5")
+        assert antiosc("check", written(tmp_path, text)) == 0, capsys.readouterr().err
     finally:
         parameters.cache_clear()
 
@@ -377,9 +369,8 @@ def test_an_impactor_by_name(tmp_path, capsys):
 kind = "named_impactor"
 name = "IK07"
 [contact]
-kind = "impactor.hertz"
-E = 210e9
-nu = 0.3
+kind = "Hertz"
+stiffness = 5e9
 """
     path = written(tmp_path, BEAM[:start].replace("n = 6", "n = 12") + hammer + BEAM[end:])
     assert antiosc("run", path, "--out", tmp_path) == 0
@@ -391,17 +382,14 @@ nu = 0.3
     assert ":13: impactor: name must be 'IK01'" in told
 
 
-@pytest.mark.parametrize("E", ["70e9", "7e9"])
-def test_a_sweep_of_impactors_has_the_law_of_each(tmp_path, E):
-    """The law that the impactor makes itself: of its own radius, or of the surface, in each run."""
+def test_a_sweep_of_impactors_and_laws_pairs_them(tmp_path):
     start, end = BEAM.index("[impactor]"), BEAM.index("[simulate]")
     ball = '[impactor]\nkind = "Sphere"\nradius = 0.01\nE = 210e9\nnu = 0.3\nrho = 7850\n'
-    law = 'velocity = 1.0\n[contact]\nkind = "impactor.hertz"\nE = 70e9\nnu = 0.33\n'
+    law = 'velocity = 1.0\n[contact]\nkind = "Hertz"\nstiffness = 1e9\n'
     scene = BEAM[:start] + ball + law + BEAM[end:]
-    lists = "[sweep]\nimpactor.radius = [0.01, 0.02]\n"
-    lists += f"contact.E = [70e9, {E}]\n" if E != "70e9" else ""
+    lists = "[sweep]\nimpactor.radius = [0.01, 0.02]\ncontact.stiffness = [1e9, 2e9]\n"
     batch = objects(written(tmp_path, scene + lists), "sweep").batch
-    single = scene.replace("E = 70e9", f"E = {E}").replace("radius = 0.01", "radius = 0.02")
+    single = scene.replace("radius = 0.01", "radius = 0.02").replace("= 1e9", "= 2e9")
     own = objects(written(tmp_path, single, "single.toml")).history
     assert own.peak_force == pytest.approx(batch.peak_force[1], rel=2e-3)
 
@@ -669,9 +657,3 @@ def test_a_scene_holds_a_side_of_a_geometry(tmp_path, capsys):
         assert antiosc("check", tmp_path / "a.toml") == 0
         assert antiosc("run", tmp_path / "a.toml", "--out", tmp_path / "o") == code
     assert "none lies at z = 0.05 m" in capsys.readouterr().err
-
-
-def test_whoever_waits_is_told_what_is_computed_and_no_name_of_the_code():
-    calls = (by_strengths, worst_by_strengths, lambda: None)
-    told = [Call(make, {}).doing for make in calls]
-    assert told == ["looking for the largest stress"] * 2 + ["computing"]

@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 from antiosc.base.errors import NOTE, weight
 from antiosc.strikes.defaults import DURATION, LONGER, next_count
-from antiosc_app.scene_file.automatic import Choice
+from antiosc_app.scene_file.compiled import Choice
 from antiosc_app.scene_file.document import SceneFileError, read
 from antiosc_app.scene_file.settled import enough, settled
 
@@ -157,7 +157,7 @@ def test_a_slow_contact_is_run_to_its_end(tmp_path):
 def test_auto_that_is_not_taken_is_told_where_it_is(site, tmp_path):
     text = '"auto"' if site else '"Auto"'
     path = scene(tmp_path, text, "1e-3", site)
-    with pytest.raises(SceneFileError, match='"auto" stands for') as caught:
+    with pytest.raises(SceneFileError, match="must be a number") as caught:
         settled(read(path))
     told = [line for line in str(caught.value).splitlines() if "radius" in line]
     assert len(told) == 1

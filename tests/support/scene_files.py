@@ -95,7 +95,7 @@ kind = "Obstacle"
 [[contacts]]
 a = "structure:middle"
 b = "ball"
-law = {{ kind = "ball.hertz", E = 210e9, nu = 0.3 }}
+law = {{ kind = "Hertz.from_radii", radii1 = 0.01, E1 = 210e9, nu1 = 0.3, E2 = 210e9, nu2 = 0.3 }}
 [[contacts]]
 a = "structure:end"
 b = "stop"

@@ -17,12 +17,6 @@ class Chart {
     this.draw();
   }
 
-  // The time at a place of the canvas.
-  time(x) {
-    const [left, right] = this.sides;
-    return Math.min(Math.max((x - left) / (right - left), 0), 1) * this.content.until;
-  }
-
   draw() {
     const canvas = this.canvas, ratio = window.devicePixelRatio || 1, c = this.content;
     const width = canvas.clientWidth, height = canvas.clientHeight, pen = canvas.getContext("2d");
@@ -33,7 +27,6 @@ class Chart {
     const now = highest(c.now) * (1 + (c.bar || 0)), beside = highest(c.computed);
     const most = 1.08 * Math.max(now, Math.min(beside, MOST_BESIDE * now || beside)) || 1;
     const [left, right, top, bottom] = [58, width - 24, 10, height - 36];
-    this.sides = [left, right];
     const x = (t) => left + (right - left) * t / c.until, y = (f) => bottom - (bottom - top) * f / most;
     const ink = (name) => getComputedStyle(canvas).getPropertyValue(name);
     pen.strokeStyle = ink("--line");
@@ -60,12 +53,12 @@ class Chart {
       [...up, ...down].forEach(([a, b]) => pen.lineTo(a, b));
       pen.fill();
     }
-    pen.lineWidth = dense(c.computed, right - left) ? 0.5 : 1.5;
+    pen.lineWidth = 1;
     pen.strokeStyle = ink("--faint");
     pen.setLineDash([5, 4]);
     if (c.computed && c.computed.time) line(pen, points(c.computed, x, y, 1));
     pen.setLineDash([]);
-    pen.lineWidth = dense(c.now, right - left) ? 0.7 : 2;
+    pen.lineWidth = 1.5;
     pen.strokeStyle = "#1f77b4";
     line(pen, points(c.now, x, y, 1));
     if (c.at !== null) {
@@ -79,14 +72,6 @@ class Chart {
 
 const MOST_BESIDE = 3; // times the present curve up to which the one beside it sets the scale
 const highest = (curve) => (curve && curve.force ? curve.force.reduce((a, b) => Math.max(a, b), 0) : 0);
-// Whether a curve goes up and down so often that a thick line fills what is between.
-function dense(curve, width) {
-  const { force = [] } = curve || {};
-  let turns = 0;
-  for (let i = 2; i < force.length; i++) turns += (force[i] - force[i - 1]) * (force[i - 1] - force[i - 2]) < 0;
-  return turns > width / CLOSE_TURNS;
-}
-const CLOSE_TURNS = 8; // pixels between the turns of such a curve
 const points = (curve, x, y, factor) => Array.from(curve.time, (t, i) => [x(t), y(factor * curve.force[i])]);
 
 function line(pen, through) {

@@ -13,8 +13,7 @@ const FIELDS = [
   ["impactor.E", "E", "GPa", "striker"], ["impactor.nu", "nu", "", "striker"], ["impactor.rho", "rho", "kg/m³", "striker"],
   ["impactor.yield_strength", "yield strength", "MPa", "striker"],
   ["drop.height", "height", "m", "striker"], ["drop.toward", "downward", "", "striker", 3], ["drop.tilt", "then tilt", "°", "striker", 3],
-  ["drop.floor.friction", "friction", "", "striker"], ["drop.floor.layer.thickness", "thickness", "mm", "striker"],
-  ["drop.floor.layer.E", "modulus", "MPa", "striker"], ["drop.corner_radius", "corner radius", "mm", "site-more"], ["drop.damping", "damping", "", "site-more"],
+  ["drop.floor.friction", "friction", "", "striker"], ["drop.corner_radius", "corner radius", "mm", "site-more"], ["drop.damping", "damping", "", "site-more"],
   ["sites.point", "point", "mm", "site", 3], ["sites.direction", "direction", "", "site-more", 3], ["sites.radius", "patch radius", "mm", "site-more"],
   ["extract.n", "oscillators", "", "site-more"], ["simulate.duration", "duration", "ms", "site-more"], ["extract.damping", "damping", "", "site-more"],
 ];
@@ -24,7 +23,7 @@ const OPEN = ["sites.radius", "extract.n", "simulate.duration", "extract.damping
 const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 };
 const OWN = "own material", KINDS = { Sphere: "ball", RigidMass: "mass", named_impactor: "hammer" };
 const STRIKERS = { ball: "a ball", mass: "a mass with a round tip", hammer: "an IK hammer", floor: "the floor: it falls" };
-const GRIP = 22, SEE_THROUGH = 0.6, LASTS = 2, POLL = 500; // pixels around the arrow's tail; cover of a face; s; ms
+const SEE_THROUGH = 0.6, LASTS = 2, POLL = 500; // cover of a face; s; ms
 const DIGITS = 6;
 
 class Bench {
@@ -123,10 +122,7 @@ class Bench {
       Object.assign(this, { facts: found, skin: found.skin, view: View.on(find("view")) });
       this.engine = await Engine.load(found.engine);
       this.divide();
-      if (this.view) {
-        this.view.picked = (x, y, e) => this.click(x, y, e.shiftKey);
-        this.view.grabbed = (x, y) => this.grab(x, y);
-      }
+      if (this.view) this.view.picked = (x, y, e) => this.click(x, y, e.shiftKey);
       find("live").hidden = find("setup").hidden = false;
       this.make_form();
       this.take(found);
@@ -149,8 +145,6 @@ class Bench {
   divide() {
     const { points, faces, middle, half } = this.skin;
     this.skin.of = faces; // the point of the mesh at each corner
-    const corners = new Map(Array.from(faces, (point, corner) => [point, corner])), of_corners = (lines = []) => Uint32Array.from(lines, (point) => corners.get(point));
-    Object.assign(this.skin, { edges: of_corners(this.skin.edges), seams: of_corners(this.skin.seams) });
     this.skin.points = Int16Array.from({ length: 3 * faces.length }, (_, i) => points[3 * faces[Math.floor(i / 3)] + i % 3]);
     this.skin.faces = Uint32Array.from(faces.keys());
     this.rest = Float32Array.from(this.skin.points, (x, i) => middle[i % 3] + x * half / 32767);
@@ -231,24 +225,6 @@ class Bench {
     else this.warn(["Nothing with a name lies there: a face that is not flat cannot be held by a click."]);
   }
 
-  // Dragging the tail of the arrow turns it about the site.
-  grab(x, y) {
-    const { view } = this, part = this.page ? this.page.part : this.part, place = part && part.place;
-    if (!place || (this.page && this.page.kind)) return null;
-    const tail = part.tail(), [a, b] = view.seen(tail);
-    if (Math.hypot(a - x, b - y) > GRIP) return null;
-    const reach = Math.hypot(...less(tail, place.point));
-    return (to_x, to_y, done) => {
-      const [from, d] = view.sight(to_x, to_y), out = less(from, place.point), along = dot(out, d);
-      const near = out.map((c, i) => c - along * d[i]), across = Math.hypot(...near);
-      const up = Math.sqrt(Math.max(reach ** 2 - across ** 2, 0));
-      place.direction = aimed(unit(near.map((c, i) => up * d[i] - c)));
-      part.show("", 0);
-      view.draw();
-      if (done) this.edit({ set: { "sites.direction": place.direction } });
-    };
-  }
-
   // -- the form
 
   make_form() {
@@ -263,14 +239,12 @@ class Bench {
     this.list("striker", "striker", Object.keys(STRIKERS), () => (this.falls ? "floor" : KINDS[this.scene.impactor.kind]), () => true, undefined, STRIKERS);
     this.list("striker", "of", facts.striker_materials, () => this.scene.impactor.material || OWN, () => !this.falls && this.scene.impactor.kind !== "named_impactor");
     this.list("striker", "name", facts.hammers, () => this.scene.impactor.name, () => !this.falls && this.scene.impactor.kind === "named_impactor", (name) => this.edit({ set: { "impactor.name": name } }));
-    this.list("striker", "onto", facts.floors, () => (this.scene.drop.floor || {}).material || "rigid", () => this.falls && !this.layered());
-    this.list("striker", "layer", facts.layers, () => (this.layered() ? this.layer : "none"), () => this.falls, (layer) => { this.layer = layer; this.edit({ layer }); });
+    this.list("striker", "onto", facts.floors, () => (this.scene.drop.floor || {}).material || "rigid", () => this.falls);
     for (const field of FIELDS) this.field(...field);
     const names = [...facts.faces].sort((a, b) => a.localeCompare(b, "en", { numeric: true }));
     const buttons = names.map((name) => this.face_button(find("hold"), name));
     this.shown.push(() => buttons.forEach((one) => one.setAttribute("aria-pressed", this.held.includes(one.value))));
     on("undo", () => this.edit({ undo: true }));
-    on("redo", () => this.edit({ redo: true }));
     on("finer", () => this.edit({ finer: true }));
     on("stop", () => this.stop());
     on("save", () => this.save());
@@ -356,25 +330,21 @@ class Bench {
     return OPEN.includes(place) || place === "material.yield_strength" && !this.scene.material.name;
   }
 
-  layered() { return Boolean((this.scene.drop.floor || {}).layer); }
-
   show_form() {
     for (const one of this.shown) one();
     find("undo").disabled = !this.can.undo;
-    find("redo").disabled = !this.can.redo;
     find("finer").hidden = !this.facts.refines;
     find("save").hidden = !this.facts.saves;
     for (const one of document.querySelectorAll(".of-impact")) one.hidden = this.falls;
     find("held-list").replaceChildren();
     for (const name of this.held) this.face_button(find("held-list"), name, `${name} ×`);
-    for (const name of this.held) if (this.facts.large_faces[name]) made("small", find("held-list"), this.facts.large_faces[name]);
     if (!this.held.length && !this.facts.of_deck) made("small", find("held-list"), "free: no face is held");
     this.name_map();
   }
 
   // The scene as the server has it.
-  take({ scene, held, falls, undo, redo, turn }) {
-    Object.assign(this, { scene, held, falls, turn, can: { undo, redo }, taken: null });
+  take({ scene, held, falls, undo, turn }) {
+    Object.assign(this, { scene, held, falls, turn, can: { undo }, taken: null });
     this.show_form();
   }
 

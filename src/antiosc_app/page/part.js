@@ -103,7 +103,7 @@ class Part {
       sizes.forEach((size, p) => { values[p] = size / top; });
       if (place) way = this.touching(u, moved);
     }
-    this.view.put("part", at, values, data.faces, 1, data);
+    this.view.put("part", at, values, data.faces);
     if (place) this.striker(way, !kind);
     this.view.draw();
   }
@@ -116,12 +116,6 @@ class Part {
     const own = [0, 1, 2].map((i) => u[3 * this.nearest + i]), behind = Math.max(dot(own, d) - moved, 0);
     const off = Math.min(this.factor * behind, LEAVES * this.data.half);
     return own.map((x, i) => this.factor * x - off * d[i]);
-  }
-
-  // The end of the arrow in the set-up.
-  tail() {
-    const { point, direction, radius } = this.place, d = unit(direction), length = ARROW * this.data.half + 1.05 * this.through();
-    return point.map((x, i) => x - length * d[i]);
   }
 
   // How far the direction of impact leads through the ball at rest on the surface.

@@ -13,17 +13,14 @@ vec3 viridis(float t) { // a polynomial of degree 6 through the colours of virid
   return c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * (c5 + t * c6)))));
 }
 void main() {
-  if (shade < -6.5) { colour = vec4(.05, .08, .15, cover); return; } // a line has no normal
   vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
   float lit = .62 + .38 * abs(dot(normal, light));
-  // below 0 a plain colour: -1 the part, from -1.99 on held (-2 its faces, -2.4 its points and lines), -3 the striker, -4 arrow and marks, -5 the floor, -7 edges, -6 doubtful sites, hatched: grey ones were not seen on a grey part
+  // below 0 a plain colour: -1 the part, from -1.99 on held (-2 its faces, -2.4 its points and lines), -3 the striker, -4 arrow and marks, -5 the floor, -6 doubtful sites, hatched: grey ones were not seen on a grey part
   vec3 own = shade < -5.5 ? vec3(mod(gl_FragCoord.x + gl_FragCoord.y, 9.) < 4. ? .1 : 1.) : shade < -4.5 ? vec3(.93, .93, .94) * plain : shade < -3.5 ? vec3(.85, .15, .12) : shade < -2.5 ? vec3(.55, .57, .6)
     : shade < -1.99 ? vec3(.13, .2, .33) : shade < -.05 ? vec3(.66, .74, .82) * plain
     : viridis(clamp(shade, 0., 1.));
   colour = vec4(own * lit, cover);
 }`;
-
-const EDGE = -7, FAINT = 0.2, SEAM = 0.7; // colour of edges of cells; covers of these, and of those where sheets meet
 
 class View {
   // null where the browser has no WebGL 2
@@ -36,7 +33,6 @@ class View {
     Object.assign(this, { canvas, gl, meshes: new Map(), turn: -0.9, lift: 0.42, zoom: 1 });
     Object.assign(this, { centre: [0, 0, 0], reach: [1, 1], framed: null }); // framed: names of meshes
     this.picked = () => {};
-    this.grabbed = () => null; // what a drag at a place of the canvas moves; null: the view turns
     const program = this.program = gl.createProgram();
     for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
       const shader = gl.createShader(kind);
@@ -67,9 +63,9 @@ class View {
     }
   }
 
-  // A mesh by name: points (3 n), values (n), and faces where they change, with edges and seams of
-  // cells; below a cover of 1 what is behind is seen through it.
-  put(name, points, values, faces, cover = 1, { edges, seams } = {}) {
+  // A mesh by name: points (3 n), values (n), and faces where they change; below a cover of 1 what
+  // is behind is seen through it.
+  put(name, points, values, faces, cover = 1) {
     const gl = this.gl;
     let mesh = this.meshes.get(name);
     if (!mesh) {
@@ -89,31 +85,6 @@ class View {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, mesh.of);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
     mesh.count = faces.length;
-    mesh.lines = edges && edges.length ? this.lines(mesh, [edges, seams]) : null;
-  }
-
-  // Edges of cells at the points of a mesh, and those at which several sheets meet, which stand out.
-  lines(mesh, [edges, seams]) {
-    const gl = this.gl, lines = mesh.lines || { array: gl.createVertexArray(), of: gl.createBuffer() }, at = gl.getAttribLocation(this.program, "at");
-    gl.bindVertexArray(lines.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, mesh.at);
-    gl.enableVertexAttribArray(at);
-    gl.vertexAttribPointer(at, 3, gl.FLOAT, false, 0, 0);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, lines.of);
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, Uint32Array.from([...edges, ...seams]), gl.STATIC_DRAW);
-    return Object.assign(lines, { counts: [edges.length, seams.length] });
-  }
-
-  draw_lines({ array, counts: [edges, seams] }) {
-    const { gl, program } = this, cover = gl.getUniformLocation(program, "cover"), bytes = 4;
-    gl.bindVertexArray(array);
-    gl.vertexAttrib1f(gl.getAttribLocation(program, "value"), EDGE);
-    gl.enable(gl.BLEND);
-    gl.disable(gl.POLYGON_OFFSET_FILL); // some systems push lines back as well
-    [[SEAM, edges, seams], [FAINT, 0, edges]].forEach(([share, from, count]) => {
-      gl.uniform1f(cover, share);
-      gl.drawElements(gl.LINES, count, gl.UNSIGNED_INT, bytes * from);
-    });
   }
 
   // Right, up and out of the picture.
@@ -187,11 +158,10 @@ class View {
       gl.depthMask(mesh.cover === 1);
       gl.uniform1f(cover, mesh.cover);
       gl.depthFunc(name === "face" ? gl.ALWAYS : gl.LESS); // it is seen through the part
-      if (name === "skin" || mesh.lines) gl.enable(gl.POLYGON_OFFSET_FILL); // it lies behind the map or the lines on it
+      if (name === "skin") gl.enable(gl.POLYGON_OFFSET_FILL); // it lies behind the map
       else gl.disable(gl.POLYGON_OFFSET_FILL);
       gl.bindVertexArray(mesh.array);
       gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
-      if (mesh.lines) this.draw_lines(mesh.lines);
     }
     gl.depthMask(true); // else nothing clears the depths
   }
@@ -212,13 +182,12 @@ class View {
   // One finger or the mouse turns, a click picks, two fingers or ctrl and the wheel zoom.
   by_hand() {
     const canvas = this.canvas, held = new Map();
-    let way = 0, moved = null;
+    let way = 0;
     const apart = () => { const [a, b] = [...held.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
     canvas.addEventListener("pointerdown", (e) => {
       canvas.setPointerCapture(e.pointerId);
       held.set(e.pointerId, [e.offsetX, e.offsetY]);
       way = 0;
-      moved = held.size === 1 ? this.grabbed(e.offsetX, e.offsetY) : null;
     });
     canvas.addEventListener("pointermove", (e) => {
       const last = held.get(e.pointerId);
@@ -226,7 +195,6 @@ class View {
       const before = held.size === 2 ? apart() : 0, x = e.offsetX - last[0], y = e.offsetY - last[1];
       held.set(e.pointerId, [e.offsetX, e.offsetY]);
       way += Math.hypot(x, y);
-      if (moved) return void moved(e.offsetX, e.offsetY, false);
       if (held.size === 2) this.zoom *= apart() / (before || 1);
       else {
         this.turn -= 0.01 * x;
@@ -236,8 +204,7 @@ class View {
     });
     canvas.addEventListener("pointerup", (e) => {
       held.delete(e.pointerId);
-      if (moved && way >= 4) moved(e.offsetX, e.offsetY, true);
-      else if (way < 4) this.picked(e.offsetX, e.offsetY, e);
+      if (way < 4) this.picked(e.offsetX, e.offsetY, e);
     });
     canvas.addEventListener("pointercancel", (e) => held.delete(e.pointerId));
     canvas.addEventListener("wheel", (e) => {

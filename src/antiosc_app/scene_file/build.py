@@ -5,20 +5,15 @@ from __future__ import annotations
 import inspect
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, NoReturn
 
 from antiosc.base import checks, plausible, progress
-from antiosc.base.errors import (
-    AntioscError,
-    InputError,
-    MissingDependencyError,
-    warnings_to,
-)
-from antiosc.models.auto_contact import AUTO
+from antiosc.base.errors import AntioscError, InputError, MissingDependencyError, warnings_to
+from antiosc_app.scene_file import schema
 from antiosc_app.scene_file.document import (
     Document,
     Place,
@@ -27,30 +22,9 @@ from antiosc_app.scene_file.document import (
     label,
     listed,
     suggestion,
-    unknown,
 )
-from antiosc_app.scene_file.schema import (
-    FORMS,
-    KIND,
-    SECTIONS,
-    WITHHELD,
-    Parameter,
-    SceneSection,
-    ValueKind,
-    constructors_of,
-    only_checks,
-    parameters,
-    resolved,
-    words,
-)
+from antiosc_app.scene_file.schema import KIND, Form, Parameter, SceneSection, parameters, resolved
 
-#: End of the sentence on "auto" in place of a number where none is chosen.
-AUTOMATIC_HINT = (
-    '; "auto" stands for the duration of [simulate], for n of [extract] beside it, and for the'
-    " radius of the only site of it or of [strike]."
-)
-#: Numbers that are written as texts with a unit, as "70 GPa" or "5 mm".
-_WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)
 #: Section -> what its call computes, in words for who waits.
 DOING = {
     "geometry": "reading the mesh",
@@ -58,20 +32,9 @@ DOING = {
     "material": "assembling the part",
     "structure": "assembling the part",
     "extract": "extracting the model of the part",
-    "impactor": "the striker",
     "simulate": "computing the impact",
     "strike": "computing the impact",
     "drop": "computing the fall",
-    "stress": "looking for the largest stress",
-    "worst": "looking for the largest stress",
-}
-#: The same of calls that no section of the scene describes, by the name of what is called.
-DOING_UNASKED = {
-    "by_strengths": DOING["stress"],
-    "worst_by_strengths": DOING["stress"],
-    "Nominal": "simulating the scene's own impact",
-    "_stretching.<locals>.stretching": "computing the second-order forces",
-    "_model.<locals>.model_without_shapes": DOING["extract"],
 }
 #: Largest list of a scene file.
 LONGEST_LIST = 200_000
@@ -83,20 +46,12 @@ class Mistake(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Call:
-    """A call that a table of the scene file describes.
-
-    Attributes
-    ----------
-    make : the public function or constructor, or a method of an object.
-    arguments : name -> value; values may contain further calls.
-    place : place of the table in the scene file.
-    made : the result, if it could be made at once; None if the run makes it.
-    """
+    """A call that a table of the scene file describes; its arguments may contain further calls."""
 
     make: Callable[..., Any]
     arguments: Table
-    place: Place = ()
-    made: Any = None
+    place: Place = ()  # of the table in the scene file
+    made: Any = None  # the result, if it could be made at once; else the run makes it
 
     @property
     def name(self) -> str:
@@ -107,7 +62,7 @@ class Call:
     def doing(self) -> str:
         """What the call computes, in words for who waits."""
         if not self.place:
-            return DOING_UNASKED.get(self.name, "computing")
+            return "evaluating the result"
         return DOING.get(str(self.place[0]), f"computing [{label(self.place)}]")
 
     def refused(self, error: Exception) -> tuple[Place, str]:
@@ -130,10 +85,6 @@ class Call:
         for call in calls_in(self):
             named = (key for key, value in call.arguments.items() if type(value) is str)
             yield from ((*call.place, key) for key in named if call.arguments[key] == text)
-
-
-#: Laws that bodies make: "ball.hertz" -> (its class and method, the ball; None if that is wrong).
-Methods = Mapping[str, tuple[str, Call | None]]
 
 
 def calls_in(value: object) -> Iterator[Call]:
@@ -199,10 +150,7 @@ def with_named_materials(data: Table) -> Table:
 
 
 def _material_table(value: object) -> object:
-    """A [material] section in which each material is a table; a name stands for a known material.
-
-    The section is one material, or a table of them by group of cells.
-    """
+    """A [material] section in which each material is a table."""
     if isinstance(value, str):
         return {KIND: "material", "name": value}
     if not isinstance(value, dict) or KIND in value:
@@ -238,7 +186,7 @@ class Builder:
                 known_names = f"There is {listed(known)}."
                 self.note(entry_place, f"{fault} {checks.shown(name)}{hint} {known_names}")
                 continue
-            form, fault, heading = FORMS[known[name].form]
+            form, fault, heading = schema.FORMS[known[name].form]
             if not isinstance(value, form):
                 self.note(
                     entry_place,
@@ -264,19 +212,22 @@ class Builder:
         data = self.data if data is None else data
         if not always and not isinstance(data.get(name), dict):
             return None
-        return self.call(SECTIONS[name], self.part(name, dict, data), (*place, name), **options)
+        return self.call(
+            schema.SECTIONS[name], self.part(name, dict, data), (*place, name), **options
+        )
 
     def listed(self, name: str, data: Table | None = None, place: Place = ()) -> list[Call]:
         """The calls of a section [[x]]."""
         tables = enumerate(self.part(name, list, data))
-        calls = [self.call(SECTIONS[name], table, (*place, name, i)) for i, table in tables]
+        calls = [self.call(schema.SECTIONS[name], table, (*place, name, i)) for i, table in tables]
         return [call for call in calls if call is not None]
 
     def named(self, name: str, arguments: Table | None = None) -> dict[str, Call]:
         """The calls of a section [x.NAME]."""
         tables = self.part(name).items()
         calls = {
-            key: self.call(SECTIONS[name], table, (name, key), arguments) for key, table in tables
+            key: self.call(schema.SECTIONS[name], table, (name, key), arguments)
+            for key, table in tables
         }
         return {key: call for key, call in calls.items() if call is not None}
 
@@ -288,29 +239,20 @@ class Builder:
         table: object,
         place: Place,
         given: Table | None = None,
-        methods: Methods | None = None,
     ) -> Call | None:
         """The call that a table describes, or None if it is wrong.
 
-        Parameters
-        ----------
-        section : a section, or the names from which `kind` chooses.
-        given : arguments from other sections; None for one with a mistake.
-        methods : laws of bodies, which `kind` may name, too.
+        `section` may be the names from which `kind` chooses; `given` are arguments from other
+        sections, None for one with a mistake.
         """
         callables = section.makes if isinstance(section, SceneSection) else section
         given = dict(given or {})
-        withheld = {
-            *given,
-            *(section.given.split() if isinstance(section, SceneSection) else ()),
-        }
+        withheld = {*given, *(section.given.split() if isinstance(section, SceneSection) else ())}
         try:
             if not isinstance(table, dict):
                 shown_table = checks.shown(table)
                 self._wrong(place, f"{label(place)} must be a table of keys; got {shown_table}.")
-            function = self._function([*callables, *(methods or ())], table, place)
-            if methods and function in methods:
-                function, given["self"] = methods[function]
+            function = self._function(callables, table, place)
             allowed = {n: p for n, p in parameters(function).items() if n not in withheld}
         except MissingDependencyError as error:
             self.note(place, f"{label(place)} cannot be used here: {error}")
@@ -322,7 +264,7 @@ class Builder:
         if not complete or None in arguments.values():
             return None
         call = Call(resolved(function), arguments, place)
-        if only_checks(function):
+        if schema.only_checks(function):
             return self._tried(call)
         return call
 
@@ -363,8 +305,7 @@ class Builder:
         }
         for parameter in missing_keys:
             if parameter.name not in meant_keys:  # a key that does not exist means it
-                kinds = words(parameter.kinds)
-                self.note(place, f"{label(place)} lacks {parameter.name!r}, {kinds}.")
+                self.note(place, f"{label(place)} lacks {parameter.name!r}.")
         return values, complete and not missing_keys
 
     def _no_key(
@@ -372,12 +313,11 @@ class Builder:
     ) -> NoReturn:
         """Note an unknown key, with the most similar known key and its meaning."""
         key_place = (*place, key)
-        if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
-            self._wrong(key_place, f"{label(key_place)} has no place in a file: {WITHHELD[key]}.")
-        similar = closest_name(key, known)
-        hint = "."
-        if similar:
-            hint = f"; did you mean {similar!r} ({words(known[similar].kinds)})?"
+        if key in schema.WITHHELD and key in inspect.signature(resolved(function)).parameters:
+            self._wrong(
+                key_place, f"{label(key_place)} has no place in a file: {schema.WITHHELD[key]}."
+            )
+        hint = suggestion(key, known)
         keys = f"It takes {listed(known)}." if known else "It takes no keys."
         self._wrong(key_place, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
 
@@ -401,7 +341,7 @@ class Builder:
 
     def value(self, parameter: Parameter, value: object, place: Place) -> object:
         """The value converted to an argument; notes an invalid one and raises Mistake."""
-        converted = self._converted(parameter.kinds, value, place)
+        converted = self._converted(parameter.form, value, place)
         if parameter.check is not None and not any(calls_in(converted)):
             try:
                 parameter.check(parameter.name, converted)
@@ -409,54 +349,41 @@ class Builder:
                 self._wrong(place, f"{label(place)}: {error}")
         return converted
 
-    def _converted(self, kinds: Sequence[ValueKind], value: object, place: Place) -> object:
-        fitting = [kind for kind in kinds if kind.fits(value)]
-        for kind in [kind for kind in fitting if kind.first_entry_fits(value)] or fitting:
-            return self._of_kind(kind, value, place)
-        hint = "."
+    def _converted(self, form: Form, value: Any, place: Place) -> object:
         if isinstance(value, str):
-            choices = [option for kind in kinds if kind.name == "choice" for option in kind.options]
-            if any(k.name in ("number", "whole") for k in kinds) and _WITH_UNIT.fullmatch(value):
-                hint = "; write the number alone: all numbers are in SI units, lengths in m."
-            hint = suggestion(value, choices) if choices else hint
-            hint = AUTOMATIC_HINT if value.strip().lower() == AUTO and not choices else hint
-        if isinstance(value, list) and any(kind.each for kind in kinds):
-            hint = f"; the list has {len(value)} entries."
-        shown_value = str(value).lower() if isinstance(value, bool) else checks.shown(value)
-        shown_value = "a table" if isinstance(value, dict) else shown_value
-        rule = f"{label(place)} must be {words(kinds)}"
-        self._wrong(place, f"{rule}; got {shown_value}{hint}")
-
-    def _of_kind(self, kind: ValueKind, value: Any, place: Place) -> object:
-        if isinstance(value, list) and len(value) > LONGEST_LIST:
-            self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
-        if kind.name == "path":
-            return self._path(value, place)
+            return self._path(value, place) if form.path else value
         if isinstance(value, list):
-            items = (kind,) if kind.name == "data" else kind.items
-            pairs = enumerate(zip(kind.each or (items,) * len(value), value, strict=True))
-            return tuple(self._converted(k, v, (*place, i)) for i, (k, v) in pairs)
-        if kind.name == "table":
-            nodes = kind.kind is int
-            for key in value if nodes else ():
-                if not re.fullmatch(r"\d{1,15}", key):
-                    sentence = f"{label(place)} has node numbers as keys; got {key!r}."
-                    self._wrong((*place, key), sentence)
-            return {
-                int(key) if nodes else key: self._converted(kind.items, entry, (*place, key))
-                for key, entry in value.items()
-            }
-        if kind.name == "object":
-            call = self.call(constructors_of(kind.kind), value, place)
-            if call is None:
-                raise Mistake
-            return call
-        if kind.name == "number":
+            if len(value) > LONGEST_LIST:
+                self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
+            entries = enumerate(value)
+            return tuple(self._converted(form.items or form, x, (*place, i)) for i, x in entries)
+        if isinstance(value, dict):
+            return self._of_table(form, value, place)
+        if form.floats and not form.whole and type(value) is int:
             try:
                 return float(value)
             except OverflowError:
                 self._wrong(place, f"{label(place)} is larger than any number that can be stored.")
         return value
+
+    def _of_table(self, form: Form, table: dict[str, Any], place: Place) -> object:
+        """The object that a table makes, or the table with converted values."""
+        if form.objects:
+            names = [name for kind in form.objects for name in schema.constructors_of(kind)]
+            call = self.call(names, table, place)
+            if call is None:
+                raise Mistake
+            return call
+        for key in table if form.nodes else ():
+            if not re.fullmatch(r"\d{1,15}", key):
+                sentence = f"{label(place)} has node numbers as keys; got {key!r}."
+                self._wrong((*place, key), sentence)
+        return {
+            int(key) if form.nodes else key: self._converted(
+                form.entries or schema.PLAIN, entry, (*place, key)
+            )
+            for key, entry in table.items()
+        }
 
     def _path(self, value: str, place: Place) -> str:
         """The path of a file that the scene names; the file must exist."""
@@ -475,13 +402,6 @@ class Builder:
             pass
         sentence = f"{label(place)} names the file {checks.shown(value)}, {fault}"
         self._wrong(place, f"{sentence}; paths begin at the folder of the scene file.")
-
-    def names(self, what: str, name: str, known: Iterable[str], place: Place) -> bool:
-        """Return whether a name is known; note it otherwise."""
-        known = list(known)
-        if name not in known:
-            self.note(place, unknown(f"{label(place)}: the {what}", name, known))
-        return name in known
 
     def _wrong(self, place: Place, sentence: str) -> NoReturn:
         self.note(place, sentence)

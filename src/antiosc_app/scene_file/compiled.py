@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
+from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file import run
-from antiosc_app.scene_file.automatic import started
 from antiosc_app.scene_file.build import Builder, Call
-from antiosc_app.scene_file.document import Document
+from antiosc_app.scene_file.document import Document, Table
 from antiosc_app.scene_file.scene import (
     MESHED,
     CompiledScene,
@@ -130,7 +132,9 @@ def compiled(document: Document) -> CompiledScene:
         if "worst" not in build.data and meshed:
             scene.worst = Call(worst_by_strengths, arguments)
     scene.batch = run.sweep(build, scene)
-    scene.facts = run.facts_of_sweep(scene.batch)
+    if scene.batch is not None:
+        known = {"batch": scene.batch, "arguments": scene.batch.arguments}
+        scene.facts = Call(run.budgets_of_rows, known)
     scene.map = run.surface(build, scene)
     scene.sample = run.monte_carlo(build, scene)
     sweeps = scene.batch is not None and scene.stresses is not None
@@ -141,3 +145,64 @@ def compiled(document: Document) -> CompiledScene:
     scene.output = build.table("output")
     document.problems.raise_if_any()
     return scene
+
+
+# -- values that are "auto": radius of the patch, number of anti-oscillators, duration
+
+#: Sections of an impact at one site; `strike` gives the patch of a solid a radius by itself.
+STRUCK = ("simulate", "strike")
+#: First number of anti-oscillators, and first duration [s]: those of `antiosc.strikes.defaults`.
+FIRST_COUNT, FIRST_DURATION = 20, 1e-3
+
+
+class Choice(NamedTuple):
+    """Values for "auto"."""
+
+    radius: float | None = None
+    n: int = FIRST_COUNT
+    duration: float = FIRST_DURATION
+    expansion: float | None = None
+
+
+def started(document: Document) -> Document:
+    """The document with first values in place of "auto"."""
+    if only_site(document) and any(isinstance(document.data.get(s), dict) for s in STRUCK):
+        return with_values(document, Choice())
+    return document
+
+
+def is_auto(document: Document, section: str, key: str) -> bool:
+    """Whether a key of a section is "auto"."""
+    table = document.data.get(section)
+    return isinstance(table, dict) and table.get(key) == AUTO
+
+
+def with_values(document: Document, choice: Choice) -> Document:
+    """The document with values in place of "auto"; itself if it has none."""
+    data = dict(document.data)
+    site = only_site(document)
+
+    if site.get("radius") == AUTO:
+        (name,) = data["sites"]
+        others = {key: value for key, value in site.items() if key != "radius"}
+        radius = {} if choice.radius is None else {"radius": choice.radius}
+        data["sites"] = {name: {**others, **radius}}
+
+    if is_auto(document, "simulate", "duration"):
+        data["simulate"] = {**data["simulate"], "duration": choice.duration}
+
+    if is_auto(document, "extract", "n"):
+        data["extract"] = {**data["extract"], "n": choice.n}
+        if choice.expansion and data["extract"].get("method", "krylov") == "krylov":
+            data["extract"].setdefault("expansion", choice.expansion)
+
+    return document if data == document.data else replace(document, data=data)
+
+
+def only_site(document: Document) -> Table:
+    """The table of the only site; {} if there is none, or there are several."""
+    sites = document.data.get("sites")
+    if not isinstance(sites, dict) or len(sites) != 1:
+        return {}
+    (site,) = sites.values()
+    return site if isinstance(site, dict) else {}

@@ -8,7 +8,7 @@ import re
 import stat
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -37,23 +37,14 @@ _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 class SceneFileError(InputError):
     """A scene file with mistakes: one sentence for each, with the file and the line."""
 
-
-#: Prefix "file:line: " of a message about a scene.
-LINE = re.compile(r"^\S+\.toml:\d+: ", re.MULTILINE)
-
-
-def without_line(error: Exception) -> str:
-    """The message of an error of a scene that its reader does not see, without file and line."""
-    return LINE.sub("", str(error.__cause__ or error))
+    def __init__(self, message: str, sentence: str = "") -> None:
+        super().__init__(message)
+        self.sentence = sentence or message
 
 
 @dataclass
 class Problems:
-    """The mistakes found so far in a file, each with its place.
-
-    `origins` is for a scene with varied values: place of each value in this scene -> its place in
-    the file.
-    """
+    """The mistakes found so far in a file, each with its place."""
 
     name: str
     text: str
@@ -72,7 +63,7 @@ class Problems:
     def error(self, place: Place, sentence: str) -> SceneFileError:
         """The error for a mistake that is found while the scene runs."""
         line = lines_of(self.text, [self._origin(place)])[0]
-        return SceneFileError(f"{self.name}:{line}: {sentence}")
+        return SceneFileError(f"{self.name}:{line}: {sentence}", sentence)
 
     def _origin(self, place: Place) -> Place:
         """Place in the file of a varied value; of another place, that of the first varied value."""
@@ -90,7 +81,7 @@ class Problems:
         sentences_shown = [f"{self.name}:{line}: {text}" for line, text in sentences[:MOST_SHOWN]]
         if len(sentences) > MOST_SHOWN:
             sentences_shown.append(f"{self.name}: and {len(sentences) - MOST_SHOWN} more.")
-        raise SceneFileError("\n".join(sentences_shown))
+        raise SceneFileError("\n".join(sentences_shown), "\n".join(one for _, one in sentences))
 
 
 @dataclass(frozen=True)
@@ -170,52 +161,40 @@ def _inner(place: Place, value: object, problems: Problems) -> Iterator[tuple[Pl
 
 # -- lines, which `tomllib` does not give
 
-#: A heading: "[a.b]" or "[[a]]"; a name in it.
+#: A heading: "[a.b]" or "[[a]]"; the key before a value; a name in them.
 _HEADING = re.compile(r"\s*(\[\[?)([^\[\]]+)\]")
+_KEY = re.compile(r"\s*([^\[\]=#{}]+?)\s*=")
 _NAME = re.compile(r'"([^"]*)"|\'([^\']*)\'|([^\s."\']+)')
 
 
 def lines_of(text: str, places: Iterable[Place]) -> list[int]:
     """The line of the key of each place of a TOML text, or of the table around it."""
-    rows = text.split("\n")
-    headings = _headings(rows)
-    exact: dict[Place, int] = {}
-    within: dict[Place, int] = {}
-    for number, (row, place) in enumerate(headings):
-        exact.setdefault(place, number)
-        for length in range(1, len(place) + 1):
-            within.setdefault(place[:length], row)
+    lines: dict[Place, int] = {(): 1}
+    counts: Counter[Place] = Counter()
+    table: Place = ()
+    for number, row in enumerate(text.split("\n"), 1):
+        heading, key = _HEADING.match(row), _KEY.match(row)
+        if heading:
+            table = place = _names(heading[2])
+            if heading[1] == "[[":
+                counts[table] += 1
+                table = place = (*table, counts[table] - 1)
+        elif key:
+            place = (*table, *_names(key[1]))
+        else:
+            continue
+        for length in range(len(place), 0, -1):
+            lines.setdefault(place[:length], number)
 
     def line(place: Place) -> int:
-        around = next(n for n in range(len(place), -1, -1) if place[:n] in exact)
-        number = exact[place[:around]]
-        start = headings[number][0]
-        if around < len(place):
-            end = headings[number + 1][0] if number + 1 < len(headings) else len(rows)
-            key = re.escape(str(place[around]))
-            for row in range(start + 1, end):
-                if re.match(rf"\s*[\"\']?{key}[\"\']?\s*[.=]", rows[row]):
-                    return row + 1
-            start = within.get(place, start)
-        return max(start + 1, 1)
+        return next(lines[place[:n]] for n in range(len(place), -1, -1) if place[:n] in lines)
 
     return [line(place) for place in places]
 
 
-def _headings(rows: Sequence[str]) -> list[tuple[int, Place]]:
-    """(index of its row, place) of each heading, after that of the top of the file."""
-    counts: Counter[Place] = Counter()
-    headings: list[tuple[int, Place]] = [(-1, ())]
-    for number, row in enumerate(rows):
-        found = _HEADING.match(row)
-        if found is None:
-            continue
-        place: Place = tuple(next(filter(None, name)) for name in _NAME.findall(found[2]))
-        if found[1] == "[[":
-            counts[place] += 1
-            place = (*place, counts[place] - 1)
-        headings.append((number, place))
-    return headings
+def _names(text: str) -> Place:
+    """The names of a heading or of a key with dots."""
+    return tuple(next(filter(None, name), "") for name in _NAME.findall(text))
 
 
 # -- words of messages
@@ -244,10 +223,3 @@ def listed(names: Iterable[str]) -> str:
     """The names as text, "a, b and c"; the first twenty of many."""
     listed_names = list(names)
     return ", ".join([*listed_names[:20], *(["…"] if len(listed_names) > 20 else [])]) or "none"
-
-
-def unknown(what: str, name: str, known: Iterable[str]) -> str:
-    """A sentence on an unknown name, with those that are known."""
-    names = list(known)
-    known_names = f"There is {listed(names)}."
-    return f"{what} {checks.shown(name)} does not exist{suggestion(name, names)} {known_names}"

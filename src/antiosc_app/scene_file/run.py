@@ -24,20 +24,11 @@ from antiosc.base.errors import (
 from antiosc.base.texts import STOPPED
 from antiosc.extension import ErrorBudget
 from antiosc.models.body import coarse_cell, info_of
+from antiosc_app.scene_file import schema
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
 from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
 from antiosc_app.scene_file.scene import CompiledScene, Objects, model, pair, source, structure
-from antiosc_app.scene_file.schema import (
-    DATA,
-    DISTRIBUTIONS,
-    DRAWN,
-    KIND,
-    MODELS,
-    SECTIONS,
-    STRUCTURAL,
-    VARIED,
-    parameters,
-)
+from antiosc_app.scene_file.schema import KIND, parameters
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -51,10 +42,7 @@ T = TypeVar("T")
 
 @dataclass(kw_only=True)
 class SceneResults(Objects[Any]):
-    """The objects of a scene, or of a program without one (`compiled` None), for a report.
-
-    `tradeoff`: the comparison of methods, the last of which gave the history.
-    """
+    """The objects of a scene, or of a program without one (`compiled` None), for a report."""
 
     compiled: Any = None
     title: str = ""
@@ -64,10 +52,7 @@ class SceneResults(Objects[Any]):
 def results(
     compiled: CompiledScene, wanted: Sequence[str], evaluate: Evaluation | None = None
 ) -> SceneResults:
-    """Make the `wanted` objects of a scene; SceneFileError with the line of one that fails.
-
-    `evaluate` knows those that are made already.
-    """
+    """Make the `wanted` objects of a scene; SceneFileError with the line of one that fails."""
     evaluate = evaluate or Evaluation(compiled.document)
     title = str(compiled.document.data.get("title") or compiled.document.path.stem)
     results_of_run = SceneResults(compiled=compiled, title=title, warnings=list(compiled.warnings))
@@ -84,9 +69,7 @@ def results(
 
 @contextlib.contextmanager
 def collected_warnings(sentences: list[str]) -> Iterator[None]:
-    """Context that collects warnings, each once, by weight; after an error they are printed, as
-    they may explain it.
-    """
+    """Context that collects warnings, each once, by weight; after an error they are printed."""
 
     try:
         with warnings_to(sentences.append):
@@ -134,9 +117,7 @@ _SINGULAR = {"models": "model", "impactors": "impactor", "contacts": "contact"}
 
 
 def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Yield (place, value) of each value in nested tables; a table with a `kind` counts as a
-    value.
-    """
+    """Yield (place, value) of each value in nested tables."""
     for key, value in table.items():
         if isinstance(value, dict) and KIND not in value:
             yield from leaves(value, (*place, key))
@@ -147,9 +128,7 @@ def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 def variant(
     build: Builder, values: Mapping[Place, object], origins: Mapping[Place, Place], main: Problems
 ) -> Builder:
-    """The scene with other values; mistakes are noted in `main` at the places `origins` of the
-    values.
-    """
+    """The scene with other values."""
     data = dict(build.data)
     for place, value in values.items():
         table = data
@@ -182,7 +161,7 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
         build.note(("sweep",), sentence)
     combinations: list[list[object]] = []
     for place, values in lists.items():
-        limit = MOST_IMPACTS if place[0] in VARIED else MOST_MODELS
+        limit = MOST_IMPACTS if place[0] in schema.VARIED else MOST_MODELS
         sweep_place = ("sweep", *place)
         if place[0] not in sections or len(place) < 2:
             sentence = f"[sweep] has lists of {listed(sections)}, as impactor.velocity = [1.0, 2.0]"
@@ -210,17 +189,8 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
 MOST_BARS = 50
 
 
-def facts_of_sweep(batch: Call | None) -> Call | None:
-    """The call that computes the error budget of each impact of a sweep; None without a sweep."""
-    if batch is None:
-        return None
-    return Call(_budgets_of_rows, {"batch": batch, "arguments": batch.arguments})
-
-
-def _budgets_of_rows(batch: Batch, arguments: Table) -> list[ErrorBudget | None]:
-    """The error budget of each impact, None where it has none; of none in sweeps above
-    `MOST_BARS`.
-    """
+def budgets_of_rows(batch: Batch, arguments: Table) -> list[ErrorBudget | None]:
+    """The error budget of each impact, None where it has none."""
     if len(batch) > MOST_BARS:
         return [None] * len(batch)
 
@@ -245,9 +215,7 @@ def _budget(arguments: Table) -> ErrorBudget | None:
 
 
 def error_budget(history: Any) -> ErrorBudget | None:
-    """The error budget of a history; None if it has none, or leaves out that cells are too large
-    for the contact.
-    """
+    """The error budget of a history."""
     if coarse_cells(history):
         return None
     try:
@@ -258,9 +226,7 @@ def error_budget(history: Any) -> ErrorBudget | None:
 
 
 def coarse_cells(hit: History | None) -> str:
-    """Sentence if the cell at the only site is too large for the waves of the contact, with the
-    reason for which the mesh's error is not estimated; else "".
-    """
+    """Sentence if the cell at the only site is too large for the contact; else ""."""
     if hit is None or isinstance(hit, antiosc.SceneHistory) or not hit.run.touches:
         return ""
     told = coarse_cell(hit.model, "", hit.assembly.contact_time_estimate)
@@ -270,16 +236,16 @@ def coarse_cells(hit: History | None) -> str:
 
 def _variable_sections(build: Builder) -> list[str]:
     """The sections that a sweep of this scene may vary."""
-    reduced = source(build) not in MODELS
-    structural = (n for n in STRUCTURAL if n in build.data or (n == "extract" and reduced))
-    return [*VARIED, *structural]
+    reduced = source(build) not in schema.MODELS
+    structural = (n for n in schema.STRUCTURAL if n in build.data or (n == "extract" and reduced))
+    return [*schema.VARIED, *structural]
 
 
 def _batch_keys() -> list[str]:
     """The keys of [simulate] for which a batch accepts lists."""
     batch = parameters("simulate_many")
     of_one = parameters("simulate")
-    return [name for name in batch if name in of_one and DATA in batch[name].kinds]
+    return [name for name in batch if name in of_one and batch[name].form.arrays]
 
 
 def _batch(
@@ -297,7 +263,7 @@ def _batch(
         varied_scene = variant(build, values, origins, build.document.problems)
         # objects that the values do not change are shared
         objects = (compiled.impactor, compiled.contact)
-        part = stretches if swept <= {*VARIED} else _model(varied_scene)
+        part = stretches if swept <= {*schema.VARIED} else _model(varied_scene)
         rows.append((part, *(pair(varied_scene) if swept & {"impactor", "contact"} else objects)))
         if times:
             last_scene = zip(("model", "impactor", "contact"), rows[-1], strict=True)
@@ -374,7 +340,7 @@ def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
     run = partial(_run, build, names, compiled.history.arguments["duration"])
     laws = {label(place): law for place, law in inputs.items()}
     arguments = {"run": Call(run, {"model": model}), "inputs": laws}
-    return build.call(SECTIONS["monte_carlo"], options, ("monte_carlo",), arguments)
+    return build.call(schema.SECTIONS["monte_carlo"], options, ("monte_carlo",), arguments)
 
 
 def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
@@ -382,22 +348,15 @@ def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
     calls: dict[Place, Call | None] = {}
     for place, value in leaves(inputs):
         at: Place = ("monte_carlo", *place)
-        if place[0] not in DRAWN or place[0] not in build.data or len(place) < 2:
-            sections = listed([n for n in DRAWN if n in build.data])
+        if place[0] not in schema.DRAWN or place[0] not in build.data or len(place) < 2:
+            sections = listed([n for n in schema.DRAWN if n in build.data])
             build.note(at, f"[monte_carlo] draws values of {sections}; got {label(place)}.")
             continue
-        law = calls[place] = build.call(DISTRIBUTIONS.split(), value, at)
+        law = calls[place] = build.call(schema.DISTRIBUTIONS.split(), value, at)
         if law is not None:  # a scene with the median has to be sound
             middle = {place: float(law.made.median())}
             pair(variant(build, middle, {place: at}, build.document.problems))
     return calls
-
-
-def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
-    """The scene with random values; its mistakes are collected separately."""
-    problems = build.document.problems
-    origins = {place: ("monte_carlo", *place) for place in values}
-    return variant(build, values, origins, Problems(problems.name, problems.text))
 
 
 def _run(
@@ -405,8 +364,12 @@ def _run(
 ) -> Callable[..., tuple[object, ...]]:
     """The function that `monte_carlo` calls with values by name, such as impactor.velocity."""
 
+    problems = build.document.problems
+    origins = {place: ("monte_carlo", *place) for place in places.values()}
+
     def run(**values: Any) -> tuple[object, ...]:
-        scene = _drawn(build, {place: values[name] for name, place in places.items()})
+        drawn = {place: values[name] for name, place in places.items()}
+        scene = variant(build, drawn, origins, Problems(problems.name, problems.text))
         calls = pair(scene)
         scene.document.problems.raise_if_any()
         for sentence in scene.warnings:

@@ -3,18 +3,14 @@
 geometry | deck | matrices | parts → structure → sites → model → impactor, contact → history
                                                          bodies, contacts → scene → history
 
-A scene file is an impact described in TOML, one to one the Python objects: document → schema →
-build → scene → run. The tables of a file become calls to antiosc, which are checked or made. Which
-keys a section takes is read from the signatures of the objects that it makes, so that a new
-parameter becomes a key without changes here. A scene file holds data only: nothing in it is
-executed, imported or evaluated.
+Document → schema → build → scene → run: the tables of a file become calls to antiosc, which are
+checked or made. A scene file holds data only: nothing in it is executed, imported or evaluated.
 """
 
 from __future__ import annotations
 
 import contextlib
 import functools
-import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,28 +19,13 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 import antiosc
-from antiosc import ContactLaw, History
+from antiosc import History
 from antiosc.base._types import Array
-from antiosc.base.errors import (
-    AccuracyWarning,
-    AntioscError,
-    Message,
-    finite_element_packages,
-    warn,
-    warnings_to,
-)
+from antiosc.base.errors import AntioscError, finite_element_packages
 from antiosc.models.auto_contact import AUTO
-from antiosc_app.scene_file.build import Builder, Call, Methods, Mistake
+from antiosc_app.scene_file.build import Builder, Call, Mistake
 from antiosc_app.scene_file.document import GEOMETRIES, Document, Place, Table, label
-from antiosc_app.scene_file.schema import (
-    KIND,
-    LAWS,
-    MODELS,
-    SECTIONS,
-    SOURCES,
-    parameters,
-    resolved,
-)
+from antiosc_app.scene_file.schema import KIND, SECTIONS, SOURCES, parameters
 from antiosc_app.scene_file.shock import Shock, shock_of
 
 if TYPE_CHECKING:
@@ -62,22 +43,8 @@ MISSING: Any = None
 class Objects(Generic[T]):
     """The results of the sections of a scene, as calls or as objects; None for a missing section.
 
-    Attributes
-    ----------
-    structure, model : the struck structure and its model; None if [strike] makes them.
-    impactor, contact : those of a single impact.
-    scene : the `Scene` of several contacts.
-    history : the result of the simulation.
-    probes : name -> signal of [probes].
-    spectra : name -> shock response spectra of those with `srs = true`.
-    stresses : quantity -> largest values over the run.
-    batch, map, sample : results of [sweep], [map] and [monte_carlo].
-    nominal : the scene's own impact, without the values of [monte_carlo] or [sweep].
-    facts : the error budget of each impact of [sweep].
-    fall : result of [drop].
-    peaks, worst : results of the fall: those of [accelerometers] by name, and of [worst].
-    found : result of [find].
-    warnings : sentences, each once.
+    `nominal` is the scene's own impact, without the values of [monte_carlo] or [sweep]; `facts` the
+    error budget of each impact of [sweep]; `peaks` and `worst` are those of the fall.
     """
 
     structure: T = MISSING
@@ -125,14 +92,7 @@ class CompiledScene(Objects[Call | None]):
 
 
 class Study(NamedTuple):
-    """A command that computes a result of a scene.
-
-    Attributes
-    ----------
-    result : name of the result in `CompiledScene`.
-    lacking : end of the message for a scene without this result.
-    makes : names of the objects that the command makes, in order.
-    """
+    """A command: its result, the message for a scene without it, and the objects it makes."""
 
     result: str
     lacking: str
@@ -258,15 +218,6 @@ def _assembly(build: Builder) -> Call | None:
         points = build.value(rule, build.part("points"), ("points",))
     joints = build.listed("joints")
     placements = build.named("at")
-    for call in joints:
-        for key in ("a", "b", "group", "point"):  # "part:group", ("part", point) or a point
-            end = call.arguments.get(key)
-            end = end[0] if isinstance(end, tuple) and end else end
-            if isinstance(end, str) and parts:
-                end_names = [*parts, *build.part("points")]
-                build.names("part", end.partition(":")[0], end_names, (*call.place, key))
-    for name in placements:
-        build.names("part", name, parts, ("at", name))
     extra_arguments = {"at": placements, "points": points, **_supported(build, build.data, ())}
     arguments: dict[str, object] = {"parts": parts if None not in parts.values() else None}
     arguments |= {"joints": joints} | {
@@ -307,19 +258,17 @@ def _model(build: Builder, structure: Call | None) -> Call | None:
 
 
 def pair(build: Builder) -> tuple[Call | None, Call | None]:
-    """(call of the impactor, call of the contact law, which may be a method of the impactor)."""
-    impactor = build.table("impactor")
-    methods = own_laws("impactor", build.data.get("impactor"), impactor)
-    return impactor, _law(build, build.data.get("contact"), ("contact",), methods)
+    """(call of the impactor, call of the contact law)."""
+    return build.table("impactor"), _law(build, build.data.get("contact"), ("contact",))
 
 
-def _law(build: Builder, table: object, place: Place, methods: Methods) -> Call | None:
+def _law(build: Builder, table: object, place: Place) -> Call | None:
     """The call of a contact law; "auto" without a table, or for the kind "auto"."""
     if table is None or table == AUTO or (isinstance(table, dict) and table.get(KIND) == AUTO):
         if isinstance(table, dict) and len(table) > 1:
             build.note(place, f"{label(place)} of the kind {AUTO!r} takes no other keys.")
         return Call(str, {}, place, AUTO)
-    return build.call(SECTIONS["contact"], table, place, methods=methods)
+    return build.call(SECTIONS["contact"], table, place)
 
 
 def single(build: Builder, compiled: CompiledScene) -> None:
@@ -329,8 +278,8 @@ def single(build: Builder, compiled: CompiledScene) -> None:
     if "strike" not in build.data:
         call = build.table("simulate", given={"model": compiled.model, **calls})
         compiled.history = _with_second_order(build, compiled, call)
-        _warn_of_opening(build, compiled)
         return
+
     sites = list(build.named("sites").values())
     if len(build.part("sites")) != 1:
         build.note(("strike",), "[strike] needs a structure and one site, [sites.NAME].")
@@ -347,9 +296,7 @@ def single(build: Builder, compiled: CompiledScene) -> None:
 
 
 def _is_file(read: Call) -> bool:
-    """Whether [strike] takes the file of [geometry] itself: a geometry, which it meshes whatever
-    `size` and `refine` say, or a file without options.
-    """
+    """Whether [strike] takes the file of [geometry] itself."""
     options = set(read.arguments) - {"source"}
     suffix = Path(str(read.arguments.get("source"))).suffix.lower()
     return not options or (options <= {"size", "refine"} and suffix in GEOMETRIES)
@@ -382,20 +329,6 @@ def _struck_by(
     return run(**{**arguments, "self": changed_scene})
 
 
-#: Keys of [simulate] that may close a gap which the impactor opens.
-_CLOSING = {"initial_velocity", "gravity"}
-
-
-def _warn_of_opening(build: Builder, compiled: CompiledScene) -> None:
-    """Add a warning if the impactor moves away from the structure."""
-    speed = getattr(getattr(compiled.impactor, "made", None), "velocity", 0.0)
-    if isinstance(speed, float) and speed < 0 and not _CLOSING & set(build.part("simulate")):
-        build.warnings.append(
-            f"impactor.velocity = {speed:g} m/s leads away from the structure, which is not "
-            f"touched: a positive one leads along the direction of the site; give {-speed:g}."
-        )
-
-
 def search(build: Builder, compiled: CompiledScene) -> None:
     sensors = list(build.named("sensors").values())
     arguments: dict[str, object] = {"structure": compiled.structure, "sensors": sensors}
@@ -404,72 +337,35 @@ def search(build: Builder, compiled: CompiledScene) -> None:
     compiled.found = build.table("find", given=arguments)
 
 
-def own_laws(variable: str, table: object, body: Call | None) -> Methods:
-    """Contact laws that are methods of a body: "impactor.hertz" -> ("Sphere.hertz", the body).
-
-    For a body with a mistake they are those of its kind, or of all kinds, so that the law is not
-    reported too.
-    """
-    if body is not None:
-        classes: list[type] = [type(body.made)]
-    else:
-        kind = table.get(KIND) if isinstance(table, dict) else None
-        classes = [c for c in map(resolved, SECTIONS["bodies"].makes) if inspect.isclass(c)]
-        classes = [law_class for law_class in classes if law_class.__name__ == kind] or classes
-    return {
-        f"{variable}.{law}": (f"{law_class.__name__}.{law}", body)
-        for law_class in classes
-        for law in _laws_of(law_class)
-    }
-
-
-@functools.cache
-def _laws_of(body: type) -> list[str]:
-    """The methods of a class that return a contact law."""
-    methods = inspect.getmembers(body, inspect.isfunction)
-    results = {n: m.__annotations__.get("return") for n, m in methods if not n.startswith("_")}
-    law_names = (*LAWS.split(), ContactLaw.__name__)
-    return [name for name, law in results.items() if law in law_names]
-
-
-#: The bodies of a scene by name; None: one that is wrong.
-Bodies: TypeAlias = Mapping[str, Call | None]
 #: The name of the structure among the bodies of a scene.
 STRUCTURE = "structure"
 
 
 def several(build: Builder, compiled: CompiledScene) -> None:
     structure = {STRUCTURE: compiled.model} if source(build) else {}
-    body_calls = build.named("bodies")
-    tables = build.part("bodies")
-    if STRUCTURE in tables and structure:
+    if STRUCTURE in build.part("bodies") and structure:
         build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
-    methods: dict[str, tuple[str, Call | None]] = {}
-    for name, table in tables.items():
-        methods |= own_laws(name, table, body_calls.get(name))
-    bodies_by_name = {**structure, **dict.fromkeys(tables), **body_calls, **structure}
-    bodies = {**structure, **body_calls}
-    arguments: dict[str, object] = {"bodies": bodies if None not in bodies.values() else None}
-    arguments["contacts"] = _contacts(build, methods, bodies_by_name)
-    for i, table in enumerate(build.part("loads", list)):
-        _check_end(build, bodies_by_name, table, "end", ("loads", i))
-    for name in build.part("motion"):
-        build.names("body", name, bodies_by_name, ("motion", name))
+    body_calls = build.named("bodies")
+    bodies = {**body_calls, **structure}
+    is_sound = None not in bodies.values() and len(body_calls) == len(build.part("bodies"))
+    arguments: dict[str, object] = {"bodies": bodies if is_sound else None}
+    arguments["contacts"] = _contacts(build)
     extra_arguments: dict[str, object] = {
         "loads": build.listed("loads"),
         "base": build.table("base"),
+        "motion": build.named("motion"),
     }
-    extra_arguments |= {"motion": build.named("motion")}
     arguments |= {name: call for name, call in extra_arguments.items() if call}
     compiled.scene = build.table("scene", always=True, given=arguments)
+
     if "run" not in build.data and "map" not in build.data:
         build.note((), "a scene of several contacts needs [run] with its duration.")
     run_call = build.table("run", given={"self": compiled.scene})
     compiled.history = _with_second_order(build, compiled, run_call) if structure else run_call
 
 
-def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | None]:
-    """The calls of [[contacts]]; a `law` may be a method of a body."""
+def _contacts(build: Builder) -> list[Call | None]:
+    """The calls of [[contacts]]."""
     if not build.part("contacts", list):
         build.note((), "a scene of several bodies needs [[contacts]].")
     contacts = []
@@ -478,32 +374,10 @@ def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | N
         if not isinstance(table, dict):
             build.note(place, f"{label(place)} must be a table, [[contacts]].")
             continue
-        law = _law(build, table.get("law"), (*place, "law"), methods)
-        for key in ("a", "b"):
-            _check_end(build, bodies, table, key, place)
+        law = _law(build, table.get("law"), (*place, "law"))
         arguments = {key: value for key, value in table.items() if key != "law"}
         contacts.append(build.call(SECTIONS["contacts"], arguments, place, {"law": law}))
     return contacts
-
-
-def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: Place) -> None:
-    """Note an end "body:site" whose body or site does not exist."""
-    end = table.get(key) if isinstance(table, dict) else None
-    if not isinstance(end, str):
-        return
-    body, _, site = end.partition(":")
-    if not build.names("body", body, bodies, (*place, key)):
-        return
-    body_call = bodies[body]
-    sites = list(build.part("sites"))
-    if body != STRUCTURE or not source(build):
-        if body_call is None or body_call.name == "AntiOscillators.load":
-            return  # of bodies that are wrong or not read yet nobody knows the sites
-        sites = list(body_call.arguments.get("sites", ()))
-    elif source(build) in MODELS:
-        return
-    if site or sites:
-        build.names(f"site of {body!r}", site, sites, (*place, key))
 
 
 # -- what a simulation is asked for
@@ -528,20 +402,10 @@ def place_of(probe: Call) -> dict[str, Any]:
 
 
 def shock(
-    structure: Structure,
-    history: History,
-    name: str,
-    quantity: str,
-    told_at: SpectrumKey,
-    **asked: Any,
+    structure: Structure, history: History, told_at: SpectrumKey, quantity: str = "", **asked: Any
 ) -> Shock:
     """The shock response spectra of a probe, from its velocity also if it is an acceleration."""
-    messages: list[str] = []
-    with warnings_to(messages.append):
-        found = shock_of(structure, history, _told_at(told_at), **asked)
-    for message in dict.fromkeys(messages):
-        warn(Message(f"probe {name}: {message}", AccuracyWarning))
-    return found
+    return shock_of(structure, history, _told_at(told_at), **asked)
 
 
 def _told_at(wanted: SpectrumKey) -> tuple[float, ...]:
@@ -565,8 +429,7 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
         wanted = keys.pop("srs", False)
         if wanted is not False:
             _check_srs(build, name, keys.get("quantity", "displacement"), wanted)
-            keys_of_shock = {"name": name, "told_at": wanted, **keys}
-            spectra[name] = replace(probe, make=shock, arguments=keys_of_shock)
+            spectra[name] = replace(probe, make=shock, arguments={"told_at": wanted, **keys})
         probes[name] = replace(probe, arguments={"times": times, **keys})
     compiled.probes, compiled.spectra = probes, spectra
     meshed = compiled.history is not None and source(build) in MESHED.split()
@@ -594,10 +457,7 @@ def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey)
 
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
-    """Criterion -> stress field, for the criteria with known strengths of the materials, or the von
-    Mises stress where none is known; sharp inner edges and rigid supports are not judged. None of
-    an impact whose numbers do not hold.
-    """
+    """Criterion -> stress field, or the von Mises stress where no strength is known."""
     with finite_element_packages():
         from antiosc.extension import criteria_of
     if history.assembly.hopeless:
@@ -614,9 +474,7 @@ def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]
 
 
 def worst_by_strengths(self: Fall) -> WorstField | None:
-    """The stress field with the largest exposure in a fall, or the von Mises stress where no
-    strength is known; sharp inner edges are not judged. None where no stress is known.
-    """
+    """The stress field with the largest exposure in a fall; None where no stress is known."""
     with finite_element_packages():
         from antiosc.extension import criteria_of
     structure: Any = self.body.structure

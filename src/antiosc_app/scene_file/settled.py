@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from antiosc.base.errors import warn, warnings_to
 from antiosc.base.texts import STOPPED
 from antiosc.models.auto_contact import AUTO
-from antiosc_app.scene_file.automatic import Choice, is_auto, only_site, with_values
 from antiosc_app.scene_file.build import Evaluation
-from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.compiled import Choice, compiled, is_auto, only_site, with_values
 from antiosc_app.scene_file.document import Document
 from antiosc_app.scene_file.scene import CompiledScene
 
@@ -31,14 +30,10 @@ class Settled(NamedTuple):
 
 
 class Known:
-    """Structure and last model of a scene, for its runs with other values; None for a structure
-    that [strike] makes.
-    """
+    """Structure and last model of a scene, for its runs with other values."""
 
     def __init__(
-        self,
-        structure: Structure | None,
-        evaluation: Callable[[Document], Evaluation] = Evaluation,
+        self, structure: Structure | None, evaluation: Callable[[Document], Evaluation] = Evaluation
     ) -> None:
         self.structure = structure
         self._evaluation = evaluation
@@ -71,11 +66,7 @@ def settled(
     begun: Settled | None = None,
     evaluation: Callable[[Document], Evaluation] = Evaluation,
 ) -> Settled:
-    """The scene of a document with the values of the hardest striker that it has.
-
-    `begun`: the scene before that, where some of its objects are made already; `evaluation` makes
-    those of each try.
-    """
+    """The scene of a document with the values of the hardest striker that it has."""
     if begun is None:
         scene = compiled(document)
         begun = Settled(scene, evaluation(scene.document))
@@ -112,9 +103,7 @@ def settled(
 def enough(
     run: Callable[[Choice], tuple[T, History]], choice: Choice, grows: bool, lasts: bool
 ) -> tuple[T, Choice]:
-    """(result of the last run, its values): the number of anti-oscillators is enough for the force
-    (`grows`), then striker and part have parted (`lasts`).
-    """
+    """(last result, its values) with enough oscillators (`grows`) and parted (`lasts`)."""
     from antiosc.extension import LONGER, expansion_of, next_count, parted
 
     longest = LONGER * choice.duration
@@ -146,16 +135,20 @@ def _radius(structure: Structure | None, scene: CompiledScene, document: Documen
 
 
 def _hardest(document: Document, scene: CompiledScene) -> Document:
-    """The document with the hardest values that [sweep] and [monte_carlo] have for the striker;
-    itself without any.
-    """
+    """The document with the hardest values that [sweep] and [monte_carlo] have for the striker."""
     largest: dict[str, Any] = {}
     swept = document.data.get("sweep", {}).get("impactor", {})
     for key, values in swept.items():
         if isinstance(values, list) and all(isinstance(x, int | float) for x in values):
             largest[key] = max(values)
 
-    largest |= _largest_drawn(scene)
+    drawn = {} if scene.sample is None else scene.sample.arguments
+    share = 1 - EXCEEDED / drawn.get("n", 1000)
+    for name, law in drawn.get("inputs", {}).items():
+        section, _, key = name.partition(".")
+        if section == "impactor" and hasattr(law.made, "ppf"):
+            largest[key] = float(law.made.ppf(share))
+
     if not largest:
         return document
     striker = {**document.data.get("impactor", {}), **largest}
@@ -164,18 +157,3 @@ def _hardest(document: Document, scene: CompiledScene) -> Document:
 
 #: Share of the studies in which a draw exceeds the value for which the patch is chosen.
 EXCEEDED = 0.01
-
-
-def _largest_drawn(scene: CompiledScene) -> dict[str, float]:
-    """Values of the striker that hardly any of the draws of [monte_carlo] exceeds."""
-    if scene.sample is None:
-        return {}
-
-    given = scene.sample.arguments
-    share = 1 - EXCEEDED / given.get("n", 1000)
-    section = "impactor."
-    return {
-        name.removeprefix(section): float(law.made.ppf(share))
-        for name, law in given["inputs"].items()
-        if hasattr(law.made, "ppf") and name.startswith(section) and name.count(".") == 1
-    }

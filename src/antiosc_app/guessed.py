@@ -1,8 +1,10 @@
-"""Where a part is struck if nobody says it: the middle of its largest free face in sight."""
+"""Where a part is struck and held if nobody says it: the middle of its largest free face in sight;
+a group by its name, else its lowest flat side.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -12,8 +14,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import AntioscError
 
 if TYPE_CHECKING:
+    from antiosc import Mesh, Structure
     from antiosc.extension import Faces
 
 #: Words in the names of groups that are struck.
@@ -30,9 +34,7 @@ Place: TypeAlias = tuple[Array, Array]
 
 
 def face_areas(corners: Array) -> Array:
-    """Area vectors (n, 3) of plane faces with corners (n, k, 3): parallelograms or, doubled,
-    triangles.
-    """
+    """Area vectors (n, 3) of parallelograms with corners (n, k, 3); of triangles twice."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
@@ -65,11 +67,7 @@ def thickness_at(x: Array, faces: IntArray, place: Place) -> float:
 def on_faces(
     x: Array, faces: IntArray, outer: Faces, supported: BoolArray, struck: IntArray
 ) -> Iterator[Place]:
-    """Yield places in the middle of the free faces of a part, the largest first; then those that
-    the part itself hides.
-
-    `supported`: mask of held nodes; `struck`: nodes of the group that is struck, if there is one.
-    """
+    """Yield places in the middle of the free faces of a part, the largest first."""
     corners = x[faces]
     normals = _outward(x, faces, outer.normals) if outer.sheet else outer.normals
     side, edges = _sides(x, faces, normals)
@@ -88,7 +86,9 @@ def on_faces(
     hidden: list[Place] = []
     for number in ranked[area[ranked] > 0]:
         on_side = np.flatnonzero((side == number) & free)
-        best = on_side[_innermost(middles[on_side], edges[number])]
+        edge = edges[number]  # the middle is farthest from it
+        inner = int(np.argmax(cKDTree(edge).query(middles[on_side])[0])) if len(edge) else 0
+        best = on_side[inner]
         before = distances_along(corners, middles[best], normals[best])
         place = middles[best], -normals[best]
         if (before > gap).any():
@@ -96,13 +96,6 @@ def on_faces(
         else:
             yield place
     yield from hidden
-
-
-def _innermost(points: Array, edge: Array) -> int:
-    """Which of the points (n, 3) of a face is farthest from its edge (m, 3); of a face without one
-    the first.
-    """
-    return int(np.argmax(cKDTree(edge).query(points)[0])) if len(edge) else 0
 
 
 def on_lines(x: Array, nodes: IntArray, supported: BoolArray, struck: IntArray) -> Iterator[Place]:
@@ -193,3 +186,75 @@ def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int
     points = np.concatenate([x[ends[:, 0]], x[ends].mean(axis=1), x[ends[:, 1]]])
     of_side = np.tile(np.where(at_edge, side[owner], -1), 3)
     return side, {int(s): points[of_side == s] for s in np.unique(side)}
+
+
+# --- Supports -------------------------------------------------------------------------------------
+
+#: Words in the names of groups that are supports, the likeliest first.
+SUPPORT_WORDS = (
+    *("clamp", "fix", "held", "hold", "support", "encastre", "mount", "bolt", "feet", "foot"),
+    *("base", "ground", "root", "rim", "ends", "left", "bottom", "edges"),
+)
+#: A side that is held has at most these shares of the nodes, and of the surface of a solid: held on
+#: its underside a plate would be a layer on a rigid floor.
+LARGEST_PLANE, LARGEST_SIDE = 0.6, 0.3
+#: Nodes lie on a plane, and are one node, if their distance is below this share of the size.
+ON_PLANE = 1e-6
+#: A number of which no two multiples have a common part behind the point.
+GOLDEN = 0.6180339887498949
+#: Largest rounding of a motion of 1 to 2: 1e-15 at the middles of edges of triangles.
+ROUNDING = 1e-9
+
+
+def groups_with(mesh: Mesh, words: Sequence[str]) -> tuple[str, ...]:
+    """Groups of facets, edges or nodes named with one of these words; the first word first."""
+    of_sides = [n for n, parts in mesh.groups.items() if min(parts, default=mesh.tdim) < mesh.tdim]
+    return tuple(name for word in words for name in of_sides if word in name.lower())
+
+
+def nodes_of(mesh: Mesh, groups: Sequence[str]) -> IntArray:
+    """Nodes of groups."""
+    from antiosc.fem.platform import compat
+
+    vertices = [
+        compat.entity_vertices(mesh.dolfinx, dim)[entities].ravel()
+        for group in groups
+        for dim, entities in mesh.groups[group].items()
+    ]
+    return np.unique(np.concatenate([np.zeros(0, dtype=int), *vertices]))
+
+
+def supporting_side(
+    x: Array, size: float, faces: IntArray | None
+) -> tuple[BoolArray, list[Array] | None]:
+    """(mask of the nodes on the lowest flat side that is not too large, its point and normal)."""
+    low, high = x.min(axis=0), x.max(axis=0)
+    area = None if faces is None else np.linalg.norm(face_areas(x[faces]), axis=1)
+
+    for axis, corner in [(2, low), (0, low), (1, low), (0, high), (1, high)]:
+        on_side = np.abs(x[:, axis] - corner[axis]) < ON_PLANE * size
+        if not min(3, len(x) // 4) <= on_side.sum() <= max(1.0, LARGEST_PLANE * len(x)):
+            continue
+        if area is not None and faces is not None:
+            share = area[on_side[faces].all(axis=1)].sum() / area.sum()
+            if not 0 < share <= LARGEST_SIDE:
+                continue
+        return on_side, [corner, np.eye(3)[axis]]
+    return np.zeros(len(x), dtype=bool), None
+
+
+def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
+    """Mask of the nodes x (N, 3) that do not move where all free dofs of a structure do."""
+    from antiosc.extension import source
+
+    motion = 1.0 + (np.arange(structure.rows)[:, None] * GOLDEN) % 1.0  # none cancels another
+    motion[structure.fixed[structure.fixed < structure.rows]] = 0.0
+    try:
+        nodes, _, displacements = source(structure).at_nodes(structure, motion)
+    except AntioscError:
+        return np.zeros(len(x), dtype=bool)
+
+    fixed = ~(np.abs(displacements[:, :, 0]) > ROUNDING).any(axis=1)
+    if not fixed.any():
+        return np.zeros(len(x), dtype=bool)
+    return np.asarray(cKDTree(nodes[fixed]).query(x)[0] < ON_PLANE * size)
