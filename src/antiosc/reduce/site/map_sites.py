@@ -159,6 +159,7 @@ def sites_of(
     names = targets(where)
     if where is not None and names is None:
         return _at_points(structure, where, direction, radius)
+    places: list[tuple[Member, str | None, str]]
     if names is None:
         places = [(member, None, member.name) for member in structure.members()]
     else:

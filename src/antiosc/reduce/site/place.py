@@ -46,11 +46,6 @@ class Place:
     direction: Array
     exact: bool = False
 
-    @property
-    def in_structure(self) -> Array:
-        """The point (3,) in the axes of the structure."""
-        return self.member.at.placed(self.point[None])[0]
-
 
 def place_at(
     matrices: MeshedParts, point: Array, direction: Array | None = None, part: str | None = None
