@@ -173,7 +173,7 @@ def _answer(name: str, response: bytes, memory: int) -> FileMesh:
         header = _printable(json.loads(first.tobytes()))
         if "error" not in header:
             return unpacked(header, arrays)
-    except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
+    except (ValueError, KeyError, TypeError, OSError, zipfile.BadZipFile) as error:
         raise MeshError(f"{name} is damaged: {str(error).rstrip('.')}.") from error
 
     if header["error"] == "MemoryError":

@@ -19,6 +19,7 @@ import antiosc as ao
 from antiosc.base.errors import ChoiceWarning
 from antiosc.fem.platform import compat
 from antiosc.io import geo_script, isolation
+from antiosc.io.neutral import FileMesh, packed
 from antiosc.io.reading import read
 from mesh_files import grid, refusal
 from paths import MESHES
@@ -269,19 +270,19 @@ def test_counts_of_a_header_take_no_memory(tmp_path):
 
 
 def test_the_answer_of_a_reader_is_checked(tmp_path, monkeypatch):
-    good = {"cells": ["line"], "convention": "gmsh", "groups": [["a", "line", 1]]}
-    good |= {"node_sets": [["n", 1]], "aids": True, "of_gmsh": True}
-    numbers = np.array([7, 8, 9])
-    arrays = [np.array([0]), np.array([1]), np.eye(3), numbers, np.array([[0, 1], [1, 2]])]
+    mesh = FileMesh(np.eye(3), {"line": np.array([[0, 1], [1, 2]])}, "gmsh")
+    mesh.groups, mesh.node_sets = {"a": {"line": np.array([0])}}, {"n": np.array([1])}
+    mesh.labels = np.array([7, 8, 9])
+    good, arrays = packed(mesh)  # rows of the group, then of the nodes; points, labels, cells
 
     def answer(head, arrays):
         return isolation._answer("part.msh", archive(head, arrays), 1)
 
     assert answer(good, arrays).groups["a"]["line"].tolist() == [0]
     for k, wrong in (
-        (0, np.array([2])), (1, np.array([3])), (1, np.array([-1])), (2, np.eye(2)),
-        (4, np.array([[0, 3]])), (4, np.array([[0, -1]])), (4, np.array([[0, 1, 2]])),
-        (0, np.array([0.0])), (3, np.arange(4)), (3, np.array([0.5])),
+        (0, np.array([2, 1])), (0, np.array([0, 3])), (0, np.array([0, -1])), (1, np.eye(2)),
+        (3, np.array([[0, 3]])), (3, np.array([[0, -1]])), (3, np.array([[0, 1, 2]])),
+        (0, np.array([0.0, 1.0])), (0, np.array([0])), (2, np.arange(4)), (2, np.array([0.5])),
     ):  # fmt: skip
         with pytest.raises(ao.MeshError, match=r"part\.msh is damaged"):
             answer(good, [*arrays[:k], wrong, *arrays[k + 1 :]])
