@@ -10,6 +10,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure import Placement
 from antiosc.fem.structure.structure import on_mesh
+from antiosc.fields.pictures import outer_faces
 from antiosc.recovery import mesh_fields
 from assemblies import BEAM, SOLID, box, line
 from sheets import SHEET, sheet
@@ -112,10 +113,9 @@ def test_nodes_and_cells_in_the_order_of_vtk(name):
     with pytest.raises(ao.InputError, match="part"):
         mesh_fields.at_nodes(part, shapes(part, np.eye(3)), "a")
     if mesh.tdim == 1:
-        with pytest.raises(ao.InputError, match="surface"):
-            mesh_fields.surface(part, found)
         return
-    points, faces, moved = mesh_fields.surface(part, shapes(part, np.eye(3)))
+    points, blocks, moved = mesh_fields.at_nodes(part, shapes(part, np.eye(3)))
+    faces = outer_faces(blocks)
     shape = "triangle" if faces.shape[1] == 3 else "quadrilateral"
     outer = volume(points, faces, shape, faces.shape[1])
     assert outer == pytest.approx(0.22 if mesh.tdim == 3 else 0.06)

@@ -93,7 +93,7 @@ def test_plies_of_a_cantilever_fail_in_compression_and_delaminate_in_the_middle(
     hill = ao.peak_field(part, hit, "tsai_hill", body="part")
     worst = hill.margin()
     assert worst.exposure == pytest.approx(6 * F * L / (b * h**2) / PLY.X_c, rel=0.02)
-    assert (worst.layer, worst.surface) == (0, "bottom")  # it is pressed down: compression below
+    assert worst.layer == "layer 0 (bottom)"  # it is pressed down: compression below
     shear = ao.peak_field(part, hit, "delamination", body="part")
     k = np.argmin(np.linalg.norm(shear.points - (L / 2, b / 2, 0), axis=1))
     assert shear.values[k] == pytest.approx(1.5 * F / (b * h) / PLY.interlaminar, rel=0.02)

@@ -46,7 +46,7 @@ def test_a_bar_is_judged_at_half_its_mean_thickness_from_the_clamp(kind):
     assert away == pytest.approx(0.2 * 0.02**2 / (4 * 0.2 * 0.02 + 2 * 0.02**2))
     x = margin.point[0]
     assert away < x <= away + 0.0055
-    assert margin.value == pytest.approx(6 * FORCE * (0.19 - x) / 0.02**3, rel=0.03)
+    assert margin.value == pytest.approx(6 * FORCE * (0.19 - x) / 0.02**3, rel=0.08)
     assert "outside 4.8 mm of rigidly held faces" in margin.sentence
     everywhere = ao.peak_field(part, hit, body="part")
     assert everywhere.margin().value > margin.value
