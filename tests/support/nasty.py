@@ -266,7 +266,7 @@ def frf_file() -> str:
     path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.csv")
     H = frf_values()
     rows = np.column_stack([np.arange(1.0, 41.0), H.real, H.imag])
-    np.savetxt(path, rows, header="frequency real imag")
+    np.savetxt(path, rows, delimiter=",", header="frequency (Hz),real,imag", comments="")
     return path
 
 

@@ -184,6 +184,15 @@ class SceneSource(Source):
 
     def again(self, changes: Mapping[str, Any]) -> History:
         scene = self.scene
+        pairs = [(c.a, c.b) for c in scene.contacts]
+        for key, known in (("model", scene.bodies), ("velocity", scene.bodies), ("law", pairs)):
+            given = checks.instance(key, changes.get(key, {}), Mapping, "a dict by names")
+            for name in given:
+                if name not in known:
+                    raise InputError(
+                        f"{key} has {name!r}; the scene has {', '.join(map(str, known))}."
+                    )
+
         bodies = {**scene.bodies, **changes.get("model", {})}
         motion = dict(scene.motion)
 

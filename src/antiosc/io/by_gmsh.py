@@ -238,7 +238,9 @@ def generate(ask: Request) -> FileMesh:
 
 
 def _through_gmsh(ask: Request, path: Path) -> FileMesh:
-    """The mesh of a file that gmsh opens."""
+    """The mesh of a file that gmsh opens, or that fTetWild fills."""
+    if ask.by_ftetwild:
+        return facets.by_ftetwild(ask)
     gmsh = session()
     ask.seal()
     suffix = Path(ask.path).suffix.lower()

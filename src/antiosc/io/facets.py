@@ -1,5 +1,5 @@
 """Surfaces of triangles (`.stl`, `.obj`, `.ply`, `.off`): loaded and mended by trimesh, oriented,
-and filled as solids by gmsh.
+and filled as solids by gmsh, or by fTetWild where gmsh cannot.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from types import ModuleType
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
-from antiosc.base.errors import MeshError, MissingDependencyError
+from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.cad import Names
-from antiosc.io.neutral import FileMesh, IntArray, Piece
+from antiosc.io.neutral import FACETS, FileMesh, IntArray, Piece
 from antiosc.io.request import Request
 
 #: Endings of such files.
@@ -45,6 +45,10 @@ SAMPLES = 40
 SIDES = ((0, 1), (1, 2), (2, 0))
 #: Group of all triangles of a sheet that is the closed surface of a solid.
 CLOSED = "closed surface"
+#: Words of the remark on a surface that gmsh could not fill.
+BY_FTETWILD = "is filled by fTetWild"
+#: Envelope of fTetWild over the diagonal of the box; the processor time that it may take, s.
+ENVELOPE, FTETWILD_TIME = 1e-3, 600.0
 
 
 # --- Triangles ------------------------------------------------------------------------------------
@@ -327,7 +331,7 @@ def winding(corners: Array, point: Array) -> float:
 def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
     """(the closed surface that is filled, with the cavities turned inward; its bodies).
 
-    MeshError for a surface that is not closed, and for bodies that pierce each other.
+    MeshError for a surface that is not closed; `UnmeshableError` for bodies that pierce each other.
     """
     surface = surface_of(ask)
     if surface.open_edges:
@@ -344,11 +348,8 @@ def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
         if len(bodies) > 1:
             surface.remarks.append(piece_is_read(ask.name, ask.piece, len(bodies)))
         bodies = [_by_volume(surface, bodies)[ask.piece - 1]]
-    elif pierced:
-        raise MeshError(
-            f"the closed surfaces of {ask.name} pierce each other: unite them in the program that "
-            "wrote it, or read one alone (piece)."
-        )
+    elif pierced and not ask.by_ftetwild:
+        raise UnmeshableError(f"the closed surfaces of {ask.name} pierce each other.")
 
     cavities = np.isin(surface.piece, [k for body in bodies for k in body[1:]])
     surface.triangles[cavities] = surface.triangles[cavities][:, ::-1]
@@ -410,3 +411,48 @@ def _first_triangles(gmsh: ModuleType, middles: Array, surfaces: list[int]) -> I
         place = dict(zip(nodes.tolist(), np.reshape(x, (-1, 3)), strict=True))
         places.append(np.mean([place[node] for node in corners[:3].tolist()], axis=0))
     return np.asarray(cKDTree(middles).query(np.array(places))[1])
+
+
+def by_ftetwild(ask: Request) -> FileMesh:
+    """The tetrahedra by which fTetWild (Hu et al., ACM Trans. Graph. 39 (2020) 117) fills a surface
+    within an envelope, with its sides as groups.
+    """
+    import pytetwild
+    from scipy.spatial import cKDTree
+
+    ask.allow(FTETWILD_TIME)
+    surface, _ = _wanted(ask)
+    corners = surface.points[surface.triangles]
+    diagonal = float(np.linalg.norm(np.ptp(corners, axis=(0, 1))))
+    size = diagonal / 20 if ask.size is None else ask.size / ask.unit[0]
+    points, cells = pytetwild.tetrahedralize(
+        surface.points,
+        surface.triangles.astype(np.int32),
+        edge_length_fac=min(size / diagonal, 1.0),
+        epsilon=ENVELOPE,
+        num_threads=1,
+    )
+
+    cells = cells.astype(np.int64)
+    x = points[cells]
+    turned = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
+    cells[turned] = cells[turned][:, [1, 0, 2, 3]]
+    faces = np.vstack([cells[:, list(side)] for side in FACETS["tetrahedron"]])
+    _, first, uses = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    outer = faces[first[uses == 1]]
+
+    # an outer face is of the side of the nearest triangle
+    nearest = cKDTree(corners.mean(axis=1)).query(points[outer].mean(axis=1))[1]
+    side = surface.sides()[nearest]
+    groups = {f"face {k + 1}": {"triangle": np.flatnonzero(side == k)} for k in np.unique(side)}
+
+    mesh = FileMesh(points, {"tetra": cells, "triangle": outer}, "gmsh", groups, of_gmsh=True)
+    smaller = " of one size, without smaller ones at points (refine)" if ask.refine else ""
+    told = (
+        f"{ask.name} {BY_FTETWILD} with tetrahedra{smaller}, whose faces lie within "
+        f"{100 * ENVELOPE:g} % of its diagonal from its surface."
+    )
+    mesh.remarks = [*surface.remarks, told]
+    return mesh

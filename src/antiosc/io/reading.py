@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableEr
 from antiosc.base.texts import piece_is_read, printable
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import CAD, STATES_UNIT
-from antiosc.io.facets import SURFACES
+from antiosc.io.facets import BY_FTETWILD, SURFACES
 from antiosc.io.isolation import read_apart
 from antiosc.io.neutral import (
     EDGES_OF_KIND,
@@ -59,7 +60,7 @@ AS_GROUPS, LEFT_OUT = "are read as groups, not as elements", "are left out"
 #: Words of remarks on how a mesh was made that has the shape of its file.
 CLOSELY = "is meshed with elements that follow the curvature"
 NOT_READ = "flat cells that gmsh left at the surface are not read"
-HOW_MADE = (CLOSELY, NOT_READ)
+HOW_MADE = (CLOSELY, BY_FTETWILD, NOT_READ)
 #: Share of the largest piece by which the volumes of two must differ to rank them.
 AS_LARGE = 0.01
 #: Largest coordinate of a part: squares and volumes of it are numbers still.
@@ -378,7 +379,7 @@ def read(
 
     `sizes`: element sizes in the whole geometry; `sound`: checks the mesh, and may raise;
     `options`: other fields of a `Request`. A geometry that cannot be meshed as asked is meshed once
-    more, with elements that follow its curvature.
+    more: with elements that follow its curvature, a surface of triangles by fTetWild.
     """
     name = printable(path.name)
     suffix = path.suffix.lower()
@@ -401,19 +402,21 @@ def read(
     try:
         return attempt()
     except UnmeshableError as error:
-        fault = str(error).rstrip(".")
-        remedy = f"repair {name} in the program that wrote it, or mesh it there and give the mesh"
-        if solid:
-            raise UnmeshableError(f"{fault}: {remedy}.") from error
-        if suffix not in GEOMETRY or merge is not None:
+        if not (suffix in GEOMETRY or solid) or merge is not None:
             raise
+        fault = str(error).rstrip(".")
 
+    remedy = f"repair {name} in the program that wrote it, or mesh it there and give the mesh"
+    if solid and not find_spec("pytetwild"):
+        raise UnmeshableError(
+            f"{fault}: {remedy}; pytetwild fills it here (pip install pytetwild)."
+        )
     try:
-        raw = attempt(around=AROUND_CLOSELY)
+        raw = attempt(**({"by_ftetwild": True} if solid else {"around": AROUND_CLOSELY}))
     except UnmeshableError as error:
         raise UnmeshableError(f"{fault}, nor otherwise: {remedy}, or give another size.") from error
-    how = f"{name} {CLOSELY}, since it cannot be meshed otherwise: {fault}."
-    raw.remarks = [*raw.remarks, how]
+    how = "" if solid else f"{name} {CLOSELY}, since it cannot be meshed otherwise: "
+    raw.remarks = [*raw.remarks, f"{how}{fault}."]
     return raw
 
 

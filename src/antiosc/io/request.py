@@ -62,6 +62,8 @@ class Request:
     around: float = AROUND
     #: fill a closed surface
     solid: bool = False
+    #: fill it by fTetWild, as gmsh cannot
+    by_ftetwild: bool = False
     #: cut the solids of an assembly at each other, so that they share nodes
     fragments: bool = False
     #: the solid alone that is meshed, by its volume: 1 is the largest; None: all

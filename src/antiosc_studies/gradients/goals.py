@@ -108,8 +108,8 @@ def _contact_number(hit: History, contact: tuple[str, str] | None) -> int:
     ends = [one.ends for one in hit.contact_histories]
     if contact is None and len(ends) == 1:
         return 0
-    if isinstance(contact, tuple | list) and tuple(contact) in ends:
-        return ends.index(tuple(contact))
+    if isinstance(contact, tuple | list) and (pair := (*contact,)) in ends:
+        return ends.index(pair)
     contact_names = ", ".join(map(str, ends))
     raise InputError(f"contact must be one of {contact_names}; got {checks.shown(contact)}.")
 

@@ -48,7 +48,7 @@ class Models:
             built = part(x)
             self._tree = {"x": self._of_function(part, x, isinstance(built, AntiOscillators))}
 
-        self._middle: Any = self._extracted(built)
+        self._middle: AntiOscillators = self._extracted(built)
         off = np.abs(self._middle.m_st - self._model.m_st).max()
         if off > SAME_MODEL * np.abs(self._model.m_st).max():
             raise InputError(
@@ -84,7 +84,8 @@ class Models:
     def _of_structure(self, part: Structure) -> Numbers:
         """The numbers of a part's materials by name; of several materials {name: {group: …}}."""
         refuse_prestress(part, "a gradient by the numbers of a part")
-        mesh, materials, options = part.made_of or (None, {}, {})
+        made_of: tuple[Any, Any, Any] = part.made_of or (None, {}, {})
+        mesh, materials, options = made_of
         several = isinstance(materials, Mapping)
         groups = materials if several else {"": materials}
 

@@ -15,6 +15,7 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 pytest.importorskip("trimesh")
 
+from antiosc.base.errors import ChoiceWarning
 from antiosc.io import reading
 from antiosc.io.facets import (
     SIDES,
@@ -157,13 +158,17 @@ def test_an_open_surface_is_no_solid(tmp_path):
     assert ao.read_mesh(path).cell == "triangle"
 
 
-def test_bodies_that_pierce_each_other_are_refused_and_one_alone_is_read(tmp_path):
+@pytest.mark.slow
+def test_bodies_that_pierce_each_other_are_united_and_one_alone_is_read(tmp_path):
     points, triangles = block(2, 10.0)
     mirrored, far = 10.0 - points, points + 4.3  # each begins within the other
     both = np.vstack([triangles[:, ::-1], triangles + len(points)])
     path = write(tmp_path / "two.stl", np.vstack([mirrored, far]), both)
-    with pytest.raises(ao.MeshError, match="pierce"):
-        ao.read_mesh(path, size=3e-3, unit="mm", solid=True)
+    pytest.importorskip("pytetwild")
+    with pytest.warns(ChoiceWarning, match="fTetWild"):
+        mesh = ao.read_mesh(path, size=3e-3, unit="mm", solid=True)
+    united = 2 * 10.0**3 - 5.7**3
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-9 * united, rel=1e-2)
     with pytest.warns(ao.AntioscWarning, match="piece 1 of 2"):
         mesh = ao.read_mesh(path, size=3e-3, unit="mm", solid=True, piece=1)
     assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-6, rel=1e-6)
@@ -237,7 +242,16 @@ def pierced(path: Path, deep: float) -> Path:
     return path
 
 
-def test_a_surface_that_pierces_itself_is_refused(tmp_path):
+@pytest.mark.slow
+def test_a_surface_that_pierces_itself_is_filled_by_ftetwild(tmp_path, monkeypatch):
     file = pierced(tmp_path / "dent.stl", deep=0.3)
-    with pytest.raises(ao.MeshError, match="repair"):
-        ao.read_mesh(file, size=0.2, solid=True, unit="m")
+    with monkeypatch.context() as missing:
+        missing.setattr(reading, "find_spec", lambda name: None)
+        with pytest.raises(ao.MeshError, match="pip install pytetwild"):
+            ao.read_mesh(file, size=0.2, solid=True, unit="m")
+    pytest.importorskip("pytetwild")
+    with pytest.warns(ChoiceWarning, match="filled by fTetWild"):
+        mesh = ao.read_mesh(file, size=0.2, solid=True, unit="m")
+    held = 1 - (1.3 - 0.3**3 / 1.3**2) / 3  # the cube without the pyramid above its bottom
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850 * held, rel=2e-2)
+    assert sum(name.startswith("face ") for name in mesh.groups) >= 9

@@ -132,7 +132,8 @@ def read_mesh(
 
     Groups of a CAD file or a filled surface are its solids by their labels, its outer faces ("face
     1", "face 2", …; besides by labels) and its holes by their diameter ("hole 6 mm (1)"). What gmsh
-    cannot mesh is meshed once more with elements that follow its curvature; a warning tells it.
+    cannot mesh is meshed once more with elements that follow its curvature, a surface of triangles
+    by fTetWild (pytetwild); a warning tells it.
 
     Raises
     ------

@@ -230,12 +230,15 @@ class Dissipation:
 
 def _root(matrix: Array) -> Array:
     """L with L'L = the semidefinite matrix."""
+    symmetric = (matrix + matrix.T) / 2
+    ends = np.linalg.eigvalsh(symmetric)
+    if ends.min(initial=0.0) < -NEGATIVE * ends.max(initial=0.0):
+        raise InputError("C must be positive semidefinite, and has a negative eigenvalue.")
+
     diagonal = matrix.diagonal()
     floor = max(LEAST_EIGENVALUE * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
     scale = np.sqrt(np.maximum(diagonal, floor))  # what lies below is rounding
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
-    if values.min(initial=0.0) < -NEGATIVE * values.max(initial=0.0):
-        raise InputError("C must be positive semidefinite, and has a negative eigenvalue.")
+    values, vectors = np.linalg.eigh(symmetric / np.outer(scale, scale))
     is_positive = values > LEAST_EIGENVALUE * values.max(initial=0.0)
     return np.asarray((vectors[:, is_positive] * np.sqrt(values[is_positive])).T * scale)
 
