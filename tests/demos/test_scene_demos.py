@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from mpi import one_and_several
 from paths import demo
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
@@ -89,18 +88,3 @@ def test_random_parts(tmp_path):
     rows = [json.loads(row) for row in out.read_text().splitlines()]
     assert [row["number"] for row in rows] == [0, 1, 2, 3]
     assert out.with_suffix(".png").exists()
-
-
-@pytest.mark.mpi
-def test_two_ranks_find_the_same(tmp_path: Path) -> None:
-    script = """
-    import contextlib, io, json, sys
-    from pathlib import Path
-    from paths import demo
-    with contextlib.redirect_stdout(io.StringIO()):
-        numbers = demo("machine_guard").main(**json.loads(sys.argv[1]), out=Path(sys.argv[2]))
-    names = "mass", "k0", "first", "peak_force", "impulse"
-    print(json.dumps([[row[name] for name in names] for row in numbers.values()]))
-    """
-    one, two = one_and_several(script, json.dumps(SMALL["machine_guard"]), str(tmp_path))
-    np.testing.assert_allclose(two, one, rtol=1e-5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from functools import cache, partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +36,7 @@ class Models:
 
     def __init__(self, part: Any, x: ArrayLike | None, hit: History) -> None:
         self.name = model_name(hit)
-        self._model: Any = hit.assembly.scene.bodies[self.name]
+        self._model = cast("Any", hit.assembly.scene.bodies[self.name])
         built, self._tree = part, {}
         if isinstance(part, Structure):
             self._tree = self._of_structure(part)
