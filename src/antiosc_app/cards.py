@@ -104,7 +104,7 @@ def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> 
     if worst.bounds[0] >= 1:
         return Card(BREAKS, f"It {certain}: {told}.", BENDS)
     if not worst.has_bar and worst.exposure < 1:
-        return Card(BREAKS, f"Cannot say: the mesh is too coarse, {told}.", UNKNOWN)
+        return Card(BREAKS, f"Cannot say: {told}; {worst.remedy}.", UNKNOWN)
     if worst.bounds[1] >= 1:
         return Card(BREAKS, f"It may {possible}: {told}.", BENDS)
     if not has_bar:

@@ -87,7 +87,8 @@ class Margin(ReprMixin):
     force_error : relative error of the forces of the contacts, which the stresses follow.
     strength_range : least and largest strength of batches of the material [Pa], if known.
     scope : where the value is judged: "outside 3 radii of the contact (4.2 mm)"; "": anywhere.
-    note : sentences on places that are not judged, and on what would give a bar.
+    note : sentences on places that are not judged, and on why there is no bar.
+    remedy : the cells that would give a bar, and where; "" if there is one.
     layer : of a laminate: "layer 2 (top)", counted from the bottom.
     contact : whether the contact itself yields, which the values do not include.
     at_edge : whether the value is Hertz's stress on a half-space at the edge of what is left out
@@ -105,6 +106,7 @@ class Margin(ReprMixin):
     strength_range: tuple[float, float] | None = None
     scope: str = ""
     note: str = ""
+    remedy: str = ""
     layer: str = ""
     contact: bool = False
     at_edge: bool = False
@@ -382,6 +384,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     largest = float(upper[most]) if unknown is None else inf
 
     notes = []
+    remedy = ""
     if sharp.any() and (top := np.where(sharp, values, 0.0)).max() > worst * strength:
         place = int(top.argmax())
         at = f"{engineering(float(top[place]), 'Pa')} at {point_text(nodes.points[place])}"
@@ -398,13 +401,15 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
         if at_contacts[unknown]:
             why = "the cells or the patch are larger than the contact"
             what = f"cells and a patch of {cells} ({SMALLER_CELLS}, {PATCH_RADIUS})"
-        notes.append(f"the stress has no bar: at {at} {why}; {what} there would give one")
+        remedy = f"{what} at {at} would give one"
+        notes.append(f"the stress has no bar: {why}; {remedy}")
     note = ". ".join([*notes[:1], *map(capitalised, notes[1:])])
     errors = strength * least, strength * largest
     return Margin(
         *(criterion, worst * strength, strength, point, float(nodes.time[k]), errors),
         scope=scope,
         note=note,
+        remedy=remedy,
         at_edge=at_edge,
     )
 
