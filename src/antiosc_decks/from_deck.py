@@ -271,8 +271,9 @@ def read_model(
     if told := _told_of_strength(raws.values(), strength, file.name):
         warn(comm, told)
 
+    shared = MPI.COMM_SELF if model["joined"] else comm  # each rank has the whole of an assembly
     structures = {
-        name: _part(raw, file.name, comm, solver, added_supports, added_attachments, strength)
+        name: _part(raw, file.name, shared, solver, added_supports, added_attachments, strength)
         for name, raw in raws.items()
     }
     if not model["joined"]:
