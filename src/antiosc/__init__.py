@@ -27,7 +27,8 @@ _MESHED = (
 #: Modules with names that `dir` leaves out here, but for these common ones.
 _NAMESPACES = ("errors", "joints", "laws", "results")
 _COMMON = {"Bolt", "ElasticPlastic", "Hertz", "Linear", "Tie"}
-__all__ = sorted(_MODULES)
+_GROUPED = set().union(*(lazily.listed(f"{__path__[0]}/{name}.py") for name in _NAMESPACES))
+__all__ = sorted({*_MODULES} - (_GROUPED - _COMMON))
 
 
 def __getattr__(name: str) -> Any:
@@ -47,5 +48,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    grouped = {name for space in _NAMESPACES for name in __getattr__(space).__all__}
-    return sorted({*__all__, *_NAMESPACES, "__version__"} - (grouped - _COMMON))
+    return sorted({*__all__, *_NAMESPACES, "__version__"})

@@ -137,7 +137,7 @@ def _impact(results: SceneResults) -> Presentation:
     budget = error_budget(hit)
     single = not isinstance(hit, SceneHistory)
 
-    columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
+    columns = hit.columns()
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
     numbers: Columns = hit.numbers()
     if budget is not None:

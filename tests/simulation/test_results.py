@@ -59,9 +59,9 @@ def test_no_name_is_a_formula_of_a_spreadsheet(name, tmp_path):
     run = ao.Scene(bodies, [ao.Contact(name, "b", ao.Linear(1e6))]).run(1e-5)
     with run.to_csv(tmp_path / "run.csv").open(encoding="utf-8", newline="") as stream:
         head = next(csv.reader(stream))
-    assert head[1] == f"'{name} - b force [N]"
+    assert head[1] == f"'{name} - b force (N)"
     assert not any(cell.strip()[:1] in ("=", "+", "-", "@", "＝") for cell in head)
-    assert head[0] == "time [s]"
+    assert head[0] == "time (s)"
 
 
 def test_dataframe_where_pandas_is(hit, monkeypatch):
@@ -73,8 +73,8 @@ def test_dataframe_where_pandas_is(hit, monkeypatch):
     monkeypatch.undo()
     pytest.importorskip("pandas")
     frame = hit.to_dataframe()
-    assert frame.index.name == "time [s]"
-    np.testing.assert_array_equal(frame["force [N]"], hit.force)
+    assert frame.index.name == "time (s)"
+    np.testing.assert_array_equal(frame["force (N)"], hit.force)
 
 
 def test_files_that_are_no_history_are_refused(hit, tmp_path):

@@ -29,7 +29,7 @@ from antiosc.models.closed_form import zener
 from paths import DECKS
 
 MODULES = {
-    "": (ao, ao.__all__),
+    "": (ao, [*ao._MODULES]),
     "closed_form.": (closed_form, closed_form.__all__),
     "contact.": (contact, contact.__all__),
     "zener.": (zener, ["inelasticity", "time_unit", "restitution", "contact_time"]),
@@ -154,7 +154,7 @@ def public() -> dict[str, Callable[..., Any]]:
             if name in SHOWN or (is_fem(name) and importlib.util.find_spec("dolfinx") is None):
                 continue
             thing = getattr(module, name)
-            if thing in (getattr(ao, n, None) for n in ao.__all__) and prefix:
+            if thing in (getattr(ao, n, None) for n in [*ao._MODULES]) and prefix:
                 continue
             if inspect.isfunction(thing):
                 found[prefix + name] = thing

@@ -500,6 +500,8 @@ def simulate(
         If the run did not end as requested, or the anti-oscillators that a model was extracted with
         are too few for the contact (`antiosc.impact.truncation`).
     """
+    if isinstance(contact, float | int):
+        raise InputError(f"the third argument is the contact: give duration={contact:g}.")
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else tol
     settings = Settings(accuracy, method, step, max_contacts, max_steps)

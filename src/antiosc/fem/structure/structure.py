@@ -364,6 +364,9 @@ class Structure(ReprMixin):
         """The n lowest natural modes on its supports; see `antiosc.natural_modes`."""
         return antiosc.natural_modes(self, n)  # the public function, which reads a structure
 
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *dir(self.matrices)})
+
     def __getattr__(self, name: str) -> Any:
         """Other attributes of the matrices: those of a mesh have `parts` and `layout`, too."""
         if name == "matrices" or name.startswith("__"):

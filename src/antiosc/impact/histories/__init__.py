@@ -41,6 +41,12 @@ LABEL = 13
 #: Contacts of which a file lists the times.
 MOST_CONTACTS = 10_000
 
+#: What `dir` leaves out: texts and repetitions that other modules use.
+INTERNAL = {
+    *("budget", "count_text", "force_text", "given", "named", "rerun", "source"),
+    *("stretch_texts", "unfinished"),
+}
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class History(RunHistory, Results):
@@ -145,26 +151,29 @@ class History(RunHistory, Results):
         values = (getattr(self, field.name) for field in fields(History))
         return plot_history(History(*values) if self.named else self, path)  # with nodes in flights
 
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__()} - INTERNAL)
+
     def columns(self) -> dict[str, Array]:
         """The table of the history: name with unit -> values (n,) at `time`."""
-        table: dict[str, Array] = {"time [s]": self.time}
+        table: dict[str, Array] = {"time (s)": self.time}
         for contact in self.contact_histories:
             name = f"{_contact_label(contact)} " if self.named else ""
-            table[f"{name}force [N]"] = contact.force
-            table[f"{name}indentation [m]"] = contact.indentation
+            table[f"{name}force (N)"] = contact.force
+            table[f"{name}indentation (m)"] = contact.indentation
             for i, friction in enumerate(contact.friction.T):
-                table[f"{name}friction {i + 1} [N]"] = friction
+                table[f"{name}friction {i + 1} (N)"] = friction
         if self.named:
             for name, body in self.bodies.items():
-                table[f"{name} kinetic energy [J]"] = body.kinetic
-                table[f"{name} strain energy [J]"] = body.strain
+                table[f"{name} kinetic energy (J)"] = body.kinetic
+                table[f"{name} strain energy (J)"] = body.strain
             return table
         for name in ("displacement", "impactor displacement"):
-            table[f"{name} [m]"] = getattr(self, name.replace(" ", "_"))
+            table[f"{name} (m)"] = getattr(self, name.replace(" ", "_"))
             rate = name.replace("displacement", "velocity")
-            table[f"{rate} [m/s]"] = getattr(self, rate.replace(" ", "_"))
+            table[f"{rate} (m/s)"] = getattr(self, rate.replace(" ", "_"))
         for name in ("kinetic", "strain", "contact", "dissipated"):
-            table[f"{name} energy [J]"] = getattr(self.energy, name)
+            table[f"{name} energy (J)"] = getattr(self.energy, name)
         return table
 
     def numbers(self) -> dict[str, object]:
@@ -231,7 +240,7 @@ class History(RunHistory, Results):
         places = {name: point_text(point) for name, point in history_sites(self).items()}
         if not self.named:
             e = self.restitution
-            budget = vars(self).get("error_budget")
+            budget = budget_of(self)
             note = contact_time_note(self)
             rows = [
                 *(("contact", text) for text in [self.verdict] if text),
@@ -278,9 +287,9 @@ class History(RunHistory, Results):
 
     @property
     def force_text(self) -> str:
-        """Peak force of a contact as text, with its error once the error budget is known."""
-        budget = vars(self).get("error_budget")
-        if budget:
+        """Peak force of a contact as text, with its error where that may be known."""
+        budget = budget_of(self)
+        if budget is not None:
             return budget.shown("peak_force")
         return engineering(self.peak_force, "N", 4)
 
@@ -364,6 +373,13 @@ def error_scope(history: History) -> str:
     return f"time integration; truncation and mesh are not estimated{remedy}"
 
 
+def budget_of(history: History) -> ErrorBudget | None:
+    """The error budget of an impact of two bodies whose model has the error of its mesh."""
+    if has_budget(history) or (has_estimate(history) and history.rerun is not None):
+        return history.error_budget
+    return vars(history).get("error_budget")
+
+
 def has_budget(history: History) -> bool:
     """Whether an impact of two bodies has an error budget."""
     return history.rerun is not None and has_bars(history.model)
@@ -383,12 +399,10 @@ def error_text(history: History) -> str:
     The error of the law is that of the error budget where there may be one; else it is estimated
     without another run.
     """
-    budget = vars(history).get("error_budget")
-    if budget:
+    budget = budget_of(history)
+    if budget is not None:
         return budget.causes_text("peak_force")
     error_text = percent(history.error["force"]) if "force" in history.error else "not estimated"
-    if has_budget(history) or (has_estimate(history) and history.rerun is not None):
-        return f"see hit.error_budget; that of the time integration alone is {error_text}"
     numerical = f"numerical {error_text} ({error_scope(history)})"
     strongest = max(history.contact_histories, key=lambda contact: contact.peak_force)
     return ", ".join(filter(None, [verdict.law_error_text(strongest), numerical]))

@@ -142,7 +142,7 @@ class SavedHistory(Results):
     ----------
     kind : "History" or "SceneHistory".
     results : name -> single result; `saved.peak_force` is `saved.results["peak_force"]`.
-    table : name with unit -> (n,) values; `saved.force` is `saved.table["force [N]"]`.
+    table : name with unit -> (n,) values; `saved.force` is `saved.table["force (N)"]`.
     """
 
     kind: str
@@ -163,12 +163,12 @@ class SavedHistory(Results):
         if name in self.results:
             return self.results[name]
         for column, values in self.table.items():
-            if column.rpartition(" [")[0].replace(" ", "_") == name:
+            if column.rpartition(" (")[0].replace(" ", "_") == name:
                 return values
         raise AttributeError(f"the saved {self.kind} has no {name!r}")
 
     def _facts(self) -> list[tuple[str, str]]:
-        names = [name.rpartition(" [")[0] for name in self.table]
+        names = [name.rpartition(" (")[0] for name in self.table]
         rows = [("of", self.kind), ("series", ", ".join(names))]
         return [*rows, *((k, f"{v}") for k, v in self.results.items() if k == "peak_force")]
 
