@@ -122,7 +122,7 @@ def test_what_is_open_at_first_or_touches_along_a_line_is_not_tied(tmp_path, gap
 def test_new_ties_the_pairs_of_a_deck_and_tells_it(tmp_path):
     path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1))
     found = inspect_part(path)
-    assert found.read == {"unit": "mm"}
+    assert found.read == {"unit": "mm", "contact": "tied"}
     assert found.mass == pytest.approx(7850 * 0.1 * 0.02 * 0.02, rel=1e-9)
     assert sum("are tied" in note for note in found.notes) == 1
     # apart, nothing joins them: one is read

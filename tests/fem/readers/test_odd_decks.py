@@ -157,6 +157,7 @@ def test_surfaces_as_cgx_of_debian_writes_them(tmp_path):
 
 
 @pytest.mark.fem
+@pytest.mark.filterwarnings("ignore:the density")
 def test_six_equal_bars_have_each_frequency_six_times(tmp_path):
     """A Krylov space finds each frequency once: what SLEPc breaks off, LAPACK finds."""
     star = "GRID,9,,0.,0.,0.\nSPC1,1,123456,9\nPBAR,7,1,.4,4.,5.,1.5\nMAT1,1,1.+7,,.33,.1\n"
