@@ -423,7 +423,7 @@ def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, c
     assert "margin of safety" in told
     found = numbers(tmp_path / "out")
     margin = found["stress"]["von_mises"]["margin"]
-    (judged,) = set(re.findall(r"stress there, ([\d.]+) MPa", margin["sentence"]))
+    (judged,) = set(re.findall(r"von Mises stress, ([\d.]+) MPa", margin["sentence"]))
     assert margin["exposure"] == pytest.approx(float(judged) / 240, rel=5e-3)
     assert 0 < margin["exposure"] <= found["stress"]["von_mises"]["value"] / 240e6
     assert margin["reached"] == (margin["exposure"] >= 1) == (margin["margin"] <= 0)
