@@ -86,6 +86,7 @@ def test_bad_input(size, striker, material, words):
         advise(size, striker, **material)
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.skipif(importlib.util.find_spec("dolfinx") is None, reason="needs dolfinx")
 def test_a_solid_that_is_no_block_gets_no_advice_by_its_box(tmp_path):

@@ -230,6 +230,7 @@ except files.InputError as error:
 """
 
 
+@pytest.mark.slow
 def test_a_write_protected_file_stays():
     with tempfile.TemporaryDirectory() as folder:  # a folder of pytest is closed to others
         done = subprocess.run(
@@ -251,6 +252,7 @@ with files.atomic_file(sys.argv[1]) as part:
 """
 
 
+@pytest.mark.slow
 def test_the_next_writer_removes_what_a_killed_one_has_left(tmp_path):
     """And nothing of a writer that lives, nor what belongs to other files."""
     path = tmp_path / "m.npz"
@@ -286,6 +288,7 @@ except ao.InputError as error:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["npz", "fmu"])
 def test_an_archive_on_a_full_disk_is_one_sentence(tmp_path, kind):
     done = subprocess.run(

@@ -58,6 +58,7 @@ def circles(arrows: dict[str, set[str]]) -> list[set[str]]:
     return [group for group in groups if len(group) > 1]
 
 
+@pytest.mark.slow
 def test_files_import_each_other_in_no_circle():
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]
     found = circles({name: imports(tree) for name, tree in TREES.items()})
@@ -77,6 +78,7 @@ def package(name: str) -> str:
     return name.partition(".")[0]
 
 
+@pytest.mark.slow
 def test_packages_import_those_below_them():
     assert {package(name) for name in FILES} == PACKAGES.keys()
     arrows = {(package(name), package(to)) for name, tree in TREES.items() for to in imports(tree)}
@@ -129,6 +131,7 @@ def room(name: str) -> str:
     return folder.name if (folder / "__init__.py").is_file() else ""
 
 
+@pytest.mark.slow
 def test_rooms_of_the_core_import_those_below_them():
     arrows = {
         (room(name), room(to))
@@ -182,6 +185,7 @@ def is_open(source: str, name: str) -> bool:
     )
 
 
+@pytest.mark.slow
 def test_packages_come_in_by_the_public_names_and_the_list_for_extensions():
     """`antiosc`, `antiosc.extension`, and the modules that it says are open."""
     allowed = [("antiosc", "Structure"), ("antiosc.base.checks", "positive")]
@@ -259,6 +263,7 @@ def stale() -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_docstrings_name_parameters_and_attributes_that_exist():
     text = "Attributes\n----------\na, b : x\n    c\n\nNotes\n-----\nd : e"
     assert documented(text, "Attributes") == ["a", "b"]

@@ -121,6 +121,7 @@ def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
     assert run.returncode == 1
 
 
+@pytest.mark.slow
 def test_runs_without_the_finite_element_packages_and_says_how_to_get_them():
     absent = ["dolfinx", "petsc4py", "slepc4py", "gmsh", "meshio", "mpi4py", "h5py", "matplotlib"]
     text = run_info(f"sys.modules.update(dict.fromkeys({absent}))", code=1)

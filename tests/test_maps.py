@@ -146,6 +146,7 @@ STEEL_BALL = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
 RUBBER_BALL = ao.Sphere(0.02, material="rubber NR 50", velocity=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh
 @pytest.mark.parametrize(
     ("name", "ball"),
@@ -173,6 +174,7 @@ def test_the_error_by_the_law_is_that_of_the_hardest_blow_by_itself(name, ball):
     assert ao.impact_map(part, points, ball, ao.Hertz(7e9), **given).law_error is None
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
 def test_the_blow_says_how_many_modes_and_anti_oscillators_a_sheet_needs():
     groups = {"left": (1, lambda x: np.isclose(x[0], 0))}
@@ -193,6 +195,7 @@ def test_the_blow_says_how_many_modes_and_anti_oscillators_a_sheet_needs():
     assert abs(found.peak_force[0] / force - 1) < 0.1 * abs(few / force - 1)
 
 
+@pytest.mark.slow
 def test_files(mapped, tmp_path):
     read = meshio.read(mapped.write(tmp_path / "map.vtu"))
     np.testing.assert_allclose(read.points, mapped.points)
@@ -246,6 +249,7 @@ def test_bad_input(steel, options, words):
         ao.impact_map(steel, **{"where": "top", **options})
 
 
+@pytest.mark.slow
 def test_a_map_tells_the_blow_that_deflects_a_held_sheet_most(recwarn):
     groups = {"ends": (1, lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 0.2))}
     sheet = ao.Structure(
@@ -381,6 +385,7 @@ def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
     assert set(result.radius[inner]) == {4e-3, 8e-3}
 
 
+@pytest.mark.slow
 def test_the_half_space_is_that_of_the_material_at_the_site():
     groups = {
         "left": (2, lambda x: np.isclose(x[0], 0)),
@@ -532,6 +537,7 @@ def test_the_largest_stress_is_that_of_all_tensors_at_all_times():
     assert (bounds * weights * (1 + map_stresses.ROUNDING) >= stress).all()
 
 
+@pytest.mark.slow
 def test_stresses_are_those_of_sound_sites_and_of_no_more_than_asked_for():
     _, found, _ = finely(stress=5)
     sought = np.isfinite(found.peak_stress)
@@ -590,6 +596,7 @@ def known_only_by(budget):
     return SimpleNamespace(error_budget=budget, run=SimpleNamespace(touches=False))
 
 
+@pytest.mark.slow
 def test_what_reduces_the_error_of_a_map_is_told(steel):
     with pytest.warns(ao.AccuracyWarning, match="Z may be off") as told:
         ao.impact_map(steel, "top", n=2, accuracy=1e-9)

@@ -105,6 +105,7 @@ def test_sound_arguments_are_taken_where_they_cost_much(name):
     take_sound(name)
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize("names", PARTS, ids=range(len(PARTS)))
 @SETTINGS

@@ -89,6 +89,7 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
     assert "antiosc" in run(str(fresh / "antiosc"), "info")
 
 
+@pytest.mark.slow
 def test_the_closing_lines_say_where_skipped_tests_run(tmp_path):
     (tmp_path / "test_one.py").write_text("import pytest\n\ndef test_a():\n    pytest.skip('no')\n")
     shutil.copy(ROOT / "tests" / "conftest.py", tmp_path)

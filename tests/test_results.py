@@ -41,6 +41,7 @@ def test_results_have_the_same_five_names(name):
         assert hasattr(kind, member) or member in kind.__dataclass_fields__, member
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RESULTS)
 def test_a_result_is_told_written_and_drawn(name, tmp_path):
     found = RESULTS[name]()
@@ -71,6 +72,7 @@ def test_the_slopes_of_a_gradient_are_its_numbers():
     assert any(own.get("velocity") == found.velocity for own in slopes.values())
 
 
+@pytest.mark.slow
 def test_what_is_written_comes_first_and_either_order_is_the_same_file(tmp_path):
     first, other = tmp_path / "a" / "port.c", tmp_path / "b" / "port.c"
     for path in (first, other):

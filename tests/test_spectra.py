@@ -214,6 +214,7 @@ def test_the_force_of_an_impact_has_its_impulse_at_zero():
     assert ao.spectrum(hit.time, hit.force).amplitude[0] == pytest.approx(hit.impulse, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_spectrum_begins_at_10_hz_where_a_short_blow_is_its_velocity(tmp_path):
     t, a = half_sine()
     found = ao.srs(t, a, Q=1e4)

@@ -376,6 +376,7 @@ def test_numbers_whose_force_exceeds_the_law_are_passed_by(monkeypatch):
         ao.strike(coarse(), SITE, *IMPACT, tol=0.05, **given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refined", [False, True])
 def test_numbers_and_meshes_that_are_replaced_leave_no_warnings(refined, monkeypatch):
     """Each number of anti-oscillators that is tried tells itself; the last one's are told."""

@@ -72,6 +72,7 @@ def test_bars_hold_against_another_mesh(tried):
         assert error <= one.difference + finest.bar
 
 
+@pytest.mark.slow
 def test_members_are_what_extract_and_simulate_give():
     part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
     found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
@@ -85,6 +86,7 @@ def test_members_are_what_extract_and_simulate_give():
         assert one.size == pytest.approx(np.sqrt(0.03 / 48))
 
 
+@pytest.mark.slow
 def test_a_first_mesh_that_is_fine_enough_is_told(tried):
     mesh = plate((6, 2), (0.3, 0.1), "triangle")
     found = ao.tradeoff(mesh, SITE, *IMPACT, tol=0.9, material=SHEET, supports=HELD, order=1)
@@ -93,6 +95,7 @@ def test_a_first_mesh_that_is_fine_enough_is_told(tried):
     assert not tried.notes
 
 
+@pytest.mark.slow
 def test_a_number_whose_force_exceeds_its_law_is_left_out(monkeypatch):
     whole = tradeoff.of_number
     few = tradeoff.FEW[0]
@@ -111,6 +114,7 @@ def test_a_number_whose_force_exceeds_its_law_is_left_out(monkeypatch):
     assert len(numbers) > 1
 
 
+@pytest.mark.slow
 def test_members_take_no_seconds_to_compile(monkeypatch):
     """The only seconds of this clock are those of the compiler."""
     now = [0.0]
@@ -182,6 +186,7 @@ def test_a_command_that_is_ended_has_printed_the_finished_lines(tmp_path, capsys
     assert [text.splitlines()[-1].split()[6] for text in printed] == ["20", "8"]
 
 
+@pytest.mark.slow
 def test_a_member_has_the_errors_by_the_law_of_its_own_run():
     """Of fewer anti-oscillators the contact takes another share of the work."""
     part = ao.Structure(box((6, 6, 2), (0.06, 0.06, 0.01)), ao.material("PETG printed"), HELD_BOX)
@@ -196,6 +201,7 @@ def test_a_member_has_the_errors_by_the_law_of_its_own_run():
         assert one.laws == pytest.approx(laws, rel=0.05)
 
 
+@pytest.mark.slow
 def test_what_a_member_is_tried_with_is_no_warning_of_the_model(monkeypatch):
     whole = tradeoff.of_number
 
@@ -310,6 +316,7 @@ def simple(seconds: float) -> SimpleNamespace:
     return SimpleNamespace(seconds=seconds, n=200, structure=part)
 
 
+@pytest.mark.slow
 def test_other_methods_stand_beside_the_table(tried):
     part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
     found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL, compare=60.0)
@@ -329,6 +336,7 @@ def test_other_methods_stand_beside_the_table(tried):
     assert found.numbers()["others"][0]["bar"] is None
 
 
+@pytest.mark.slow
 def test_a_method_that_does_not_fit_is_told():
     part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
     found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL, compare=1e-9)
@@ -342,6 +350,7 @@ def test_a_method_that_does_not_fit_is_told():
     assert "begin at rest" in moving.notes[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_the_memory_is_that_of_what_is_kept(cell, solver, monkeypatch):
@@ -359,6 +368,7 @@ def test_the_memory_is_that_of_what_is_kept(cell, solver, monkeypatch):
     assert counted[1] == pytest.approx(2 * 12 * entries)
 
 
+@pytest.mark.slow
 def test_a_geometry_that_is_not_meshed_as_wanted_is_divided(monkeypatch):
     def refused(*given):
         raise ao.InputError("gmsh cannot mesh it.")
@@ -405,6 +415,7 @@ def test_the_picture_marks_the_fastest_that_is_enough():
     assert all(line.get_label() != "best(tol)" for ax in none.plot().axes for line in ax.lines)
 
 
+@pytest.mark.slow
 def test_picture_and_table(tried, tmp_path):
     assert tried.plot(tmp_path / "chart.png").stat().st_size > 1000
     assert len(tried.summary().splitlines()) == len(tried.table) + 1

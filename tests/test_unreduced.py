@@ -52,6 +52,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_the_force_is_that_of_many_anti_oscillators(name):
     made, site, law, duration, more = CASES[name]
@@ -66,6 +67,7 @@ def test_the_force_is_that_of_many_anti_oscillators(name):
         assert getattr(found, quantity) == pytest.approx(getattr(hit, quantity), rel=5e-4)
 
 
+@pytest.mark.slow
 def test_second_order_in_the_step():
     part = free()
     hit = ao.simulate(ao.extract(part, TOP, n=20), BALL, HERTZ, 4e-4)
@@ -133,6 +135,7 @@ BENT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BENT)
 def test_the_bar_of_the_deflection_holds_against_all_dofs_of_a_finer_mesh(name):
     """Newmark has the force alone: the site is where the ball is, less the indentation."""

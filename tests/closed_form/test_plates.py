@@ -16,6 +16,7 @@ SQUARE = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=1e-3, a=1.0, b=1.0
 POINTS = [(0.5, 0.4), (0.35, 0.3)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("point", POINTS)
 def test_anti_oscillators_give_the_receptance_back(point):
     model = PLATE.anti_oscillators(*point, 60)

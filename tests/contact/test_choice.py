@@ -41,6 +41,7 @@ def scenes():
         yield surface, ao.Sphere(radius, material=str(striker), velocity=speed)
 
 
+@pytest.mark.slow
 def test_of_200_scenes_those_below_yield_are_hertz():
     elastic = 0
     for surface, striker in scenes():
@@ -237,6 +238,7 @@ def budgets(errors=ERRORS):
     }
 
 
+@pytest.mark.slow
 def test_nothing_prints_a_bar_without_the_error_of_its_law():
     """One whose law was given says so."""
     for name, hit in budgets().items():

@@ -138,6 +138,7 @@ def test_an_unloading_curve_may_give_back_too_much_at_one_depth_alone():
     ao.Tabulated(*loading, ([2.0, 10], [0, 10.5]))
 
 
+@pytest.mark.slow
 def test_the_work_of_loading_is_the_integral_of_the_force():
     """Of all plastic laws, deep beyond yield."""
     for law in LAWS.values():

@@ -69,6 +69,7 @@ def test_a_part_of_an_assembly_is_turned(angle):
     assert surface.meets == pytest.approx([0.48, 0.01, 0.025], abs=3e-3)
 
 
+@pytest.mark.slow
 def test_a_ball_that_pierces_the_part_is_told(angle):
     site = ao.Site((0.02, 0.02, 0.01), (0, 0, -1), radius=5e-3)
     model = ao.extract(angle, site, n=4)

@@ -50,6 +50,7 @@ def middles_lie_between_their_ends(body, radius: float) -> None:
     assert np.all(off < 1.1 * arrow + 1e-9)
 
 
+@pytest.mark.slow
 def test_the_quarters_are_whole_and_touch(bodies, decks, tmp_path):
     blow = bodies.plate(0.6)
     assert volume(blow.part) == pytest.approx(50 * 50 * 6, rel=1e-9)  # positive: as C3D10 has it

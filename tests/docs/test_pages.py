@@ -192,6 +192,7 @@ def test_every_script_has_a_page_and_its_pictures_exist(generated, tmp_path):
     assert {path.stem for path in scripts.values() if path.parent == DEMOS} <= set(shown)
 
 
+@pytest.mark.slow
 def test_pictures_were_drawn_from_the_programs_as_they_are():
     """`make bench-outputs` draws those that were not."""
     now = {name: drawn.of_demo(name) for name in drawn.of_demos()}

@@ -76,6 +76,7 @@ def test_the_force_of_the_law_is_that_of_the_work_of_a_stiff_block() -> None:
     assert "the contact yields" in fall.summary()
 
 
+@pytest.mark.slow
 def test_a_corner_beside_which_an_edge_lies_flat_has_no_bar() -> None:
     part = ao.Structure(ao.box_mesh(SIZE, 0.02), PLASTIC)
     floor = ao.Floor("concrete C30/37")

@@ -479,6 +479,7 @@ def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.Mon
     np.testing.assert_allclose(peaks[0], peaks[1], rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_slender_body_rolls_over_its_corners() -> None:
     """No corner sinks deeper than contacts press in: two corners side by side are two contacts."""
     half, mass = np.array([0.15, 0.005, 0.005]), 0.3

@@ -138,6 +138,7 @@ def test_matrices_with_coordinates_have_sharp_corners() -> None:
     assert any("radius of 500 µm" in note for note in fall.notes)
 
 
+@pytest.mark.slow
 def test_a_part_on_supports_does_not_fall(tmp_path: Path) -> None:
     mesh = meshed(tmp_path, "Box(1) = {0, 0, 0, 0.1, 0.05, 0.05}", 0.05)
     held = ao.Structure(mesh, STEEL, [ao.Support(lambda x: x[0] < 1e-6)])
@@ -172,12 +173,14 @@ def slant(friction: float, velocity: float, modes: int) -> ao.Fall:
     )
 
 
+@pytest.mark.slow
 def test_friction_that_jams_is_told() -> None:
     """Sliding presses the point in by more than its force lifts it."""
     with pytest.raises(ao.AccuracyError, match=r"friction of 1\.8 jams .* take more modes"):
         slant(1.8, -2.0, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [2e-3, None])
 def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     """The law yields by itself; one that does not is told, and a soft one says nothing."""
@@ -308,6 +311,7 @@ def test_the_spin_of_the_warning_is_one_of_the_table() -> None:
     assert fall.fastest_spin == pytest.approx(spins.max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "word"), [("PLA printed", "26 MPa"), ("PETG", "25 to 38 MPa"), ("ABS", "moulded")]
 )
@@ -319,6 +323,7 @@ def test_what_is_known_on_breaking_is_told(name: str, word: str) -> None:
     assert "across its layers" in note
 
 
+@pytest.mark.slow
 def test_vertices_of_one_corner_are_one_contact() -> None:
     """A cube's corner and its edges face 35.3° apart. A vertex on a ball is of it."""
     body = free_body(
@@ -334,6 +339,7 @@ def test_vertices_of_one_corner_are_one_contact() -> None:
         assert several.touching_as([one]).tolist() == [False, False, False, True, True]
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_face_that_lands_flat_is_outside_of_the_method():
     """A steel bar on its end: waves, not the indentation of its corners, give the force."""

@@ -197,6 +197,7 @@ def nasty_scene(model):
     return ao.Scene(bodies, [ao.Contact(a, b, LAW) for a, b in pairs])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 def test_a_c_file_is_what_it_says_whatever_the_names(model, tmp_path):
     ao.export(tmp_path / "blow1.c", nasty_scene(model), duration=1e-4)

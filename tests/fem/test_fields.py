@@ -101,6 +101,7 @@ def test_bodies_without_shapes_say_so(tmp_path, hit):
     assert [p.name for p in tmp_path.iterdir()] == ["model.npz"]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the facets at the site measure")
 @pytest.mark.parametrize("kind", [*parts.CELLS, "line"])
 def test_series_for_paraview(tmp_path, kind):

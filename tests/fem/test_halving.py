@@ -100,6 +100,7 @@ def test_too_many_cells_are_refused():
 # -- smaller cells around a point
 
 
+@pytest.mark.slow
 def test_quadrilaterals_around_a_point_are_refused(tmp_path):
     path = tmp_path / "plate.inp"
     path.write_text("*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n*ELEMENT,TYPE=S4,ELSET=A\n1,1,2,3,4\n")
@@ -107,6 +108,7 @@ def test_quadrilaterals_around_a_point_are_refused(tmp_path):
         ao.read_mesh(path, refine=[((0.5, 0.5, 0.0), 0.1)])
 
 
+@pytest.mark.slow
 def test_constant_strains_and_curvatures_pass_through_cells_of_unlike_size(tmp_path):
     """No forces inside a plate in any of the six states, over the forces at its edges."""
     path = tmp_path / "plate.inp"

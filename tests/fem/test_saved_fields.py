@@ -60,6 +60,7 @@ def test_faces_between_cells_are_not_drawn():
     assert made([("vertex", np.arange(12)[:, None])]).faces.shape == (12, 1)
 
 
+@pytest.mark.slow
 def test_a_file_is_read_without_finite_elements(tmp_path):
     made().save(tmp_path / "fields.npz")
     script = f"""

@@ -64,6 +64,7 @@ def linear(p: dict[str, Any], t: float) -> np.ndarray:
     return np.array([p["stiffness"] * (x[4] - x[0]), x[0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VALUES)
 def test_linear_contact(name: str) -> None:
     """The peak force and a displacement before it, by complex steps of the matrix exponential."""
@@ -154,6 +155,7 @@ def test_free_model_and_massless_site() -> None:
         assert g.k0 is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("k0", "speed", "gravity"), [(4e6, 0.0, 300.0), (0.0, 0.7, 300.0)])
 def test_gravity_and_initial_velocity(k0: float, speed: float, gravity: float) -> None:
     """The modes are loaded, or begin with a speed; by differences of runs."""

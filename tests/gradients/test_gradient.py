@@ -148,6 +148,7 @@ def test_a_sphere_that_yields_by_all_its_numbers(soft: float, goal: str) -> None
         assert getattr(g, name) == pytest.approx(slope, rel=1e-4), name
 
 
+@pytest.mark.slow
 def test_a_function_of_the_run() -> None:
     """Samples at given times are the timed goals; the last velocity is v - impulse/mass."""
     hit = blow(ao.Hertz(1e9))
@@ -227,6 +228,7 @@ def test_a_function_that_builds_a_model_of_several_sites() -> None:
     assert g.x[0] == pytest.approx((expected[1] - expected[0]) / 2e-4, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_mass_and_speed_from_peak_and_duration() -> None:
     """Newton's method on both logarithms: the inverse of a blow on a beam, in some runs."""
     law, wanted = ao.Hertz(1e9), np.array([0.4, 1.3])

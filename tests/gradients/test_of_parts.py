@@ -136,6 +136,7 @@ def test_a_design_map_of_a_solid(tmp_path: Path) -> None:
     assert found.plot(tmp_path / "map.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_a_part_that_is_not_of_the_model_is_refused(
     struck: tuple[ao.Structure, ao.History],
 ) -> None:

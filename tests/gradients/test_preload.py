@@ -37,6 +37,7 @@ def impulse(
     return scene.run(2e-3, tol=tol)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The run ends during contact")
 @pytest.mark.parametrize(
     ("law", "m0", "damped"),
@@ -68,6 +69,7 @@ def test_a_machine_that_rests_on_what_is_struck(
     assert slope == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=0, abs=1e-5 * g.value)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The run ends during contact")
 @pytest.mark.parametrize("stiffness", [3e8, 3e5])
 def test_a_contact_closed_at_rest_is_damped_from_its_next_touch_on(stiffness: float) -> None:

@@ -321,6 +321,7 @@ def test_several_sites_at_nodes(coordinates):
     assert bool(model.info["points"]) == coordinates
 
 
+@pytest.mark.slow
 def test_matrices_on_a_shaken_ground():
     """With its participation in the motion of the ground the tip moves as all 50 dofs by DOP853."""
     K = scipy.sparse.diags([-1e6, 2e6, -1e6], [-1, 0, 1], shape=(50, 50)).tolil()

@@ -81,6 +81,7 @@ def test_modes_come_back_and_the_model_has_them(model):
     assert model.k0 == pytest.approx(1 / (np.sum(B[:, 0] ** 2 / OMEGA**2) + 1e-9), rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_impact_is_that_of_the_part_within_its_bars(model):
     truth = ao.SiteModes(OMEGA, B[:, :1], ["tip"], r=[[1e-9]], decay=ZETA * OMEGA)
     ball, law = ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e8)
@@ -97,6 +98,7 @@ def test_the_impact_is_that_of_the_part_within_its_bars(model):
     assert "noise" in str(budget)
 
 
+@pytest.mark.slow
 def test_a_low_band_is_said(model):
     light, hard = ao.RigidMass(1e-4, velocity=1.0), ao.Hertz(1e10)
     with pytest.warns(ao.AccuracyWarning, match="half-sine"):
@@ -104,6 +106,7 @@ def test_a_low_band_is_said(model):
     assert any("half-sine" in note for note in hit.error_budget.notes)
 
 
+@pytest.mark.slow
 def test_without_noise_a_supported_part_is_not_taken_for_a_free_one():
     """Modes above the band bend the receptance by less than any noise; k0 is not 0 for that."""
     random = np.random.default_rng(0)
@@ -115,6 +118,7 @@ def test_without_noise_a_supported_part_is_not_taken_for_a_free_one():
     assert found.k0 == pytest.approx(1 / np.sum((body.b / omega) ** 2), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_band_that_does_not_tell_the_support_is_said():
     some = (F > 250) & (F < 1200)
     frf = ao.FRF(F[some], noisy(part()[some, 0, 0]), "receptance")
@@ -237,6 +241,7 @@ def test_fitted_bodies_become_passive_models():
         assert np.linalg.eigvalsh(power).min() >= -1e-12 * np.abs(power).max()
 
 
+@pytest.mark.slow
 def test_a_supported_part_without_modes_above_the_band_is_no_free_one():
     """Two modes, half a per cent of noise: a body of 269 kg on a soft spring fitted its tail."""
     f = np.linspace(5.0, 2000.0, 400)
@@ -249,6 +254,7 @@ def test_a_supported_part_without_modes_above_the_band_is_no_free_one():
     assert model.m_st < 0.2
 
 
+@pytest.mark.slow
 def test_rounding_changes_neither_the_peak_nor_its_bar():
     """Two modes without any above the band: the displacements of the expected ones fall to zero.
 

@@ -219,6 +219,7 @@ def test_arrays_in_a_file(tmp_path):
         ao.read_frf(tmp_path / "none.npz")
 
 
+@pytest.mark.slow
 def test_an_archive_that_unpacks_to_much_more_is_refused_before(tmp_path):
     path = tmp_path / "a.npz"
     shape = {"descr": "<f8", "fortran_order": False, "shape": (16_000_000,)}

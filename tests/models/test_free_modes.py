@@ -44,6 +44,7 @@ def test_all_modes_give_the_structure(rng, rigid, method):
     assert np.all(np.isin(joined[::2], omega))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [0.5, 0.17])
 def test_pinned_beam_anywhere(place):
     struck = pinned_pinned(BEAM, place)

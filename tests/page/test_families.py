@@ -88,6 +88,7 @@ def test_the_page_has_the_stress_of_peak_field(family):
     assert 0 < held.sum() < count
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_the_page_has_the_membrane_stress_of_a_sheet_that_stretches():
     """Its fields are those of the run: motion and stress, from modes, force and pairs of modes."""

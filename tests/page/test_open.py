@@ -343,6 +343,7 @@ def test_a_map_is_that_of_the_scene(deck):
         deck.calls["map"]({"turn": deck._worker.turn})
 
 
+@pytest.mark.slow
 def test_a_deck_has_fields_for_what_it_does_not_state_and_edges_that_are_held(deck):
     look = deck.calls["look"]({})
     assert look["materials"] == []
@@ -353,6 +354,7 @@ def test_a_deck_has_fields_for_what_it_does_not_state_and_edges_that_are_held(de
     assert scene["deck"]["yield_range"] == [1e6, 3e6]
 
 
+@pytest.mark.slow
 def test_nothing_is_written_through_a_link_that_leads_nowhere(deck, tmp_path):
     deck.calls["look"]({})
     (tmp_path / "plate.html").symlink_to(tmp_path / "elsewhere.html")
@@ -361,6 +363,7 @@ def test_nothing_is_written_through_a_link_that_leads_nowhere(deck, tmp_path):
         deck.calls["write"]({"turn": 0, "agreed": ["plate.toml", "plate.html"]})
 
 
+@pytest.mark.slow
 def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
     from antiosc_app.skin import skin
 
@@ -373,6 +376,7 @@ def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
     ]
 
 
+@pytest.mark.slow
 def test_faces_are_told_by_their_places():
     from antiosc_app.skin import places, skin
 
@@ -384,6 +388,7 @@ def test_faces_are_told_by_their_places():
     assert {name: where[name] for name in ends} == ends
 
 
+@pytest.mark.slow
 def test_a_group_without_parts_is_no_face_to_be_held():
     """As a face whose nodes are merged when the mesh is read."""
     from antiosc_app.skin import skin

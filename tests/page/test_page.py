@@ -77,6 +77,7 @@ def browser():
         yield one
 
 
+@pytest.mark.slow
 def test_nothing_in_a_title_is_markup(tmp_path):
     hit = ao.simulate(MODEL, STRIKER, LAW, DURATION)
     page = ao.write_report(hit, tmp_path / "a.html", title="z_motor/<b>rhs-2.stl")

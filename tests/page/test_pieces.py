@@ -109,6 +109,7 @@ def test_each_piece_is_opened_by_its_rank_with_its_own_scene(apart):
         apart.calls["edit"]({"undo": True, "opening": first["opening"]})
 
 
+@pytest.mark.slow
 def test_a_piece_that_there_is_not_leaves_the_one_that_is_open(apart):
     first = apart.calls["look"]({})
     for piece in (0, 3):  # nothing joins them
@@ -158,6 +159,7 @@ def test_a_deck_is_opened_with_its_contact_tied_or_left_out(tmp_path):
         one.close()
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_scene_of_one_piece(tmp_path, capsys):
     as_deck(tmp_path / "two.inp", APART)
     scene = tmp_path / "two.toml"

@@ -189,6 +189,7 @@ def test_many_headers_and_two_hosts_are_refused(served):
     assert status(sent(served, first + b"\r\nContent-Length: 2\r\n" + rest)) == b"411"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", [0, 40, -1])
 def test_who_does_not_finish_is_cut_off(served, cut):
     whole = request(served, body=b'{"a": 1}')

@@ -205,6 +205,7 @@ def test_hostile_files_are_refused_in_words(tmp_path, capsys, text):
     assert len(told) < 5000
 
 
+@pytest.mark.slow
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("line", ["[x{}]", "k{} = 1"])
 def test_many_mistakes_are_not_all_told(tmp_path, capsys, line):

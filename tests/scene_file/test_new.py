@@ -38,6 +38,7 @@ PARTS = [path for kind in ("msh", "geo", "step") for path in sorted(MESHES.glob(
 PARTS.append(DEMOS / "scenes/bar.inp")
 
 
+@pytest.mark.slow
 def test_a_scene_lists_all_groups_and_a_held_plane_names_its_face(tmp_path):
     mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
     names = [f"face {i} of a body" for i in range(30)]
@@ -49,6 +50,7 @@ def test_a_scene_lists_all_groups_and_a_held_plane_names_its_face(tmp_path):
     assert held == "the nodes on the underside, z = 0 mm"
 
 
+@pytest.mark.slow
 def test_a_material_that_nobody_named_is_told_as_a_guess():
     look = inspecting._inspected(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
     for asked in (False, True):
@@ -56,6 +58,7 @@ def test_a_material_that_nobody_named_is_told_as_a_guess():
         assert ("a guess" in rows["material"]) == (not asked)
 
 
+@pytest.mark.slow
 def test_a_plate_is_held_at_an_end_and_not_at_its_underside():
     look = inspecting._inspected(ao.box_mesh((0.2, 0.1, 0.004), size=0.02), {}, None)
     assert np.ptp(look.points[look.held][:, 0]) == 0.0
@@ -100,6 +103,7 @@ def test_a_size_is_that_of_the_cells_and_of_the_scene(part, size, tmp_path):
     assert finest[1] < 0.7 * finest[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [0.0, 0.1])
 def test_the_outside_of_a_box_in_millimetres_is_struck_away_from_its_support(side, tmp_path):
     """The largest free side, near its middle, from outside."""
@@ -144,6 +148,7 @@ def test_a_picture_that_exists_is_kept_and_told(tmp_path, capsys):
     assert picture.read_text() == "mine"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["triangle", "quad"])
 def test_a_new_scene_of_a_sheet_has_error_bars(cell, tmp_path):
     x = np.array(np.meshgrid(np.linspace(0, 0.3, 7), np.linspace(0, 0.2, 5), [0.0], indexing="ij"))
@@ -156,6 +161,7 @@ def test_a_new_scene_of_a_sheet_has_error_bars(cell, tmp_path):
     assert extract["error"] == "estimate"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "corners", "wanted"),
     [
@@ -206,6 +212,7 @@ def test_a_material_that_cannot_be_taken_is_told(part, name, said, tmp_path, cap
     assert not list(tmp_path.glob("*.toml"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["Rectangle(1) = {0, 0, 0, 0.2, 0.1}", BLOCK])
 def test_a_new_scene_leaves_to_its_run_what_one_rule_chooses(shape, tmp_path):
     """By its impacts: tests/scene_file/test_settled.py."""
@@ -221,6 +228,7 @@ def test_a_new_scene_leaves_to_its_run_what_one_rule_chooses(shape, tmp_path):
         assert size == pytest.approx(0.003 / 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("side", "unit"), [(60.0, "mm"), (3.2, "mm"), (2.0, "m")])
 def test_a_geometry_of_more_than_three_units_is_taken_in_millimetres(side, unit, tmp_path):
     script = tmp_path / "block.geo"

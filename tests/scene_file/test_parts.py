@@ -84,6 +84,7 @@ quantity = "rotation"
 """
 
 
+@pytest.mark.slow
 def test_an_assembly_runs(tmp_path, capsys):
     assert antiosc("run", written(tmp_path, BARS), "--out", tmp_path) == 0
     # a cantilever of 2 m, 3EI/L³
@@ -184,6 +185,7 @@ def test_the_blow_is_that_of_find_impact(
     assert "<img" in (plate_folder / "page.html").read_text()
 
 
+@pytest.mark.slow
 def test_groups_and_sensors_must_exist(
     plate_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -286,6 +288,7 @@ BLOCK = """*NODE
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["box.geo", "deck.inp"])
 def test_a_new_fall_has_no_mistakes(
     box_folder: Path, part: str, capsys: pytest.CaptureFixture[str]

@@ -121,6 +121,7 @@ FILES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_files_are_those_that_are_asked_for(tmp_path):
     n = HIT.time.size
     probes = {"tip": np.arange(3.0 * n).reshape(n, 3), "speed": np.array([3.0, -4.0])}
@@ -385,6 +386,7 @@ def struck_beam(tmp_path_factory):
     return told.getvalue(), numbers(folder / "out"), (folder / "r.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_sweep_has_the_verdict_of_the_scenes_own_impact(struck_beam, tmp_path):
     """A clip had a table of forces up to ten times those at which it yields, without a word."""
     (tmp_path / "line.geo").write_text(LINE)
@@ -401,6 +403,7 @@ def test_a_sweep_has_the_verdict_of_the_scenes_own_impact(struck_beam, tmp_path)
     assert stress == struck_beam[1]["stress"]
 
 
+@pytest.mark.slow
 def test_a_study_has_the_errors_and_verdicts_of_the_run_without_random_values(
     struck_beam, tmp_path
 ):

@@ -162,6 +162,7 @@ def test_a_filtered_acceleration_stands_beside_the_unfiltered_one(tmp_path, caps
     assert f"{engineering(found['bare']['value'], 'm/s²')} unfiltered" in told
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_probe_off_the_part_ends_a_run_before_its_impact(tmp_path, capsys, monkeypatch):
     probe = "[probes.far]\npoint = [0.02, 0.04, 0.9]\n"
@@ -171,6 +172,7 @@ def test_a_probe_off_the_part_ends_a_run_before_its_impact(tmp_path, capsys, mon
     assert "probes.far: the point of the probe" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_sweep_is_many_runs(tmp_path, capsys):
     path = written(tmp_path, BEAM + SWEEP)
     assert antiosc("sweep", path, "--out", tmp_path / "out") == 0
@@ -503,6 +505,7 @@ Physical Curve("left") = {4};
 """
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_run_names_the_line_of_a_group_that_does_not_exist(tmp_path, capsys):
     """It named that of the material."""
@@ -515,6 +518,7 @@ def test_a_run_names_the_line_of_a_group_that_does_not_exist(tmp_path, capsys):
     assert f".toml:{line}: supports[0].where: " in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_strike_takes_what_the_scene_says(tmp_path, capsys):
     """Its mesh is chosen where nothing but a mesh says what is struck; else the structure is."""
@@ -639,6 +643,7 @@ def test_a_scene_chooses_second_order_forces_itself(tmp_path):
     assert small.model.stretch is None
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_scene_holds_a_side_of_a_geometry(tmp_path, capsys):
     ball = 'velocity = 1\nmaterial = "bearing steel 100Cr6"\n'

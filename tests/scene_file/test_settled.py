@@ -71,6 +71,7 @@ def test_a_patch_that_nobody_gave_carries_the_largest_force_of_a_sweep(tmp_path)
         hit_of(faster)
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_the_warnings_of_the_hardest_blow_of_a_sweep_are_not_those_of_the_scene(tmp_path):
     """A clip was told an error of 25 % beside a bar of 16 %: that of its striker at 2 m/s."""
@@ -126,6 +127,7 @@ def test_the_force_has_as_many_anti_oscillators_as_it_needs(stiffness, n):
     assert hit.peak_force == pytest.approx(whole.peak_force, rel=0.1)
 
 
+@pytest.mark.slow
 def test_more_anti_oscillators_than_a_large_part_can_have_soon_are_not_taken():
     few = PLATE.truncated(20)
     large = replace(few, info=replace(PLATE.info, dofs=5_000_000))
@@ -134,6 +136,7 @@ def test_more_anti_oscillators_than_a_large_part_can_have_soon_are_not_taken():
         assert next_count(hit) == more
 
 
+@pytest.mark.slow
 def test_a_scene_with_auto_has_the_number_that_its_force_needs(tmp_path):
     document = read(scene(tmp_path, "5e-3", "4e-4"))
     document.data["extract"]["n"] = "auto"
@@ -143,6 +146,7 @@ def test_a_scene_with_auto_has_the_number_that_its_force_needs(tmp_path):
     assert hit_of(document)[1].peak_force == hit.peak_force
 
 
+@pytest.mark.slow
 def test_a_slow_contact_is_run_to_its_end(tmp_path):
     path = scene(tmp_path, "5e-3")
     heavy = 'kind = "RigidMass"\nmass = 0.5\ntip_radius = 0.01\n'

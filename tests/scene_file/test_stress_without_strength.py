@@ -33,6 +33,7 @@ def held(part, site, striker=DROPPED, strength=None):
     return judged, fields, structure, hit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["solid", "shell"])
 def test_a_largest_stress_is_that_of_the_same_blow_on_a_part_with_a_strength(part):
     """Of a striker without a material, whose contact is not known to yield with either."""
@@ -53,6 +54,7 @@ def test_a_largest_stress_is_that_of_the_same_blow_on_a_part_with_a_strength(par
         fields["von_mises"].margin()
 
 
+@pytest.mark.slow
 def test_the_zone_of_a_contact_that_may_yield_is_left_out_of_a_solid():
     """Within three radii of it, by Hertz's law, a = (R depth)^(1/2) with R of the ball."""
     _, fields, _, hit = held("solid", (0.03, 0.03), BALL)

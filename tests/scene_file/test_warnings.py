@@ -74,6 +74,7 @@ def test_what_questions_the_numbers_comes_first_and_nothing_twice():
     assert again == in_order
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
 def test_a_force_without_the_mesh_s_error_has_that_of_the_law_where_it_is_known():

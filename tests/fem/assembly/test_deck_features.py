@@ -130,6 +130,7 @@ TIPS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", table(TIPS))
 def test_what_a_cantilever_carries_at_its_end(name):
     mass, k = TIPS[name]

@@ -42,6 +42,7 @@ def k0(part: ao.Structure, point=(1, 0, L), direction=(0, 0, 1), of=None) -> flo
     return ao.extract(part, ao.Site(point, direction, part=of), n=2).k0
 
 
+@pytest.mark.slow
 def test_supports_along_directions_of_their_own(tmp_path):
     """A column turned by 30° on rollers of a *TRANSFORM is the one that stands straight."""
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
@@ -61,6 +62,7 @@ def test_supports_along_directions_of_their_own(tmp_path):
         assert k0(other, (c - s, s + c, L), turned_d) == pytest.approx(first, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_spring_between_two_columns_is_in_series(tmp_path):
     second = column(101, 5.0) + "*EQUATION\n"
     second += "".join(f"2\n{n},3,1.,101,3,-1.\n" for n in (102, 103, 104))
@@ -88,6 +90,7 @@ def nastran(folder: Path, *more: str) -> ao.Structure:
     return ao.read_model(path)
 
 
+@pytest.mark.slow
 def test_an_rbe3_spreads_a_spring_over_its_nodes(tmp_path):
     """A spring k on the mean of four nodes: by the compliances c of these, 1/k + c̄, at one node."""
     k = 1e9
@@ -102,6 +105,7 @@ def test_an_rbe3_spreads_a_spring_over_its_nodes(tmp_path):
     assert 1 / k0(part, corners[0]) == pytest.approx(expected[0, 0], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_middle_nodes_that_are_held_alone(tmp_path):
     """A tetrahedron of ten nodes on one corner and three middles, against K without their rows."""
     corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
@@ -122,6 +126,7 @@ def test_middle_nodes_that_are_held_alone(tmp_path):
     assert k0(part, (0, 0, 1.0), (0.3, 0.4, 1)) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_equations_hold_what_lies_between_their_nodes(tmp_path):
     """A bar without contraction whose end moves as one: EA/L, wherever it is struck."""
     part = read(tmp_path, column() + SOLID + MATERIAL + FOOT + FLAT)
@@ -148,6 +153,7 @@ def rows_of_bricks(count: int, tied: bool) -> str:
     return "\n".join([*lines, *["*EQUATION"] * tied, *ties, ""]) + SOLID + MATERIAL
 
 
+@pytest.mark.slow
 def test_meshes_tied_at_their_nodes_are_one_mesh_in_a_few_calls(tmp_path, monkeypatch):
     """As if they shared nodes; motions between nodes are evaluated once for each mesh."""
     calls = []
@@ -185,6 +191,7 @@ def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
         assert k0(part, *site) == pytest.approx(k0(by_hand, *site), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["CELAS2", "CBUSH"])
 def test_springs_between_nodes_are_in_series(tmp_path, kind):
     """From the top of the column to a node that is held: both carry."""

@@ -56,6 +56,7 @@ def hits() -> list[ao.History]:
     ]
 
 
+@pytest.mark.slow
 def test_a_series_holds_all_parts_in_their_places(tmp_path):
     path = ao.write_series(cut(), hits()[1], tmp_path / "bar.pvd", times=[5e-4])
     found = meshio.read(path.with_name("bar_0000.vtu"))
@@ -269,6 +270,7 @@ def test_prescribed_values_of_constraints_that_overlap():
     assert same.particular is None
 
 
+@pytest.mark.slow
 def test_supports_on_both_sides_of_a_joint():
     """The tied faces are held along their lower edge on either side: the balance holds still."""
     held = [ao.Support("y0")]

@@ -39,6 +39,7 @@ ENDDATA
 """
 
 
+@pytest.mark.slow
 def test_of_separate_pieces_one_is_read(tmp_path):
     """The error names what chooses one."""
     other = "GRID,4,,0.,900.,0.\nGRID,5,,9.,900.,0.\nCBAR,9,2,4,5,0.,0.,1.\n"
@@ -90,6 +91,7 @@ def test_wrong_arguments_are_named_before_a_deck_is_looked_for(tmp_path, option,
         ao.read_model(tmp_path / "part.inp", **{option: value})
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")  # a metre for a millimetre
 @pytest.mark.parametrize(
     "deck", ["bar.bdf", "plate.bdf", "cantilever.inp", "block.inp", "layers.inp", "excentric"]
@@ -153,6 +155,7 @@ def test_a_beam_deck_in_millimetres_is_the_beam_in_metres():
         assert model.k0 == pytest.approx(exact, rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the facets at the site")  # one cell is as wide as the block
 def test_a_solid_deck_has_its_materials_and_supports():
     with pytest.warns(ao.AntioscWarning, match=r"not taken: 1 \*STEP"):
@@ -171,6 +174,7 @@ def test_a_solid_deck_has_its_materials_and_supports():
     assert ao.extract(block, site, n=6).k0 == pytest.approx(stiffness(block, site), rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:of block.inp are not taken")
 def test_one_strength_of_several_materials_is_told():
     """The block is of steel and aluminium; the other deck is of one material."""
@@ -185,6 +189,7 @@ def test_one_strength_of_several_materials_is_told():
     assert not any("is taken for all" in str(one.message) for one in raised)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:of block.inp are not taken", "ignore:the yield strength")
 def test_a_strength_by_name_is_that_of_all_materials():
     path = DECKS / "block.inp"
@@ -196,6 +201,7 @@ def test_a_strength_by_name_is_that_of_all_materials():
         ao.read_model(path, unit="mm", yield_strength="concrete C30/37")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:of block.inp are not taken", "ignore:the facets at the site")
 @pytest.mark.filterwarnings("ignore:the yield strength 250 MPa is taken for all")
 def test_a_deck_with_a_yield_strength_knows_from_which_force_it_yields():

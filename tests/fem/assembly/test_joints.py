@@ -84,6 +84,7 @@ def test_a_weld_at_a_distance_is_a_rigid_arm():
     assert arm.mass == pytest.approx(0.5 * 2700.0 * BEAM.section.A + 2.0, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", [ao.Mean, ao.Rigid])
 def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
     """Longitudinal, ν = 0: κ tan κ = (mass of the rod) / (mass on it)."""
@@ -173,6 +174,7 @@ def test_an_assembly_of_one_part_is_the_part():
     assert low == pytest.approx(same, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_sheets_in_one_plane_have_the_thickness_of_the_thinner_one():
     """Their box has no depth; a blow on a rim meets an edge that is rounded to a quarter of it."""
     sheets = {

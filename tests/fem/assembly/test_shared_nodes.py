@@ -70,6 +70,7 @@ def blocks(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return x, hexes[i < n], np.vstack([right[:, t] for t in six])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bent", [0.0, 0.5])
 def test_triangles_beside_quadrilaterals_make_one_shell(bent):
     """A cantilever plate, flat and folded, is as stiff as one of triangles alone."""
@@ -89,6 +90,7 @@ def test_triangles_beside_quadrilaterals_make_one_shell(bent):
     assert ours.omega[:3] == pytest.approx(theirs.omega[:3], rel=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_hexahedra_beside_tetrahedra_strain_alike(order):
     """A bar in tension: the state of constant stress of a single part, and its rigid modes."""
@@ -144,6 +146,7 @@ def test_a_skin_of_shell_on_a_solid_follows_it():
     assert np.abs(inertia.matrix[:3, 3:]).max() == pytest.approx(27.0 * 0.5, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ends", "follows"), [((0, 1), True), ((0, 3), False), ((1, 2), False)])
 def test_a_beam_on_an_edge_follows_it_and_one_across_a_cell_its_ends_alone(ends, follows):
     """Both are of degree two: the node inside the beam is one of the sheet on its edges alone."""

@@ -84,6 +84,7 @@ def test_constant_stress_passes_where_four_parts_meet(order):
         assert np.abs(u[member.rows].reshape(-1, 2) - exact).max() < 1e-11 * 2 * STRAIN
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:[0-9]+ constraints:antiosc.base.errors.AntioscWarning")
 def test_a_tie_of_faces_that_follow_other_joints():
     """A face that is rigid leads; two rigid faces become one rigid body."""
@@ -98,6 +99,7 @@ def test_a_tie_of_faces_that_follow_other_joints():
     assert eigenfrequencies(once, 9)[6:] == pytest.approx(eigenfrequencies(twice, 9)[6:], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_surfaces_near_each_other_are_tied_by_default():
     """Up to 0.3 of the radius of the smaller faces, 5 √2 mm; farther with a gap that says so."""
     left = ao.Structure(box((0, 0, 0), (0.02, 0.02, 0.02), (1, 1, 1)), SOLID, order=1)
@@ -244,6 +246,7 @@ def _unit(structure: ao.Structure) -> np.ndarray:
     return structure.T.T[:, z].toarray().ravel()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["left", "right"])
 def test_the_surface_of_a_site_is_that_of_the_part_it_names(part):
     """On the edge that two blocks share; the law of contact="auto" follows from its material."""

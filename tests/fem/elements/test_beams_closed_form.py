@@ -65,6 +65,7 @@ def test_order_of_convergence(name, order, rate):
             assert rates.max() < rate + 0.25, found
 
 
+@pytest.mark.slow
 def test_stiffness_of_the_article_supported_beam():
     """k0 = 48 EI/L³ with shear; five observable anti-oscillators hold 86 % (Article, Fig. 8)."""
     model = meshed("pinned-pinned, mid-span", 50, 1)
@@ -77,6 +78,7 @@ def test_stiffness_of_the_article_supported_beam():
     ).m_st == pytest.approx(0.89, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_beam_along_its_own_axis_is_a_rod():
     """Struck on its end, a clamped rod: ω_i = iπ c/L, m_i = 2 m/(iπ)², m_st = m/3, k0 = EA/L."""
     structure = ao.Structure(parts.line(LENGTH, 40), BEAM, [ao.Support("left")])
@@ -107,6 +109,7 @@ def test_a_solid_bar_becomes_the_beam():
     assert model.m_st == pytest.approx(exact.m_st, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_beam_beside_its_line_is_the_same_beam():
     """Its modes and what the ground moves; at the line twist adds e²L/(GJ) to what gives way."""
     section, L, e = ao.Section.rectangle(0.03, 0.01), 0.5, 0.05

@@ -69,6 +69,7 @@ def skewed(cell: str = "tetrahedron", order: int = 1) -> ao.Mesh:
     return ao.read_mesh(mesh, groups=groups)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CELLS_OF)
 def test_products_are_those_of_the_entries(name):
     cell, order, kind = CELLS_OF[name]
@@ -138,6 +139,7 @@ def test_a_node_held_between_corners_holds_its_corners():
     assert fine.norm() > 0
 
 
+@pytest.mark.slow
 def test_curved_tetrahedra_have_the_products_of_their_entries():
     part = ao.Structure(skewed("tetrahedron", 2), STEEL, HELD)
     assert part.K.getAttr(CELLS) is None

@@ -55,6 +55,7 @@ def told(rise, speed):
     return " ".join(str(one.message) for one in caught if "times" in str(one.message))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cap_is_told_below_half_a_thickness_and_which_way():
     softer = told(RISE, 0.1)

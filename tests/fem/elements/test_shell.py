@@ -230,6 +230,7 @@ def test_a_clamped_thin_plate_is_told_of(laminate):
     assert f"{times:.2g}" in hit.message
 
 
+@pytest.mark.slow
 def test_a_stiff_plate_a_cantilever_and_a_free_plate_are_not():
     assert "deflects" not in struck(model_of(20e-3, "rim")).message
     cantilever = model_of(1.5e-3, "left")
@@ -357,6 +358,7 @@ def test_a_fold_carries_bending_across():
     assert y[dof(structure, (1, 0, 1), "x")] == pytest.approx(bending, rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [10, 16])
 @pytest.mark.parametrize("radius", [0.1, 0.05])
 def test_patch_compliance_is_mindlins(n, radius):

@@ -86,6 +86,7 @@ def shaken(cell: str, size, amount: float = 0.15) -> ao.Mesh:
     return mesh
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", parts.CELLS)
 @pytest.mark.parametrize(("geometry", "order"), [(1, 1), (1, 2), (2, 2)])
 def test_mass_and_rigid_motions_are_exact(tmp_path, cell, geometry, order):

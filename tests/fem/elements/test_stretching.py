@@ -116,6 +116,7 @@ CASES = {
 IMPACTS = {**CASES, "beam": beam_between_walls}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of point loads on solids
 @pytest.mark.parametrize("case", CASES)
 def test_the_forces_have_the_energy_of_second_order_strain(case):
@@ -200,6 +201,7 @@ def test_an_impact_on_a_disc_is_that_of_von_karman():
     assert moved > 0.8e-3
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_the_error_of_a_probe_is_that_of_the_linear_motion():
     part, site = plate()
@@ -212,6 +214,7 @@ def test_the_error_of_a_probe_is_that_of_the_linear_motion():
     assert one == pytest.approx(other, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_the_share_of_the_law_is_that_of_the_linear_motion():
     """Second-order forces are not taken for an error of the law."""
@@ -244,6 +247,7 @@ def test_a_free_sheet_stretches_as_all_of_its_degrees_of_freedom():
     assert struck.peak_force == pytest.approx(force.max(), rel=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error:.*deflects by")
 def test_strike_takes_second_order_forces_where_the_linear_deflection_asks_for_them():
     part, site = plate()
@@ -267,6 +271,7 @@ def thin(solid):
     return part, ao.Site((0.1, 0.1, 0.002 * solid), (0, 0, -1), radius=patch, snap=True)
 
 
+@pytest.mark.slow
 def test_a_plate_of_solids_is_told_of_its_stretching_as_one_of_shells():
     told = {}
     for solid in (False, True):
@@ -303,6 +308,7 @@ def motions_of(model):
     return body.field((body.shape @ model.stretch.modes).T).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sides", "thickness"), [((0.2, 0.1, 0.004), 0.004), ((0.3, 0.02, 0.01), 0.01)]
 )
@@ -310,6 +316,7 @@ def test_walls_have_the_distance_of_opposite_faces(sides, thickness):
     assert wall_thickness(ao.box_mesh(sides, 0.02)) == pytest.approx(thickness, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_wall_of_a_tube_is_that_between_its_facets(tmp_path):
     radii = ((1, 0.05), (2, 0.046))
     cylinders = [f"Cylinder({k}) = {{0, 0, 0, 0, 0, 0.2, {r}}};" for k, r in radii]
@@ -324,6 +331,7 @@ def test_the_wall_of_a_tube_is_that_between_its_facets(tmp_path):
     assert wall_thickness(mesh) == pytest.approx(0.004, rel=0.1)
 
 
+@pytest.mark.slow
 def test_pieces_that_touch_make_no_wall_of_no_thickness():
     """The faces in contact lie behind each other by rounding."""
     below, above = ao.box_mesh((0.2, 0.1, 0.02), 0.02), ao.box_mesh((0.2, 0.1, 0.02), 0.02)
@@ -336,6 +344,7 @@ def test_pieces_that_touch_make_no_wall_of_no_thickness():
         assert skin.depth(centre, k) > 0.01
 
 
+@pytest.mark.slow
 def test_a_thin_solid_on_one_edge_and_a_block_count_as_bending_alone():
     steel = ao.Solid(**STEEL)
     cantilever = ao.Structure(ao.box_mesh((0.2, 0.1, 0.004), 0.03), steel, [ao.Support("-x")])
@@ -344,6 +353,7 @@ def test_a_thin_solid_on_one_edge_and_a_block_count_as_bending_alone():
     assert block.matrices.thickness is None
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_many_impacts_stretch_as_each_alone():
     """What is linear is solved together, and is that of a linear model to the last bit."""
@@ -386,6 +396,7 @@ def test_sites_of_a_map_are_those_of_all_degrees_of_freedom(case):
         ao.impact_map(part, places, *blow, stretch="auto", stress=True, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_fields_have_the_displacements_of_second_order():
     part, site = plate()
@@ -453,6 +464,7 @@ def test_stresses_are_those_of_all_degrees_of_freedom(case, blow, place, rel):
         assert np.abs(flat - known).max() > 4 * rel * known.max()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_peaks_of_a_part_that_stretches_are_those_of_dense_times(tmp_path):
     part, site = plate()
@@ -475,6 +487,7 @@ def test_peaks_of_a_part_that_stretches_are_those_of_dense_times(tmp_path):
     assert saved.factors[20] @ saved.shapes[node].T == pytest.approx(moved[2000], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_parts_with_common_nodes_stretch_as_one_mesh():
     """A plate in two meshes: tensors, forces and motion."""
     part, site = plate(n=(6, 4))
@@ -552,6 +565,7 @@ def on_rim(x):
     return np.isclose(x[0] * (0.1 - x[0]), 0) | np.isclose(x[1] * (0.08 - x[1]), 0)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_solid_that_hardly_stretches_is_taken_as_linear():
     """The share of its bar holds what all degrees of freedom change; a harder blow stretches."""
@@ -583,6 +597,7 @@ def test_a_solid_that_hardly_stretches_is_taken_as_linear():
     assert harder.assembly.stretch_left_out == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_solid_that_bends_freely_is_not_told_to_stretch():
     """A cantilever held on a strip deflects by more than half its thickness with little energy of
@@ -625,6 +640,7 @@ def test_energies_of_second_order_strain_follow_the_amplitude():
     assert 0 < fourth < (sizes[0] + sizes[1]) / 2  # there what follows is not relaxed
 
 
+@pytest.mark.slow
 def test_the_forces_of_a_model_are_computed_once_for_all_strikers(monkeypatch):
     """They are most of the time of an impact; a model of its own has the same force."""
     part, site = plate()
@@ -647,6 +663,7 @@ def test_the_forces_of_a_model_are_computed_once_for_all_strikers(monkeypatch):
     assert peaks == [alone.peak_force, struck(second, 0.6).peak_force, alone.peak_force]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solid", [False, True])
 def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeypatch):
     """A foil of 0.2 mm under 20 g took 8 minutes for bars of 3100 %."""
@@ -677,6 +694,7 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
     assert " deflects by " in headline.caution_of(hit, budget)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 1.1, None])
 def test_second_order_forces_that_run_away_are_no_answer(share, monkeypatch):
     """Of a clip of 0.2 mm 18 motions gave 5.49 N, 12 motions 0.19 N: the linear run is told, and
@@ -712,6 +730,7 @@ def test_second_order_forces_that_run_away_are_no_answer(share, monkeypatch):
     assert by_strengths(part, hit) == {}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_strip_that_bends_far_and_hardly_stretches_is_not_refused():
     """It is held at two places of one end: not along a line, and free to bend."""

@@ -36,6 +36,7 @@ def whole(n: tuple) -> ao.Structure:
     return ao.Structure(mesh, {"left": SOLID, "right": BESIDE}, [HELD])
 
 
+@pytest.mark.slow
 def test_joined_halves_have_the_estimate_of_one_mesh():
     n = (3, 4, 4)
     one, two = (
@@ -59,6 +60,7 @@ def test_the_estimate_is_about_the_error_of_unequal_meshes():
     assert 0.5 < estimated / true < 1.5
 
 
+@pytest.mark.slow
 def test_a_budget_of_joined_solids_has_all_shares():
     part = cut((3, 4, 4), (4, 5, 5))
     model = ao.extract(part, SITE, n=12, error="estimate")
@@ -87,6 +89,7 @@ def test_assemblies_with_beams_have_the_bars_of_other_causes():
     assert str(asked) == str(unasked)
 
 
+@pytest.mark.slow
 def test_strains_that_recovery_leaves_alone_have_no_negative_energy():
     """Two cells that are tied, whose static strains are of degree one: rounding alone is left of
     their error, which was refused where it was negative.

@@ -137,6 +137,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]}-{case[1]}-{case[3]}")
 def test_the_bar_holds_what_a_much_finer_mesh_changes_and_is_no_more_than_six_times_that(case):
     """Plates and shells, some thin enough to lock, against cells of a sixth of the size."""

@@ -108,6 +108,7 @@ Physical Curve("left") = {4};
 """
 
 
+@pytest.mark.slow
 def test_gmsh_follows_a_field_of_sizes(tmp_path):
     (tmp_path / "sheet.geo").write_text(GEO)
     source = source_of(tmp_path / "sheet.geo")
@@ -273,6 +274,7 @@ Line(1) = {1, 2}; Line(2) = {2, 3}; Physical Curve("rods") = {1, 2};
 """
 
 
+@pytest.mark.slow
 def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
     path = tmp_path / "rods.geo"
     path.write_text(GEOMETRY)
@@ -286,6 +288,7 @@ def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
     assert edge_lengths(finer).sum() == pytest.approx(1.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cell", "divided"), [("triangle", True), ("quadrilateral", False)])
 def test_a_mesh_file_is_a_source(cell, divided, tmp_path):
     source = source_of(gmsh_cube(tmp_path / "cube.msh", cell))

@@ -66,6 +66,7 @@ def test_a_blow_on_a_glass_plate_is_within_its_bars(mesh):
         assert off < hit.error_budget[name].total < 0.5 * budget[name].total
 
 
+@pytest.mark.slow
 def test_shells_without_a_figure_say_so(mesh):
     ply = ao.Layer(130e9, 9e9, 0.3, 5e9, 5e9, 3.5e9, 1600.0, H / 2)
     laminate = supported(mesh, ao.Laminate([ply, ply], axis=(1, 0, 0)))

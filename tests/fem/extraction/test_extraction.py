@@ -244,6 +244,7 @@ def test_no_mode_of_a_pair_is_missed(n):
         np.testing.assert_allclose(found, omega[: len(found)], rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [eigenmodes.DENSE_MANY, 0])
 def test_shapes_that_the_library_takes_for_converged_are_found_again(monkeypatch, most):
     """As SLEPc gives them where equal parts end its Krylov space: by LAPACK, or beside others."""
@@ -337,6 +338,7 @@ def test_two_equal_oscillators_are_merged():
     assert model.info["modes_merged"] == 1
 
 
+@pytest.mark.slow
 def test_none_at_all_is_the_classical_one_mass_model():
     structure, site, _ = CASES["plane frame"]()
     none, some = extract(structure, site, 0), extract(structure, site, 5)
@@ -356,6 +358,7 @@ def test_a_massless_dof_has_no_frequency():
     assert model.m0 + model.m.sum() == pytest.approx(model.m_st)
 
 
+@pytest.mark.slow
 def test_one_factorization_serves_every_site():
     structure, site, _ = CASES["plane frame"]()
     extract(structure, site, 3)

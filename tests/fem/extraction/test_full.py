@@ -55,6 +55,7 @@ def direct(part: ao.Structure, site: ao.Site, omega: np.ndarray) -> np.ndarray:
     return np.array([b[free] @ np.linalg.solve(K - w**2 * M, b[free]) for w in omega])
 
 
+@pytest.mark.slow
 @pytest.mark.sample(-1)
 def test_full_is_the_direct_solution(plate):
     part, site = plate
@@ -130,6 +131,7 @@ def test_the_field_is_that_of_a_direct_solve(plate):
         np.testing.assert_allclose(u, exact, atol=off * np.abs(exact).max())
 
 
+@pytest.mark.slow
 def test_weight_of_a_free_part_is_its_mass(plate):
     """The rigid-body mode b = 1/√m_CR feels gravity as the body it belongs to."""
     part, site = plate

@@ -149,6 +149,7 @@ def test_pairs_that_double_precision_does_not_resolve_are_left_out():
     np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_all_pairs_of_a_beam_that_is_rigid_in_shear():
     """The penalty of the shear stiffness makes θ of some pairs rounding: 39 are left of 40."""
     section = ao.Section.rectangle(0.02, 0.01)
@@ -166,6 +167,7 @@ def test_all_pairs_of_a_beam_that_is_rigid_in_shear():
     )
 
 
+@pytest.mark.slow
 def test_a_body_that_slides_across_the_impact():
     structure = block(2, fix=["x", "y"])  # along z it slides
     site = ao.Site(vector=_push(structure, (1.0, 0.4, 0.0)))

@@ -128,6 +128,7 @@ def sheet():
     return parts.held_sheet()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.02, [0.05, 0.02, 0.01], ao.Damping(alpha=30.0, beta=1e-7)])
 def test_every_model_has_the_damping_of_its_free_modes(sheet, damping):
     known = damping if isinstance(damping, ao.Damping) else ao.Damping(ratio=damping)

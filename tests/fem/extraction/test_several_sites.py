@@ -176,6 +176,7 @@ def test_every_truncation_is_passive(held, method, rng):
         np.testing.assert_allclose(shapes[:, :3].T @ M @ shapes[:, 3:], model.P, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_lowest_krylov_ones_are_the_antiresonances(block):
     krylov = ao.extract(block, CORNERS, 24)
     modes = ao.extract(block, CORNERS, 8, "modes")
@@ -187,6 +188,7 @@ def test_lowest_krylov_ones_are_the_antiresonances(block):
     np.testing.assert_allclose(krylov.m_st, modes.m_st, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_the_other_site_free_is_the_site_alone(block):
     """The receptance of a site does not depend on which others the model has."""
     both = ao.extract(block, CORNERS, 60).site_modes()
@@ -200,6 +202,7 @@ def _slanted(**options: object) -> ao.Site:
     return ao.Site((0.11, 0.02, 0.04), (0.1, 0.2, -1), radius=0.03, **options)
 
 
+@pytest.mark.slow
 def test_a_site_may_know_its_tangential_displacements(block):
     model = ao.extract(block, {"near": _slanted(tangential=True), "far": CORNERS["far"]}, 10)
     assert model.sites == ("near", "far")
@@ -231,6 +234,7 @@ def test_tangential_directions_that_supports_hold():
     np.testing.assert_array_equal(model.site_modes().b[:, along_y], 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mu", "slides"), [(0.05, True), (5.0, False)])
 def test_an_oblique_blow_rubs(mu, slides):
     """A free block thrown askew on the floor: its momentum is what the contact's forces give."""

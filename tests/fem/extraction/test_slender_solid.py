@@ -25,6 +25,7 @@ def ruler(tmp_path_factory: pytest.TempPathFactory) -> ao.Structure:
     return ao.Structure(mesh, ao.Solid(70e9, 0.33, 2700.0), [clamped])
 
 
+@pytest.mark.slow
 def test_the_lowest_mode_of_a_ruler_is_that_of_a_beam(ruler: ao.Structure) -> None:
     """f = 1.8751²/(2π L²) √(E h²/(12 ρ)), within the width's 1 %."""
     beam = 1.8751**2 / (2 * np.pi * LENGTH**2) * np.sqrt(70e9 * THICKNESS**2 / (12 * 2700.0))
@@ -32,6 +33,7 @@ def test_the_lowest_mode_of_a_ruler_is_that_of_a_beam(ruler: ao.Structure) -> No
     assert modes.omega[0] / (2 * np.pi) == pytest.approx(beam, rel=0.01)
 
 
+@pytest.mark.slow
 def test_superposition_takes_it_too(ruler: ao.Structure) -> None:
     site = ao.Site((LENGTH - 0.005, 0.01, THICKNESS), (0, 0, -1), radius=4e-3)
     modes = ao.superposition(ruler, site, n=3)

@@ -321,6 +321,7 @@ def test_compliances_are_those_of_solves(count):
     np.testing.assert_allclose(found, exact, rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("supported", [True, False])
 @pytest.mark.parametrize("count", [0, 12])
 def test_deflections_are_those_of_solves(supported, count):

@@ -63,6 +63,7 @@ def made(solver: str, **given) -> ao.Structure:
     return ao.Structure(mesh, material, held, solver=solver, **given)
 
 
+@pytest.mark.slow
 def test_a_mass_at_a_corner_of_a_plate():
     """The interpolation stores zeros for nodes of other cells than those at the corner."""
     size = (0.2, 0.16, 0.02)
@@ -77,6 +78,7 @@ def test_a_mass_at_a_corner_of_a_plate():
     assert abs(found[1] / found[0] - 1) <= 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("supports", [["left"], []], ids=["held", "free"])
 def test_natural_modes_of_two_levels(supports):
     """Solves of an eigenproblem go on beyond the error that is enough for a driving point."""
@@ -87,6 +89,7 @@ def test_natural_modes_of_two_levels(supports):
     assert before._ksp.rtol == multigrid.ITERATION_RESIDUAL
 
 
+@pytest.mark.slow
 def test_thin_incompressible_parts_are_told():
     mesh = parts.box((5, 4, 1), (0.2, 0.16, 0.002), cell="tetrahedron")
     steel = ao.Solid(**{**parts.STEEL, "nu": 0.499})
@@ -95,6 +98,7 @@ def test_thin_incompressible_parts_are_told():
         part.factorize().solve(np.random.default_rng(0).standard_normal(part.rows))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "given",
     [
@@ -160,6 +164,7 @@ def test_linear_elements_have_no_coarse_level():
     assert made("auto", order=1).matrices.coarser() is None
 
 
+@pytest.mark.slow
 def test_the_factor_is_forecast_from_the_linear_elements():
     mesh = parts.box((12, 8, 8), cell="tetrahedron")
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
@@ -168,6 +173,7 @@ def test_the_factor_is_forecast_from_the_linear_elements():
     assert exact / 2 <= found <= 2 * exact
 
 
+@pytest.mark.slow
 def test_what_its_solves_leave_out_is_in_the_bound(monkeypatch):
     """With the exact static shapes, far beyond what twenty vectors leave out."""
     monkeypatch.setattr(multigrid, "ITERATION_RESIDUAL", 1e-3)
@@ -203,6 +209,7 @@ STUDIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", STUDIES.values(), ids=STUDIES)
 @pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
 def test_studies_take_the_iterative_solver(study):
@@ -224,6 +231,7 @@ print(type(part.factorize()).__name__, part.K.getType())
 """
 
 
+@pytest.mark.slow
 def test_python_ends_while_a_solver_is_alive():
     """PETSc destroys what is left after Python, whose functions it must not call then."""
     script = SCRIPT.format(support=str(Path(parts.__file__).parent))
@@ -244,6 +252,7 @@ def factors_are_slow(monkeypatch):
     monkeypatch.setattr(solver_choice, "seconds_of_factor", thirty)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.3, 0.4999])
 def test_the_faster_solver_is_taken(nu, factors_are_slow):
     """Compact steel takes fewer iterations, what is nearly incompressible more."""
@@ -261,6 +270,7 @@ def test_small_parts_are_factored():
     assert type(made("auto").factorize()) is solver_choice.OnOneRank
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
 def test_what_needs_a_factor_has_one(factors_are_slow):
     """Modes and maps ask for more right-hand sides than a model of one site."""

@@ -165,6 +165,7 @@ def quarter_disc(path):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["step", "brep"])
 def test_solid_geometry_is_meshed_with_curved_cells(tmp_path, suffix):
     path = quarter_disc(tmp_path / f"quarter.{suffix}")
@@ -186,6 +187,7 @@ Rotate {{1, 0, 0}, {0, 0, 0}, Pi / 3} {Surface{3};}
 """
 
 
+@pytest.mark.slow
 def test_no_cell_of_a_narrow_sheet_in_space_folds(tmp_path):
     """Arcs of the inner rim reach beyond the outer sides of coarse triangles."""
     path = tmp_path / "rim.geo"
@@ -198,6 +200,7 @@ def test_no_cell_of_a_narrow_sheet_in_space_folds(tmp_path):
     assert not len(folded(x, cells, "triangle", 2, soundness.SOUND))
 
 
+@pytest.mark.slow
 def test_folded_cells_of_a_file_are_told(tmp_path):
     path = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron", 2)
     cube = meshio.read(path)
@@ -219,6 +222,7 @@ def longest_edges_near(mesh: ao.Mesh, point, radius: float) -> np.ndarray:
     return edges.max(axis=(1, 2))[near]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("local", [0.1, 0.02])
 @pytest.mark.parametrize("point", [(1.0, 0.3, 0.5), (0.31, 0.3, 1.0)])
 def test_refined_elements_are_no_larger_than_asked(tmp_path, point, local):
@@ -238,6 +242,7 @@ def test_refined_elements_are_no_larger_than_asked(tmp_path, point, local):
     assert far.max() > 0.25
 
 
+@pytest.mark.slow
 def test_the_space_a_mesh_lives_in(tmp_path):
     square = parts.gmsh_cube(tmp_path / "square.msh", "triangle")
     cube = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron")
@@ -252,6 +257,7 @@ def test_the_space_a_mesh_lives_in(tmp_path):
         ao.read_mesh("meshes/frame.msh", gdim=2)
 
 
+@pytest.mark.slow
 def test_the_callers_gmsh_session_survives(tmp_path, capfd):
     path = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron")
     geo = tmp_path / "sheet.geo"
@@ -302,6 +308,7 @@ def test_wrong_arguments_are_named_before_a_file_is_looked_for(options, words, t
         ao.read_mesh(tmp_path / "none.msh", **options)
 
 
+@pytest.mark.slow
 def test_geo_uses_its_own_sizes_unless_told(tmp_path):
     path = tmp_path / "sheet.geo"
     path.write_text(parts.SHEET_SCRIPT)

@@ -82,6 +82,7 @@ def expected_moments(dim: int, bent: bool) -> np.ndarray:
     return np.array([weight @ np.prod(points**e, axis=1) for e in EXPONENTS if not any(e[dim:])])
 
 
+@pytest.mark.slow
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
@@ -157,6 +158,7 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
 # --- Bars, plates and blocks of given lengths: each named side is where its name says -------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", [(0.3,), (0.2, 0.1), (0.06, 0.04, 0.03)])
 def test_sides_lie_where_their_names_say(lengths):
     mesh = ao.box_mesh(lengths, size=0.02)
@@ -177,6 +179,7 @@ def test_sides_lie_where_their_names_say(lengths):
         assert rim == pytest.approx(2 * sum(lengths))
 
 
+@pytest.mark.slow
 def test_lengths_that_make_no_box_are_refused():
     for lengths, word in (((), "one to three"), ((1, 1, 1, 1), "one to three"), (0.1, "one to")):
         with refused(None, word, ao.InputError):
@@ -187,6 +190,7 @@ def test_lengths_that_make_no_box_are_refused():
         ao.box_mesh((0.1, 0.1), 10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
 def test_groups_of_the_parts_have_closed_form_measures(part):
     mesh = ao.read_mesh(MESHES / f"{part}.msh")
@@ -324,6 +328,7 @@ def test_points_above_faces_are_brought_back(name):
     assert np.isinf(faces.along(x + 0.2 * n, n, 0.1)[2]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["-x", "+x", "-y", "+y", "-z", "+z"])
 def test_sides_of_the_box_have_names_without_groups(name):
     """The facets of the groups that `box_mesh` makes, found by their coordinates."""
@@ -334,6 +339,7 @@ def test_sides_of_the_box_have_names_without_groups(name):
     assert set(facets) == set(named.groups[name][2])
 
 
+@pytest.mark.slow
 def test_a_side_without_faces_is_told():
     sheet = ao.box_mesh((0.3, 0.2), size=0.05, gdim=3)
     with pytest.raises(ao.InputError, match="flat along z"):

@@ -40,6 +40,7 @@ BooleanUnion(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [5e-3, 4e-3, 2.5e-3])
 def test_the_walls_do_not_depend_on_the_cells(size, tmp_path):
     """Both sides of the fin of 2 mm are 0.3 of the surface, more than the quarter that decides."""

@@ -65,6 +65,7 @@ def test_a_beam_between_walls_under_tension_or_thrust(share):
     assert part.prestress.stress.values == pytest.approx(abs(stress), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cell", "laminate"), [("triangle", False), ("quadrilateral", True)])
 def test_a_plate_under_an_edge_load(cell, laminate):
     """ω² of sin(π x/a) sin(π y/a) grows by N π²/(ρ h a²), N per width."""
@@ -78,6 +79,7 @@ def test_a_plate_under_an_edge_load(cell, laminate):
     assert part.prestress.reserve == pytest.approx(1.25, rel=0.01)
 
 
+@pytest.mark.slow
 def test_columns_buckle_at_eulers_load():
     """A cantilever under a dead load on its tip: π² EI/(4 L²), of a beam and of a solid."""
     euler = np.pi**2 * EI / 4
@@ -131,6 +133,7 @@ def test_a_ring_buckles_under_a_pressure_that_follows_its_surface():
     assert ring(LEVY / 2).prestress.reserve == pytest.approx(2, rel=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [-0.5, 3.0, 30.0])
 def test_a_long_balloon_is_stiffer_by_its_pressure(share):
     """ω² of the oval grows by p/p_L, p from inside."""
@@ -139,6 +142,7 @@ def test_a_long_balloon_is_stiffer_by_its_pressure(share):
     assert found == pytest.approx(still * np.sqrt(1 + share), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_drum_that_pressure_deflects_by_two_thicknesses():
     part = drum(2e4)
     deflection, omega = ritz_drum(2e4)

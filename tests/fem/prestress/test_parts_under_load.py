@@ -35,6 +35,7 @@ from sheets import RIB, SHEET, at, grouped, rectangle, sheet
 PINNED = ao.Support(at_ends, fix=("x", "y", "z", "rx"))
 
 
+@pytest.mark.slow
 def test_a_rib_in_tension_stiffens_its_sheet():
     """A tight stiffener has a reserve and K_σ; in thrust the sheet is softer by as much."""
     mesh = grouped(rectangle(4, 0.2, 0.1), edges=at(1, 0.05))
@@ -78,6 +79,7 @@ def ritz_blow(speed, ball, stiffness, duration, terms=14):
     return tip @ run.y[:terms], np.array([force(one) for one in run.y.T])
 
 
+@pytest.mark.slow
 def test_a_ball_on_the_tip_of_a_spinning_blade():
     speed, ball, duration = 6 * UNIT, (0.1, 1.0), 0.02
     loads = ao.Prestress(spin=ao.Spin((0, 0, 1), speed))
@@ -90,6 +92,7 @@ def test_a_ball_on_the_tip_of_a_spinning_blade():
     assert "without Coriolis" in model.info.structure
 
 
+@pytest.mark.slow
 def test_stresses_of_a_blow_are_told_beside_those_of_the_load():
     """A tight beam: the largest stress is N/A and that of bending, of which a fibre has both."""
     tension = 2e4
@@ -110,6 +113,7 @@ def test_stresses_of_a_blow_are_told_beside_those_of_the_load():
     assert part.prestress.stress.margin().value == pytest.approx(tension / SIDE**2)
 
 
+@pytest.mark.slow
 def test_without_loads_nothing_changes():
     part = ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)])
     same = ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], prestress=ao.Prestress())
@@ -153,6 +157,7 @@ def ball_on(part, site, method="krylov"):
     return ao.simulate(model, mass, ao.Power(1e6, 1.5), 4e-3, tol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of a point load
 def test_reactions_of_a_loaded_part_are_changes_of_those_of_all_its_second_order_forces():
     """Rows of the supports of K u + f(u) + M u'' of the part without them."""
@@ -195,6 +200,7 @@ class FullAbout(Full):
         return super().tangent(self.q + u)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_loaded_sheet_stretches_as_all_of_its_degrees_of_freedom():
     part, bare, _, _, site = sagging()
@@ -216,6 +222,7 @@ def test_a_loaded_sheet_stretches_as_all_of_its_degrees_of_freedom():
     assert np.abs(hit.displacement).max() == pytest.approx(moved.max(), rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("count", [False, 4])
 def test_a_blow_on_a_sagging_sheet_pulls_it(count):
@@ -269,6 +276,7 @@ def loaded(family, fine):
     return beams(8 * fine), (THIN_BEAM, [PINNED], loads), ao.Site((0.25, 0, 0), (0, 0, -1))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("family", ["beam", "solid", "shell"])
 def test_bars_of_loaded_parts_hold(family):
@@ -286,6 +294,7 @@ def test_bars_of_loaded_parts_hold(family):
         assert fine.error_budget[name].mesh < 0.7 * coarse.error_budget[name].mesh
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_strike_refines_a_loaded_part():
     mesh, (material, held, loads), site = loaded("solid", 1)

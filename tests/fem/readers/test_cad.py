@@ -66,6 +66,7 @@ def test_the_named_faces_divide_the_skin(mesh):
     assert sum(len(mesh.groups[name][2]) for name in names) == len(faces)
 
 
+@pytest.mark.slow
 def test_a_face_holds_and_is_struck_by_its_name(mesh):
     part = ao.Structure(mesh, STEEL, [ao.Support("hole 8 mm (1)")])
     faces = Faces(mesh, sheet=False)
@@ -95,6 +96,7 @@ def boxes(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_one_of_several_pieces_is_read(boxes):
     with pytest.raises(ao.MeshError, match=r"2 pieces.*20 × 20 × 20 mm.*10 × 10 × 10 mm"):
         ao.read_mesh(boxes, size=5e-3)
@@ -113,6 +115,7 @@ SOLIDS = ("Box(1) = {20, 0, 0, 3, 3, 3}", "Box(2) = {0, 0, 0, 10, 10, 10}")
 FACES = ("Rectangle(1) = {20, 0, 0, 3, 3}", "Rectangle(2) = {0, 0, 0, 10, 10}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("small", "large"), [SOLIDS, FACES])
 @pytest.mark.filterwarnings("ignore:.*piece . of 2:antiosc.AntioscWarning")
 def test_the_rank_of_a_piece_is_that_of_its_size_however_fine_its_cells_are(tmp_path, small, large):
@@ -144,6 +147,7 @@ def test_labels_that_programs_write_are_no_names():
     assert in_order(names) == ["hole 6 mm (2)", "hole 10 mm (1)", "nut", "face 2", "face 10"]
 
 
+@pytest.mark.slow
 def test_a_step_file_with_an_analysis_is_told(tmp_path):
     file = tmp_path / "results.step"
     schema = "AP209_MULTIDISCIPLINARY_ANALYSIS_AND_DESIGN_MIM_LF"
@@ -156,6 +160,7 @@ def test_a_step_file_with_an_analysis_is_told(tmp_path):
         ao.read_mesh(file, size=5e-3)
 
 
+@pytest.mark.slow
 def test_a_second_attempt_follows_the_curvature_and_is_told(boxes, monkeypatch):
     asked = []
     content = reading._content
@@ -185,6 +190,7 @@ def test_a_geometry_that_fails_twice_is_refused_once(boxes, monkeypatch):
     assert len(asked) == 2
 
 
+@pytest.mark.slow
 def test_cells_that_joining_spoils_are_no_reason_to_mesh_again(boxes):
     asked = []
 
@@ -220,6 +226,7 @@ def test_a_volume_that_differs_from_cad_is_told(tmp_path):
         assert "too small" in by_gmsh._volume_told(gmsh, "rod.step", 1.05 * held)[0]
 
 
+@pytest.mark.slow
 def test_names_in_a_file_are_printed_without_escapes(tmp_path):
     path = tmp_path / "part\x1b[31m.geo"
     path.write_text(
@@ -241,6 +248,7 @@ def test_what_is_no_file_of_a_mesh_is_told(name):
     str(told.value).encode()
 
 
+@pytest.mark.slow
 def test_the_tip_of_a_cone_has_few_cells(tmp_path):
     """Elements by the curvature alone would have no end there."""
     path = tmp_path / "cone.step"

@@ -35,6 +35,7 @@ def elastic(part: ao.Structure, count: int = 6) -> np.ndarray:
     return found[RIGID:]
 
 
+@pytest.mark.slow
 def test_tied_bodies_of_equal_meshes_have_the_frequencies_of_one_mesh(tmp_path):
     one, _ = read(whole_block(tmp_path / "one.inp", (4, 2, 2)))
     two, _ = read(cut_block(tmp_path / "two.inp", (4, 2, 1), (4, 2, 1)), contact="tied")
@@ -56,6 +57,7 @@ def test_the_frequencies_of_tied_bodies_tend_to_those_of_one_mesh(tmp_path):
     assert errors[1] < 0.04
 
 
+@pytest.mark.slow
 def test_the_finer_surface_follows_whichever_is_named_first(tmp_path):
     path = cut_block(tmp_path / "a.inp", (6, 3, 1), (2, 1, 1))
     swapped = tmp_path / "b.inp"
@@ -65,6 +67,7 @@ def test_the_finer_surface_follows_whichever_is_named_first(tmp_path):
     np.testing.assert_allclose(elastic(first), elastic(second), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_pairs_that_touch_are_tied_without_a_word_of_the_caller(tmp_path):
     path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), shared=True)
     first, second = (read(path, **options)[0] for options in ({}, {"contact": "tied"}))
@@ -73,6 +76,7 @@ def test_pairs_that_touch_are_tied_without_a_word_of_the_caller(tmp_path):
         ao.read_model(path, unit="mm", contact="glued")
 
 
+@pytest.mark.slow
 def test_general_contact_is_refused_unless_it_is_left_out(tmp_path):
     path = whole_block(tmp_path / "a.inp", (4, 2, 1))
     path.write_text(path.read_text() + "*CONTACT\n")
@@ -82,6 +86,7 @@ def test_general_contact_is_refused_unless_it_is_left_out(tmp_path):
     assert "not modelled" in told[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("contact", ["tied", "apart"])
 def test_one_warning_tells_how_bodies_of_a_pair_hold_together(tmp_path, contact):
     """Neither is their joint told as a crack of the mesh, nor are cells that overlap there."""
@@ -92,6 +97,7 @@ def test_one_warning_tells_how_bodies_of_a_pair_hold_together(tmp_path, contact)
     assert len(elastic(part)) == 6
 
 
+@pytest.mark.slow
 def test_a_crack_within_a_body_of_a_pair_is_told(tmp_path):
     path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), shared=True)
     lines = path.read_text().replace("*STEP", "").split("\n")
@@ -106,6 +112,7 @@ def test_a_crack_within_a_body_of_a_pair_is_told(tmp_path):
     assert any("crack" in one for one in told), told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [2.0, 0.0])
 def test_what_is_open_at_first_or_touches_along_a_line_is_not_tied(tmp_path, gap):
     """A body that touches at an edge alone would turn about it."""

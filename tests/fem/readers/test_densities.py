@@ -17,6 +17,7 @@ def test_a_density_that_no_solid_has_is_refused_with_its_number(tmp_path, stated
         inp.read(tmp_path, text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("modulus", "strength", "rate"),
     [("2.1E5", 275e6, (6844, 3.91, 430e6)), ("2.1E5", "S690", (3200, 5)), ("7E4", 240e6, None)],

@@ -119,6 +119,7 @@ def test_a_closed_surface_without_thickness_is_a_sheet(tmp_path):
         assert ("closed surface" in groups) == closed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["stl", "obj", "ply", "off"])
 def test_every_format_is_filled(tmp_path, ending):
     path = write(tmp_path / f"cube.{ending}", *damaged(*block(2, 10.0)))
@@ -128,6 +129,7 @@ def test_every_format_is_filled(tmp_path, ending):
     assert len([name for name in mesh.groups if name.startswith("face ")]) == 6
 
 
+@pytest.mark.slow
 def test_a_cavity_and_two_bodies(tmp_path):
     points, triangles = block(2, 10.0)
     inner = points * 0.4 + 3.0
@@ -141,6 +143,7 @@ def test_a_cavity_and_two_bodies(tmp_path):
         assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-9 * volume, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_skin_on_a_page_is_seen_from_outside():
     mesh = ao.box_mesh((0.3, 0.2, 0.1), size=0.1)
     part = ao.Structure(mesh, STEEL)
@@ -150,6 +153,7 @@ def test_the_skin_on_a_page_is_seen_from_outside():
     assert volumes(skin.points, skin.faces).sum() == pytest.approx(6e-3, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_open_surface_is_no_solid(tmp_path):
     points, triangles = block(2)
     path = write(tmp_path / "open.stl", points, triangles[:-8])
@@ -174,6 +178,7 @@ def test_bodies_that_pierce_each_other_are_united_and_one_alone_is_read(tmp_path
     assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-6, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_side_of_one_triangle_is_divided_to_the_size_of_the_elements(tmp_path):
     points = np.vstack([np.zeros(3), 10 * np.eye(3)])
     triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -205,6 +210,7 @@ def test_polygons_are_read_without_their_textures(tmp_path, ending, text):
     assert areas(found.points, found.triangles).sum() == pytest.approx(6.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["stl", "text.stl", "obj", "off", "ply"])
 def test_a_file_that_is_cut_off_is_refused(tmp_path, ending):
     """By its own counts; of OBJ, which has none, by corners of no face, or a face that ends."""
@@ -221,6 +227,7 @@ def test_a_file_that_is_cut_off_is_refused(tmp_path, ending):
         assert path.name in refusal(path)
 
 
+@pytest.mark.slow
 def test_a_mesh_with_less_volume_than_its_surface_is_told(tmp_path):
     """Cells of the size of a ball of facets cut it."""
     import trimesh

@@ -29,11 +29,13 @@ def write(path: Path, points, *cells, **data) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_repeated_cells_are_refused(tmp_path):
     told = refusal(grid(tmp_path / "grid.msh", 19, 1, "twice"))
     assert "40 of 762 cells of grid.msh repeat another one" in told
 
 
+@pytest.mark.slow
 def test_cells_that_use_a_node_twice_or_share_a_side_too_often(tmp_path):
     square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
     path = write(tmp_path / "a.vtu", square, ("quad", [[0, 1, 2, 3], [0, 1, 2, 2]]))
@@ -57,6 +59,7 @@ ABAQUS_BEAMS = """\
 """
 
 
+@pytest.mark.slow
 def test_beams_of_three_nodes_in_abaqus_order(tmp_path):
     path = tmp_path / "beam.inp"
     path.write_text(ABAQUS_BEAMS)
@@ -88,6 +91,7 @@ def solid_with_shell(path: Path) -> Path:
     return write(path, points, *cells, cell_sets=lists)
 
 
+@pytest.mark.slow
 def test_shells_and_beams_that_are_no_sides_of_solids_are_told(tmp_path):
     path = solid_with_shell(tmp_path / "part.inp")
     told = refusal(path)

@@ -405,6 +405,7 @@ def package(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_package_adds_a_reader(package):
     path = package / "wire.xyz"
     path.write_text("0 0 0\n1 0 0\n1 2 0\n")
@@ -419,6 +420,7 @@ def test_a_package_adds_a_reader(package):
     assert len(reading.read(path.with_suffix(".inp")).cells) == 1
 
 
+@pytest.mark.slow
 def test_a_reader_that_cannot_be_loaded_is_told_for_its_files_alone(package):
     for ending, word in (("bad", "FileReader"), ("lost", "nowhere")):
         path = package / f"a.{ending}"

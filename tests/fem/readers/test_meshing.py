@@ -40,6 +40,7 @@ def cube(session, path: Path, kernel: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", ["occ", "own"])
 def test_a_size_that_would_fill_the_machine_is_refused(tmp_path, session, kernel):
     path = cube(session, tmp_path / "cube", kernel)
@@ -106,6 +107,7 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
     assert not [t for t in told if "\n" in t or not t.endswith(".")]
 
 
+@pytest.mark.slow
 def test_bulk_data_by_its_content(tmp_path):
     path = tmp_path / "part.dat"
     path.write_text((DECKS / "bar.bdf").read_text())
@@ -142,6 +144,7 @@ def write_brep(path: Path, axis: bool = False) -> None:
         gmsh.write(str(path))
 
 
+@pytest.mark.slow
 def test_a_closed_surface_is_filled(tmp_path):
     path = stl(tmp_path / "box.stl")
     mesh = ao.read_mesh(path, solid=True, size=5e-3, unit="mm")
@@ -151,6 +154,7 @@ def test_a_closed_surface_is_filled(tmp_path):
     assert (sheet.cell, sheet.n_cells) == ("triangle", 12)
 
 
+@pytest.mark.slow
 def test_curves_besides_a_solid_are_told_and_left_out(tmp_path):
     """An axis through a box, as sketches leave it in CAD files."""
     path = tmp_path / "box.brep"
@@ -199,6 +203,7 @@ def test_parts_and_cells_are_one_choice(tmp_path):
             ao.read_mesh(path, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("unit", "length"), [("2,2HMM", 0.1), ("6,1HM", 100), ("1,2HIN", 2.54)])
 def test_an_iges_curve_is_in_metres(tmp_path, unit, length):
     """A line of 100 of the file's units, in the standard's sections S, G, D, P, T of 80 columns."""
@@ -324,12 +329,14 @@ def test_gmsh_orders_its_second_order_nodes_as_the_table_says(name):
             np.testing.assert_allclose(x[list(face)].mean(axis=0), node, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_wedges_and_pyramids_are_cut_and_fill_the_part(tmp_path):
     mesh = ao.read_mesh(mixed_box(tmp_path / "a.vtu", 2, "hwp"))
     assert mesh.cell == "tetrahedron"
     assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_triangles_beside_quadrilaterals(tmp_path):
     points = [*SQUARE, [2, 0, 0], [2, 1, 0]]
     path = write(
@@ -340,6 +347,7 @@ def test_triangles_beside_quadrilaterals(tmp_path):
     assert sheet.mass == pytest.approx(2 * 78.5, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_serendipity_cells_get_their_nodes(tmp_path):
     bulge = [(SQUARE[a] + SQUARE[b]) / 2 for a, b in EDGES["quad"]]
     bulge[0][1] -= 0.3  # a parabola of 2/3 · 0.3

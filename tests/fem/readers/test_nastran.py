@@ -22,6 +22,7 @@ def volume(mesh: ao.Mesh) -> float:
     return compat.integrate(compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 7), mesh.dolfinx)
 
 
+@pytest.mark.slow
 def test_a_curved_solid_in_a_cylindrical_system_is_that_of_abaqus():
     ours, other = ao.read_mesh(DECKS / "tube.bdf"), ao.read_mesh(DECKS / "tube.inp")
     assert (ours.cell, ours.order, ours.n_cells) == ("hexahedron", 2, 3)
@@ -95,6 +96,7 @@ def test_systems_by_grids_and_within_each_other(tmp_path):
             nastran.read(Sources(path, path.name))
 
 
+@pytest.mark.slow
 def test_a_bar_in_a_turned_system_bends_in_its_planes():
     beam = ao.read_model(DECKS / "bar.bdf")
     E, G, L, b, h = 2.1e11, 2.1e11 / 2.6, 2.0, 0.1, 0.2
@@ -138,6 +140,7 @@ def test_a_plate_of_quadrilaterals_and_triangles():
     assert k0[0] == pytest.approx(k0[1], rel=0.03)
 
 
+@pytest.mark.slow
 def test_units_scale_the_mesh():
     assert volume(ao.read_mesh(DECKS / "sets.inp", unit="mm")) == pytest.approx(2e-9, rel=1e-12)
     assert volume(ao.read_mesh(DECKS / "sets.inp", unit=0.5)) == pytest.approx(0.25, rel=1e-12)

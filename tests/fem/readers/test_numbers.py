@@ -111,6 +111,7 @@ def test_a_probe_at_a_numbered_node_is_that_at_its_point(mesh):
             ao.probe(part, hit, **options)
 
 
+@pytest.mark.slow
 def test_numbers_that_a_mesh_does_not_have(mesh):
     part = ao.Structure(mesh, STEEL, [ao.Support(plane=((0, 0, 0), (1, 0, 0)))])
     with pytest.raises(ao.InputError, match="no node 3"):
@@ -131,6 +132,7 @@ def test_unused(tmp_path):
     assert not len(ao.read_mesh(tmp_path / "a.vtu").labels)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a.inp", "a.bdf"])
 def test_groups_of_elements_by_their_numbers(tmp_path, name):
     WRITERS[name](tmp_path / name)
@@ -153,6 +155,7 @@ def test_elements_without_numbers(tmp_path):
         ao.read_mesh(tmp_path / "a.msh", elements={"some": [1]})
 
 
+@pytest.mark.slow
 def test_a_pressure_on_numbered_elements_of_a_deck_is_that_on_its_set(tmp_path):
     """A membrane of four squares, of which two carry a pressure, is as stiff either way."""
     rows = [f"{3 * i + j + 1}, {0.1 * i}, {0.1 * j}, 0" for i in range(3) for j in range(3)]

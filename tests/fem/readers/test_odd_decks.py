@@ -156,6 +156,7 @@ def test_surfaces_as_cgx_of_debian_writes_them(tmp_path):
     assert as_cgx["joints"] != read(tmp_path, "b.inp", CUBE)[0]["joints"]
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore:the density")
 def test_six_equal_bars_have_each_frequency_six_times(tmp_path):
@@ -471,12 +472,14 @@ def test_cells_without_volume_are_refused(tmp_path, flat):
         ao.read_model(tmp_path / "part.inp", unit="mm")
 
 
+@pytest.mark.slow
 def test_a_deck_of_cells_without_volume_alone_is_refused(tmp_path):
     (tmp_path / "part.inp").write_text(inp.NODES + FLAT_SOLID + inp.SOLID + inp.STEEL)
     with refused(None, "no volume"):
         ao.read_model(tmp_path / "part.inp", unit="mm")
 
 
+@pytest.mark.slow
 def test_contact_is_ignored_where_one_piece_is_read(tmp_path):
     """The larger of two blocks; together they are refused, as nothing else joins them."""
     more = "".join(f"GRID,{k + 10},,{x}.,{y}.,{z + 30}.\n" for k, (x, y, z) in ENUMERATED)

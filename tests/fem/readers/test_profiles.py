@@ -218,6 +218,7 @@ def test_shear_coefficients_along_principal_axes():
     assert beam("PBEAM", fields).profile.shears == pytest.approx((0.2, 0.8))
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize("v", ["0.,0.,1.", "0.,.6,.8"])
 @pytest.mark.parametrize("turned", [False, True])
@@ -421,6 +422,7 @@ def test_torsion_of_boxes_and_hexagons():
 E = 2e11
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_a_beam_bends_at_its_shear_centre(tmp_path):
     """A mass on the node of a massless channel: no twist, and the moment of the axial force."""

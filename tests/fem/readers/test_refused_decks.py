@@ -128,6 +128,7 @@ def nastran() -> str:
     return text + "MAT1,1,2.+5,,.3,8.-9\n"
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize(("name", "text"), [("a.inp", abaqus()), ("a.bdf", nastran())])
 def test_a_model_has_the_mass_and_the_number_of_every_element(tmp_path, name, text):

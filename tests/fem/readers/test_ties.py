@@ -432,6 +432,7 @@ def test_one_mean_motion_is_along_the_axis_of_its_orientation(tmp_path, motion):
     assert abs(direction @ axes[(motion - 1) % 3]) == pytest.approx(1, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
 def test_a_mean_rotation_of_a_point_on_which_nothing_acts_joins_nothing(tmp_path):
     """Only a moment would act on it: the part is as without the coupling."""

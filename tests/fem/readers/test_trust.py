@@ -49,6 +49,7 @@ def test_a_script_by_the_name_of_a_mesh_is_not_run(tmp_path, marked):
     assert not happened()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["msh", "step"])
 def test_options_beside_a_file_are_not_read(tmp_path, marked, suffix):
     command, happened = marked
@@ -73,6 +74,7 @@ def test_modules_in_the_working_folder_are_not_imported(tmp_path, monkeypatch):
     assert not (tmp_path / "mark").exists()
 
 
+@pytest.mark.slow
 def test_a_trusted_script_runs_as_gmsh_runs_it(tmp_path, marked):
     command, happened = marked
     (tmp_path / "other.geo").write_text(BAR)
@@ -181,6 +183,7 @@ def test_scripts_of_this_repository_are_harmless():
         assert merged == ([step.name] if step.exists() else [])
 
 
+@pytest.mark.slow
 def test_cad_beside_a_script_is_merged(tmp_path):
     (tmp_path / "part.geo").write_text('Merge "bracket.step";\nMesh.MeshSizeMax = 0.03;')
     assert "merges bracket.step, but there is no such file" in refusal(tmp_path / "part.geo")
@@ -229,6 +232,7 @@ def test_a_reader_that_breaks_is_told(tmp_path, monkeypatch, code, answer, says)
     assert says in refusal(tmp_path / "part.msh")
 
 
+@pytest.mark.slow
 def test_a_reader_that_hangs_is_ended_and_the_next_one_reads(tmp_path):
     path = tmp_path / "part.geo"
     path.write_text("For i In {1:1e15}\n a = i;\nEndFor\n" + BAR)
@@ -262,6 +266,7 @@ os._exit(0)
             time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_counts_of_a_header_take_no_memory(tmp_path):
     path = tmp_path / "part.msh"
     many = 10**12
@@ -299,6 +304,7 @@ def test_a_script_sees_little_of_the_environment(tmp_path, monkeypatch):
     assert set(ao.read_mesh(path).groups) == {"of "}
 
 
+@pytest.mark.slow
 def test_a_file_comes_back_as_gmsh_holds_it(session):
     """Coordinates, node order and groups of the child's answer, against gmsh in this process."""
     for name in ("bracket.msh", "frame.msh", "plate.msh"):
@@ -318,6 +324,7 @@ def test_a_file_comes_back_as_gmsh_holds_it(session):
         assert set(raw.groups) == names
 
 
+@pytest.mark.slow
 def test_many_groups_are_found_by_one_pass_over_the_mesh(tmp_path, monkeypatch):
     passes = []
     vertices = compat.entity_vertices
@@ -353,6 +360,7 @@ def test_groups_are_the_same_on_two_ranks(tmp_path):
     assert run_ranks(2, script, path) == ["[25, 25, 25, 25, 25, 25, 25, 25]\n"] * 2
 
 
+@pytest.mark.slow
 def test_what_a_script_asks_of_the_mesh_gives_way_where_it_fails(tmp_path):
     """HXT of Debian's gmsh ends with a fault from the triangles of this algorithm."""
     box = 'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 1, 1, 1};\nMesh.Algorithm = 8;'

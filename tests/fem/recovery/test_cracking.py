@@ -25,6 +25,7 @@ def struck(part: ao.Structure, speed: float) -> ao.History:
     return ao.simulate(model, ball, duration=2e-4)
 
 
+@pytest.mark.slow
 def test_a_verdict_says_that_cracks_are_not_computed():
     hit = struck(block(ao.material("glass, soda-lime")), 1.0)
     assert "Whether glass, soda-lime cracks" in hit.verdict

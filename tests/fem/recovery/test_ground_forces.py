@@ -72,6 +72,7 @@ def whole(part, site, times, force):
     return spring, damper, maxwell, inertia - force - spring - damper - maxwell
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the supports leave")
 def test_springs_and_dampers_have_the_forces_of_the_whole_model():
     attached = [
@@ -91,6 +92,7 @@ def test_springs_and_dampers_have_the_forces_of_the_whole_model():
     np.testing.assert_allclose(found.centre["slow"], QUARTER, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("c", [50.0, 500.0])
 def test_impulses_of_clamp_and_damper_are_the_change_of_momentum(c):
     part, site = bar([ao.Damper(TIP, {"z": c})]), ao.Site(TIP, Z)
@@ -122,6 +124,7 @@ def test_a_part_on_springs_alone_has_their_forces():
     np.testing.assert_allclose(found.total + found.applied, found.inertia, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_spring_and_a_damper_of_one_name_are_one_row_in_a_part_and_in_an_assembly():
     site = ao.Site(TIP, Z)
     part = bar(FOOTING)
@@ -150,6 +153,7 @@ def struck_in(part, site):
     return ao.simulate(ao.extract(part, replaced(site), n=20), BALL, LAW, DURATION)
 
 
+@pytest.mark.slow
 def test_a_layer_that_relaxes_acts_on_the_supports():
     """Two halves of different materials: the clamp carries F and the inertia of the bar."""
     steel = ao.Beam(E=70e9, nu=0.3, rho=2700.0, section=SECTION, orientation=Z)

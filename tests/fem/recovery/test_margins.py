@@ -192,6 +192,7 @@ def test_a_re_entrant_corner_is_told_and_its_stress_grows_with_the_mesh():
     assert largest[1] > 1.2 * largest[0]
 
 
+@pytest.mark.slow
 def test_a_contact_that_yields_is_told_beside_the_margin():
     """The pressure is Hertz's of `contact_stress`; a soft blow and a part of rubber say nothing."""
     shell = ao.Shell(210e9, 0.3, 7850.0, thickness=8e-3, yield_strength=355e6)
@@ -262,6 +263,7 @@ def test_the_range_of_a_yield_strength_belongs_to_the_verdict(stress, verdict):
     assert f"margin of safety {1 / stress - 1:.3g}, {0.8 / stress - 1:.3g}" in margin.sentence
 
 
+@pytest.mark.slow
 def test_a_peak_takes_the_range_of_its_material():
     strengths = {"yield_strength": YIELD, "yield_range": (0.9 * YIELD, 1.2 * YIELD)}
     steel = ao.Solid(210e9, 0.3, 7850.0, **strengths)
@@ -315,6 +317,7 @@ def test_at_each_strength_the_exposure_is_1(criterion):
             assert getattr(PLY, criterion)(stress / 3) == pytest.approx(1 / 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True])
 def test_sheets_that_meet_at_a_fold_are_not_compared(turned):
     """A cantilever with a fin across it: the fin has no stress, and the error of the cantilever,
@@ -634,6 +637,7 @@ def test_section_forces_of_triangles_carry_the_energy_of_K(stack):
     assert energy == pytest.approx(float((shapes.T @ csr(part.K) @ shapes)[0, 0]), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_balls_that_are_given_do_not_replace_the_zone_of_the_contact():
     mesh = ao.box_mesh((0.06, 0.04, 0.02), size=0.005)
     part = ao.Structure(mesh, ao.Solid(70e9, 0.33, 2700.0, yield_strength=40e6), [ao.Support("-z")])

@@ -72,6 +72,7 @@ def test_a_stress_beside_a_sharp_edge_converges_with_the_mesh(tmp_path):
     assert abs(fine / coarse - 1) < 0.1 < sharp[1] / sharp[0] - 1
 
 
+@pytest.mark.slow
 def test_the_sharp_edge_of_an_angle_is_its_inner_one(tmp_path):
     part = angle(tmp_path, 6e-3)
     edges, supports = sharp_edges(part, np.ones((part.rows, 1)))

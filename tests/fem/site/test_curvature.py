@@ -54,6 +54,7 @@ def meshed(folder: Path, shape: str, size: float, order: int) -> ao.Mesh:
     return ao.read_mesh(folder / "part.geo", size=size, order=order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_fit_to_nodes_is_within_its_spread(tmp_path: Path, name: str, order: int) -> None:
@@ -68,6 +69,7 @@ def test_a_fit_to_nodes_is_within_its_spread(tmp_path: Path, name: str, order: i
         assert found.length == pytest.approx(LENGTHS[name], rel=2e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_edges_and_corners_have_no_curvature(tmp_path: Path, order: int) -> None:
     mesh = meshed(tmp_path, "Box(1) = {0, 0, 0, 0.06, 0.06, 0.02};", 0.008, order)
@@ -90,6 +92,7 @@ def test_a_blunt_edge_is_an_edge() -> None:
     assert found.kind == EDGE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_shell_is_struck_half_a_thickness_off_its_middle(cell: str, order: int) -> None:
@@ -110,6 +113,7 @@ def test_a_shell_is_struck_half_a_thickness_off_its_middle(cell: str, order: int
     assert curvature_at(part, (0, 0, R), (0, 1, 0)).kind == EDGE
 
 
+@pytest.mark.slow
 def test_a_part_of_an_assembly_is_curved_where_it_lies(tmp_path: Path) -> None:
     shape = SHAPES["tip of an ellipsoid"][0]
     part = ao.Structure(meshed(tmp_path, shape, 0.005, 1), ao.Solid(**STEEL))
@@ -143,6 +147,7 @@ def test_the_law_of_a_line_is_the_field_of_its_pressure() -> None:
     np.testing.assert_allclose(found, force, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_flat_side_of_one_face_is_flat_and_a_bent_one_is_not_known():
     part = ao.Structure(ao.box_mesh((0.01, 0.01, 0.01), size=0.01), ao.Solid(**STEEL))
     found = curvature_at(part, (0.004, 0.005, 0.01), (0.0, 0.0, -1.0))
@@ -150,6 +155,7 @@ def test_a_flat_side_of_one_face_is_flat_and_a_bent_one_is_not_known():
     np.testing.assert_allclose(found.normal, (0, 0, 1), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_flat_place_beside_a_fillet_is_flat(tmp_path: Path) -> None:
     """A fit as wide as the part takes in nodes of the fillet, and has a hollow of 0.1 m."""
     shape = "Box(1) = {0, 0, 0, 0.06, 0.04, 0.03}; v() = Fillet{1}{9, 10, 11, 12}{0.004};"

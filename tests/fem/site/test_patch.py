@@ -91,6 +91,7 @@ def block():
     return cache(lambda cell: graded(12, cell))
 
 
+@pytest.mark.slow
 def test_an_oblique_patch_is_the_sum_of_its_components():
     """In the middle of the square the block couples no direction with another."""
     directions = (0, 0, 1), (1, 0, 0), (3, 0, 4)
@@ -291,6 +292,7 @@ def test_the_radius_of_a_patch_of_a_point_within_the_solid_is_that_on_its_surfac
     assert within == on
 
 
+@pytest.mark.slow
 def test_a_wide_patch_beside_small_ones_gives_these_no_more_faces():
     """Sites together are as each alone, from about as many pairs of faces and sites."""
     faces = Faces(ao.box_mesh((0.1, 0.08, 0.02), size=4e-3), False)

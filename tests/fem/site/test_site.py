@@ -154,6 +154,7 @@ def test_a_summary_tells_what_its_error_covers(error):
     assert covers in hit.numbers()["error_covers"]
 
 
+@pytest.mark.slow
 def test_a_summary_has_one_figure_of_the_law_that_of_the_budget():
     box = parts.box((8, 4, 4), cell="tetrahedron")
     part = ao.Structure(box, ao.material("steel S235"), [ao.Support("left")])
@@ -271,6 +272,7 @@ def test_the_worst_of_the_doubtful_patches_is_told(part):
     assert "180 mm or more" in text
 
 
+@pytest.mark.slow
 def test_a_sheet_is_told_whose_cells_are_far_larger_than_the_radius():
     """Thick sheets become some per cent too stiff; of thin ones bending hides it: not told."""
     site = ao.Site((0.07, 0.08, 0.0), (0, 0, -1), radius=5e-4)

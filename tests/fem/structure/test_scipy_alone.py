@@ -122,6 +122,7 @@ def test_extraction_without_the_packages():
     assert float(done.stdout) == pytest.approx(1 / np.linalg.inv(K)[20, 20], rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize("supported", [True, False])
 def test_both_back_ends_agree(supported):
