@@ -113,7 +113,7 @@ def measurement(tmp_path, monkeypatch):
     w = 2 * np.pi * f
     H = 1 / (1e5 + 6j * w - 0.5 * w**2) + 1e-7
     rows = np.column_stack([f, H.real, H.imag])
-    np.savetxt("hammer.csv", rows, header="frequency real imag")
+    np.savetxt("hammer.csv", rows, delimiter=",", header="frequency (Hz),real,imag", comments="")
 
 
 @pytest.mark.slow
