@@ -7,7 +7,6 @@ number as engineers do: 82.7 µs, 2.20 kN ± 2 %.
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Callable, Iterable
 from math import ceil, floor, isfinite, log10
 from typing import Any
@@ -31,20 +30,10 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
-#: Which piece of a file is read, in the sentence of `piece_is_read`.
-_PIECE = re.compile(r": (piece \d+ of \d+) is read, the others are not")
-
-
 def piece_is_read(name: str, piece: int, count: int, pieces: str = "") -> str:
     """Sentence on a file of which one piece is read; `pieces`: all of them in words."""
     listed = f" ({pieces})" if pieces else ""
     return f"{name}: piece {piece} of {count} is read, the others are not{listed}."
-
-
-def piece_told(sentences: Iterable[str]) -> str:
-    """ "piece 1 of 12" of such a sentence among others; "" without one."""
-    found = filter(None, map(_PIECE.search, sentences))
-    return next((match[1] for match in found), "")
 
 
 #: Arguments that make cells smaller, and that of a patch.
