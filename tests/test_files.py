@@ -186,6 +186,7 @@ def test_numbers_that_make_no_model(tmp_path):
         assert "no valid model" in refused(tmp_path, {**good, "m.npy": member(array)})
 
 
+@pytest.mark.slow
 def test_damaged_copies_are_refused_or_right(tmp_path):
     saved(tmp_path)
     sound = (tmp_path / "sound.npz").read_bytes()

@@ -90,6 +90,7 @@ def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
     assert capsys.readouterr().err == "antiosc: the number must be > 0; got -1.\n"
 
 
+@pytest.mark.slow
 def test_sigterm_leaves_nothing_temporary(tmp_path):
     code = """
     import os, signal, sys, tempfile
@@ -109,6 +110,7 @@ def test_sigterm_leaves_nothing_temporary(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [[], ["--help"]])
 def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
     """Also where all of it is still in Python's buffer when the reader goes."""

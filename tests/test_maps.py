@@ -95,6 +95,7 @@ def test_bound_against_direct_extraction(steel, mapped):
     assert np.median(mapped.error) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 def test_loads_of_a_surface_are_those_of_single_sites(cell):
     structure = block(cell=cell)
@@ -130,6 +131,7 @@ def sheet(cell="quadrilateral") -> ao.Structure:
     )
 
 
+@pytest.mark.slow
 def test_impacts_are_single_impacts(steel):
     ball, law = ao.RigidMass(mass=0.05, velocity=1.0), ao.Hertz(1e10)
     with warnings.catch_warnings():
@@ -481,6 +483,7 @@ def test_a_map_of_one_face_is_not_told_to_map_one_face(steel):
         assert EDGE in sentence
 
 
+@pytest.mark.slow
 def test_the_impacts_of_a_map_are_made_longer_until_the_bodies_part():
     soft = {"impactor": ao.RigidMass(0.5, 1.0), "contact": ao.Hertz(1e9), "duration": 1e-4}
     given = {"direction": (0, 0, -1), "radius": 0.012}
@@ -549,6 +552,7 @@ def test_stresses_are_those_of_sound_sites_and_of_no_more_than_asked_for():
     assert gaps.max() < 0.035  # spread over the face: five of a face of 120 x 80 mm
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
 def test_a_map_colours_by_danger():
     part, found = struck(supports=True, yield_strength=YIELD)
@@ -562,6 +566,7 @@ def test_a_map_colours_by_danger():
     assert f"{found.exposure[worst]:.3g}" in " ".join(sentences_of_map(found))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
 def test_stress_needs_impacts_and_no_strength():
     part, found = struck(supports=True)
@@ -640,6 +645,7 @@ def test_fewer_sites_lie_apart_on_both_sides_of_a_plate():
     assert far <= cKDTree(with_normals[1]).query(with_normals[1], 2)[0][:, 1].min() + 1e-9
 
 
+@pytest.mark.slow
 def test_a_small_patch_does_not_depend_on_a_large_one_beside_it():
     """Each is projected within its own radius, and no face that its lines cross is left out."""
     ball = parts.box((6, 6, 6), (0.02, 0.02, 0.02), "tetrahedron")

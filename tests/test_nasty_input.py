@@ -91,6 +91,7 @@ def take_sound(name: str) -> None:
         CALLS[name](*own, **arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize("names", PARTS, ids=range(len(PARTS)))
 def test_sound_arguments_are_taken(names):

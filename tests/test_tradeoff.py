@@ -56,6 +56,7 @@ def tried() -> Tradeoff:
     return ao.tradeoff(mesh, SITE, *IMPACT, tol=TOL, material=SHEET, supports=HELD, order=1)
 
 
+@pytest.mark.slow
 def test_bars_hold_against_another_mesh(tried):
     part = ao.Structure(plate((48, 16), (0.3, 0.1)), SHEET, HELD)
     true = ao.simulate(ao.extract(part, SITE, n=60), *IMPACT, tol=1e-6)

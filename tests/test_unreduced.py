@@ -94,6 +94,7 @@ def test_the_figures_of_a_curve():
     assert found.contact_time == pytest.approx(6.0, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["damped", "moving", "no contact", "elastic"])
 def test_what_it_does_not_integrate_is_refused(what):
     part = free()

@@ -58,6 +58,7 @@ def test_static_stiffness_formulae(beam):
         assert 1 / case.static_stiffness == pytest.approx(compliance, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("supports", SOME, ids=str)
 def test_dynamic_stiffness_is_the_models(supports):
     """All of Z from k0, m_st, m_i, omega_i; the error left falls as the fourth power of omega."""
@@ -248,6 +249,7 @@ def test_a_pinned_beam_turns_even_struck_at_its_centre_of_percussion(site):
     assert hit.energy.kinetic[0] == pytest.approx(tensor * spin**2 / 2, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "site"), [("anti-oscillators", 0.3), ("modes", 1.0), ("corrected", 0.5)]
 )

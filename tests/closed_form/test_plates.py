@@ -190,6 +190,7 @@ def lifted(k: float, nu: float) -> float:
     return abs(moved) - (1 - nu) / k
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.02, 0.3, 0.45])
 def test_the_compliance_is_what_the_plate_moves_more_than_the_layer(nu):
     """The integral of both over all wave numbers, by Airy's function for the layer."""
@@ -231,6 +232,7 @@ def test_compliance_at_the_centre_is_timoshenkos():
     assert SQUARE.compliance(0.5, 0.5) * SQUARE.D == pytest.approx(0.01160, abs=5e-6)
 
 
+@pytest.mark.slow
 def test_zener_limits():
     assert zener.restitution(0.0) == pytest.approx(1, abs=1e-9)
     # two bodies through Hertz alone: 2.9433 (5/4)^{2/5}

@@ -255,6 +255,7 @@ def test_nothing_prints_a_bar_without_the_error_of_its_law():
     assert "give the yield strength or a material" in str(budgets()["unknown"].error_budget)
 
 
+@pytest.mark.slow
 def test_the_row_of_the_law_is_what_other_strengths_change():
     hits = budgets()
     bar = hits["known"].error_budget["peak_force"]

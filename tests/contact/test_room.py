@@ -61,6 +61,7 @@ def test_any_ball_touches_an_outer_face_alone(angle):
     assert surface_at(angle, point, direction, 1e-3).largest_ball == np.inf
 
 
+@pytest.mark.slow
 def test_a_part_of_an_assembly_is_turned(angle):
     turned = ao.Placement(shift=(0.5, 0.0, 0.0), axis=(0, 0, 1), angle=np.pi / 2)
     whole = ao.assemble({"angle": angle}, at={"angle": turned})

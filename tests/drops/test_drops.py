@@ -602,6 +602,7 @@ def test_faces_edges_and_corners_hit_first(how: dict[str, str], count: int) -> N
     assert fall.start.centre[2] + low.min() == pytest.approx(0.3)
 
 
+@pytest.mark.slow
 def test_what_no_contact_takes_does_not_keep_a_part_from_rest() -> None:
     """A rod that spins about its axis, a ball that rolls, a block that slides without friction."""
     ends = ((-0.1, 0, 0), (0.1, 0, 0))

@@ -271,6 +271,7 @@ def test_a_port_answers_a_constant_force_as_its_modes_do(model, tmp_path, fmi):
     assert rows[-1] == pytest.approx([moved, speed], rel=1e-10)
 
 
+@pytest.mark.slow
 @VERSIONS
 def test_a_sheet_that_stretches_goes_with_its_tensors(tmp_path, fmi):
     sheet = stretched.model(3)

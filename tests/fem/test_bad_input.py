@@ -236,6 +236,7 @@ def test_a_node_that_is_corner_and_inside_a_side_is_refused_on_every_way_to_a_me
         compat.create_mesh(MPI.COMM_SELF, cells, x, "triangle", 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("content", "options", "words"), CELLS)
 def test_files_of_cells_without_measure_or_that_dolfinx_would_die_of(
     tmp_path, content, options, words

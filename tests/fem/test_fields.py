@@ -195,6 +195,7 @@ def test_names_that_make_no_series(tmp_path, hit):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.pvd"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [*MODELS, "plain"])
 @pytest.mark.parametrize("role", ["structure", "impactor"])
 def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
@@ -255,6 +256,7 @@ def test_a_probe_is_the_field_at_a_point(hit):
     assert np.abs(ao.probe(structure, history, (0.0, 0.03), times)).max() < 1e-18  # clamped
 
 
+@pytest.mark.slow
 def test_every_name_makes_a_series_of_its_own(tmp_path, hit):
     structure, history = hit
     for k, name in enumerate(2 * NAMES):
@@ -275,6 +277,7 @@ def struck():
     return structure, ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3)
 
 
+@pytest.mark.slow
 def test_the_skin_is_the_surface_and_moves_with_the_part():
     """Its area is that of a block of 200 × 50 × 40 mm, and each of its points moves as probed."""
     from antiosc.fields.fields import skin
@@ -293,6 +296,7 @@ def test_the_skin_is_the_surface_and_moves_with_the_part():
         np.testing.assert_allclose(moved[i], probed, atol=1e-9 * np.abs(moved).max())
 
 
+@pytest.mark.slow
 def test_the_picture_of_a_moved_sheet(struck, tmp_path):
     pytest.importorskip("matplotlib")
     from antiosc.plotting import plot_deformed
@@ -323,6 +327,7 @@ def test_a_flat_sheet_read_as_plane_deflects_across_its_plane(tmp_path):
     assert np.abs(moved[:, 2]).max() > 0.5 * np.abs(tip[-1, 2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 10.0])
 def test_the_arrow_of_a_picture_ends_at_the_site_and_the_view_is_the_given_one(scale):
     """It is a quarter as long as the part, along the direction, in mm or in m."""

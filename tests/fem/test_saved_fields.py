@@ -115,6 +115,7 @@ def test_pictures_of_surfaces_lines_and_nodes(tmp_path):
     assert colours == (0.0, pytest.approx(6e3))
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_the_file_of_a_run_has_the_field_of_the_run(tmp_path):
     pytest.importorskip("dolfinx")

@@ -28,6 +28,7 @@ def scene(x: dict[str, float], given: bool) -> ao.Scene:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The run ends during contact")
 @pytest.mark.parametrize("given", [False, True])
 def test_the_spring_of_friction_follows_from_the_contact(given: bool) -> None:

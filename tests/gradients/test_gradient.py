@@ -96,6 +96,7 @@ def in_units(g: ao.Gradient, values: dict[str, Any], exponent: float) -> np.ndar
     return total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "model", "goal"),
     [
@@ -130,6 +131,7 @@ def test_units_of_mass_and_length(law: Any, model: dict[str, Any], goal: str) ->
         assert found[2] == pytest.approx(UNITS[goal][2], abs=2e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal", ["peak_force", "impulse"])
 @pytest.mark.parametrize("soft", [1e3, 1e7])
 def test_a_sphere_that_yields_by_all_its_numbers(soft: float, goal: str) -> None:

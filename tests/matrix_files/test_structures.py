@@ -283,6 +283,7 @@ def test_supports_are_a_dict_of_nodes():
 PAGE = Path(__file__).parents[2] / "docs/howto/matrices.md"
 
 
+@pytest.mark.slow
 def test_the_program_of_the_page(tmp_path, monkeypatch, capsys):
     K, M, labels = spring_frame()
     matrix_market(tmp_path / "K.mtx", K)

@@ -45,6 +45,7 @@ def model() -> ao.AntiOscillators:
     return ao.from_frf(frf, damping="viscous")
 
 
+@pytest.mark.slow
 def test_a_band_without_a_mode_is_told():
     low = F < 150.0
     frf = ao.FRF(F[low], noisy(part()[low, 0, 0]), "receptance")

@@ -121,6 +121,7 @@ def test_the_soil_cone_is_static_as_the_half_space_and_radiates():
     np.testing.assert_allclose(model.modal().receptance(w), exact, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_truncated_models_and_all_others_are_passive():
     rng = np.random.default_rng(2)
     for _ in range(15):

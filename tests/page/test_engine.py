@@ -62,6 +62,7 @@ def same(found, hit, rel=1e-9):
     assert found["contacts"] == len(hit.contacts)
 
 
+@pytest.mark.slow
 @node
 @pytest.mark.parametrize(
     ("model", "striker", "law", "options"),
@@ -89,6 +90,7 @@ def test_the_engine_gives_the_numbers_of_simulate(model, striker, law, options):
     assert found["at"] == pytest.approx(float(hit.force_at([at])[0]), rel=1e-8)
 
 
+@pytest.mark.slow
 @node
 def test_a_slider_through_yield_is_another_modulus():
     """Elastic below, yielding above: one law, whose stiffness is a number of its modulus."""
@@ -104,6 +106,7 @@ def test_a_slider_through_yield_is_another_modulus():
         )
 
 
+@pytest.mark.slow
 @node
 @pytest.mark.parametrize("model", [MODEL, replace(MODEL, local_compliance=1e-8)])
 def test_sliders_through_yield_leave_the_dent_of_simulate(model):
@@ -118,6 +121,7 @@ def test_sliders_through_yield_leave_the_dent_of_simulate(model):
     assert found[0]["dent"] == 0 < found[-1]["dent"]
 
 
+@pytest.mark.slow
 @node
 def test_sliders_pose_what_simulate_poses():
     model = replace(MODEL, local_compliance=1e-8)
@@ -133,6 +137,7 @@ def test_sliders_pose_what_simulate_poses():
         same(found, ao.simulate(damped, striker, law, 3e-3, gap=given.get("gap"), tol=1e-6))
 
 
+@pytest.mark.slow
 @node
 def test_sliders_pose_a_part_that_stretches():
     model, law = stretched.model(3), ao.Power(5e8, 1.5)

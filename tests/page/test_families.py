@@ -72,6 +72,7 @@ def largest_stress(data, hit):
     return max(values)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_page_has_the_stress_of_peak_field(family):

@@ -61,6 +61,7 @@ def test_the_demonstration_of_matrices_has_a_report(tmp_path):
     assert page.stat().st_size > 50_000
 
 
+@pytest.mark.slow
 def test_materials_and_laws_are_numbers():
     done = run_bare("""
 steel = ao.material("steel S235")
@@ -74,6 +75,7 @@ assert ao.simulate(wall, ball, law, 1e-4).peak_force > 100
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["open", "new"])
 def test_a_command_on_a_part_says_what_is_missing(command, tmp_path):
     (tmp_path / "a.stl").write_text("solid a\nendsolid a\n")

@@ -17,6 +17,7 @@ LAW = 'contact.stiffness = {kind = "lognormal", mean = 5e8, variation = 0.2}\n'
 DRAWN = f"[monte_carlo]\nn = 40\nseed = 3\n{SPEED}{LAW}"
 
 
+@pytest.mark.slow
 def test_a_scene_is_drawn_as_by_a_program(tmp_path, capsys):
     path = written(tmp_path, BEAM + DRAWN)
     assert antiosc("monte-carlo", path, "--out", tmp_path / "out") == 0
@@ -66,6 +67,7 @@ def test_mistakes_have_their_lines(tmp_path, capsys, drawn, held):
     assert any(f":{line + k}:" in told for k in (0, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_the_patch_of_a_drawn_scene_carries_its_hardest_blow(tmp_path, capsys):
     """The radius "auto" is that of the largest draws, not of the nominal impact."""

@@ -65,6 +65,7 @@ def deck(path: Path, unit: str, *, rho: bool = True, model: bool = True, pieces:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", UNITS)
 def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
     path = deck(tmp_path / "a.inp", unit)
@@ -76,6 +77,7 @@ def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
     assert inspect_part(tmp_path / "a.inp", unit=unit).unit_text() == unit
 
 
+@pytest.mark.slow
 def test_a_deck_of_pieces_is_assembled_once_for_one_of_them(tmp_path, monkeypatch):
     path, read, counted = deck(tmp_path / "a.inp", "mm", pieces=2), ao.read_model, []
 
@@ -93,6 +95,7 @@ def test_a_deck_of_pieces_is_assembled_once_for_one_of_them(tmp_path, monkeypatc
         inspect_part(path, piece=3)
 
 
+@pytest.mark.slow
 def test_a_deck_without_density_gets_one_in_its_scene_that_is_told(tmp_path):
     path = deck(tmp_path / "a.inp", "mm", rho=False)
     found = inspect_part(path)
@@ -102,6 +105,7 @@ def test_a_deck_without_density_gets_one_in_its_scene_that_is_told(tmp_path):
     assert found.mass == pytest.approx(7850 * np.prod(SIDES))
 
 
+@pytest.mark.slow
 def test_pieces_that_meet_at_other_nodes_are_not_joined_at_the_few_that_coincide(tmp_path):
     """A block of 8 cells beside one of a single cell: of the 9 nodes of its side 4 are common."""
     grid = np.array(list(np.ndindex(3, 3, 3)), dtype=float)
@@ -120,6 +124,7 @@ def _cells_of(n: int) -> list[list[tuple[int, int, int]]]:
     return [[(i + a, j + b, k + c) for i, j, k in base] for a, b, c in np.ndindex(n, n, n)]
 
 
+@pytest.mark.slow
 def test_a_deck_without_elasticity_is_of_steel_in_its_scene_and_this_is_told(tmp_path):
     path = deck(tmp_path / "a.inp", "mm", rho=False)
     text = re.sub(r"\*ELASTIC\n.*\n", "*CONDUCTIVITY\n50.\n", path.read_text())
@@ -132,12 +137,14 @@ def test_a_deck_without_elasticity_is_of_steel_in_its_scene_and_this_is_told(tmp
     assert antiosc("run", scene, "--out", tmp_path / "out") == 0
 
 
+@pytest.mark.slow
 def test_the_largest_piece_of_a_deck_that_falls_apart_is_taken(tmp_path):
     found = inspect_part(deck(tmp_path / "a.inp", "m", pieces=2))
     assert found.read == {"unit": "m", "piece": 1}
     np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_deck_of_a_mesh_alone_is_a_mesh_with_a_material_to_give(tmp_path):
     found = inspect_part(deck(tmp_path / "a.inp", "mm", model=False))
     assert (found.of_deck, found.read["unit"]) == (False, "mm")
@@ -146,11 +153,13 @@ def test_a_deck_of_a_mesh_alone_is_a_mesh_with_a_material_to_give(tmp_path):
     assert scene["material"]["name"] == "steel S235"
 
 
+@pytest.mark.slow
 def test_a_site_that_the_supports_of_a_deck_hold_is_passed_over(tmp_path):
     found = inspect_part(deck(tmp_path / "a.inp", "m"))
     assert found.point[0] > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_closed_surface_is_filled_and_struck_from_outside(tmp_path, turned):
     points = np.array([[x, y, z] for x in (0, 60) for y in (0, 40) for z in (0, 20)], dtype=float)
@@ -165,6 +174,7 @@ def test_a_closed_surface_is_filled_and_struck_from_outside(tmp_path, turned):
     assert (inside < [0.06, 0.04, 0.02]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gap", "read"), [(0, {"fragments": True}), (5, {"piece": 1})])
 def test_solids_are_joined_where_they_touch_or_the_largest_is_taken(tmp_path, gap, read):
     path = tmp_path / "two.step"
@@ -187,6 +197,7 @@ def test_solids_are_joined_where_they_touch_or_the_largest_is_taken(tmp_path, ga
             ao.read_mesh(path, size=0.01, piece=1)
 
 
+@pytest.mark.slow
 def test_what_was_guessed_is_a_table_and_what_cannot_be_read_writes_nothing(tmp_path, capsys):
     deck(tmp_path / "a.inp", "mm")
     assert antiosc("new", tmp_path / "a.toml", tmp_path / "a.inp") == 0
@@ -224,6 +235,7 @@ def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsy
     assert "piece 1 of 2" in (tmp_path / "a.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_part_of_few_nodes_has_fewer_anti_oscillators_than_dofs(tmp_path):
     path = tmp_path / "one.inp"
     nodes = [f"{4 * z + k + 1}, {10 * x}, {10 * y}, {10 * z}"
@@ -235,6 +247,7 @@ def test_a_part_of_few_nodes_has_fewer_anti_oscillators_than_dofs(tmp_path):
     assert tomllib.loads(new.text("a.toml", "one.inp", found))["extract"]["n"] == 3
 
 
+@pytest.mark.slow
 def test_the_first_reason_is_told_where_no_way_reads_a_file(tmp_path):
     path = tmp_path / "a.vtu"
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
@@ -243,6 +256,7 @@ def test_the_first_reason_is_told_where_no_way_reads_a_file(tmp_path):
         inspect_part(path)
 
 
+@pytest.mark.slow
 def test_a_face_whose_nodes_are_all_held_is_not_struck(tmp_path):
     """A tub with a bottom of two triangles, which is its largest face, and walls of many."""
     levels = 12
@@ -260,6 +274,7 @@ def test_a_face_whose_nodes_are_all_held_is_not_struck(tmp_path):
     assert found.point[2] > 0.01
 
 
+@pytest.mark.slow
 def test_the_solids_of_a_file_without_a_unit_are_told_in_the_unit_that_is_taken(tmp_path):
     path = tmp_path / "boxes.brep"
     with gmsh_session() as gmsh:
@@ -298,12 +313,14 @@ def sheet(path: Path, *, held: str = "1,4,13,16", plane: bool = False) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_layers_of_a_laminate_tell_the_unit_of_its_deck(tmp_path):
     found = inspect_part(sheet(tmp_path / "a.bdf"))
     assert found.read == {"unit": "in"}
     np.testing.assert_allclose(found.high, [0.3, 0.3, 0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_surface_of_which_nothing_is_known_is_struck_as_a_flat_face(tmp_path):
     path = sheet(tmp_path / "a.inp", plane=True)
     found = inspect_part(path)
@@ -333,6 +350,7 @@ def test_a_deck_falls_without_its_supports(tmp_path):
     assert tomllib.loads((tmp_path / "a.toml").read_text())["deck"]["free"] is True
 
 
+@pytest.mark.slow
 def test_pieces_have_sizes_and_one_is_chosen(tmp_path, capsys):
     path = deck(tmp_path / "a.inp", "mm", model=False, pieces=3)
     text = path.read_text().splitlines()  # the second is twice as long
@@ -350,6 +368,7 @@ def test_pieces_have_sizes_and_one_is_chosen(tmp_path, capsys):
     assert second.extent() == pytest.approx(np.linalg.norm(SIDES), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_numbers_of_nodes_in_a_scene_are_those_points(tmp_path, monkeypatch):
     deck(tmp_path / "a.inp", "mm")
     monkeypatch.chdir(tmp_path)
@@ -371,6 +390,7 @@ def test_numbers_of_nodes_in_a_scene_are_those_points(tmp_path, monkeypatch):
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_bars_with_nodes_inside_are_straight_between_their_ends(tmp_path):
     nodes = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0.5, 0, 0\n"
     part = tmp_path / "bar.inp"
@@ -380,6 +400,7 @@ def test_bars_with_nodes_inside_are_straight_between_their_ends(tmp_path):
     assert any("straight" in line for line in told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("side", "unit"),
     [(0.5, "m"), (2.95, "m"), (7.86, "mm"), (15.09, "mm"), (3000.0, "mm")],
@@ -393,6 +414,7 @@ def test_a_file_of_more_than_three_units_is_taken_in_millimetres(tmp_path, side,
         assert foreign_part(tmp_path / name).read["unit"] == unit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["closed.stl", "bars.vtu"])
 def test_no_file_is_read_twice_in_the_same_way(tmp_path, monkeypatch, name):
     """A surface in a unit that is guessed, and bars, which become straight."""
@@ -431,6 +453,7 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
         inspect_part(path, unit="ell")
 
 
+@pytest.mark.slow
 def test_the_ball_has_two_hundredths_of_the_length_of_the_part():
     for length, radius in ((0.2, 0.004), (5.0, 0.1)):
         sides = (length, length / 2, length / 4)
@@ -476,6 +499,7 @@ def test_many_groups_are_shortened_in_a_scene():
     assert "of 300 in all" in lines[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lid", [True, False])
 def test_the_inside_of_a_closed_box_is_struck_last(tmp_path, lid):
     """A box of 40 × 30 × 20 mm with walls of 2 mm."""

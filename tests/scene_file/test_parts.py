@@ -335,6 +335,7 @@ def test_the_scene_of_the_page_runs(page, tmp_path, capsys):
     assert hit.peak_force == pytest.approx(peak, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_surface_of_a_model_without_a_mesh_chooses_the_law(tmp_path):
     """As `with_surface` in Python; in a scene of several bodies too; a mesh has its own."""
     ball = '[impactor]\nkind = "Sphere"\nradius = 0.01\nmaterial = "100Cr6"\nvelocity = 0.5\n'

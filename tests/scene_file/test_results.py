@@ -433,6 +433,7 @@ def test_a_run_tells_every_number_once(struck_beam, tmp_path):
     assert "RigidMass, 5.00 kg, 2.00 m/s" in struck_beam[0]
 
 
+@pytest.mark.slow
 def test_the_force_has_one_error_in_a_summary():
     """It told 0.039 % of a force of ± 15 %."""
     section = ao.Section.circle(0.02)

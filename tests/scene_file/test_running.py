@@ -149,6 +149,7 @@ def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
     assert f" ± {percent(peak['error'])} (anti-oscillators" in told
 
 
+@pytest.mark.slow
 def test_a_filtered_acceleration_stands_beside_the_unfiltered_one(tmp_path, capsys):
     """A filter that passes less than the lowest frequency of a part hides the blow."""
     asked = '[probes.{}]\npoint = [0.2, 0.0, 0.0]\nquantity = "acceleration"\n'
@@ -212,6 +213,7 @@ def test_a_sweep_has_the_bars_of_its_runs_and_fails_with_one_of_them(tmp_path, c
     assert bars[0] != pytest.approx(bars[1], rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_sweep_of_structures_is_many_scenes(tmp_path):
     """Another site and another number of anti-oscillators: each as in a scene of its own."""
     swept = "[sweep]\nsites.middle.node = [9, 14]\nextract.n = [6, 3]\n"

@@ -163,6 +163,7 @@ def test_a_warning_that_no_command_collects_is_one_line_and_told_once(capsys, mo
     assert capsys.readouterr().err == "warning: The mesh is coarse.\n"
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
 def test_the_program_of_a_report_is_the_one_that_its_policy_permits(tmp_path):

@@ -134,6 +134,7 @@ def test_step_and_pulse_on_one_oscillator():
     np.testing.assert_allclose(peaks, [2 * 8.0 / 800.0, 4e-3 / 40.0, 0.0], rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_peak_does_not_depend_on_how_long_the_body_swings_on():
     body = ao.AntiOscillators(m0=2.0, k0=800.0, m=[], omega=[])  # 20 rad/s
     pulse = np.array([0.0, 1e-4, 2e-4]), np.array([0.0, 40.0, 0.0])

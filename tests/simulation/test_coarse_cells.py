@@ -65,6 +65,7 @@ def test_a_cell_larger_than_half_a_wave_is_told(family, coarse, fine, thickness)
     assert not sentences(lambda: ao.simulate(struck(family, fine)[0], ball, LAW, 3e-4))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_scene_and_a_message_tell_it_too():
     ball = ao.RigidMass(0.01, velocity=1.0)

@@ -60,6 +60,7 @@ def test_the_energy_that_damping_took_is_that_of_the_dashpots(exact):
     assert hit.energy.drift < 1e-6
 
 
+@pytest.mark.slow
 def test_scenes_under_gravity_and_loads_agree_with_an_integrator():
     """Two contacts with friction, a falling damped body, a load: every array of loads counts."""
     rng = np.random.default_rng(7)

@@ -151,6 +151,7 @@ def test_a_dent_lasts_over_cuts_at_any_time(name: str, compliance: float) -> Non
             goes_on(made, whole, float(t), duration)
 
 
+@pytest.mark.slow
 def test_a_cut_contact_keeps_its_damping_by_other_methods() -> None:
     made = scene(LAWS["Hunt-Crossley"])
     whole = solve(made, DURATION)

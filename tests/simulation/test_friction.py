@@ -70,6 +70,7 @@ def partial_slip(psi: float, steps: int = 1500, springs: int = 200) -> float:
     return float(speed * KAPPA / MU)
 
 
+@pytest.mark.slow
 def test_the_reference_slides_as_published() -> None:
     for psi in (4 * CHI - 0.9, 6.0):
         assert partial_slip(psi) == pytest.approx(psi - 4 * CHI, abs=2e-3)

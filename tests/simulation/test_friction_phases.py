@@ -22,6 +22,7 @@ def released(start: float, stiffness: float, duration: float) -> Scene:
 SEEDS = [*((seed, 1e-3) for seed in range(12)), (3, 1e-6), (19, 1e-6), (63, 1e-5)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "tol"), SEEDS)
 def test_errors_keep_the_tolerance_and_the_claims(seed: int, tol: float) -> None:
     """Steady, vibrating and bouncing normal forces, in one and two directions."""
@@ -33,6 +34,7 @@ def test_errors_keep_the_tolerance_and_the_claims(seed: int, tol: float) -> None
     assert max(error.force, error.peak) <= found.peak
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tol", [1e-3, 1e-6])
 def test_a_reversal_is_located(tol: float) -> None:
     """16 reversals: each lets the spring of friction turn by 2 mu N."""
@@ -42,6 +44,7 @@ def test_a_reversal_is_located(tol: float) -> None:
     assert errors(Truth(scene), found).way <= tol
 
 
+@pytest.mark.slow
 def test_coulombs_oscillator() -> None:
     """Each half swing is shorter by 2 mu N/k: code_aster SDND100 (recalled), but for the spring.
 

@@ -29,6 +29,7 @@ def work(law: ao.ContactLaw, k0: float, force: float) -> float:
     return force**2 / 2 * (1 / k0 + 1 / 1e7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", RATIOS)
 @pytest.mark.parametrize("name", LAWS)
 def test_peak_and_time_are_those_of_a_mass_on_a_spring(name: str, ratio: float) -> None:
@@ -49,6 +50,7 @@ def test_peak_and_time_are_those_of_a_mass_on_a_spring(name: str, ratio: float) 
     assert hit.impulse == pytest.approx(2 * mass * SPEED, rel=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1e4, 1e6])
 @pytest.mark.parametrize("name", LAWS)
 def test_a_mass_laid_on_the_beam_presses_with_twice_its_weight(name: str, ratio: float) -> None:
@@ -61,6 +63,7 @@ def test_a_mass_laid_on_the_beam_presses_with_twice_its_weight(name: str, ratio:
     assert hit.peak_force == pytest.approx(2 * weight, rel=2 * TOL)
 
 
+@pytest.mark.slow
 def test_without_damping_the_beam_goes_on_to_vibrate() -> None:
     """A mass laid on it: the force is smooth though its modes never die away."""
     model = beam(20, 0.0)
@@ -89,6 +92,7 @@ def test_the_force_is_that_of_an_integrator_that_resolves_all(name: str) -> None
     assert hit.run.attempts < other.run.attempts / 3  # of which each takes twelve evaluations
 
 
+@pytest.mark.slow
 def test_a_derivative_of_long_steps_is_that_of_a_mass_laid_on() -> None:
     """Its peak force is in proportion to its mass."""
     model = beam(8, 0.05)

@@ -126,6 +126,7 @@ def test_energy_held_without_mass_counts_as_given() -> None:
     assert hit.energy.drift < 1e-4
 
 
+@pytest.mark.slow
 def test_a_start_loads_nothing_for_mails_and_pages():
     """Modules of Python that take a third of the time to load `simulate`; SciPy may load some."""
     program = (

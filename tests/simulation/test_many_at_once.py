@@ -107,6 +107,7 @@ def test_rigid_impactors_on_one_model_are_rows_of_one_call(rng):
         assert [getattr(many, name)[i] for name in NUMBERS] == [getattr(hit, n) for n in NUMBERS]
 
 
+@pytest.mark.slow
 def test_a_long_batch_can_be_interrupted(monkeypatch):
     """The library returns after few of the scenes, which chatter for long."""
     model = ao.AntiOscillators(m0=1e-2, k0=1e4, m=[1.0] * 4, omega=[300.0, 500.0, 900.0, 1e3])

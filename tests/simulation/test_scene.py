@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 UP = (0.0, 0.0, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", [0.0, 1e-3])
 @pytest.mark.parametrize(("k", "n"), [(1e6, 1.0), (1e8, 1.5)])
 def test_plate_on_four_corners(tilt: float, k: float, n: float) -> None:
@@ -60,6 +61,7 @@ def test_a_law_of_ones_own() -> None:
     assert hit["w", "m"].contact_time == pytest.approx(lasts, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_ground_that_accelerates_is_a_gravity_that_changes() -> None:
     """A mass on its stop under a ramp of the ground's acceleration, from rest."""
     omega, b = np.array([300.0]), np.array([[1.0]])
@@ -177,6 +179,7 @@ def test_plate_that_lands_flat_is_one_mass_on_four_springs() -> None:
     np.testing.assert_allclose(momentum, [0, 0, 2.0], atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("n", [1.0, 1.5])
 def test_rod_bounces_between_walls(n: float) -> None:

@@ -108,6 +108,7 @@ LONG = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("posed", SCENES)
 def test_forces_are_those_of_the_unreduced_system(posed: Callable[[], Posed]) -> None:
     scene, duration, (t, force) = posed()

@@ -82,6 +82,7 @@ def errors(case: Case, shell_body: Shell) -> tuple[np.ndarray, np.ndarray]:
     return np.abs(true), np.array([bars[name] for name in QUANTITIES])
 
 
+@pytest.mark.slow
 def test_bars_hold_the_exact_plate_and_are_not_much_wider():
     ratios = []
     for seed in range(15):
@@ -93,6 +94,7 @@ def test_bars_hold_the_exact_plate_and_are_not_much_wider():
     assert np.sum(np.array(ratios) > 3) <= 2  # whose errors vanish by chance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("disc", [0.6, 2.0])
 def test_bars_hold_for_discs_of_other_radii(disc):
     for seed in range(3):
@@ -102,6 +104,7 @@ def test_bars_hold_for_discs_of_other_radii(disc):
         assert bars.max() < 4 * true.max()
 
 
+@pytest.mark.slow
 def test_bars_hold_what_a_plate_patch_leaves():
     for seed in range(8):
         case = random_case(seed)
@@ -115,6 +118,7 @@ def test_bars_hold_what_a_plate_patch_leaves():
         assert bars.max() < 4 * true.max()
 
 
+@pytest.mark.slow
 def test_a_shell_without_its_data_has_a_sentence_or_nothing():
     case = random_case(0)
     body = case.shell(1.0)

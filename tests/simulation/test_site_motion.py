@@ -22,6 +22,7 @@ def struck(model: ao.AntiOscillators, striker: ao.RigidMass, duration: float) ->
     return ao.simulate(model, striker, LAW, duration, tol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_largest_motion_is_that_of_the_history() -> None:
     hit = struck(THREE, LIGHT, 0.02)
     motion = hit.site_motion

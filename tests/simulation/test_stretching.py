@@ -57,6 +57,7 @@ def integrated(body, forces, t_end=DURATION):
     return t, force, b @ x[:J]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [None, ao.Damping(ratio=0.02)])
 def test_the_march_is_that_of_dop853(damping):
     body = model(damping=damping)
@@ -247,6 +248,7 @@ def test_rows_of_the_march_are_sites_displacements():
     assert np.allclose(own[:, -1], 0)  # the ball has none
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "call",
     [

@@ -21,6 +21,7 @@ def chain(n: int) -> ao.AntiOscillators:
     return ao.extract(part, ao.Site(dof=size // 2), n=n)
 
 
+@pytest.mark.slow
 def test_a_contact_that_is_too_short_for_the_model_is_told():
     whole = chain(60)
     with warnings.catch_warnings():

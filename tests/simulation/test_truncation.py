@@ -112,6 +112,7 @@ def test_estimate_covers_what_the_krylov_method_leaves_out():
     assert factor.max() < 40
 
 
+@pytest.mark.slow
 def test_a_mass_that_sits_at_the_site_is_not_taken_away():
     """A chain whose struck mass is its own: the estimate was 280 %."""
     k, m = 4e6, np.full(40, 1e-3)
@@ -184,6 +185,7 @@ def test_without_a_residual_mass_the_last_anti_oscillator_is_what_may_be_missing
         assert estimate.peak_force == pytest.approx(TRUNCATION_SAFETY * (apart - tol), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("needed", "tried"), [(1, [1]), (3, [1, 2, 4, 3]), (8, [1, 2, 4, 8, 6, 7])]
 )
@@ -218,6 +220,7 @@ def test_the_hung_model_moves_as_a_whole():
     assert (bare.n, bare.m0) == (1, 2.0)
 
 
+@pytest.mark.slow
 def test_the_hung_model_keeps_the_dampers():
     """A chain with a dashpot: given back by what was truncated, and its impact by n = "auto"."""
     full = ao.AntiOscillators(
@@ -254,6 +257,7 @@ def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
     assert [getattr(found, name) for name in QUANTITIES] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize(
     ("method", "stiffness", "n"),
@@ -383,6 +387,7 @@ def test_an_expansion_point_is_one_of_a_krylov_space():
         ao.extract(thin_plate(), SITE, n=3, expansion=-1.0)
 
 
+@pytest.mark.slow
 def test_two_sites_are_checked_as_one_is() -> None:
     """Too few anti-oscillators of a thin plate are told, and are wrong; enough are not."""
     part, sites = thin_plate(), {"a": ao.Site(dof=15 * 31 + 15), "b": ao.Site(dof=8 * 31 + 20)}
@@ -411,6 +416,7 @@ def test_a_scene_of_more_sites_than_anti_oscillators_runs(n) -> None:
     assert scene.run(1e-4)["plate:a", "ball"].peak_force > 0
 
 
+@pytest.mark.slow
 def test_the_warning_and_the_bar_are_one_number() -> None:
     """With an estimate of the mesh and without: above the limit both tell it, below neither."""
     law, ball = ao.Hertz(5e9), ao.RigidMass(0.004, 1.0)

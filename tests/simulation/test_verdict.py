@@ -260,6 +260,7 @@ def test_a_sheet_that_is_held_along_one_line_is_told_to_bend_without_stretching(
     assert told(u / 0.01, "bends").stretch_texts == []
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_the_thickness_of_a_sheet_says_how_it_is_held():
     mesh = ao.box_mesh((0.3, 0.2), size=0.1, gdim=3)

@@ -92,6 +92,7 @@ def test_an_end_sees_rigid_motions(layout, name):
     assert [found.has(UNIT[c]) for c in ("x", "ry")] == [True, has == "all"]
 
 
+@pytest.mark.slow
 def test_a_rigid_line_of_a_beam_is_a_rigid_body():
     """Nodes with rotations follow with them: six dofs, the beam's own mass and inertia."""
     rod = ao.Structure(whole(line((0, 0, 0), (0.6, 0, 0), 3)), BEAM)

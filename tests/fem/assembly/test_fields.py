@@ -68,6 +68,7 @@ def test_a_series_holds_all_parts_in_their_places(tmp_path):
     np.testing.assert_allclose(found.point_data["displacement"][end], moved[0], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_group_names_the_point_of_a_probe():
     """The middle of the group, on a part and in one mesh; a site of that name lies there too."""
     one, two = hits()
@@ -89,6 +90,7 @@ def test_a_group_names_the_point_of_a_probe():
     np.testing.assert_allclose(gauge, by_point, rtol=0, atol=1e-4 * np.abs(by_point).max())
 
 
+@pytest.mark.slow
 def test_a_reference_point_is_struck_and_probed():
     """A point on an arm, fixed to the end of the left half: rigid, and as the model tells."""
     left = ao.Structure(box((0, 0, 0), (0.1, 0.02, 0.02), (4, 1, 1)), STEEL, [ao.Support("x0")])
@@ -231,6 +233,7 @@ def test_a_bar_cut_in_two_has_the_reactions_of_one_mesh():
             np.testing.assert_allclose(own, other, atol=1e-5 * np.abs(other).max())
 
 
+@pytest.mark.slow
 def test_at_rest_forces_and_moments_are_those_of_statics():
     """A beam on a hinge and a roller under F at a third: 2/3 and 1/3 of it, no moment."""
     beam = ao.Structure(line((0, 0, 0), (0.3, 0, 0), 6), BEAM)

@@ -106,6 +106,7 @@ def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
     assert ao.extract(part, site, n=0).k0 == pytest.approx(E * 0.02**2 / 0.3, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_mean_spreads_a_force_evenly():
     """A block pulled at a reference point that follows the mean of its face stretches evenly."""
     rolls = [ao.Support(f"{axis}0", axis) for axis in "xyz"]
@@ -153,6 +154,7 @@ def test_a_bolt_deforms_in_shear_by_the_coefficient_of_each_plane():
         assert flexibility[row, row] == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_mass_that_turns_in_a_plane_is_one_on_a_part_and_on_an_assembly():
     mesh, beam = line((0, 0), (1, 0), 4), ao.Beam(E, NU, 2700.0, BEAM.section)
     own = ao.Structure(mesh, beam, [CLAMP], attached=[ao.PointMass("end", 2.0, 0.1)])

@@ -123,6 +123,7 @@ def free(structure: ao.Structure) -> np.ndarray:
     return mask
 
 
+@pytest.mark.slow
 def test_a_skin_of_shell_on_a_solid_follows_it():
     """A shell on the top face of a block adds its mass, and the block stays one body."""
     x, number = lattice((2, 2, 2), (1.0, 1.0, 1.0))

@@ -18,6 +18,7 @@ HEX, TET, TRI, QUAD = "hexahedron", "tetrahedron", "triangle", "quadrilateral"
 STRAIN = 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize(
     ("first", "second", "n", "m"),
@@ -48,6 +49,7 @@ def test_constant_stress_passes_through_a_tie(first, second, n, m, order):
         assert np.abs(u[member.rows].reshape(-1, dim) - exact).max() < 1e-11 * 2 * STRAIN
 
 
+@pytest.mark.slow
 def test_constant_shear_passes_through_a_tie_between_held_sides():
     """u = (γ y, 0, 0) on both blocks: held on y = 0, pulled on y = 1 and on the ends."""
     G = E / (2 * (1 + NU))
@@ -133,6 +135,7 @@ def test_shell_edges_are_tied_with_their_rotations(second):
     assert ours.omega[:4] == pytest.approx(theirs.omega[:4], rel=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_tie_keeps_mass_and_rigid_motions(turned):
     """A free bar of two parts, the second one made elsewhere and brought to its place."""
@@ -197,6 +200,7 @@ def test_a_shell_edge_on_a_solid_against_the_solid_throughout(cell):
         assert np.abs(whole.omega / omega - 1).min() < 5e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0.0, np.pi / 6])
 def test_a_shell_edge_on_a_solid_keeps_rigid_motions(angle):
     """A free block with a fin: six motions without strain, whatever way the fin stands."""
@@ -209,6 +213,7 @@ def test_a_shell_edge_on_a_solid_keeps_rigid_motions(angle):
     assert both.mass == pytest.approx(2.7 + 2700.0 * T * 0.1 * 0.05, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_shell_edge_beside_the_face_is_refused():
     """The sheet ends on the rim of the block: half of its thickness is over nothing."""
     with pytest.raises(ao.InputError, match="too little of the shell's thickness"):

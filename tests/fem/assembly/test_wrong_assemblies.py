@@ -163,6 +163,7 @@ def test_it_is_told_in_one_sentence(make, words):
     assert np.isfinite(made.mass)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*the compliance under a point")
 @pytest.mark.parametrize("across", [True, False])
 def test_a_plane_part_that_is_known_along_one_axis_is_no_end_of_a_ball(across):

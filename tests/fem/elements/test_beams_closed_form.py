@@ -91,6 +91,7 @@ def test_a_beam_along_its_own_axis_is_a_rod():
     assert model.k0 == pytest.approx(67e9 * SECTION.A / LENGTH, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_solid_bar_becomes_the_beam():
     """Two-dimensional elasticity at a tenth in thickness: Timoshenko's k0 and first frequencies."""
     L, h, t = 1.0, 0.1, 0.02

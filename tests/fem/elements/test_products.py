@@ -97,6 +97,7 @@ CARRIED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("attached", [[], CARRIED], ids=["bare", "attached"])
 @pytest.mark.parametrize("hard", [STEEL, ANISOTROPIC], ids=["isotropic", "anisotropic"])
 @pytest.mark.parametrize("name", CELLS_OF)

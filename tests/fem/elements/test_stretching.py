@@ -136,6 +136,7 @@ def test_the_forces_have_the_energy_of_second_order_strain(case):
         assert np.abs(beyond - found).max() < close * scale
 
 
+@pytest.mark.slow
 def test_a_flat_sheet_has_no_quadratic_forces_and_a_beam_the_closed_ones():
     part, site = plate()
     forces = ao.extract(part, site, n=12, stretch=2).stretch
@@ -143,6 +144,7 @@ def test_a_flat_sheet_has_no_quadratic_forces_and_a_beam_the_closed_ones():
     assert np.abs(forces.quadratic).max() * w < 1e-6 * np.abs(forces.cubic).max() * w**2
 
 
+@pytest.mark.slow
 def test_a_beam_between_walls_has_the_force_of_woinowsky_krieger():
     """F = k w (1 + c w²): the shape of its static deflection stretches by ∫w'²/2 = 12/5 w²/L."""
     part, site = beam_between_walls()
@@ -409,6 +411,7 @@ def test_fields_have_the_displacements_of_second_order():
     assert np.abs(ao.probe(part, hit, (0.1, 0.05, 0), times=[at])[0, :2]).max() > 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_beam_between_walls_is_pulled_as_it_bends():
     """N = EA ∫w'²/(2L) = 12/5 EA (w/L)² of a static deflection w under a force in the middle."""
@@ -423,6 +426,7 @@ def test_a_beam_between_walls_is_pulled_as_it_bends():
     assert largest.values.max() == pytest.approx(pull / (0.01 * 0.004), rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_reactions_of_a_part_that_stretches_are_refused():
     part, site = beam_between_walls()
@@ -536,6 +540,7 @@ def test_what_does_not_stretch_refuses_in_a_sentence():
         ao.extract(truss, ao.Site((0.3, 0, 0), (1, 0, 0)), n=0, stretch="auto")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_friction_on_a_sheet_that_stretches_keeps_the_books():
     """A body that slides throughout: its momentum along is μ times the impulse across."""
@@ -620,6 +625,7 @@ def test_a_solid_that_bends_freely_is_not_told_to_stretch():
     assert 0 < hit.assembly.stretch_left_out < second_order.SLIGHT_ENERGY
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_energies_of_second_order_strain_follow_the_amplitude():
     """Third and fourth order, the first as the derivatives of the whole energy have it."""

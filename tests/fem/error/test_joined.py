@@ -72,6 +72,7 @@ def test_a_budget_of_joined_solids_has_all_shares():
     assert budget["peak_force"].patch > 0
 
 
+@pytest.mark.slow
 def test_assemblies_with_beams_have_the_bars_of_other_causes():
     """The mesh's error is unknown, as without error="estimate", which was refused."""
     beam = ao.Beam(E, NU, RHO, ao.Section.rectangle(0.1, 0.2), orientation=(0, 0, 1))

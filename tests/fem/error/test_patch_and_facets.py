@@ -21,6 +21,7 @@ pytestmark = pytest.mark.filterwarnings(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("y", "radius", "factor"), [(0.04, 0.018, 2**0.5), (0.04, 0.036, 0.5**0.5)]
 )
@@ -151,6 +152,7 @@ def test_a_bar_in_closed_form():
     assert of_cells(bar, u).sum() == pytest.approx(E * area * error, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_k0_of_nested_meshes(cell, order):
@@ -178,6 +180,7 @@ def test_refused_where_it_does_not_hold():
         ao.extract(matrices, ao.Site(dof=0), n=1, error="guess")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", CELLS)
 def test_linear_elements_that_lock_have_no_bar(cell):
     """Of nearly incompressible solids; in plane stress, and with order 2, nothing locks."""

@@ -49,6 +49,7 @@ def struck(part: ao.Structure, point: tuple[float, ...], along: tuple[float, ...
     return ao.extract(part, ao.Site(point, along, snap=True), n=30, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["skew", "tube"])
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_divided_mesh_has_all_motions_of_the_mesh_on_the_same_surface(shape, order):
@@ -70,6 +71,7 @@ def test_the_divided_mesh_has_all_motions_of_the_mesh_on_the_same_surface(shape,
     )
 
 
+@pytest.mark.slow
 def test_nodes_held_by_their_numbers_are_held_with_the_edges_between_them():
     mesh = rectangle(4, 1.0, 1.0, "quadrilateral")
     count = len(mesh.dolfinx.geometry.x)
@@ -101,6 +103,7 @@ def test_answers_of_a_free_shell_are_those_of_one_held_at_points_up_to_a_rigid_m
     assert energy == pytest.approx(forces.T @ held.factorize().solve_block(forces), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_corrected_model_has_the_first_frequencies_of_a_simply_supported_plate():
     """Mindlin's plate: w = sin sin, cells of a quarter of its side; the corrected model is within a
     fourth of the error of the mesh."""
@@ -179,6 +182,7 @@ def test_a_mesh_that_cannot_be_divided_has_bars_without_it_and_says_why(monkeypa
     assert budget["peak_force"].time > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reasons", [("", "no room"), ("no room", "")])
 def test_memory_that_changes_meanwhile_leaves_an_estimate_or_its_reason(monkeypatch, reasons):
     answers_in_turn = itertools.chain(reasons, itertools.repeat(reasons[1]))

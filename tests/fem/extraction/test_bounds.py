@@ -99,6 +99,7 @@ def test_bound_of_free_modes_holds_however_little_a_rigid_motion_moves_the_site(
     assert np.all(bound < 20 * error + 1e-9)
 
 
+@pytest.mark.slow
 def test_modes_of_an_uneven_structure_are_orthogonal():
     K, M, b = loose_bodies(np.random.default_rng(20), 7)
     model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), 5, "modes")
@@ -116,6 +117,7 @@ def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
         ao.extract(structure, ao.Site(dof=7), 40)
 
 
+@pytest.mark.slow
 def test_krylov_steps_stay_orthogonal_to_rigid_motions_beside_stiff_springs():
     K, M, b = loose_bodies(np.random.default_rng(5), 5)
     structure = ao.Structure.from_matrices(K, M)
@@ -159,6 +161,7 @@ def test_full_keeps_a_resonance_of_small_static_compliance():
     assert model.n == 2  # 5e-4 of H at 100 rad/s, 1e-5 of it at rest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-4, 1e-6, 1e-7, 1e-9, 1e-12])
 def test_bound_across_a_slide(angle, method):
@@ -232,6 +235,7 @@ def _stack(angle: float) -> tuple[Array, Array, Array]:
     return block_diag(along, across), np.diag(np.concatenate([m, m])), B
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-7])
 def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
     K, M, B = _stack(angle)

@@ -34,6 +34,7 @@ def direct(stiffness, rows, omega=OMEGA) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_every_number_of_shapes_is_passive_and_many_are_exact():
     exact = direct(K, [45])[:, 0, 0]
     for n in (1, 2, 3, 5, 8, 13, 30):

@@ -148,6 +148,7 @@ def test_slepc_finds_what_a_dense_solver_finds(supports):
         assert value < 1e-7, name
 
 
+@pytest.mark.slow
 def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     """Bending across the impact, torsion and stretching are there, and carry nothing."""
     L = 0.8
@@ -208,6 +209,7 @@ def dense(structure: ao.Structure) -> np.ndarray:
     return np.sqrt(np.abs(scipy.linalg.eigh(K, M, eigvals_only=True)))[rigid:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("supported", [True, False])
 def test_modes_are_those_of_the_matrices(supported):
     structure = bar(supported)

@@ -144,6 +144,7 @@ def test_every_model_has_the_damping_of_its_free_modes(sheet, damping):
     np.testing.assert_allclose(several.decay, known.decay(several.omega), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_ringing_after_a_blow_decays_by_its_ratio(sheet):
     """The lowest mode alone is left after the others have died: e^(−ζωt)."""
     model = ao.extract(sheet, SITE, 8, damping=[0.02, 0.2])

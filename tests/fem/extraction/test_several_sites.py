@@ -157,6 +157,7 @@ def test_one_named_site_is_the_site_alone(held, method, rng):
         np.testing.assert_allclose(named.k0[0, 0], alone.k0, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("held", [0, 1])
@@ -222,6 +223,7 @@ def test_a_site_may_know_its_tangential_displacements(block):
     np.testing.assert_allclose(other, at_rest[:3, :3], atol=1e-9 * at_rest.max())
 
 
+@pytest.mark.slow
 def test_tangential_directions_that_supports_hold():
     rails = ao.Support(lambda x: np.isclose(x[2], 0), ["x", "y", "z"])
     wall = ao.Support(lambda x: np.isclose(x[2], 0.04), ["y"])
@@ -295,6 +297,7 @@ def test_tangential_directions_of_an_assembly():
     np.testing.assert_allclose(found, at_rest, atol=1e-9 * np.abs(at_rest).max())
 
 
+@pytest.mark.slow
 def test_a_plane_part_has_one_tangential_direction():
     plate = ao.Structure(
         box((8, 3), (0.2, 0.05), "quadrilateral"),

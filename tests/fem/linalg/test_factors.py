@@ -119,6 +119,7 @@ def test_no_memory_for_the_factor(monkeypatch):
         ao.extract(block("direct"), SITE, n=3)
 
 
+@pytest.mark.slow
 def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
     part = block()
     need = solver_choice.BYTES * solver_choice.forecast(part.K)

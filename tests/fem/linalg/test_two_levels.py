@@ -143,6 +143,7 @@ def test_rigid_motions_are_those_of_the_coarse_level():
         np.testing.assert_allclose(fine.array_r, own, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_held_dofs_stay(monkeypatch):
     part = made("iterative")
     P = part.matrices.coarser()
@@ -288,6 +289,7 @@ def test_what_needs_a_factor_has_one(factors_are_slow):
     assert first.dynamic_stiffness(x) == pytest.approx(again.dynamic_stiffness(x), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_what_moves_freely_is_told(factors_are_slow):
     """A corner that hangs on nothing has no factor; two levels leave the sentence to it."""
     part = made("auto", supports=[])

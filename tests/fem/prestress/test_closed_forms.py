@@ -13,6 +13,7 @@ from refusals import refused
 from sheets import at, sheet
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", ["beam", "solid", "triangle", "quadrilateral"])
 @pytest.mark.parametrize("speed", [3, 12])
 def test_a_rotating_cantilever_has_the_frequencies_of_wrights_table(family, speed):
@@ -41,6 +42,7 @@ def ritz_lag(speed, beside, terms=8):
     return np.linalg.solve(K, -(speed**2) * beside * y @ w).sum()
 
 
+@pytest.mark.slow
 def test_an_axis_beside_the_blade_couples_lag_with_the_force_that_holds_it():
     speed, beside = 6.0, 0.01
     spin = ao.Spin((0, 0, 1), speed * UNIT, about=(0, beside, 0))
@@ -51,6 +53,7 @@ def test_an_axis_beside_the_blade_couples_lag_with_the_force_that_holds_it():
     assert moved == pytest.approx(ritz_lag(speed, beside), rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1, 10.0, 1e4, -0.9])
 def test_a_beam_between_walls_under_tension_or_thrust(share):
     """ω² of pinned ends grows by the share N/N_E, N_E = π² EI/L²; 1e4 times is a string."""
@@ -99,6 +102,7 @@ def test_columns_buckle_at_eulers_load():
             assert part.prestress.reserve * share == pytest.approx(1, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_spin_beyond_the_first_singularity_is_refused():
     """A blade inward of its axis, x < 0 of the hub's: its tip is pressed toward the hub."""
     spin = ao.Spin((0, 0, 1), 20 * UNIT, about=(2 * LENGTH, 0, 0))

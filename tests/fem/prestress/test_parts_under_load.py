@@ -126,6 +126,7 @@ def tight(**options):
     return ao.Structure(beams(), THIN_BEAM, [PINNED], **options)
 
 
+@pytest.mark.slow
 def test_what_knows_nothing_of_a_prestress_refuses_it():
     part = tight(prestress=ao.Prestress(tension={"all": 10.0}))
     model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=4)

@@ -140,6 +140,7 @@ def bridged(points, cells, shape):
     return x, cells, shape
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["triangle", "quad", "tetra", "hexahedron"])
 def test_cracks_are_told(tmp_path, shape):
     path = tmp_path / "part.vtu"

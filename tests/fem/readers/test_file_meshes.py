@@ -438,6 +438,7 @@ def test_packages_in_the_working_folder_register_nothing(package, monkeypatch):
     assert "xyz" not in {entry.name for entry in request.registered("antiosc.readers")}
 
 
+@pytest.mark.slow
 def test_decks_are_found_in_sources_that_are_not_installed(tmp_path):
     script = "from antiosc.io.request import registered as f\n"
     script += "print(*(e.name for g in {} for e in f(g)))"
@@ -462,6 +463,7 @@ def test_readers_of_decks_know_the_neutral_model_alone():
             assert not {m for m in used if m not in ground and m.rpartition(".")[0] not in ground}
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize("value", [1e300, np.nan, np.inf])
 def test_coordinates_that_no_part_has(tmp_path, value):

@@ -68,6 +68,7 @@ def gmsh4(path):
 WRITERS = {"a.inp": abaqus, "a.bdf": nastran, "a.msh": gmsh4}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRITERS)
 def test_nodes_have_the_numbers_of_their_file(tmp_path, name):
     WRITERS[name](tmp_path / name)
@@ -85,6 +86,7 @@ def mesh(tmp_path_factory):
     return ao.read_mesh(path)
 
 
+@pytest.mark.slow
 def test_a_support_on_numbered_nodes_is_that_on_their_face(mesh):
     nodes = [number(0, j, k) for j in range(3) for k in range(3)]
     tip = {"direction": (0, 0, -1)}
@@ -126,6 +128,7 @@ def test_numbers_that_a_mesh_does_not_have(mesh):
         ao.Structure(made, STEEL, [ao.Support(nodes=[3])])
 
 
+@pytest.mark.slow
 def test_unused(tmp_path):
     points, cells = bar()
     meshio.write(tmp_path / "a.vtu", meshio.Mesh(points, [("hexahedron", cells)]))
@@ -149,6 +152,7 @@ def test_groups_of_elements_by_their_numbers(tmp_path, name):
             ao.read_mesh(tmp_path / name, elements=wrong)
 
 
+@pytest.mark.slow
 def test_elements_without_numbers(tmp_path):
     gmsh4(tmp_path / "a.msh")
     with pytest.raises(ao.MeshError, match=r"a\.msh have no numbers"):

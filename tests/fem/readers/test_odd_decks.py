@@ -464,6 +464,7 @@ FLAT_SOLID = "*ELEMENT,TYPE=C3D8,ELSET=ALL\n7,1,2,2,1,1,2,2,1\n"
 IN_A_PLANE = "*ELEMENT,TYPE=C3D8,ELSET=ALL\n7,1,2,3,4,1,2,3,4\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flat", [FLAT_SOLID, IN_A_PLANE])
 def test_cells_without_volume_are_refused(tmp_path, flat):
     text = inp.CUBE + flat + inp.SOLID + inp.STEEL

@@ -145,6 +145,7 @@ def test_a_model_has_the_mass_and_the_number_of_every_element(tmp_path, name, te
     assert "2 T3D2" in told or "2 CROD" in told  # springs with masses at their ends
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize(("name", "text"), [("a.inp", abaqus()), ("a.bdf", nastran())])
 def test_a_mesh_tells_the_number_of_every_element_that_is_no_cell(tmp_path, name, text):

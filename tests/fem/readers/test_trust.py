@@ -41,6 +41,7 @@ def marked(tmp_path):
     return command, (tmp_path / "mark").exists
 
 
+@pytest.mark.slow
 def test_a_script_by_the_name_of_a_mesh_is_not_run(tmp_path, marked):
     command, happened = marked
     path = tmp_path / "part.msh"

@@ -118,6 +118,7 @@ def test_stress_in_the_outline_of_a_beam_is_that_of_oblique_bending(round_):
     assert values.max() == pytest.approx(expected, rel=6e-3 if round_ else 1e-6)
 
 
+@pytest.mark.slow
 def test_pictures_show_the_stress_and_mark_its_worst_point(strip, tmp_path):
     part, hit = strip
     peak = ao.peak_field(part, hit, body="part")

@@ -300,6 +300,7 @@ def test_what_has_no_reactions_is_refused(held):
             ao.reactions(structure, history, site)
 
 
+@pytest.mark.slow
 def test_what_moves_the_whole_part_is_refused(held):
     """A moving ground, and gravity on a part that may slide; the weight of a held part is none."""
     part, _ = held
@@ -319,6 +320,7 @@ def test_what_moves_the_whole_part_is_refused(held):
         ao.reactions(slides, falling.run(1e-5), STRUCK_AT, body="part")
 
 
+@pytest.mark.slow
 def test_a_clamped_shell_holds_force_and_moment():
     """At rest under F at the distance d: R = −F and M = F d about the clamp."""
     part = ao.Structure(

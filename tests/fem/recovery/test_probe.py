@@ -85,6 +85,7 @@ def test_every_quantity_converges_to_the_unreduced_model(sheet):
         assert value < limits.get(quantity, 2e-4), quantity
 
 
+@pytest.mark.slow
 def test_the_error_by_the_anti_oscillators_is_that_of_the_unreduced_model(sheet):
     part, times, solved = sheet
     point = POINTS[1]
@@ -114,6 +115,7 @@ def test_the_error_by_the_anti_oscillators_is_that_of_the_unreduced_model(sheet)
         ao.probe_error(part, ao.simulate(ao.extract(part, SITE, 1), BALL, LAW, 1e-4), point)
 
 
+@pytest.mark.slow
 def test_the_error_of_a_probe_has_that_of_the_force_which_it_follows():
     part = parts.held_sheet()
     point = POINTS[1]
@@ -321,6 +323,7 @@ def test_von_mises_of_a_beam_is_that_of_its_worst_fibre(outline):
     assert stress == pytest.approx(bent if outline else 0.0, rel=2e-2, abs=1e-6 * bent)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*patch", "ignore:.*half-space")
 def test_a_part_that_an_assembly_turns_feels_the_same():
     """Motion and tensors of the turned part are those of the part itself, turned."""

@@ -26,6 +26,7 @@ def displaced(part, direction):
     return hit.displacement[np.argmax(hit.force)] * np.array(model.direction)
 
 
+@pytest.mark.slow
 def test_a_direction_that_leaves_the_material_is_turned_and_told(block):
     inward = displaced(block, (0, 0, -1))
     assert inward[2] < 0

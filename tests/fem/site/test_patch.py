@@ -282,6 +282,7 @@ def test_rules_of_patches_are_exact(count):
         radial *= (2 * k + 2) / (2 * k + 5)
 
 
+@pytest.mark.slow
 def test_the_radius_of_a_patch_of_a_point_within_the_solid_is_that_on_its_surface():
     """As one between the corners of a curved facet: it was struck at a point, without a patch."""
     part = with_parts(ao.Structure(box((0, 0, 0), (0.1, 0.1, 0.02), (10, 10, 2)), SOLID))

@@ -101,6 +101,7 @@ def test_a_point_outside_says_how_far_and_where_to_strike():
     np.testing.assert_allclose(snapped, at(structure, (0.1, 0.02, 0.04), (0, 0, -1)), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_snap_reaches_two_hundredths_of_the_part_or_one_element():
     fine = ao.Structure(parts.box((40, 4, 4)), SOLID, order=1)  # 0.2 m long, elements of 15 mm
     coarse = ao.Structure(parts.box(), SOLID, order=1)  # elements of 60 mm
@@ -124,6 +125,7 @@ def test_a_snap_reaches_two_hundredths_of_the_part_or_one_element():
         ao.Site(off, (0, 0, -1), snap=-1e-3)
 
 
+@pytest.mark.slow
 def test_a_probe_reaches_as_far_as_a_snap():
     part = ao.Structure(parts.box((40, 4, 4)), SOLID, [ao.Support("left")], order=1)
     model = ao.extract(part, ao.Site((0.15, 0.02, 0.045), (0, 0, -1), radius=0.01, snap=True), n=2)
@@ -140,6 +142,7 @@ def test_a_probe_reaches_as_far_as_a_snap():
     assert hit.numbers()["sites"][""] == pytest.approx([0.15, 0.02, 0.04])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [None, "estimate"])
 def test_a_summary_tells_what_its_error_covers(error):
     part = ao.Structure(parts.box((8, 4, 4), cell="tetrahedron"), SOLID, [ao.Support("left")])
@@ -167,6 +170,7 @@ def test_a_summary_has_one_figure_of_the_law_that_of_the_budget():
     assert f"law {percent(share)}" in hit.summary()
 
 
+@pytest.mark.slow
 def test_a_shell_of_quadrilaterals_is_advised_of_an_estimate_that_is_given():
     shell = ao.Shell(thickness=2e-3, **STEEL)
     square = sheet(4, lambda s, t: (0.2 * s, 0.2 * t, 0 * s), "quadrilateral")

@@ -133,6 +133,7 @@ def test_a_family_of_ones_own_says_what_a_site_takes():
         ao.Structure(parts.box(), SOLID.weak_form)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["csr", "coo", "dense", "petsc"])
 @pytest.mark.parametrize("supports", [[ao.Support("left")], []], ids=["supported", "free"])
 def test_matrices_give_the_model_of_the_mesh(kind, supports):
@@ -285,6 +286,7 @@ def test_memory_does_not_grow():
         assert json.loads(text) < 0.3
 
 
+@pytest.mark.slow
 def test_a_stiff_plate_on_springs_heaves_as_one_mass():
     mesh = grouped(
         rectangle(4, 0.2, 0.2),
@@ -302,6 +304,7 @@ def test_a_stiff_plate_on_springs_heaves_as_one_mass():
     assert frequencies(part, 6) ** 2 == pytest.approx(squares, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_support_holds_the_stiffener_too():
     """A rib along a clamped edge adds nothing but mass."""
     mesh = grouped(rectangle((4, 4), 0.4, 0.4), lambda x: np.isclose(x[0], 0))
