@@ -49,9 +49,7 @@ def test_the_family_follows_from_the_section():
         ao.material("wood, Sitka spruce", E=1e9)
 
 
-@pytest.mark.parametrize(
-    ("name", "listed"), [("6016", "titanium"), ("aluminium", "7075"), (3, "name")]
-)
+@pytest.mark.parametrize(("name", "listed"), [("6016", "6061"), ("aluminium", "7075"), (3, "name")])
 def test_the_names_are_listed(name, listed):
     with pytest.raises(ao.InputError, match=listed):
         ao.material(name)

@@ -201,7 +201,7 @@ def test_a_material_is_taken_by_name(given, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("part", "name", "said"),
     [
-        (MESHES / "bracket.step", "unobtainium", "take one of"),
+        (MESHES / "bracket.step", "unobtainium", "nearest of the materials"),
         (MESHES / "bracket.step", "Sitka", "orientation"),
         (DEMOS / "scenes/bar.inp", "6061", "--material"),
     ],

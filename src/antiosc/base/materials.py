@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from antiosc.base import checks
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, name_list
 from antiosc.base.texts import engineering
 
 #: Materials of which a deck without densities may be.
@@ -80,12 +80,10 @@ def record(name: object) -> MaterialRecord:
     for candidates in (exact, matches):
         if len(candidates) == 1:
             return _read(candidates[0], _table()["material"][candidates[0]])
-    fault = "is the name of several materials" if matches else "is not in the table of materials"
-    listed = ", ".join(map(repr, matches or all_names))
-    raise InputError(
-        f"{wanted!r} {fault}: take one of {listed}, or give the constants E, nu, rho and"
-        " yield_strength."
-    )
+    fault = f"no material; {name_list(wanted, all_names, 'the materials')}"
+    if matches:
+        fault = f"the name of several materials: take one of {', '.join(map(repr, matches))}"
+    raise InputError(f"{wanted!r} is {fault}, or give the constants E, nu, rho and yield_strength.")
 
 
 def yielding(name: str) -> MaterialRecord:

@@ -78,6 +78,7 @@ def deformed(
     field: str | None = None,
 ) -> Deformed:
     """The surface of a part at one time; arguments as for `plot_deformed`."""
+    checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     history.of(body)
     if time is None:
