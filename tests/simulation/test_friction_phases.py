@@ -19,7 +19,7 @@ def released(start: float, stiffness: float, duration: float) -> Scene:
     return Scene(1.0, (1e4,), (start,), 10.0, 1e6, 0.0, 0.1, stiffness, duration)
 
 
-SEEDS = [*((seed, 1e-3) for seed in range(12)), (3, 1e-6), (19, 1e-6), (63, 1e-5)]
+SEEDS = [*((seed, 1e-3) for seed in range(6)), (3, 1e-6), (19, 1e-6), (63, 1e-5)]
 
 
 @pytest.mark.slow

@@ -126,16 +126,11 @@ SPEED = 1e-4
 CASES = [
     ("plate", "clamped", (6, 4), 0.001, 1, (0.3, 0.25, 0.0), 0.1, 0.1),
     ("plate", "cantilever", (8, 4), 0.0006, 1, (0.3, 0.45, 0.0), 0.02, 0.1),
-    ("plate", "simple", (6, 4), 0.04, 1, (0.6, 0.3, 0.0), 0.3, 0.2),
     ("plate", "free", (6, 5), 0.01, 1, (0.2, 0.2, 0.0), 0.05, 0.3),
     ("skew", "clamped", (8, 5), 0.002, 1, (0.7, 0.35, 0.0), 0.05, 0.2),
     ("skew", "simple", (6, 4), 0.02, 1, (0.6, 0.3, 0.0), 0.5, 1.0),
-    ("skew", "free", (6, 4), 0.0008, 1, (0.6, 0.3, 0.0), 0.02, 0.2),
     ("fold", "clamped", (8, 4), 0.005, 1, (0.25, 0.3, 0.0), 0.1, 0.2),
-    ("fold", "free", (8, 4), 0.002, 1, (0.25, 0.3, 0.0), 0.1, 0.5),
     ("panel", "clamped", (8, 5), 0.01, 2, (0.35, 0.3, 0.93), 0.1, 0.5),
-    ("panel", "cantilever", (8, 5), 0.0008, 2, (0.35, 0.5, 0.93), 0.02, 0.3),
-    ("tube", "clamped", (10, 5), 0.006, 2, (0.21, 0.3, 0.21), 0.2, 0.3),
     ("tube", "free", (10, 5), 0.001, 2, (0.21, 0.3, 0.21), 0.05, 0.3),
 ]
 
@@ -215,7 +210,7 @@ def test_groups_of_cells_and_edges_follow_the_division():
 @pytest.mark.filterwarnings("ignore:.*The cell at the site measures")
 @pytest.mark.parametrize(
     ("n", "time", "resolved"),
-    [(16, 5e-4, True), (24, 1.2e-4, False), (10, 5e-4, False), (6, 1.2e-4, False)],
+    [(16, 5e-4, True), (10, 5e-4, False)],
 )
 @pytest.mark.slow
 def test_a_cell_longer_than_a_wave_is_told_as_its_bar_does_not_hold(n, time, resolved):
