@@ -460,5 +460,5 @@ def test_a_material_that_has_no_such_name(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text('material = "6016"\n' + HELD)
     (tmp_path / "plate.msh").touch()
-    with refused(None, ":1: material: '6016' is not"):
+    with refused(None, ":1: material: '6016' is no material"):
         compiled(read(path))
