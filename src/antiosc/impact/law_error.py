@@ -110,18 +110,6 @@ def causes(raw: History, choice: Choice) -> Iterator[Sequence[ContactLaw]]:
     yield other_strengths(law, soft, raw.peak_force, strain_rate(law, raw))
 
 
-def by_other_laws(hit: History, tol: float) -> list[list[History]]:
-    """The impact by the changed laws of each cause, without second-order forces; [] of a law that
-    was given, and where its error is not known.
-    """
-    choice = choice_of(hit.law, hit.model, hit.impactor)
-    by_law = getattr(hit.source, "by_law", None)
-    if choice is None or by_law is None or not hit.contacts:
-        return []
-    changed, _ = _changed_laws(hit, choice)
-    return [[by_law(law, tol) for law in cause] for cause in changed]
-
-
 def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
     """The laws for the smallest and the largest possible curvatures of the surfaces."""
     pair = [body.surface() for body in (raw.model, raw.impactor) if isinstance(body, Body)]

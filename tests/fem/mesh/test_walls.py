@@ -9,8 +9,7 @@ import pytest
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.extension import Faces
-from antiosc.fem.mesh.walls import _Skin, under_patch, wall_thickness
+from antiosc.fem.mesh.walls import _Skin, wall_thickness
 from antiosc.fem.platform import compat
 
 
@@ -47,32 +46,6 @@ def test_the_walls_do_not_depend_on_the_cells(size, tmp_path):
     (tmp_path / "fin.geo").write_text(FIN)
     mesh = ao.read_mesh(tmp_path / "fin.geo", size=size)
     assert wall_thickness(mesh) == pytest.approx(0.002, rel=1e-9)
-
-
-def beside_a_step() -> ao.Mesh:
-    """A block of 20 x 20 x 10 mm, cells of 1 mm, whose last 4 mm along x are 1 mm thick, and with a
-    slit of 1 mm through it along y, 1 mm below the top.
-    """
-    x, y, z = np.meshgrid(*(np.arange(n) for n in (20, 20, 10)), indexing="ij")
-    solid = ((x < 16) | (z == 9)) & ~((x == 12) & (z < 9))
-    corner = np.column_stack([axis[solid] for axis in (x, y, z)])
-    around = np.array([(a, b, c) for c in (0, 1) for b in (0, 1) for a in (0, 1)])
-    nodes = (corner[:, None] + around).reshape(-1, 3)
-    points, number = np.unique(nodes, axis=0, return_inverse=True)
-    cells = number.reshape(-1, 8).astype(np.int64)
-    return ao.read_mesh(compat.create_mesh(MPI.COMM_SELF, cells, 1e-3 * points, "hexahedron", 1))
-
-
-@pytest.mark.parametrize(
-    ("x", "radius", "thickness", "least"),
-    [(10.5, 5, 10, 1), (6.5, 4, 10, 10), (12.5, 3, 10, 1), (15, 4, 10, 1), (18.5, 2, 1, 1)],
-)
-def test_the_thickness_under_a_patch_is_that_of_most_of_it(x, radius, thickness, least):
-    """The roof of a slit, and a thin rim beside the patch, are no plate under it."""
-    faces = Faces(beside_a_step(), sheet=False)
-    place = np.array([x, 10.5, 10.0]) * 1e-3
-    found = under_patch(faces, place, radius * 1e-3)
-    assert found == pytest.approx((thickness * 1e-3, least * 1e-3, 1e-3), rel=1e-9)
 
 
 def test_no_wall_is_thinner_than_nothing():

@@ -18,7 +18,7 @@ from antiosc.fem.mesh import CellEntities, Mesh
 from antiosc.fem.mesh.closest import clamped, excess, pairs_within, projected
 from antiosc.fem.platform import compat
 from antiosc.io.cad import FACE
-from antiosc.io.neutral import FACETS, KINDS
+from antiosc.io.neutral import KINDS
 
 #: Degree of the quadrature on groups: exact for products of two cubics on straight cells.
 DEGREE = 6
@@ -43,18 +43,6 @@ TINY = 1e-300
 def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
     """meshio's name of the cell type."""
     return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
-
-
-def outer_corners(cell: str, cells: IntArray) -> IntArray:
-    """Corners of the outer faces of solids, or of plane cells, in order around each face."""
-    faces = [cells[:, list(f)] for f in FACETS[cell]]
-    if cell in ("triangle", "quadrilateral"):  # the first corner of each edge around the cell
-        return cells[:, [edge[0] for edge in FACETS[cell]]]
-    all_faces = np.vstack(faces)
-    _, first, count = np.unique(
-        np.sort(all_faces, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    return np.asarray(all_faces[first[count == 1]])
 
 
 def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:

@@ -14,18 +14,15 @@ from antiosc.fem.mesh.surface import Faces, quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import connected
 
-#: Points of a patch at which the thickness is measured; each has the same share of its area.
-POINTS = 64
-#: The same of a whole surface: in four meshes of a bracket of 4000 to 24 000 cells 64 points had
-#: 1.20, 1.20, 2.05 and 2.84 mm, 128 points 1.20 or 2.20 mm, and 256 points 1.20 mm in all.
+#: Points of the surface at which the thickness is measured; each has the same share of its area.
+#: In four meshes of a bracket of 4000 to 24 000 cells 64 points had 1.20, 1.20, 2.05 and 2.84 mm,
+#: 128 points 1.20 or 2.20 mm, and 256 points 1.20 mm in all.
 OF_SURFACE = 256
 #: Cosine of the normals of two opposite faces, at most.
 OPPOSITE = -0.5
 #: Distance behind a face, over the size of the part, up to which an opposite face touches it, as
 #: those of pieces in contact do: their nodes in decks agree to the digits that are written.
 TOUCHING = 1e-5
-#: A line meets a face whose side it passes within this share of the face, for rounding.
-EDGE = 1e-9
 #: Share of the surface over walls that are thinner than the result: edges of holes and chamfers,
 #: which are thin too, have less.
 SHARE = 0.25
@@ -51,29 +48,6 @@ def wall_thickness(mesh: Mesh) -> float:
     return thickness if np.isfinite(thickness) else 0.0
 
 
-def under_patch(faces: Faces, point: Array, radius: float) -> tuple[float, float, float]:
-    """(thickness of a solid under a patch, the least of it, size of the face there), m.
-
-    `point` (3,), `radius` : middle and radius of the patch [m]. The thickness is the median over
-    the area of the patch: the roof of a slit, and a rim beside the contact, do not bend as a plate.
-    It is inf where nothing is beneath.
-    """
-    skin = _whole_skin(faces)
-    sizes = _everywhere(faces, faces.sizes)
-    centres = skin.centres
-    distance = np.linalg.norm(centres - point, axis=1)
-    k = int(np.argmin(distance))
-    is_same_side = skin.normals @ skin.normals[k] > -OPPOSITE
-    is_struck = (distance <= radius) & is_same_side & (skin.bodies == skin.bodies[k])
-    is_struck[k] = True
-    struck = np.flatnonzero(is_struck)
-    chosen = struck[_evenly(sizes[struck] ** 2, POINTS)]
-    depth_of = {j: skin.depth(centres[j], int(j), straight=True) for j in np.unique(chosen)}
-    depths = [depth_of[j] for j in chosen]
-    thickness = float(np.quantile(depths, 0.5, method="higher"))
-    return thickness, float(min(depths)), float(sizes[k])
-
-
 def _evenly(areas: Array, count: int) -> IntArray:
     """Numbers (count,) of the faces of these areas at points that each have the same share."""
     cumulated = np.cumsum(areas)
@@ -96,27 +70,9 @@ class _Skin:
         """Middles of the corners (F, 3)."""
         return np.asarray(self.corners.mean(axis=1))
 
-    @cached_property
-    def radii(self) -> Array:
-        """Largest distance (F,) of the corners from the middle."""
-        return np.linalg.norm(self.corners - self.centres[:, None], axis=2).max(axis=1)
-
-    def beneath(self, point: Array, normal: Array, faces: IntArray) -> IntArray:
-        """Those of the faces that the line through a point along a normal meets."""
-        gap = self.centres[faces] - point
-        aside = np.linalg.norm(gap - np.outer(gap @ normal, normal), axis=1)
-        near = faces[aside <= self.radii[faces] * (1 + EDGE)]
-        corners = self.corners[near]
-        sides = np.roll(corners, -1, axis=1) - corners
-        turns = np.cross(sides, point - corners) @ normal
-        level = EDGE * np.abs(turns).max(axis=1, keepdims=True)
-        return near[(turns >= -level).all(axis=1) | (turns <= level).all(axis=1)]
-
-    def depth(self, point: Array, face: int, *, straight: bool = False) -> float:
+    def depth(self, point: Array, face: int) -> float:
         """Distance [m] from a point of a face along its normal to the nearest opposite face of its
         body; inf without one.
-
-        `straight`: of those alone that the normal meets.
         """
         gap = self.centres - point
         cosine = self.normals @ self.normals[face]
@@ -125,8 +81,6 @@ class _Skin:
         is_opposite = (cosine < OPPOSITE) & behind & inside
         is_opposite &= self.bodies == self.bodies[face]
         opposite: IntArray = np.flatnonzero(is_opposite)
-        if straight:
-            opposite = self.beneath(point, self.normals[face], opposite)
         if not opposite.size:
             return np.inf
         j = int(opposite[np.argmin(np.linalg.norm(gap[opposite], axis=1))])

@@ -43,7 +43,7 @@ MOST_CONTACTS = 10_000
 
 #: What `dir` leaves out: texts and repetitions that other modules use.
 INTERNAL = {
-    *("budget", "count_text", "force_text", "given", "named", "rerun", "source"),
+    *("budget", "count_text", "given", "named", "rerun", "source"),
     *("stretch_texts", "unfinished"),
 }
 
@@ -241,10 +241,11 @@ class History(RunHistory, Results):
         if not self.named:
             e = self.restitution
             budget = budget_of(self)
+            peak_force = engineering(self.peak_force, "N", 4)
             note = contact_time_note(self)
             rows = [
                 *(("contact", text) for text in [self.verdict] if text),
-                ("peak force", self.force_text),
+                ("peak force", budget.shown("peak_force") if budget else peak_force),
                 *([("", budget.footnote)] if budget and budget.footnote else []),
                 *(("site", point) for point in places.values()),
                 ("impulse", engineering(self.impulse, "N s", 4)),
@@ -284,14 +285,6 @@ class History(RunHistory, Results):
             f" {stretch_effect(self)}"
             for name, stretch in forces.items()
         ] or list(linear_texts(self))
-
-    @property
-    def force_text(self) -> str:
-        """Peak force of a contact as text, with its error where that may be known."""
-        budget = budget_of(self)
-        if budget is not None:
-            return budget.shown("peak_force")
-        return engineering(self.peak_force, "N", 4)
 
     def _facts(self) -> list[tuple[str, str]]:
         contacts = self.contact_histories

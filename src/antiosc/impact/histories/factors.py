@@ -109,13 +109,6 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
     return np.hstack([linear, forces.pair_motion(a, v, w, derivative)])
 
 
-def stretch_amplitudes(history: AnyHistory, times: Array, body: str) -> Array:
-    """Amplitudes (n, m) of the modes with second-order forces at times."""
-    forces = stretch_in(history, body)
-    assert forces is not None
-    return np.asarray(_motion_at(history, times, body).q @ forces.modes)
-
-
 def stretch_factors(history: AnyHistory, body: str) -> Array:
     """Factors (m, B) of the body's shapes for the modes with second-order forces."""
     modes = modes_of(history, body)
