@@ -226,7 +226,7 @@ def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None
     fall = ao.drop(part, 0.1, (10, 5, 0), ao.Floor(STEEL), until=3, modes=12)
     alone = [fall.worst(impacts=[k]).margin() for k in range(3)]
     stresses = [margin.value for margin in alone]
-    judged = int(np.argmax(stresses))
+    judged = next(k for k in range(3) if stresses[k] == pytest.approx(max(stresses)))
 
     def margin_with(bars: list[float]) -> ao.Margin:
         pairs = zip(fall.impacts, bars, strict=True)

@@ -33,6 +33,8 @@ from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
 from antiosc.recovery import source
 from antiosc.recovery.place import Place, layers_of, strength_of
 
+#: Contacts whose stresses differ by less are equal but for rounding; the first of them counts.
+TIE = 1e-6
 #: Criterion -> event at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
     "yield": ("yield", "von Mises"),
@@ -350,6 +352,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     k = int(exposure.argmax())
     worst = float(exposure[k])
     point, strength, at_edge = nodes.points[k], float(nodes.strength[k]), False
+    time = float(nodes.time[k])
 
     # what the mesh does not resolve
     coarse = nodes.error > UNRESOLVED
@@ -368,9 +371,10 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
         at_contacts |= near
         is_known = criterion in ("yield", UNJUDGED) and values[nearest] > 0
         at_contact = zone.edge_stress / nodes.strength[nearest] if is_known else 0.0
-        if at_contact > worst:
+        if at_contact > worst * (1 + TIE):
             worst, k, at_edge = float(at_contact), nearest, True
             point, strength = zone.point, float(nodes.strength[nearest])
+            time = zone.time
             at_contacts[nearest] = True
             needed[nearest] = zone.radius
     coarse |= at_contacts
@@ -406,7 +410,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     note = ". ".join([*notes[:1], *map(capitalised, notes[1:])])
     errors = strength * least, strength * largest
     return Margin(
-        *(criterion, worst * strength, strength, point, float(nodes.time[k]), errors),
+        *(criterion, worst * strength, strength, point, time, errors),
         scope=scope,
         note=note,
         remedy=remedy,

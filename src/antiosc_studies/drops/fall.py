@@ -333,7 +333,7 @@ class Fall(Trajectory, Result):
         field = replace(field, error=None)
         if field._margin is not None:
             margin = field._margin
-            k = int(impact[field.judged])
+            k = int(np.searchsorted(starts, margin.time, side="right")) - 1
             yields = margin.criterion == "yield" and any(map(self._contact_yield, impact_numbers))
             errors = [one.law_error or 0.0 for one in self.impacts]
             error = max((errors[j] for j in impact_numbers), default=0.0)

@@ -37,7 +37,7 @@ class PointContact(NamedTuple):
     """A contact at a point and its largest force.
 
     It has the number of its point, a place (3,) in the axes of the mesh [m], a law, a largest force
-    [N] and indentation [m], a duration [s], a dent if it yielded, the least height [m] of another
+    [N] and its time [s], an indentation [m], a duration [s], a dent if it yielded, the least height [m] of another
     vertex over the point, and whether its law is that of a crushed corner.
     """
 
@@ -47,6 +47,7 @@ class PointContact(NamedTuple):
     place: Array
     law: ContactLaw
     force: float
+    time: float
     depth: float
     contact_time: float
     dent: Dent | None
@@ -93,7 +94,7 @@ class PointContact(NamedTuple):
     def zone(self) -> ContactZone:
         """The zone outside the margin, in the axes of the mesh."""
         nu = float(self.body.materials[self.which][1])
-        return ContactZone(self.place, self.radius, 0.0, self.force, nu)
+        return ContactZone(self.place, self.radius, 0.0, self.force, self.time, nu)
 
     @property
     def error(self) -> float | None:
@@ -174,7 +175,9 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
     """Yields the contacts at points whose law is one of surfaces."""
     for episode in episodes:
         body = episode.body
-        peaks = episode.forces()[1].max(axis=0).tolist()
+        time, forces = episode.forces()
+        peaks = forces.max(axis=0).tolist()
+        times = (episode.start.time + time[forces.argmax(axis=0)]).tolist()
         depths = episode.sunk().tolist()
         arms = episode.start.arms(body, episode.which)
         for k, i in enumerate(episode.which.tolist()):
@@ -189,7 +192,7 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
             place = body.centre + arms[k] @ episode.start.R
             dent = history.dent if yields else None
             yield PointContact(
-                *(body, floor, i, place, law, peaks[k], depths[k], end - start, dent),
+                *(body, floor, i, place, law, peaks[k], times[k], depths[k], end - start, dent),
                 clearance=_clearance(body, i, episode.start.R[2]),
                 crushed=crushed,
             )

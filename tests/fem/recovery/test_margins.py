@@ -684,7 +684,7 @@ def test_a_stress_that_the_mesh_does_not_resolve_has_no_bar():
 def test_a_contact_that_is_not_resolved_has_no_bar_beside_it(size, patch, resolved):
     """Three radii of it are left out; Hertz's stress there stands in for the mesh's."""
     point = np.array([0.0, 0.0, 0.0])
-    zone = ContactZone(point, 1e-3, patch, 5000.0, 0.3)
+    zone = ContactZone(point, 1e-3, patch, 5000.0, 1e-4, 0.3)
     near = row_of_nodes([0.9, 0.3, 0.1], size=size)
     near = near._replace(points=near.points * np.array([0.4, 1, 1]))  # 4 mm apart
     found = judged("yield", near, Zones([zone]))

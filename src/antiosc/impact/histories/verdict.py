@@ -77,13 +77,15 @@ class ContactZone(NamedTuple):
     """The surroundings of a contact on one body.
 
     `point` (3,) [m]; `radius` [m] of the contact and of the `patch` that carries its force in the
-    model; `force` [N]: the largest; `yields`: whether it yields, or may for want of a strength.
+    model; `force` [N]: the largest, at `time` [s]; `yields`: whether it yields, or may for want of a
+    strength.
     """
 
     point: Array
     radius: float
     patch: float
     force: float
+    time: float
     nu: float
     yields: bool = True
 
@@ -116,7 +118,8 @@ def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone
         radius, nu = size
         choice = choice_at(contact)
         is_unknown = choice is not None and lacks_strength(choice)
-        facts = contact.peak_force, nu, yielding is not None or is_unknown
+        time = float(contact.time[np.argmax(contact.force)])
+        facts = contact.peak_force, time, nu, yielding is not None or is_unknown
         zones += [
             ContactZone(point, radius, patch, *facts) for point, patch in _places(contact, body)
         ]
