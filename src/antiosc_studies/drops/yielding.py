@@ -37,8 +37,8 @@ class PointContact(NamedTuple):
     """A contact at a point and its largest force.
 
     It has the number of its point, a place (3,) in the axes of the mesh [m], a law, a largest force
-    [N] and its time [s], an indentation [m], a duration [s], a dent if it yielded, the least height [m] of another
-    vertex over the point, and whether its law is that of a crushed corner.
+    [N] and its time [s], a largest indentation [m], a duration [s], a dent if it yielded, the least
+    height [m] of another vertex over the point, and whether its law is that of a crushed corner.
     """
 
     body: FreeBody

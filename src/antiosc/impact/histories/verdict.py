@@ -77,8 +77,8 @@ class ContactZone(NamedTuple):
     """The surroundings of a contact on one body.
 
     `point` (3,) [m]; `radius` [m] of the contact and of the `patch` that carries its force in the
-    model; `force` [N]: the largest, at `time` [s]; `yields`: whether it yields, or may for want of a
-    strength.
+    model; `force` [N]: the largest, at `time` [s]; `yields`: whether it yields, or may for want
+    of a strength.
     """
 
     point: Array
