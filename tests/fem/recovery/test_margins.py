@@ -693,6 +693,7 @@ def test_a_contact_that_is_not_resolved_has_no_bar_beside_it(size, patch, resolv
     assert found.at_edge == (not resolved)
     if not resolved:
         assert found.value == pytest.approx(zone.edge_stress)
+        assert found.time == zone.time
         assert "1.0 mm" in found.note
     for beside, has_bar in ((0.1, True), (0.4, resolved)):  # there it may be three times as much
         points = np.array([[0.0, 0, 0], [0.004, 0, 0], [0.05, 0, 0]])
