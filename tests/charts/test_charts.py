@@ -150,17 +150,20 @@ def test_each_contact_is_shaded():
 @pytest.mark.slow
 def test_histories_and_models_plot_themselves(tmp_path):
     hit, model = impact(), case_two(3)[0]
-    for one, name in ((hit, "hit.png"), (model, "model.svg")):
+    for one, name, panels in ((hit, "hit.png", 2), (model, "model.svg", 3)):
         assert one.plot(tmp_path / name) == tmp_path / name
         assert (tmp_path / name).stat().st_size > 3000
-        assert len(one.plot().axes) == 2
+        assert len(one.plot().axes) == panels
     assert plt.get_fignums() == [1, 2]  # a figure that is only written is no pyplot figure
     with pytest.raises(ao.InputError, match="picture"):
         hit.plot(tmp_path / "hit.txt")
     with pytest.raises(ao.InputError, match="no anti-oscillator"):
         model.truncated(0).plot()
+    # the picture tells what the model consists of: 6 of its anti-oscillators, and the others' mass
+    words = " ".join(text.get_text() for text in model.plot().axes[0].texts)
+    assert f"{model.omega[0] / (2 * np.pi):.3g}" in words
     # poles and zeros of Z are resolved: each antiresonance is a local maximum of the curve
-    line = model.plot().axes[0].lines[0]
+    line = model.plot().axes[1].lines[0]
     at, value = line.get_xdata(), line.get_ydata()
     for omega in model.omega:
         near = np.abs(at - omega / (2 * np.pi)) < 0.02 * omega / (2 * np.pi)

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.process import loading
 from antiosc.base.texts import engineering, percent, prefixed
+from antiosc.plot.model_picture import draw_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -399,6 +400,12 @@ class ModelLike(Protocol):
     """The attributes of an `AntiOscillators` that charts use."""
 
     @property
+    def m0(self) -> Any: ...
+    @property
+    def k0(self) -> Any: ...
+    @property
+    def m(self) -> Array: ...
+    @property
     def n(self) -> int: ...
     @property
     def labels(self) -> tuple[str, ...]: ...
@@ -463,22 +470,27 @@ def plot_masses(model: ModelLike, ax: Axes | None = None) -> Axes:
 
 
 def plot_model(model: ModelLike, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-    """|Z| to above the last antiresonance, and below it the masses of the anti-oscillators.
+    """The model as springs and masses, |Z| to above the last antiresonance, shares of the mass.
 
-    `path` and the result as for `plot_history`. InputError for a model without anti-oscillators.
+    The first picture is drawn for one site. `path` and the result as for `plot_history`.
+    InputError for a model without anti-oscillators.
     """
     _with_anti_oscillators(model)
-    figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
+    one = np.ndim(model.k0) == 0
+    figure, axes = panels(2 + one, 1, size=(7.0, 5.0 + 3.2 * one), shown=path is None)
+    if one:
+        draw_model(axes[0, 0], model.m0, model.k0, model.m, model.omega)
+
     ends = LOWEST * model.omega[0], 1.1 * model.omega[-1]
     edges = np.unique(np.concatenate((ends, model.omega)))
     count = max(2, min(POINTS_BETWEEN, MOST_POINTS // edges.size))
     # denser near the ends, where the poles are
     share = (1 - np.cos(np.pi * np.arange(1, count) / count)) / 2
     omega = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
-    plot_dynamic_stiffness(model, omega, axes[0, 0])
-    axes[0, 0].set(xscale="log", xlim=(omega[0] / (2 * np.pi), omega[-1] / (2 * np.pi)))
-    few_log_ticks(axes[0, 0])
-    plot_masses(model, axes[1, 0])
+    plot_dynamic_stiffness(model, omega, axes[-2, 0])
+    axes[-2, 0].set(xscale="log", xlim=(omega[0] / (2 * np.pi), omega[-1] / (2 * np.pi)))
+    few_log_ticks(axes[-2, 0])
+    plot_masses(model, axes[-1, 0])
     return figure_or_path(figure, path)
 
 
