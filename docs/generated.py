@@ -20,6 +20,7 @@ LISTED = re.compile(r"^%API(?P<modules>.*)$", re.MULTILINE)
 PICTURES = {
     "demos": {
         "impact_on_bracket": ["bracket.png", "bracket_force.png"],
+        "moving_model": ["moving_model.gif"],
         "drop": ["drop.png"],
         "drop_chance": ["drop_chance.png"],
         "composite_panel": ["composite_panel_part.png", "composite_panel.png"],
@@ -32,6 +33,7 @@ PICTURES = {
         "guard_thickness": ["guard_thickness.png"],
         "oblique_blow": ["oblique_blow_part.png", "oblique_blow.png"],
         "roof_hail": ["roof_hail.png"],
+        "flow": ["flow.png"],
     },
     "benchmarks": {
         "speed_chart": ["speed_chart.png"],

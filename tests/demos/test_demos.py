@@ -113,6 +113,19 @@ def test_measured_part(pictured):
     assert found["L2"] < 0.03
 
 
+def test_moving_model(tmp_path):
+    """The forces stop the mass and bend the beam; the picture has all its frames."""
+    found = demo("moving_model").main(frames=3, out=tmp_path)
+    assert found["impulse"] == pytest.approx(0.1 * (1 + found["rebound"]), rel=1e-3)
+    picture = (tmp_path / "moving_model.gif").read_bytes()
+    assert picture[:6] == b"GIF89a"
+    assert picture.count(b"\x21\xf9\x04") == 3
+
+
+def test_flow(pictured):
+    assert demo("flow").main(out=pictured)["steps"] == 4
+
+
 def test_tip_damper(pictured):
     found = demo("tip_damper").main(modes=12, n=10, out=pictured)
     assert found["error"] < 1e-3

@@ -1,7 +1,7 @@
 """The anti-oscillator model of one site as a picture: springs, masses and the striker.
 
 The residual mass m0 rests on the spring k0. The anti-oscillators stand on m0, and the striker
-presses on it through the contact law (Article Fig. 1, Eqs. 21 and 22).
+presses on it through the contact law (Article Eqs. 12, 15, 20, 23).
 """
 
 from __future__ import annotations
@@ -23,22 +23,27 @@ PITCH = 1.6
 
 MASS = {"facecolor": "#c9d7ea", "edgecolor": "#1f3552", "lw": 1.2}
 LINE = {"color": "#1f3552", "lw": 1.2}
+STRIKER = "#7a3b00"
 
 
-def draw_model(ax: Axes, m0: float, k0: float, m: Array, omega: Array) -> None:
+def draw_model(
+    ax: Axes, m0: float, k0: float, m: Array, omega: Array, moved: Array | None = None
+) -> None:
     """Draw the model of one site: m0 [kg], k0 [N/m], masses m (N,), frequencies omega (N,) [rad/s].
 
-    The areas of the anti-oscillators are in the ratio of their masses.
+    The areas of the anti-oscillators are in the ratio of their masses. `moved` (N + 2,) shifts
+    striker, residual mass and anti-oscillators downwards by that many units of the picture.
     """
     drawn = min(DRAWN, len(m))
     left, right = -1.1, (drawn + 0.6) * PITCH
+    striker, plate, *masses = -(np.zeros(len(m) + 2) if moved is None else moved)
 
-    _draw_residual(ax, m0, k0, left, right)
-    _draw_striker(ax)
-    for i in range(drawn):
-        side = np.sqrt(m[i] / np.max(m[:drawn]))
+    _draw_residual(ax, m0, k0, (left, right), plate)
+    _draw_striker(ax, striker, plate)
+    sides = np.sqrt(m[:drawn] / np.max(m[:drawn])).clip(0.12)
+    for i, side in enumerate(sides):
         text = f"{engineering(omega[i] / (2 * np.pi), 'Hz')}\n{engineering(m[i], 'kg')}"
-        _draw_oscillator(ax, (i + 1) * PITCH, max(side, 0.12), text)
+        _draw_oscillator(ax, (i + 1) * PITCH, plate, masses[i], side, text)
 
     if len(m) > drawn:
         rest = engineering(float(np.sum(m[drawn:])), "kg")
@@ -48,45 +53,45 @@ def draw_model(ax: Axes, m0: float, k0: float, m: Array, omega: Array) -> None:
     ax.axis("off")
 
 
-def _draw_residual(ax: Axes, m0: float, k0: float, left: float, right: float) -> None:
+def _draw_residual(ax: Axes, m0: float, k0: float, ends: tuple[float, float], y: float) -> None:
     """The residual mass as a plate; below it its spring and the ground, unless k0 is zero."""
     from matplotlib.patches import Rectangle
 
-    ax.add_patch(Rectangle((left, -0.3), right - left, 0.6, **MASS))
-    ax.text(
-        (left + right) / 2, 0, f"residual mass {engineering(m0, 'kg')}", ha="center", va="center"
-    )
+    left, right = ends
+    middle = (left + right) / 2
+    ax.add_patch(Rectangle((left, y - 0.3), right - left, 0.6, **MASS))
+    ax.text(middle, y, f"residual mass {engineering(m0, 'kg')}", ha="center", va="center")
 
     if k0 == 0:
-        ax.text((left + right) / 2, -0.8, "moves freely", ha="center", va="center")
+        ax.text(middle, -0.8, "moves freely", ha="center", va="center")
         return
 
-    middle = (left + right) / 2
-    _spring(ax, middle, -0.3, -1.9)
+    _spring(ax, middle, y - 0.3, -1.9)
     ax.plot((middle - 1, middle + 1), (-1.9, -1.9), **LINE)
     ax.add_patch(Rectangle((middle - 1, -2.15), 2, 0.25, fill=False, hatch="////", lw=0))
     ax.text(middle + 0.5, -1.1, f"static stiffness {engineering(k0, 'N/m')}", va="center")
 
 
-def _draw_striker(ax: Axes) -> None:
-    """The striker above the site, with the spring of the contact law below it."""
+def _draw_striker(ax: Axes, y: float, plate: float) -> None:
+    """The striker above the site; its contact spring ends on the residual mass, or above it."""
     from matplotlib.patches import Circle
 
-    ax.add_patch(Circle((0, 2.1), 0.55, facecolor="#f2c9a1", edgecolor="#7a3b00", lw=1.2))
-    ax.text(0, 3.75, "striker", ha="center", va="center")
-    ax.annotate("", (0, 2.75), (0, 3.5), arrowprops={"arrowstyle": "->", "color": "#7a3b00"})
-    _spring(ax, 0, 1.55, 0.45)
-    ax.text(-0.35, 1.0, "contact\nlaw", ha="right", va="center", fontsize=8)
-    ax.plot((-0.3, 0.3), (0.45, 0.45), **LINE)
+    ax.add_patch(Circle((0, y + 2.1), 0.55, facecolor="#f2c9a1", edgecolor=STRIKER, lw=1.2))
+    ax.text(0, y + 3.0, "striker", ha="center", va="center", color=STRIKER)
+
+    foot = max(y + 0.45, plate + 0.3)
+    _spring(ax, 0, y + 1.55, foot)
+    ax.plot((-0.3, 0.3), (foot, foot), **LINE)
+    ax.text(-0.35, foot + 0.6, "contact\nlaw", ha="right", va="center", fontsize=8)
 
 
-def _draw_oscillator(ax: Axes, x: float, side: float, text: str) -> None:
+def _draw_oscillator(ax: Axes, x: float, plate: float, y: float, side: float, text: str) -> None:
     """One anti-oscillator: a mass of that side on its spring, and its frequency and mass."""
     from matplotlib.patches import Rectangle
 
-    _spring(ax, x, 0.3, 1.3)
-    ax.add_patch(Rectangle((x - side / 2, 1.3), side, side, **MASS))
-    ax.text(x, 2.45, text, ha="center", va="bottom", fontsize=8)
+    _spring(ax, x, plate + 0.3, y + 1.3)
+    ax.add_patch(Rectangle((x - side / 2, y + 1.3), side, side, **MASS))
+    ax.text(x, y + 2.4, text, ha="center", va="bottom", fontsize=8)
 
 
 def _spring(ax: Axes, x: float, start: float, end: float, turns: int = 4) -> None:
