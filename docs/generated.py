@@ -283,6 +283,9 @@ def script_pages(scripts: Path, folder: Path) -> list[str]:
         page = [f"# {title.rstrip('.')}", "", *fenced(body), ""]
         page += [f"![{script.stem}]({above}/pictures/{name})" for name in pictures]
         link = f"[`{scripts.name}/{script.name}`]({above}/{script.name})"
+        if scripts.name == "demos":
+            write(folder / f"{script.stem}.ipynb", light.notebook(script.stem, source))
+            link += f", also as a {{download}}`notebook <{script.stem}.ipynb>`"
         page += ["", f"The script, {link}:", "", "\n\n".join(light.markdown(source))]
         write(folder / f"{script.stem}.md", "\n".join(page) + "\n")
     return names

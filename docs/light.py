@@ -7,6 +7,7 @@ jupytext, so that its format is read here.
 from __future__ import annotations
 
 import ast
+import json
 import re
 
 #: a comment that heads a part of a script: `# -- title`, `# --- title ---`
@@ -47,6 +48,30 @@ def cells(script: str) -> list[tuple[str, str]]:
         else:
             found.append(("code", "\n".join(paragraph)))
     return found
+
+
+def notebook(name: str, script: str) -> str:
+    """A script as a Jupyter notebook for the folder of the script; its last cell calls main."""
+    program, _, _ = script.partition('\nif __name__ == "__main__":')
+    told = ast.get_docstring(ast.parse(script)) or ""
+    place = [
+        ("text", f"# {told}\n\nKeep this notebook in `demos/`, beside `{name}.py`."),
+        ("code", f'__file__ = "{name}.py"'),
+    ]
+    parts = [*place, *cells(program), ("code", "main()")]
+
+    made = [_cell(kind, text) for kind, text in parts]
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    book = {"cells": made, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 4}
+    return json.dumps(book, ensure_ascii=False, indent=1) + "\n"
+
+
+def _cell(kind: str, text: str) -> dict[str, object]:
+    """A cell of a notebook in its file format, nbformat 4."""
+    cell = {"cell_type": "markdown", "metadata": {}, "source": text.splitlines(keepends=True)}
+    if kind == "code":
+        cell |= {"cell_type": "code", "execution_count": None, "outputs": []}
+    return cell
 
 
 def _strings(script: str) -> set[int]:

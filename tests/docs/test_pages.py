@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import re
 import shutil
 import subprocess
@@ -272,3 +273,30 @@ def test_the_pages_are_built_without_a_warning_and_can_be_read(tmp_path: Path):
     assert theme in ("light", "dark")
     for word, page in SOUGHT.items():
         assert first[word].startswith(page), word
+
+
+@pytest.mark.parametrize("script", sorted(DEMOS.glob("*.py")), ids=lambda path: path.stem)
+def test_demos_are_notebooks_too(script, generated):
+    """Every cell of code compiles; the last one runs the demo."""
+    source = script.read_text(encoding="utf-8")
+    if '__name__ == "__main__"' not in source:
+        return
+    book = json.loads(generated.light.notebook(script.stem, source))
+    code = ["".join(one["source"]) for one in book["cells"] if one["cell_type"] == "code"]
+    for cell in code:
+        compile(cell, script.name, "exec")
+    assert code[-1] == "main()"
+    assert "def main(" in "\n".join(code)
+
+
+def test_a_notebook_runs_in_the_folder_of_the_demos(tmp_path, monkeypatch, generated):
+    shutil.copy(DEMOS / "command_line.py", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    source = (DEMOS / "flow.py").read_text(encoding="utf-8")
+    book = json.loads(generated.light.notebook("flow", source))
+    names = {"__name__": "__main__"}
+    for cell in book["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    assert (tmp_path.parent / "out/flow.png").is_file()
