@@ -1,4 +1,4 @@
-"""Frequencies of beams in closed form against textbooks and a spectral discretisation."""
+"""Frequencies of uniform beams against textbooks and characteristic equations."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ import pytest
 from scipy.optimize import brentq
 
 from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
-from antiosc.models.closed_form.beams import even_odd, wave_roots
 from plates import SHEAR, SupportedPlate
-from spectral_beam import SpectralBeam
-from struck_beams import SLENDER, SUPPORTS, THICK, UNIT, cutoff, hinged_roots, struck
+from struck_beams import SLENDER, THICK, UNIT, cutoff, hinged_roots, struck
 
 
 @pytest.mark.parametrize(
@@ -58,32 +56,6 @@ def test_slender_limit_is_euler_bernoulli_with_order_two():
         )
     order = np.log2(np.divide(errors[:-1], errors[1:]))
     np.testing.assert_allclose(order, 2, atol=0.1)
-
-
-@pytest.mark.parametrize("supports", SUPPORTS, ids=str)
-def test_frequencies_against_the_spectral_beam(supports):
-    exact = struck(THICK, supports)
-    spectral = SpectralBeam(THICK, supports[0], supports[1], supports[2] * THICK.length)
-    rigid = exact.rigid_modes
-    np.testing.assert_allclose(
-        exact.natural_frequencies(25), spectral.natural_frequencies()[rigid : rigid + 25], rtol=1e-8
-    )
-
-
-@pytest.mark.parametrize(("alpha", "eta"), [(0.0, 0.0), (1e-3, 3e-3), (3e-3, 1e-3), (0.2, 0.2)])
-@pytest.mark.parametrize("Omega", [1e-4, 1.0, 3e2, 1e6])
-def test_roots_are_those_of_timoshenkos_equation(alpha: float, eta: float, Omega: float) -> None:
-    """μ² + Ω (α + η) μ - Ω (1 - Ω α η) = 0, β = μ + Ω η, and the product of both β is -Ω."""
-    (mu1, beta1), (mu2, beta2) = np.array(wave_roots(Omega, alpha, eta))
-    for mu in (mu1, mu2):
-        parts = np.array([mu**2, Omega * (alpha + eta) * mu, -Omega * (1 - Omega * alpha * eta)])
-        assert abs(parts.sum()) <= 1e-12 * np.abs(parts).max()
-    assert mu1 < 0
-    assert mu1 < mu2
-    assert beta1 * beta2 == pytest.approx(-Omega, rel=1e-13)
-    for mu, beta in ((mu1, beta1), (mu2, beta2)):
-        assert beta == pytest.approx(mu + Omega * eta, abs=1e-13 * (abs(mu) + Omega * eta))
-    assert beta1 < 0 < beta2
 
 
 @pytest.mark.parametrize("terms", [1, 4])
@@ -132,15 +104,3 @@ def test_printed_alpha_is_wrong_and_its_correction_right():
     top = pinned_pinned(THICK, 0.41 * THICK.length).natural_frequencies(200)
     within = top[-1] * THICK.length / np.pi
     assert within / bar + within / shear == pytest.approx(200, rel=0.02)
-
-
-@pytest.mark.parametrize("mu", [-900.0, -3.0, -1e-9, 0.0, 1e-9, 2.0, 400.0])
-@pytest.mark.parametrize("x", [-0.5, -0.2, 0.0, 0.3, 0.5])
-def test_even_and_odd_waves(mu: float, x: float) -> None:
-    """cosh(λx) and sinh(λx)/λ, where they grow both over cosh(λ/2)."""
-    root = np.sqrt(complex(mu))
-    cosh, sinh = np.cosh(root * x), (np.sinh(root * x) / root if mu else x)
-    over = np.cosh(root * 0.5) if mu > 0 else 1.0
-    found = even_odd(np.array([mu]), x, 0.5)
-    assert found[0] == pytest.approx((cosh / over).real, rel=1e-6)
-    assert found[1] == pytest.approx((sinh / over).real, rel=1e-6, abs=1e-12)

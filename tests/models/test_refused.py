@@ -199,7 +199,6 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: pinned_pinned(UNIT, 0.0), "support"),
     (lambda: cantilever(UNIT).anti_oscillators(0), "n"),
     (lambda: cantilever(UNIT).anti_oscillators(2, [1.5]), "x"),
-    (lambda: cantilever(UNIT).dynamic_stiffness(0.0), "omega"),
     # texts, charts, spectra and fields
     (lambda: charts.axes_or_new("top"), "matplotlib"),
     (lambda: charts.panels(1, 1, (0.1, 4.0)), "lengths"),

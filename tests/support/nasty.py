@@ -566,7 +566,6 @@ OWN: dict[str, dict[str, Any]] = {
     "AntiOscillators.load": {"path": saved}, "History.load": {"path": saved_history},
     "SceneHistory.load": {"path": saved_history}, "SavedHistory.load": {"path": saved_history},
     "AntiOscillators.dynamic_stiffness": {"omega": 1e3}, "ModalBody.receptance": {"omega": 1e3},
-    "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3},
     "FoundImpact.plot": {"path": "found.png"},
     "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
     "PeakField.write": {"path": "peak.vtu"}, "PeakField.plot": {"path": "peak.png"},

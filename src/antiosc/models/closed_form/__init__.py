@@ -1,4 +1,4 @@
-"""Structures with exact solutions: beams, Zener's impact, the patch of a plate.
+"""Structures whose solutions are exact to rounding: beams, Zener's impact, the patch of a plate.
 
 >>> beam = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 >>> pinned_free(beam).anti_oscillators(50)  # the article's falling beam, (24)-(27)
