@@ -160,13 +160,13 @@ def solvers() -> list[str]:
 
 
 def _cholmod() -> str:
-    """CHOLMOD's version if it is called directly; else why it is called through PETSc."""
+    """CHOLMOD's version if it is called directly; else why MUMPS factors instead."""
     try:
         from antiosc.extension import cholmod
     except Exception as error:  # whatever an installed package may raise
         return f"not called directly, as its binding cannot be loaded ({error})"
     if refusal := cholmod.refusal():
-        return f"through PETSc: {refusal}"
+        return f"not called, MUMPS factors: {refusal}"
     numbers = cholmod.version(cholmod.loaded_cholmod())
     return f"{'.'.join(map(str, numbers))}  called directly"
 

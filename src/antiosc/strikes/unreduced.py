@@ -21,7 +21,7 @@ from antiosc.engine.contact import ContactLaw, State
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.forecast import BYTES, seconds_of_steps
 from antiosc.fem.linalg.solver import Factorization
-from antiosc.fem.linalg.solver_choice import Plan, factorize
+from antiosc.fem.linalg.solver_choice import factorize, forecast_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
 from antiosc.models.modal import ModalBody
@@ -110,7 +110,7 @@ def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> 
 def entries_of(structure: Structure) -> float:
     """Number of entries of the factor of K, or of its symbolic factor if K has another solver."""
     solver = structure.factorize()
-    return solver.entries if isinstance(solver, Factorization) else Plan(structure.K).entries
+    return solver.entries if isinstance(solver, Factorization) else forecast_of(structure.K).entries
 
 
 def outcome(

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -16,7 +15,6 @@ import antiosc as ao
 import parts
 from antiosc.base import process
 from antiosc.fem.linalg import cholmod, solver_choice
-from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
 from mpi import START, run_ranks
 
@@ -46,7 +44,7 @@ def test_mumps_and_its_forecast(part, loads):
     check(factor, part, loads)
     direct = solver_choice.OnOneRank(part.K)
     assert 0.5 * direct.entries < factor.entries < 3 * direct.entries
-    assert 0.3 * factor.entries < solver_choice.forecast(part.K) < 3 * factor.entries
+    assert 0.3 * factor.entries < solver_choice.entries_by_mumps(part.K) < 3 * factor.entries
 
 
 def test_a_dof_without_stiffness_is_told_where_products_are_by_strains():
@@ -82,7 +80,7 @@ def test_forecast_against_the_factor_itself():
     part = block(n=(16, 10, 8))
     # CHOLMOD's, with an ordering of its own, and supernodes that are held as full rectangles
     entries = part.factorize().cholesky.supernodes.values.size
-    assert 0.7 < solver_choice.forecast(part.K) / entries < 2.0
+    assert 0.7 < solver_choice.entries_by_mumps(part.K) / entries < 2.0
     assert entries < solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
 
 
@@ -122,7 +120,7 @@ def test_no_memory_for_the_factor(monkeypatch):
 @pytest.mark.slow
 def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
     part = block()
-    need = solver_choice.BYTES * solver_choice.forecast(part.K)
+    need = solver_choice.BYTES * solver_choice.entries_by_mumps(part.K)
     free = iter([0.9 * need, 1e3])  # the factor does not fit; then too little for the multigrid
     monkeypatch.setattr(process, "free_memory", lambda: next(free))
     monkeypatch.setattr(solver_choice, "ANALYSIS", 0.0)
@@ -133,44 +131,6 @@ def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
 def test_unknown_solver():
     with pytest.raises(ao.InputError, match="solver must be 'auto', 'direct' or 'iterative'"):
         block("umfpack")
-
-
-CHAIN = """
-import json
-import numpy as np
-from petsc4py import PETSc
-from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg import solver_choice
-
-comm = PETSc.COMM_WORLD
-n = 40
-A = PETSc.Mat().createAIJ(((PETSc.DECIDE, n), (PETSc.DECIDE, n)), nnz=3, comm=comm)
-first, last = A.getOwnershipRange()
-for i in range(first, last):
-    for j, value in ((i - 1, -1.0), (i, 2.1), (i + 1, -1.0)):
-        if 0 <= j < n:
-            A[i, j] = value
-A.assemble()
-R = np.random.default_rng(0).standard_normal((n, 3))[first:last]
-factor = solver_choice.factorize(A)
-left = algebra.multiply(A, factor.solve_block(R)) - R
-print(json.dumps([type(factor).__name__, float(np.abs(left).max(initial=0.0))]))
-"""
-
-
-@pytest.mark.parametrize(("n", "last", "block"), [(60, 7, 1), (300, 30, 3), (40, 40, 1)])
-def test_corner_is_a_factor_of_the_schur_complement(n, last, block):
-    rng = np.random.default_rng(n)
-    A = scipy.sparse.random(n, n, 0.05, random_state=rng, format="csr")
-    A = scipy.sparse.csr_matrix(A @ A.T + scipy.sparse.identity(n))
-    factor = Cholesky(A, block, last=last)
-    order, L = factor.corner(last)
-    assert sorted(order) == list(range(last))
-    dense = A.toarray()
-    schur = np.linalg.inv(np.linalg.inv(dense)[:last, :last])
-    np.testing.assert_allclose(L @ L.T, schur[np.ix_(order, order)], rtol=1e-10, atol=1e-12)
-    b = rng.standard_normal((n, 3))
-    np.testing.assert_allclose(factor.solve(b), np.linalg.solve(dense, b), rtol=1e-9, atol=1e-12)
 
 
 SOLVES = """

@@ -169,7 +169,7 @@ def test_linear_elements_have_no_coarse_level():
 def test_the_factor_is_forecast_from_the_linear_elements():
     mesh = parts.box((12, 8, 8), cell="tetrahedron")
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
-    found = solver_choice.PlanByLinear(part.K, part.matrices.coarser()).entries
+    found = solver_choice.forecast_of(part.K, part.matrices.coarser()).entries
     exact = part.factorize().entries
     assert exact / 2 <= found <= 2 * exact
 

@@ -15,10 +15,6 @@ from antiosc.base import process
 from antiosc.fem.linalg import scipy_factors
 from chains import loose_chains, receptance
 
-#: scikit-sparse is optional
-LIBRARIES = ["superlu"] if scipy_factors.sksparse is None else ["superlu", "cholmod"]
-DIRECT = pytest.mark.parametrize("library", LIBRARIES)
-
 
 def chain(n: int, free: bool = False) -> list[scipy.sparse.csr_matrix]:
     """K and M of uneven masses in a row, from the ends to the ground unless it is free."""
@@ -30,16 +26,9 @@ def scipy_structure(K, M, **more) -> ao.Structure:
     return ao.Structure.from_matrices(K, M, backend="scipy", **more)
 
 
-@pytest.fixture
-def direct(library, monkeypatch):
-    if library == "superlu":
-        monkeypatch.setattr(scipy_factors, "sksparse", None)
-
-
-@DIRECT
 @pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("method", ["krylov", "modes"])
-def test_all_anti_oscillators_give_the_driving_point(free, method, direct):
+def test_all_anti_oscillators_give_the_driving_point(free, method):
     """Z of all of them is 1/(bᵀ(K - ω²M)⁻¹b)."""
     K, M = chain(24, free)
     b = np.zeros(24)
@@ -56,9 +45,8 @@ def test_all_anti_oscillators_give_the_driving_point(free, method, direct):
     )
 
 
-@DIRECT
 @pytest.mark.parametrize("free", [False, True])
-def test_sparse_modes_are_those_of_lapack(free, direct):
+def test_sparse_modes_are_those_of_lapack(free):
     """Beyond the size that LAPACK takes, ARPACK's antiresonances of the pinned chain."""
     n, at = 900, 333
     K, M = chain(n, free)
@@ -187,8 +175,7 @@ def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
         scipy_factors.factorize(A)
 
 
-@DIRECT
-def test_factors_of_matrices_that_are_not_positive_definite(direct):
+def test_factors_of_matrices_that_are_not_positive_definite():
     rng = np.random.default_rng(3)
     for _ in range(20):
         A = rng.standard_normal((12, 12))

@@ -3,16 +3,16 @@
 PETSc links CHOLMOD but does not give access to the factor. With direct access, the cost of a sparse
 load is that of its own branch of the elimination tree (`antiosc.fem.linalg.compliance`), and the
 ordering is computed on the graph of the nodes. If the library cannot be called directly
-(`refusal`), PETSc's interface to it is used (`antiosc.fem.linalg.solver_choice.ByPetsc`).
+(`refusal`), MUMPS factors (`antiosc.fem.linalg.solver_choice.Distributed`).
 
-Compared with MUMPS, whole maps are 1.6
-times (43 263 dofs) and 2.6 times (119 523) as fast, with 5 to 7 times less for each site.
+Compared with MUMPS, whole maps are 1.6 times (43 263 dofs) and 2.6 times (119 523) as fast, with
+5 to 7 times less for each site.
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
 
 The structures are those of `cholmod.h`; they are the same from CHOLMOD 3.0 (SuiteSparse 5) to 5.3
-(SuiteSparse 7.10) as far as they are declared here. `loaded_cholmod` compares the version,
-and every default that CHOLMOD sets at its start, before anything else is called.
+(SuiteSparse 7.10) as far as they are declared here. `loaded_cholmod` compares the version, and
+`refusal` factors a small matrix.
 """
 
 from __future__ import annotations
@@ -43,16 +43,10 @@ LONG = 2
 REAL = 1
 UPPER = 1
 SUPERNODAL = 2
-#: Orderings: a given one, and nested dissection by METIS.
-GIVEN, METIS = 1, 3
-#: `Common.status` where there was no memory, and what its other codes below zero mean.
+#: The ordering that is given.
+GIVEN = 1
+#: `Common.status` where there was no memory.
 NO_MEMORY = -2
-FAILURES = {
-    -1: "it is built without a part that this needs",
-    -3: "the sizes exceed its integers, or those of its BLAS",
-    -4: "it finds the input invalid",
-    -5: "its GPU part failed",
-}
 #: What `openblas_get_parallel` returns where OpenBLAS itself runs on OpenMP.
 ON_OPENMP = 2
 
@@ -96,17 +90,6 @@ class Common(ctypes.Structure):
         *((name, c_double) for name in ("fl", "lnz")),
         ("rest", ctypes.c_char * COMMON),
     ]
-
-
-#: What `cholmod_l_start` sets in every known version; it tells whether `Common` is laid out so.
-DEFAULTS: dict[str, object] = {
-    **{"grow0": 1.2, "grow1": 1.2, "grow2": 5, "maxrank": 8, "supernodal_switch": 40.0},
-    **{"supernodal": 1, "final_asis": 1, "final_super": 1, "final_ll": 0, "final_pack": 1},
-    **{"final_monotonic": 1, "zrelax": (0.8, 0.1, 0.05), "nrelax": (4, 16, 48)},
-    **{"prefer_upper": 1, "quick_return_if_not_posdef": 0, "print_level": 3, "error_handler": None},
-    **{"nmethods": 0, "postorder": 1, "metis_dswitch": 0.66, "metis_nswitch": 3000, "mark": -1},
-    **{"itype": LONG, "status": 0, "fl": -1.0, "lnz": -1.0},
-}
 
 
 class Sparse(ctypes.Structure):
@@ -165,11 +148,6 @@ def loaded_cholmod() -> ctypes.CDLL:
         raise MissingDependencyError(
             f"CHOLMOD {text} is not known to antiosc (3.0 to 5.x are): its structures may differ."
         )
-    odd = _unlike_defaults(lib)
-    if odd:
-        raise MissingDependencyError(
-            f"CHOLMOD {text} starts with other defaults ({odd}) than the versions known to antiosc."
-        )
     return lib
 
 
@@ -180,18 +158,6 @@ def version(lib: ctypes.CDLL) -> tuple[int, int, int]:
     return tuple(numbers)  # type: ignore[return-value]
 
 
-def _unlike_defaults(lib: ctypes.CDLL) -> str:
-    """The settings of CHOLMOD that differ from `DEFAULTS`, as text."""
-    common = Common()
-    lib.cholmod_l_start(byref(common))
-    settings = {}
-    for name in DEFAULTS:
-        value = getattr(common, name)
-        settings[name] = tuple(value) if isinstance(value, ctypes.Array) else value
-    lib.cholmod_l_finish(byref(common))
-    return ", ".join(f"{k} = {v}" for k, v in settings.items() if v != DEFAULTS[k])
-
-
 def failure(common: Common, what: str, size: float | None = None) -> AntioscError:
     """The error for a failed CHOLMOD call in the step `what`, which needs `size` bytes."""
     if common.status == NO_MEMORY:
@@ -199,8 +165,7 @@ def failure(common: Common, what: str, size: float | None = None) -> AntioscErro
         return allocation_failed(
             f"{what}{need}", remedy=f"use the solver 'iterative', {MEMORY_REMEDY[4:]}"
         )
-    reason = FAILURES.get(common.status, "it gives no reason")
-    return NotConvergedError(f"CHOLMOD failed during {what}: {reason} (status {common.status}).")
+    return NotConvergedError(f"CHOLMOD failed during {what} (status {common.status}).")
 
 
 @contextmanager
@@ -239,8 +204,6 @@ def _loaded(name: str) -> ctypes.CDLL | None:
 
 #: of `cholmod_l_solve2`: A x = b
 SOLVE = 0
-#: Nodes of at least so many rows are ordered as nodes.
-NODE_ROWS = 2
 
 
 class NotPositiveDefiniteError(NotConvergedError):
@@ -260,27 +223,6 @@ class Supernodes(NamedTuple):
     rows: IntArray
     value: IntArray
     values: NDArray[Any]
-
-    def corner(self, permutation: IntArray, last: int) -> tuple[IntArray, Array]:
-        """(rows of A below `last` in the order of L, their dense lower block of L).
-
-        If these rows were eliminated last, the block is the factor of the Schur complement onto
-        them.
-        """
-        columns = np.flatnonzero(permutation < last)
-        position = np.full(len(permutation), -1)
-        position[columns] = np.arange(len(columns))
-        block = np.zeros((len(columns), len(columns)), self.values.dtype, order="F")
-        for s in np.unique(np.searchsorted(self.start, columns, side="right") - 1):
-            rows = self.rows[self.row[s] : self.row[s + 1]]
-            width = self.start[s + 1] - self.start[s]
-            values = self.values[self.value[s] : self.value[s] + len(rows) * width]
-            dense = values.reshape(len(rows), width, order="F")
-            i = position[rows]
-            for j, column in zip(position[self.start[s] : self.start[s + 1]], dense.T, strict=True):
-                if j >= 0:
-                    block[i[i >= j], j] = column[i >= j]
-        return permutation[columns], block
 
 
 class _Memory:
@@ -345,7 +287,6 @@ class Analysis:
         At least its lower triangle.
     block : rows of a node, one after the other; A is ordered by its nodes.
     permutation : order of another matrix with the same pattern, used for this one too.
-    last : first rows of A that are eliminated after all others.
 
     Raises
     ------
@@ -362,16 +303,14 @@ class Analysis:
         A: scipy.sparse.csr_matrix,
         block: int = 1,
         permutation: IntArray | None = None,
-        last: int = 0,
     ) -> None:
         self.memory = _Memory()
         common = self.memory.common
         common.supernodal = SUPERNODAL
         common.quick_return_if_not_posdef = 1
         common.print_level = 0
-        if permutation is None and (block >= NODE_ROWS or last):
-            inner = self._of_nodes(A[last:, last:] if last else A, block, dissected=last > 0)
-            permutation = np.concatenate([last + inner, np.arange(last)])
+        if permutation is None and block > 1:
+            permutation = self._of_nodes(A, block)
         self.matrix, self._arrays = _sparse(A)
         self.memory.factor = self._analysed(self.matrix, permutation)
 
@@ -390,29 +329,22 @@ class Analysis:
         squares = (width - 1) * width * (2 * width - 1) / 6
         return np.asarray(width * height**2 - height * width * (width - 1) + squares)
 
-    def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int, dissected: bool) -> IntArray:
+    def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int) -> IntArray:
         """An ordering of A's rows from one of its nodes, whose graph has block² times fewer
         entries.
-
-        `dissected`: by METIS. Where other rows come last, AMD makes less fill without them and 1.7
-        times as much with them.
         """
         matrix, _arrays = _sparse(A[::block, ::block])
-        nodes = self._analysed(matrix, None, dissected)
+        nodes = self._analysed(matrix, None)
         order = np.array(self.memory.integers(nodes.contents.Perm, nodes.contents.n))
         self.memory.lib.cholmod_l_free_factor(byref(nodes), byref(self.memory.common))
         return np.asarray(block * order[:, None] + np.arange(block)).ravel()
 
-    def _analysed(
-        self, matrix: Sparse, permutation: IntArray | None, dissected: bool = False
-    ) -> ctypes._Pointer[Factor]:
-        """Symbolic factor for a given permutation, by METIS (`dissected`), or by the better of AMD
-        and METIS.
-        """
+    def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> ctypes._Pointer[Factor]:
+        """Symbolic factor for a given permutation, or by the better of AMD and METIS."""
         lib = self.memory.lib
         common = self.memory.common
-        common.nmethods = int(permutation is not None or dissected)
-        common.method[0].ordering = METIS if dissected else GIVEN
+        common.nmethods = int(permutation is not None)
+        common.method[0].ordering = GIVEN
         ordering = None
         if permutation is not None:
             ordering = np.ascontiguousarray(permutation, dtype=np.int64).ctypes
@@ -430,7 +362,7 @@ class Cholesky:
     ----------
     A : csr_matrix (n, n) or Analysis
         The matrix, or its analysis, which becomes this factor and serves no second one.
-    block, permutation, last
+    block, permutation
         As for `Analysis`, if A is a matrix.
 
     NotPositiveDefiniteError where A has no such factor; other errors as for `Analysis`.
@@ -441,9 +373,8 @@ class Cholesky:
         A: scipy.sparse.csr_matrix | Analysis,
         block: int = 1,
         permutation: IntArray | None = None,
-        last: int = 0,
     ) -> None:
-        analysis = A if isinstance(A, Analysis) else Analysis(A, block, permutation, last)
+        analysis = A if isinstance(A, Analysis) else Analysis(A, block, permutation)
         memory = self._memory = analysis.memory
         common = memory.common
         factor = memory.factor
@@ -496,10 +427,6 @@ class Cholesky:
         factor = memory.factor.contents
         return Supernodes(*memory.pattern(), memory.reals(factor.x, factor.xsize))
 
-    def corner(self, last: int) -> tuple[IntArray, Array]:
-        """(the last `last` rows of A in the order of L, their dense lower block of L)."""
-        return self.supernodes.corner(self.permutation, last)
-
 
 def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[IntArray, IntArray, Array]]:
     """(A as CHOLMOD's structure of an upper triangle, the arrays to which it points).
@@ -517,13 +444,14 @@ def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[IntArray, IntArra
 def refusal() -> str:
     """The reason why CHOLMOD cannot be called directly; empty if it can.
 
-    The declared structures are tested on a small matrix: the factor must reproduce A, and a solve
-    its inverse.
+    The declared structures are tested on a small matrix, whose factor is one dense block: it must
+    reproduce A, and a solve its inverse.
     """
-    A = np.array([[4.0, 1.0, 0.5, 0.0], [1.0, 5.0, 0.0, 2.0], [0.5, 0.0, 3.0, 1.0], [0, 2, 1, 6]])
+    A = np.array([[4.0, 1.0, 0.5, 0.2], [1.0, 5.0, 0.3, 2.0], [0.5, 0.3, 3.0, 1.0], [0.2, 2, 1, 6]])
     try:
-        factor = Cholesky(scipy.sparse.csr_matrix(A), last=len(A))
-        order, L = factor.corner(len(A))
+        factor = Cholesky(scipy.sparse.csr_matrix(A))
+        L = np.tril(factor.supernodes.values.reshape(A.shape).T)
+        order = factor.permutation
         right = np.allclose(L @ L.T, A[np.ix_(order, order)], rtol=1e-12)
         right &= np.allclose(factor.solve(A), np.eye(len(A)), rtol=1e-12, atol=1e-12)
     except AntioscError as error:

@@ -9,12 +9,13 @@ computes 62 ms (measured).
 
 The inertia is minus the derivative of the compliance with respect to the shift s of A = K + sM. The
 contribution of the known modes follows from them; only that of the truncated modes is computed,
-from a second factor, of A + σM.
+from a second factor, of A + σM. Over ranks every load is solved for.
 """
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -25,12 +26,12 @@ from antiosc.base import process
 from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.base.progress import counting
 from antiosc.fem.linalg import solver_choice
-from antiosc.fem.linalg.algebra import gathered, multiply, sum_of
+from antiosc.fem.linalg.algebra import multiply, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
 from antiosc.fem.linalg.solver import Factorization, Solver
 from antiosc.fem.linalg.solver_choice import OnOneRank
-from antiosc.fem.platform import agree, on_root, warn
+from antiosc.fem.platform import on_root, warn
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -74,11 +75,14 @@ def deflections(
     omega, b : (J,) and (P, J)
         The lowest frequencies [rad/s] and the values bᵀφ of their modes for each load.
     """
-    if not _room(structure):
+    solver = structure.factorize()
+    if not isinstance(solver, Factorization) or not _room(structure.comm, solver):
         return _by_solves(structure, loads)
+
     x = omega**2 + structure.shift
     step = SHIFT_STEP * x[-1]
-    C, shifted = _twice(structure, loads, step)
+    C, shifted = _twice(structure, solver, loads, step)
+
     # what the known modes leave of both; as one mode of compliance `rest` and frequency² 1/slow
     truncated = C - b**2 @ (1 / x)
     rest_after = shifted - b**2 @ (1 / (x + step))
@@ -86,64 +90,56 @@ def deflections(
     return C, b**2 @ (1 / x**2) + np.maximum(truncated, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
 
 
-def _room(structure: Factored) -> bool:
-    """Whether memory suffices for the additional factors; warns if not."""
-    solver = structure.factorize()
-    comm = structure.comm
-    if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
-        return False
-    extra_bytes = min(comm.size, 2) * solver_choice.BYTES * solver.entries
+def _room(comm: MPI.Comm, solver: Factorization) -> bool:
+    """Whether memory suffices for the second factor; warns if not."""
+    extra_bytes = solver_choice.BYTES * solver.entries
     free = on_root(comm, process.free_memory)
-    if extra_bytes > process.MEMORY_SHARE * free:
-        warn(
-            comm,
-            f"{process.shortage('a map with additional factors', extra_bytes, free)}: every site "
-            "is solved separately, which takes about ten times as long.",
-        )
-        return False
-    return True
+    if extra_bytes <= process.MEMORY_SHARE * free:
+        return True
+    warn(
+        comm,
+        f"{process.shortage('a map with a second factor', extra_bytes, free)}: every site is "
+        "solved separately, which takes about ten times as long.",
+    )
+    return False
 
 
-def _twice(structure: Factored, loads: scipy.sparse.csr_matrix, step: float) -> tuple[Array, Array]:
-    """bᵀ(K + sM)⁻¹b (loads,) of every load b: for the structure's shift s, and for s + `step`.
-
-    On several ranks each of the two is computed on its own rank, with a factor of the whole matrix.
-    """
-    comm = structure.comm
-    solver = structure.factorize()
-    stiffer = structure.K, structure.shift + step, structure.M
+def _twice(
+    structure: Factored, solver: Factorization, loads: scipy.sparse.csr_matrix, step: float
+) -> tuple[Array, Array]:
+    """bᵀ(K + sM)⁻¹b (loads,) of every load b: for the structure's shift s, and for s + `step`."""
+    A = sum_of(structure.K, structure.shift + step, structure.M)
     if isinstance(solver, OnOneRank):
-        first = compliances(solver.cholesky, loads)
-        A = lower(csr(sum_of(*stiffer)))
-        return first, compliances(Cholesky(A, permutation=solver.cholesky.permutation), loads)
-    all_loads = scipy.sparse.vstack(comm.allgather(loads))
-    matrices = gathered(solver.A, 0), gathered(sum_of(*stiffer), 1)
-    values, error = None, None
-    try:
-        for A in matrices:
-            if A is not None:
-                values = compliances(Cholesky(A, structure.K.getBlockSize()), all_loads)
-    except Exception as caught:  # the other ranks must not wait for this one
-        error = caught
-    agree(comm, error)
-    return comm.bcast(values, root=0), comm.bcast(values, root=1)
+        first = solver.cholesky
+        second = Cholesky(lower(csr(A)), permutation=first.permutation)
+        return compliances(first, loads), compliances(second, loads)
+
+    results = np.zeros((2, loads.shape[1]))
+    for result, factor in zip(results, (solver, solver_choice.factorize(A)), strict=True):
+        for part, B, Y in _solved(factor, loads):
+            result[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
+    return results[0], results[1]
 
 
 def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
-    """As `_twice`, with one solve for each load."""
+    """(bᵀy, yᵀMy) of every load, with one solve for each."""
+    C, G = np.zeros((2, loads.shape[1]))
+    for part, B, Y in _solved(structure.factorize(), loads):
+        C[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
+        G[part] = structure.comm.allreduce(np.einsum("ij,ij->j", Y, multiply(structure.M, Y)))
+    return C, G
+
+
+def _solved(solver: Solver, loads: scipy.sparse.csr_matrix) -> Iterator[tuple[slice, Array, Array]]:
+    """Yield (numbers of some loads, these as columns, A⁻¹ times these)."""
     count = loads.shape[1]
-    C = np.zeros(count)
-    G = np.zeros(count)
-    with counting("sites of the map", count, structure.comm.rank) as report:
+    with counting("sites of the map", count, solver.comm.rank) as report:
         for first in range(0, count, SOLVED):
             part = slice(first, first + SOLVED)
             B = loads[:, part].toarray()
-            Y = structure.factorize().solve_block(B)
-            C[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
-            G[part] = structure.comm.allreduce(np.einsum("ij,ij->j", Y, multiply(structure.M, Y)))
+            yield part, B, solver.solve_block(B)
             report(min(first + SOLVED, count))
             log.info("%d of %d sites solved for", min(first + SOLVED, count), count)
-    return C, G
 
 
 def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:

@@ -1,9 +1,6 @@
-"""Cholesky factors of SciPy's matrices: by CHOLMOD where scikit-sparse is installed, or SuperLU."""
+"""Factors of SciPy's matrices by SuperLU."""
 
 from __future__ import annotations
-
-from importlib import import_module
-from types import ModuleType
 
 import numpy as np
 import scipy.sparse
@@ -24,12 +21,6 @@ LEAST_REDUCTION = 0.6
 #: Remedy for matrices that are too large.
 REDUCE = "reduce the matrices, take a coarser mesh, or a machine with more memory"
 
-try:
-    sksparse: ModuleType | None = import_module("sksparse.cholmod")
-except ImportError:  # optional: SuperLU serves without it
-    sksparse = None
-
-
 #: How SuperLU orders, for symmetric matrices with pivots on the diagonal.
 SYMMETRIC_ORDER: dict[str, object] = {
     "permc_spec": "MMD_AT_PLUS_A",
@@ -39,25 +30,18 @@ SYMMETRIC_ORDER: dict[str, object] = {
 
 
 def factorize(A: Matrix) -> Factorization:
-    """The factor of A by CHOLMOD where scikit-sparse is installed, otherwise by SuperLU.
+    """The factor of A.
 
     Raises
     ------
     OutOfMemoryError
         The forecast of the factor does not fit in the free memory.
     """
-    _check_memory(A)
-    if sksparse is None:
-        return SuperLU(A)
-    return Cholmod(A)
-
-
-def _check_memory(A: Matrix) -> None:
     rows = A.shape[0]
-    if rows < FORECAST_ROWS:
-        return
-    bytes_each = (L_AND_U if sksparse is None else 1) * ENTRY_BYTES
-    process.require(bytes_each * entries_of_factor(A), f"the factor of {rows} dofs", REDUCE)
+    if rows >= FORECAST_ROWS:
+        need = L_AND_U * ENTRY_BYTES * entries_of_factor(A)
+        process.require(need, f"the factor of {rows} dofs", REDUCE)
+    return SuperLU(A)
 
 
 def entries_of_factor(A: Matrix) -> float:
@@ -121,30 +105,3 @@ class SuperLU(Factorization):
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k)."""
         return np.asarray(self._lu.solve(np.asfortranarray(R)))
-
-
-class Cholmod(Factorization):
-    """A Cholesky factor by CHOLMOD, called by scikit-sparse (0.4, or 0.5 with other names)."""
-
-    def _set_up(self) -> None:
-        assert sksparse is not None  # or `factorize` takes SuperLU
-        A = self.A.tocsc()
-        try:
-            if hasattr(sksparse, "cho_factor"):
-                self._factor = sksparse.cho_factor(A)
-                self._solve = self._factor.solve
-            else:  # a supernodal factor is L Lᵀ, which an indefinite matrix does not have
-                self._factor = sksparse.cholesky(A, mode="supernodal")
-                self._solve = self._factor.solve_A
-        except sksparse.CholmodNotPositiveDefiniteError as error:
-            raise NotConvergedError(SINGULAR.format(error)) from error
-
-    @property
-    def entries(self) -> float:
-        """Number of entries of the factor."""
-        L = self._factor.L
-        return float((L() if callable(L) else L).nnz)
-
-    def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k)."""
-        return np.asarray(self._solve(np.asfortranarray(R)))

@@ -1,4 +1,4 @@
-"""Solvers of PETSc matrices: their choice by memory, K from its strains.
+"""Solvers of PETSc matrices: their choice by memory and time, K from its strains.
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
 memory, conjugate gradients are used (`antiosc.fem.linalg.multigrid`): preconditioned by two levels
@@ -9,22 +9,21 @@ faster (`antiosc.fem.linalg.forecast`).
 
 K = SᵀS + rest: the entries of K of a slender beam are dominated by the shear stiffness; the bending
 energy is what remains when these entries cancel. Their rounding ε makes a relative error of up to ε
-(L/r)² n² of the bending stiffness (r the radius of gyration, n nodes): 1e-6 at L/r = 900 and 800
-nodes, all digits at 3e5 and 2000. S, whose rows are the strains at the Gauss points times
-√(stiffness · weight), has the square root of K's condition number: Sᵀ(S x) loses ε L/r. The gain is
-that of QR over the normal equations in least squares (Golub and Van Loan, *Matrix Computations*,
-§5.3).
-
-The factor of the rounded K is the preconditioner of conjugate gradients with that product: one or
-two steps up to L/r = 3e4, ten if rounding has removed the bending stiffness from the factor.
+(L/r)² n² of the bending stiffness (r the radius of gyration, n nodes): of k0 4e-8 at L/r = 350 and
+100 nodes, 3e-6 at 900 and 400, all digits at 3e5 and 2000. S, whose rows are the strains at the
+Gauss points times √(stiffness · weight), has the square root of K's condition number: Sᵀ(S x) loses
+ε L/r. The gain is that of QR over the normal equations in least squares (Golub and Van Loan,
+*Matrix Computations*, §5.3). The factor of the rounded K is the preconditioner of conjugate
+gradients with that product: one or two steps up to L/r = 3e4, ten if rounding has removed the
+bending stiffness from the factor.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
-from functools import cache, cached_property, partial
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from mpi4py import MPI
@@ -232,7 +231,7 @@ class Distributed(PetscSolver, Factorization):
         return result
 
 
-def forecast(A: PETSc.Mat) -> float:
+def entries_by_mumps(A: PETSc.Mat) -> float:
     """Forecast of the entries of MUMPS's factor of A; 0 if A has no node blocks.
 
     MUMPS gives the size of a factor only after the factorization. It therefore factors the rows of
@@ -245,22 +244,6 @@ def forecast(A: PETSc.Mat) -> float:
     first, last = A.getOwnershipRange()
     rows = PETSc.IS().createStride((last - first) // block, first, block, comm=A.getComm())
     return block**2 * Distributed(A.createSubMatrix(rows, rows)).entries
-
-
-class ByPetsc(PetscSolver, Factorization):
-    """Cholesky factor on one rank by CHOLMOD through PETSc, if it cannot be called directly."""
-
-    def _configure(self) -> None:
-        self._ksp.setType(PETSc.KSP.Type.PREONLY)
-        pc = self._ksp.getPC()
-        pc.setType(PETSc.PC.Type.CHOLESKY)
-        if PETSc.Sys.hasExternalPackage("cholmod") or PETSc.Sys.hasExternalPackage("suitesparse"):
-            pc.setFactorSolverType("cholmod")  # PETSc's own Cholesky fills in far more
-
-    @property
-    def entries(self) -> float:
-        """Number of entries of the factor."""
-        return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
 
 
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
@@ -282,34 +265,35 @@ def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: floa
     """
     levels = replace(levels, coarser=cache(levels.coarser))
     if by_strains(A):
-        return Refined(A, lambda matrix: _of_entries(matrix, choice, levels, columns))
-    return _of_entries(A, choice, levels, columns)
+        return Refined(A, lambda matrix: _chosen(matrix, choice, levels, columns))
+    return _chosen(A, choice, levels, columns)
 
 
-def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) -> Solver:
-    rows = A.getSize()[0]
-    free = on_root(A.getComm().tompi4py(), process.free_memory)
+def _chosen(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) -> Solver:
     if choice == "iterative":
         return _iterative(A, levels)
+
+    rows = A.getSize()[0]
+    free = on_root(A.getComm().tompi4py(), process.free_memory)
     direct_only = choice == "direct" or columns == math.inf
     fits = BYTES * COMPACT * rows ** (4 / 3) <= process.MEMORY_SHARE * free
     if fits and (direct_only or rows < LARGE):
         return factorize(A)
+
     analysis = 0.0 if by_cells(A) else ANALYSIS * stored(A)
     process.require(analysis, f"any solver of {rows} dofs", SMALLER_MESH, free)
-    coarser = levels.coarser() if by_cells(A) else None
-    plan = Plan(A) if coarser is None else PlanByLinear(A, coarser)
-    entries = plan.entries
-    need = BYTES * entries
+    forecast = forecast_of(A, levels.coarser() if by_cells(A) else None)
+    need = BYTES * forecast.entries
     if need <= process.MEMORY_SHARE * free:
-        faster = None if direct_only else _faster(A, plan, entries, levels, columns)
-        return plan.factorize() if faster is None else faster
+        faster = None if direct_only else _faster(A, forecast, levels, columns)
+        return faster or factorize(A, forecast.taken(A))
+
     noun = f"the factor of {rows} dofs"
     if choice == "direct":
         process.require(
             need, noun, "take the solver 'iterative', a coarser mesh, or elements of order 1", free
         )
-    del plan  # its analysis has copies of A
+    del forecast  # its analysis has copies of A
     solver = _iterative(A, levels)
     warn(
         A.getComm().tompi4py(),
@@ -319,18 +303,18 @@ def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: flo
     return solver
 
 
-def _faster(
-    A: PETSc.Mat, plan: Plan, entries: float, levels: Levels, columns: float
-) -> Multigrid | None:
+def _faster(A: PETSc.Mat, forecast: Forecast, levels: Levels, columns: float) -> Multigrid | None:
     """A two-level solver if a trial solve shows that it takes less time than the factor; otherwise
     None.
     """
-    sizes = sizes_of(A, entries)
-    iteration_limit = sizes.iterations_within(seconds_of_factor(entries, columns), columns)
+    sizes = _sizes_of(A, forecast.entries)
+    seconds = seconds_of_factor(forecast.entries, columns)
+    iteration_limit = sizes.iterations_within(seconds, columns)
     if iteration_limit < FEWEST or levels.coarser() is None:
         return None
+
     try:
-        solver = _iterative(A, levels, plan)
+        solver = _iterative(A, levels, forecast)
         iterations = solver.trial(iteration_limit)
     except NotConvergedError:  # a factor tells why, or serves
         return None
@@ -338,59 +322,41 @@ def _faster(
     return solver
 
 
-def foreseen(A: PETSc.Mat, coarser: Callable[[], PETSc.Mat | None]) -> str:
-    """The forecast for a factor of A as text, and whether two levels may replace it."""
-    entries = Plan(A).entries
-    if not entries:
-        return "not forecast"
-    cost = of_factor(entries, 1.0)
-    text = f"{entries:.3g} entries, {cost}"
-    sizes = sizes_of(A, entries)
-    iteration_limit = sizes.iterations_within(seconds_of_factor(entries, 1.0), 1.0)
-    if A.getSize()[0] < LARGE or iteration_limit < FEWEST or coarser() is None:
-        return text
-    return f"{text}; two levels instead if a trial solve takes at most {iteration_limit} iterations"
-
-
-def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multigrid:
+def _iterative(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -> Multigrid:
     """The iterative solver; OutOfMemoryError before its matrices are made.
 
-    `plan`: the forecast of the factor; a `PlanByLinear` already has the matrix of the coarse level.
+    `forecast`: that of the factor; it may have the matrix of the coarse level already.
     """
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     coarser = levels.coarser()
     factored = coarser is not None and coarser.getSize()[1] <= FACTORED
-    if plan is None and factored and by_cells(A) and A.getComm().getSize() == 1:
-        plan = PlanByLinear(A, coarser)
-    sizes = sizes_of(A, plan.entries if plan and factored else 0.0)
+    if forecast is None and factored and by_cells(A) and A.getComm().getSize() == 1:
+        forecast = forecast_of(A, coarser)
+
+    sizes = _sizes_of(A, forecast.entries if forecast and factored else 0.0)
     noun = f"the iterative solver of {A.getSize()[0]} dofs"
     process.require(sizes.bytes, noun, SMALLER_MESH, free)
     solver: Multigrid
     if coarser is None:
         solver = Multigrid(with_entries(A), levels.motions())
-    elif isinstance(plan, PlanByLinear):
-        inverse = partial(preconditioner, analysis=plan.taken)
-        solver = TwoLevels(A, levels.motions, coarser, inverse, plan.A)
     else:
-        solver = TwoLevels(A, levels.motions, coarser, preconditioner)
+        coarse = forecast.matrix if forecast and forecast.matrix is not A else None
+
+        def inverse(matrix: PETSc.Mat) -> Callable[[Array], Array]:
+            factor = factorize(matrix, forecast.taken(matrix) if forecast else None)
+            return lambda b: factor.solve_block(b[:, None])[:, 0]
+
+        solver = TwoLevels(A, levels.motions, coarser, inverse, coarse)
     solver.cost = Cost(sizes.bytes)
     return solver
 
 
-def preconditioner(
-    A: PETSc.Mat, analysis: Callable[[], Analysis | None] = lambda: None
-) -> Callable[[Array], Array]:
-    """A⁻¹ on the coarse level; `analysis` hands over the symbolic factor."""
-    factor = factorize(A, analysis())
-    return lambda b: factor.solve_block(b[:, None])[:, 0]
-
-
-def sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
+def _sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
     """Sizes of a two-level solver of A whose factor would have `factor` entries."""
-    return LevelSizes(stored(A), products_of(A), factor)
+    return LevelSizes(stored(A), _products_of(A), factor)
 
 
-def products_of(A: PETSc.Mat) -> Products:
+def _products_of(A: PETSc.Mat) -> Products:
     """Cost of products with A per entry: by stored entries, or cell by cell."""
     cost: Products = A.getAttr(CELLS).cells.products if by_cells(A) else ENTRIES
     return cost
@@ -399,85 +365,50 @@ def products_of(A: PETSc.Mat) -> Products:
 def stored(A: PETSc.Mat) -> float:
     """Number of entries of A on all ranks; for a cell-by-cell matrix, of the assembled one."""
     if by_cells(A):
-        return products_of(A).row * float(A.getSize()[0])
+        return _products_of(A).row * float(A.getSize()[0])
     return float(A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"])
 
 
-class Plan:
-    """Forecast for the factor of A, from a symbolic analysis that the factorization reuses."""
+@dataclass(eq=False)
+class Forecast:
+    """Forecast of the factor of a matrix, and the analysis from which it comes."""
 
-    def __init__(self, A: PETSc.Mat) -> None:
-        comm = A.getComm().tompi4py()
-        self.A = A
-        self._analysis: Analysis | None = None
-        if comm.size == 1 and not cholmod_refused(comm):
-            self._analysis = analysed(A)
+    entries: float  # of the factor on all ranks
+    matrix: PETSc.Mat  # that is analysed: the given one, or that of linear elements
+    analysis: Analysis | None = None  # of that matrix, on one rank
 
-    @cached_property
-    def entries(self) -> float:
-        """Forecast of the factor's entries on all ranks; 0 if there is none."""
-        return self._own_entries
-
-    @property
-    def _own_entries(self) -> float:
-        if self._analysis is not None:
-            return float(self._analysis.entries)
-        return forecast(self.A)
-
-    def taken(self) -> Analysis | None:
-        """The symbolic analysis of A, handed over: call once, since a factor consumes it; None
-        without one.
-        """
-        analysis, self._analysis = self._analysis, None
+    def taken(self, matrix: PETSc.Mat) -> Analysis | None:
+        """The analysis of `matrix`, handed over, since a factor consumes it; None without one."""
+        if matrix is not self.matrix:
+            return None
+        analysis, self.analysis = self.analysis, None
         return analysis
 
-    def factorize(self) -> Factorization:
-        """The factor; to be called once."""
-        return factorize(self.A, self.taken())
 
+def forecast_of(A: PETSc.Mat, coarser: PETSc.Mat | None = None) -> Forecast:
+    """The forecast of the factor of A, from a symbolic analysis.
 
-class PlanByLinear(Plan):
-    """Forecast for the factor of quadratic elements from the analysis of linear ones on the same
-    cells.
-
-    This analysis takes a tenth of the memory.
+    `coarser`: the interpolation from linear elements, whose analysis takes a tenth of the memory.
     """
-
-    def __init__(self, A: PETSc.Mat, coarser: PETSc.Mat) -> None:
-        super().__init__(coarse_of(A, coarser))
-        self._fine = A
-
-    @cached_property
-    def entries(self) -> float:
-        """Forecast of the factor's entries on all ranks; 0 if there is none."""
-        return products_of(self._fine).finer * self._own_entries
-
-    def factorize(self) -> Factorization:
-        """The factor."""
-        self._analysis = None
-        return factorize(self._fine)
+    matrix = A if coarser is None else coarse_of(A, coarser)
+    finer = 1.0 if coarser is None else _products_of(A).finer
+    comm = A.getComm().tompi4py()
+    if comm.size > 1 or cholmod_refused(comm):
+        return Forecast(finer * entries_by_mumps(matrix), matrix)
+    analysis = analysed(matrix)
+    return Forecast(finer * float(analysis.entries), matrix, analysis)
 
 
 def factorize(A: PETSc.Mat, analysis: Analysis | None = None) -> Factorization:
-    """The Cholesky factor of A by the fastest method for the number of ranks.
+    """The Cholesky factor of A: by CHOLMOD on one rank, by MUMPS on several.
 
     `analysis`: the symbolic factor of A, if it is known, on one rank.
     """
-    result = _factored(A, analysis)
+    comm = A.getComm().tompi4py()
+    by_mumps = comm.size > 1 or cholmod_refused(comm)
+    result: Factorization = Distributed(with_entries(A)) if by_mumps else OnOneRank(A, analysis)
     result.cost = of_factor(result.entries, 1.0)
     return result
-
-
-def _factored(A: PETSc.Mat, analysis: Analysis | None) -> Factorization:
-    comm = A.getComm().tompi4py()
-    refused = cholmod_refused(comm)
-    if comm.size == 1 and not refused:
-        return OnOneRank(A, analysis)
-
-    A = with_entries(A)
-    if comm.size == 1:
-        return ByPetsc(A)
-    return Distributed(A)
 
 
 def cholmod_refused(comm: MPI.Comm) -> bool:

@@ -186,8 +186,7 @@ class Structure(ReprMixin):
             Additional fixed dofs: {12: "all", 7: ["x", "z"]}; needs a map.
         backend : "auto", "petsc" or "scipy"
             Library of the linear algebra. "auto" is PETSc where the finite-element packages are
-            installed; "scipy" needs NumPy and SciPy alone, on one rank: SuperLU, or CHOLMOD where
-            scikit-sparse is installed.
+            installed; "scipy" needs NumPy and SciPy alone, on one rank.
         """
         start_time = clock()
         choice("backend", backend, BACKENDS)
