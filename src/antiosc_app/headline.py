@@ -25,9 +25,7 @@ REMEDIES = {
     "truncation": "extract more anti-oscillators",
     "time": "use a smaller tol",
     "patch": "take a smaller patch on smaller elements",
-    "noise": "measure with less noise, or average more blows",
-    "band": "measure up to a higher frequency",
-    "model": "use solid elements in place of beams or shells",
+    "noise": "measure with less noise and up to a higher frequency",
     "stretch": "extract with a larger number of motions that stretch",
     "law": "give the yield strength of the part's own material, with its range",
 }
@@ -120,7 +118,7 @@ def force_bar(budget: ErrorBudget | None) -> float | None:
     if budget is None or "mesh" in budget.unknown:
         return None
     bar = budget["peak_force"]
-    return Numerical(bar.without_law) if bar.total is None else bar.total
+    return Numerical(bar.numerical) if bar.total is None else bar.total
 
 
 def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> list[str]:

@@ -14,10 +14,8 @@ from antiosc.base.texts import percent
 from antiosc.engine.contact.choice import choose, lacks_strength
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.engine.contact.laws import yield_factor
-from antiosc.engine.contact.peak_error import TABOR, error_of_peak
+from antiosc.engine.contact.peak_error import TABOR, error_of_peak, mean_strain_rate
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
-from antiosc.impact.histories.bars import differences
-from antiosc.impact.law_error import strain_rate
 
 YIELDING = [name for name in materials.names() if materials.record(name).yield_strength]
 STIFF = [name for name in materials.names() if not name.startswith(("wood", "rubber"))]
@@ -260,7 +258,7 @@ def test_the_row_of_the_law_is_what_other_strengths_change():
     hits = budgets()
     bar = hits["known"].error_budget["peak_force"]
     assert 0.01 < bar.law < 0.3
-    assert bar.total == pytest.approx(bar.without_law + bar.law)
+    assert bar.total == pytest.approx(bar.numerical + bar.law)
     assert hits["slow"].error_budget["peak_force"].law < 1e-9
     assert hits["unknown"].error_budget["peak_force"].total is None
     exact = replace(ALLOY, yield_range=None)
@@ -316,8 +314,8 @@ def test_what_yields_is_said_first():
 def test_the_error_by_the_law_is_told_without_an_estimate_of_the_mesh():
     hits = budgets()
     shown = {name: error_line(hit) for name, hit in budgets(errors=None).items()}
-    share = float(re.search(r"law ([\d.]+) %, numerical", shown["known"])[1]) / 100
     row = hits["known"].error_budget["peak_force"].law
+    share = float(re.search(r"law ([\d.]+) %, numerical", shown["known"])[1]) / 100
     assert row < share < 2 * row  # at the depth of the contact
     assert "law 0 %" in shown["slow"]
     assert "law not known" in shown["unknown"]
@@ -333,21 +331,6 @@ def test_a_summary_has_no_second_error_of_the_law_beside_the_budget():
     row = hit.error_budget["peak_force"].law
     assert row > 0
     assert f"law {percent(row)}" in error_line(hit)
-
-
-@pytest.mark.parametrize("k0", [2e5, 2e8])
-def test_the_bar_of_a_laminate_holds_whatever_indentation_damages_it(k0):
-    """Where the plate decides, the law is no reason for a total that is not known."""
-    ply = Surface(Matter(8e9, 0.0, critical=8.03e-5, name="laminate"))
-    plate = replace(model(ply, strain_error=ERRORS), k0=k0)
-    ball = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
-    hit = ao.simulate(plate, ball, duration=5e-3)
-    budget = hit.error_budget
-    assert not budget.law
-    for critical in hit.deepest * np.array([2e-3, 0.01, 0.1, 0.3, 0.7, 0.99]):
-        damaged = ao.simulate(plate, ball, replace(hit.law, critical=critical), duration=5e-3)
-        for name, change in differences(damaged, hit).items():
-            assert change <= budget[name].law
 
 
 def test_a_curvature_that_may_fit_the_striker_leaves_the_total_unknown():
@@ -412,7 +395,9 @@ def test_the_mean_strain_rate_gives_the_peak_of_a_strength_that_follows_it(name)
     )  # fmt: skip
     striker = ao.RigidMass(ball_mass, 2.0, tip_radius=radius, material=RIGID)
     hit = ao.simulate(still, striker, duration=1e-3, tol=1e-5)
-    low, high = metal.strengths_at(strain_rate(hit.law, hit))
+    start, end = hit.contacts[0]
+    rate_at_peak = mean_strain_rate(hit.law, hit.deepest, end - start)
+    low, high = metal.strengths_at(rate_at_peak)
     assert low == metal.yield_strength
     D, q, *static = metal.rate
 

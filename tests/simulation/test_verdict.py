@@ -243,23 +243,6 @@ def test_the_side_whose_yield_strength_is_told_is_named(part, striker, owner, sp
         assert told.endswith(f" of {owner}.") == owner.startswith("the ")
 
 
-def test_a_sheet_that_is_held_along_one_line_is_told_to_bend_without_stretching():
-    """As far as it bends in one direction; a clamped one has another sentence."""
-
-    def told(thickness, key):
-        info = {key: thickness}
-        model = ao.AntiOscillators(m0=0.01, k0=1e5, m=[0.5], omega=[5e3], info=info)
-        return ao.simulate(model, ao.RigidMass(0.2, 1.0), ao.Linear(1e7), 0.02)
-
-    u = abs(told(1.0, "bends").at(np.linspace(0, 0.02, 20_001))["structure"].displacement(
-        "structure")).max()  # fmt: skip
-    (sentence,) = told(u / 0.8, "bends").stretch_texts
-    ratio = float(sentence.split(" times its thickness")[0].split()[-1])
-    assert "is held along one line" in sentence
-    assert ratio == pytest.approx(0.8, rel=0.02)
-    assert told(u / 0.01, "bends").stretch_texts == []
-
-
 @pytest.mark.slow
 @pytest.mark.fem
 def test_the_thickness_of_a_sheet_says_how_it_is_held():
@@ -267,5 +250,4 @@ def test_the_thickness_of_a_sheet_says_how_it_is_held():
     shell = ao.Shell(70e9, 0.3, 2700.0, thickness=1e-3)
     both = ao.Structure(mesh, shell, [ao.Support("-x"), ao.Support("+x")]).matrices.plausibility
     one = ao.Structure(mesh, shell, [ao.Support("-x")]).matrices.plausibility
-    assert (both.get("thickness"), both.get("bends")) == (1e-3, None)
-    assert (one.get("thickness"), one.get("bends")) == (None, 1e-3)
+    assert (both.get("thickness"), one.get("thickness")) == (1e-3, None)

@@ -1,4 +1,4 @@
-"""The error budget of an impact: errors due to mesh, element family, truncation, steps and patch.
+"""The error budget of an impact: errors due to mesh, truncation, steps, patch and law.
 
 The mesh error is the difference between the impacts on the model and on its corrected model
 (`antiosc.models.parameters`), times a factor of safety. The errors of the three quantities (peak
@@ -9,16 +9,14 @@ since error and misfit have opposite signs and may cancel. Parts without an esti
 (`ModelInfo.no_estimate`) have a budget of the other causes, and a note that the mesh's is missing.
 The truncation error is that of `antiosc.impact.truncation`.
 
-"model": for a shell the impact is repeated on the body of `antiosc.impact.shell_error`.
-
-"noise" and "band": the record of a measured model (`ModelInfo.measured`) contains other bodies that
-fit the measurement as well; some differ by the noise, some by the unknown modes above the band. The
-impact is repeated on each of them; an error bar is `BAR` standard deviations of the results.
+"noise": the record of a measured model (`ModelInfo.measured`) contains other bodies that fit the
+measurement as well; some differ by the noise, some by the unknown modes above the band. The impact
+is repeated on each of them; the error is `BAR` standard deviations of the results by each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
@@ -27,7 +25,13 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent
+from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
+from antiosc.engine.contact.peak_error import (
+    error_of_law,
+    unknown_error,
+    weakest_and_strongest,
+)
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import (
     DEFLECTION,
@@ -37,8 +41,6 @@ from antiosc.impact.histories.bars import (
     ErrorBudget,
     Rebound,
 )
-from antiosc.impact.law_error import ByLaw, law_errors
-from antiosc.impact.shell_error import SAFETY_SHELL, inexact_shell
 from antiosc.impact.stretching import (
     NEGLIGIBLE,
     before_peak,
@@ -48,6 +50,7 @@ from antiosc.impact.stretching import (
 )
 from antiosc.impact.truncation import WARN_SHARE, is_reduced, truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.auto_contact import choice_of
 from antiosc.models.body import (
     Coarse,
     LinearBody,
@@ -63,6 +66,8 @@ Shares = dict[str, float]
 T = TypeVar("T")
 #: Simulates an impact on another body to a tolerance.
 Rerun = Callable[[LinearBody, float], History]
+#: The same by another law.
+ByLaw = Callable[[ContactLaw, float], History]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,23 +91,6 @@ class RepeatedImpact:
         return bars.all_changes(self.raw, self.simulate_on(body))
 
 
-def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
-    """(relative errors of the three quantities due to the element family, notes).
-
-    The model's info has the data ("model"), or the reason why there are none.
-    """
-    model = impact.model
-    facts = model.info.model
-    if isinstance(facts, str):
-        return bars.NO_ERROR, [facts]
-    if facts is None:
-        return bars.NO_ERROR, []
-
-    change = impact.change(inexact_shell(model.modal(), model.local_compliance, facts))
-
-    return bars.with_floor({name: SAFETY_SHELL * share for name, share in change.items()}), []
-
-
 #: Error bar, in standard deviations over the bodies (measured).
 BAR = 2.0
 #: Least product of the top of the band [Hz] and the time of the pulse.
@@ -118,28 +106,25 @@ SAMPLES = 8192
 PADDED = 8
 
 
-def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
-    """Relative errors of the three quantities due to measured noise and the limited band."""
+def measured_errors(impact: RepeatedImpact) -> Shares:
+    """Relative errors of the quantities due to measured noise and the limited band, added."""
     facts = impact.model.info.measured
     if facts is None:
-        return bars.NO_ERROR, bars.NO_ERROR
+        return bars.NO_ERROR
 
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     changes = [
         impact.change(ModalModel(ModalBody(omega, b, float(r), decay)))
         for omega, b, r, decay in bodies
     ]
-    noise_changes = changes[: int(facts["draws"])]
-    band_changes = changes[int(facts["draws"]) :]
-    noise, band = (
-        {
-            name: BAR * float(np.sqrt(np.mean([shares[name] ** 2 for shares in part])))
-            for name in UNITS
-        }
-        for part in (noise_changes, band_changes)
-    )
+    draws = int(facts["draws"])
+    total = dict(bars.NO_ERROR)
 
-    return bars.with_floor(noise), bars.with_floor(band)
+    for part in (changes[:draws], changes[draws:]):
+        for name in total:
+            total[name] += BAR * float(np.sqrt(np.mean([change[name] ** 2 for change in part])))
+
+    return bars.with_floor(total)
 
 
 def low_band_message(hit: History) -> str:
@@ -243,19 +228,15 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     impact = RepeatedImpact(model, raw, rerun, tol)
     weights = amplitudes(raw)
     of_mesh = _mesh(impact, weights, WITHOUT_STRETCHING if hit.assembly.stretched else "")
-    noise, band = measured_errors(impact)
     patch, patch_notes = _patch(impact)
-    family, model_notes = model_errors(impact)
-    law, law_reason = law_errors(raw, by_law, tol)
+    law, law_reason = law_error(raw, by_law, tol)
     finer = None if hit.assembly.stretched else raw  # that is linear
     shares = {
         "mesh": of_mesh.mesh,
         "truncation": of_mesh.truncation,
         "time": _time(hit, finer, tol),
         "patch": patch,
-        "noise": noise,
-        "band": band,
-        "model": family,
+        "noise": measured_errors(impact),
         "stretch": _stretch(hit, stretching_model, rerun, tol),
     }
 
@@ -281,7 +262,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     return ErrorBudget(
         {name: bar(name, getattr(hit, name)) for name in QUANTITIES},
         of_mesh.share,
-        (*patch_notes, *model_notes, *of_mesh.doubts, *band_notes),
+        (*patch_notes, *of_mesh.doubts, *band_notes),
         of_mesh.safety,
         unknown,
         rebound_of(hit),
@@ -298,7 +279,7 @@ def _unknown_mesh(
     """
     reason = model.info.no_estimate
     if reason and model.strain_error is None and not stretches:
-        return dict.fromkeys(("mesh", "model"), f"{WITHOUT_MESH}{reason}")
+        return {"mesh": f"{WITHOUT_MESH}{reason}"}
     if model.strain_error is not None or model.info.measured is not None:
         unresolved = _unresolved(hit, model, is_cut)
         return {"mesh": unresolved} if unresolved else {}
@@ -339,6 +320,31 @@ def rebound_of(hit: History) -> Rebound | None:
     if e is not None and abs(rebound.momentum * (1 + e) / hit.impulse - 1) > CONSERVED:
         return None
     return rebound
+
+
+#: Note for a law given by the caller.
+GIVEN = "The contact's law was given: its error is not in these bars."
+
+
+def law_error(hit: History, by_law: ByLaw, tol: float) -> tuple[Shares | None, str]:
+    """(the shares of the law in the errors, or None; why they are missing).
+
+    A share is the error of the law, by which impulse and contact time change no more than the peak
+    force, and what the lowest and the highest yield strength change, by two runs. The shares are 0
+    for a law that the caller gave.
+    """
+    choice = choice_of(hit.law, hit.model, hit.impactor)
+    if choice is None:
+        return bars.NO_ERROR, GIVEN
+    if reason := unknown_error(choice, hit.peak_force):
+        return None, f"The error of the contact's law is not known: {reason}."
+
+    start, end = hit.contacts[0]
+    laws = weakest_and_strongest(choice, hit.peak_force, end - start)
+    changes = [bars.NO_ERROR, *(bars.all_changes(hit, by_law(law, tol)) for law in laws)]
+    share = error_of_law(choice, hit.peak_force)
+
+    return {name: share + max(change[name] for change in changes) for name in UNITS}, ""
 
 
 def _kept(
@@ -559,7 +565,7 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     """
     model = impact.model
     second_patch = model.info.patch
-    if model.radius is None or isinstance(model.info.model, Mapping):  # "model" has that of a shell
+    if model.radius is None:
         return bars.NO_ERROR, []
 
     notes = list[str]()

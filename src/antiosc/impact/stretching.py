@@ -124,13 +124,12 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
     span = a.spans[name]
     columns = a.columns[name]
     sites = a.B[span, columns] @ a.G[: len(a.laws), columns].T
-    q = sampled_motion(history, body.omega)[:, span]
-    amplitude = q @ forces.modes
+    amplitude = sampled_motion(history, body.omega)[:, span] @ forces.modes
     triangle = np.asarray(np.linalg.qr(amplitude, mode="r"))
     poles = np.where(body.omega > 0, body.omega, np.inf)[:, None] ** 2
     site_displacement = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
-    largest = float(np.abs(q @ (sites * (body.omega > 0)[:, None])).max(initial=0.0))
-    change = float(np.abs(site_displacement).max(initial=0.0)) / max(largest, 1e-300)
+    largest = max(deflection(history, name), 1e-300)
+    change = float(np.abs(site_displacement).max(initial=0.0)) / largest
 
     return StretchedMotion(forces, body.omega, triangle, change)
 

@@ -45,19 +45,6 @@ class PatchData(TypedDict, total=False):
     compliance: float
 
 
-class ShellDisc(TypedDict):
-    """Data for the error of shell theory under a blow (`antiosc.impact.shell_error`).
-
-    nu : Poisson's ratio; disc : radius of the disc over the thickness h; wave : h √(ρ/E) [s];
-    compliance : 1/(E h) [m/N].
-    """
-
-    nu: float
-    disc: float
-    wave: float
-    compliance: float
-
-
 class MeasuredBand(TypedDict):
     """Bodies consistent with a measurement, in free modes (A bodies, J modes).
 
@@ -89,7 +76,6 @@ class ModelInfo(ReprMixin):
     converged : how many of the lowest anti-oscillators have converged to antiresonances.
     point, direction : place [m] and direction of a site without a name.
     points : places [m] of named sites.
-    model : data of the error of shell theory, or a sentence why there is none.
     divided : shape of the cells if the mesh's error is that against the same mesh with each cell
         divided.
     patch, not_included : data of the patch, and a sentence on what the estimate of the mesh error
@@ -102,7 +88,6 @@ class ModelInfo(ReprMixin):
     thickness : least thickness [m] of its sheets, or that of the walls of a thin solid, which
         linear theory describes for small deflections; None for others, and for those that are
         supported along one line alone, as a cantilever.
-    bends : that thickness of sheets that are supported along one line alone [m].
     cells : site ("" without a name) -> longest edge [m] of the cell there, product of the
         speed of waves and the radius of gyration [m²/s], 0 without bending, and that speed [m/s].
     second_order : site of a curved sheet ("" without a name) -> change of the force [1/m] that
@@ -119,7 +104,6 @@ class ModelInfo(ReprMixin):
     point: Sequence[float] | None = None
     direction: Sequence[float] | None = None
     points: Mapping[str, Sequence[float]] | None = None
-    model: ShellDisc | str | None = None
     divided: str | None = None
     patch: PatchData | None = None
     not_included: str | None = None
@@ -128,7 +112,6 @@ class ModelInfo(ReprMixin):
     doubts: Sequence[str] | None = None
     surfaces: Mapping[str, Mapping[str, Any]] | None = None
     thickness: float | None = None
-    bends: float | None = None
     cells: Mapping[str, Sequence[float]] | None = None
     second_order: Mapping[str, float] | None = None
     notes: Mapping[str, object] = field(default_factory=dict)
@@ -199,11 +182,10 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     **dict.fromkeys(("structure", "method", "not_included", "no_estimate"), ((str,), "a text")),
     **dict.fromkeys(("points", "surfaces", "cells", "second_order"), ((Mapping,), "a dict")),
     **dict.fromkeys(("patch", "measured"), ((Mapping,), "a dict")),
-    **dict.fromkeys(("thickness", "bends"), ((int, float), "a number")),
+    "thickness": ((int, float), "a number"),
     "doubts": ((list, tuple), "a list"),
-    "model": ((Mapping, str), "a dict or a text"),
 }
-_RECORDS: dict[str, Any] = {"model": ShellDisc, "patch": PatchData, "measured": MeasuredBand}
+_RECORDS: dict[str, Any] = {"patch": PatchData, "measured": MeasuredBand}
 _NAMES = tuple(entry.name for entry in dataclasses.fields(ModelInfo) if entry.name != "notes")
 #: The record of a body without known data.
 UNKNOWN = ModelInfo()

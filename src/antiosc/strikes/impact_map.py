@@ -55,8 +55,7 @@ from antiosc.impact.from_rest import peak_deflections
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
     SLIGHT_DEFLECTION,
-    beyond_linear,
-    beyond_quartic,
+    beyond_theory,
     deflection,
 )
 from antiosc.impact.histories.verdict import CONTACT_RADII
@@ -500,8 +499,8 @@ def _tell_deflection(
         return
     i = hardest(result, values=result.peak_deflection)
     assert result.peak_deflection is not None
-    warning_of = beyond_linear if stretch is False else beyond_quartic
-    if sentence := warning_of("structure", float(result.peak_deflection[i]), thickness):
+    largest = float(result.peak_deflection[i])
+    if sentence := beyond_theory("structure", largest, thickness, stretch is not False):
         warn(f"a blow at {placed(result.points[i])}: {sentence}", AccuracyWarning)
 
 

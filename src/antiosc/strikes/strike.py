@@ -493,7 +493,7 @@ def record(answer: Answer) -> MeshRecord:
         n=answer.n,
         seconds=answer.seconds,
         mesh=max(bar.mesh for bar in answer.budget.values()),
-        total=answer.budget.without_law,
+        total=answer.budget.numerical,
         peak_force=answer.hit.peak_force,
     )
 
@@ -640,17 +640,10 @@ def _finished(
     budget = answer.budget
     model = replace(hit.model, info=hit.model.info.having(strike=records))
     dofs = ", ".join(str(record["dofs"]) for record in records)
-    worst = budget.without_law
+    worst = budget.numerical
     if aim < tol and budget.numerical <= tol:
         reason = ""
     story = f"Meshes of {dofs} dofs; bar without law {100 * worst:.2g} % for tol = {100 * tol:g} %."
-    if worst > tol and not reason:
-        share = max(bar.model for bar in budget.values())
-        reason = (
-            f"The share of the model, {100 * share:.2g} %, exceeds what the tolerance leaves: no "
-            "finer mesh helps, solid elements would, shells for a tube, and on isotropic shells a"
-            " closed_form.plate_patch."
-        )
     reason = reason or budget.unknown.get("mesh", "") or _missed_by_law(budget, tol)
     if reason:
         budget = replace(budget, notes=(*budget.notes, reason))

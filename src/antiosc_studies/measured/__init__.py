@@ -76,7 +76,7 @@ def from_frf(
     Returns
     -------
     AntiOscillators
-        `hit.error_budget` of an impact on it has the contributions "noise" and "band", computed
+        `hit.error_budget` of an impact on it has the contribution "noise", computed
         from `model.info.measured`.
 
     Raises

@@ -64,6 +64,7 @@ def test_bars_of_an_impact_hold(order):
         off = abs(getattr(hit, name) / getattr(true, name) - 1)
         assert off <= budget[name].total
     assert budget.worst < (0.3, 0.05)[order - 1]
+    assert "beam theory itself" in " ".join(budget.notes)
     coarse = "the mesh is coarse" in " ".join(budget.notes)
     assert coarse == (order == 1)
 

@@ -56,6 +56,12 @@ FLAT = "the pressure of flat faces, which are never quite parallel"
 LINES = "when a contact along a line yields"
 NO_STRENGTH = "whether one side yields (give the yield strength or a material)"
 LAMINATE = "the indentation from which this laminate is damaged"
+#: That of a surface that may fit into the other one by the error of its curvature on the mesh.
+CURVATURE = (
+    "the curvature of the surface at the site is too uncertain (smaller elements around the site)"
+)
+#: The peak force of Hertz's law grows with each relative radius to this power, at equal work.
+RADIUS_POWER = 0.1
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,7 @@ class Choice:
     unknown : the unknown property on which the error of the law depends, in words; "" if none.
     shares : smallest and largest possible `elastic_share`; None if it is exact.
     error : relative error of the force, due to the circle in place of an elliptic contact.
+    by_curvature : relative error of the peak force by the error of both curvatures on a mesh.
     curvature : the larger relative curvature of both surfaces [1/m], for a contact at a point.
     soft_ball : whether the rounder side is the softer one, as a rubber tip on steel.
     """
@@ -80,6 +87,7 @@ class Choice:
     unknown: str = ""
     shares: tuple[float, float] | None = None
     error: float = 0.0
+    by_curvature: float = 0.0
     curvature: float = 0.0
     soft_ball: bool = False
 
@@ -118,6 +126,7 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     second = other_elastic[0] if other_elastic else RIGID
     modulus = _modulus(first.E, first.nu, second.E, second.nu)
     A, B = relative_of_curvatures(one.curvatures, other.curvatures, _angle(one, other))
+    uncertain = sum(surface.error for surface in (one, other) if any(surface.curvatures))
     doubt = _doubt(one, other)
     straight = all(0.0 in surface.curvatures for surface in (one, other))
     if B <= 0 or A < -NO_CURVATURE * B or (A <= NO_CURVATURE * B and not straight):
@@ -132,7 +141,10 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
         shape += f", with a rubber (E up to {softest}, nu from {RUBBER_NU:g}), which does not yield"
     rounder, flatter = sorted((one, other), key=lambda surface: -surface.curvatures[1])
     is_soft = rounder.matter.E <= flatter.matter.E
-    at_point = partial(Choice, curvature=2 * B, soft_ball=is_soft)
+    if uncertain >= 2 * A:
+        doubt = doubt or CURVATURE
+    by_curvature = RADIUS_POWER * (uncertain / (2 * A) + uncertain / (2 * B))
+    at_point = partial(Choice, by_curvature=by_curvature, curvature=2 * B, soft_ball=is_soft)
     soft = min(materials, key=_strength)
     laminate = next((m for m in materials if m.critical is not None), None)
     if laminate is not None and laminate.critical is not None:

@@ -7,7 +7,6 @@ from math import sqrt
 
 from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz
-from antiosc.engine.contact.surfaces import Matter
 
 #: Strain under a ball over a/R (D. Tabor, The Hardness of Metals, Oxford 1951).
 TABOR = 0.2
@@ -31,37 +30,61 @@ HERTZ_POWER = 0.4
 def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
     """Relative error of a peak force [N] due to its law, without another run; None if unknown.
 
-    For a contact that yields it is the measured error of the law and of the equivalent circle, and
-    the change of the force at equal work by the lowest and the highest yield strength; for an
-    elastic one, the effect of large strains.
+    It is `error_of_law`, and for a contact that yields the change of the force at equal work by the
+    lowest and the highest yield strength.
+    """
+    if unknown_error(choice, peak):
+        return None
+
+    law = choice.law
+    error = error_of_law(choice, peak)
+    if not isinstance(law, ElasticPlastic):
+        return error
+
+    work = law.loading_work(_depth(law, "force", peak))
+    other_laws = weakest_and_strongest(choice, peak, contact_time)
+    peaks = [_force(other, _depth(other, "work", work)) for other in other_laws]
+
+    return error + max((abs(peak_k / peak - 1) for peak_k in peaks), default=0.0)
+
+
+def error_of_law(choice: Choice, peak: float) -> float:
+    """Relative error of a peak force [N] by its law with exact strengths: the measured error of the
+    law and of the equivalent circle of a contact that yields, the effect of large strains on an
+    elastic one, that of the uncertain curvature on both.
+    """
+    law = choice.law
+    error = choice.by_curvature + _elastic_error(choice, peak)
+    if isinstance(law, ElasticPlastic) and choice.soft is not None and peak > law.yield_force:
+        error += law.error_at(_depth(law, "force", peak))[0] + choice.error
+    return error
+
+
+def unknown_error(choice: Choice, peak: float) -> str:
+    """Why the error of a peak force [N] by its law is not known; "" if it is known."""
+    strain = _strain(choice, peak)
+    largest = largest_strain(choice)
+    reasons = [choice.unknown]
+    if strain > largest:
+        reasons.append(
+            f"the contact is pressed in by {strain:.2g} of its radius, and the error of its elastic"
+            f" law is known up to {largest:g} (a blunter striker)"
+        )
+    return "; ".join(filter(None, reasons))
+
+
+def weakest_and_strongest(choice: Choice, peak: float, contact_time: float) -> list[ElasticPlastic]:
+    """The law with the lowest yield strength, and with the highest at the rate of a contact.
+
+    A law is omitted if it equals that of the choice, or if the contact yields neither by it nor by
+    that.
     """
     law = choice.law
     soft = choice.soft
-    elastic = None if choice.unknown else _elastic_error(choice, peak)
-    if elastic is None or not isinstance(law, ElasticPlastic) or soft is None:
-        return elastic
-    depth = _depth(law, "force", peak)
-    work = law.loading_work(depth)
-    rate = mean_strain_rate(law, depth, contact_time)
-    other_laws = other_strengths(law, soft, peak, rate)
-    peaks = [force_after(other_law, work) for other_law in other_laws]
-    by_strength = max((abs(peak_k / peak - 1) for peak_k in peaks), default=0.0)
-    by_error = law.error_at(depth)[0] + choice.error if peak > law.yield_force else 0.0
-    return elastic + by_error + by_strength
+    if not isinstance(law, ElasticPlastic) or soft is None:
+        return []
 
-
-def force_after(law: ElasticPlastic, work: float) -> float:
-    """Force [N] at which loading has taken a work [J]."""
-    return _force(law, _depth(law, "work", work))
-
-
-def other_strengths(
-    law: ElasticPlastic, soft: Matter, peak: float, rate: float
-) -> list[ElasticPlastic]:
-    """The law with the lowest yield strength, and with the highest at a strain rate [1/s].
-
-    A law is omitted if it equals `law`, or if the contact yields neither by it nor by `law`.
-    """
+    rate = mean_strain_rate(law, _depth(law, "force", peak), contact_time)
     changed_laws = [replace(law, yield_strength=strength) for strength in soft.strengths_at(rate)]
     return [
         other_law
@@ -102,15 +125,18 @@ def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> 
     return 2 * TABOR * sqrt(depth / law.radius) / contact_time
 
 
-def _elastic_error(choice: Choice, peak: float) -> float | None:
-    """Relative error of an elastic peak force by large strains; None beyond their range."""
+def _strain(choice: Choice, peak: float) -> float:
+    """Indentation over the relative radius at an elastic peak force [N]; 0 for other laws."""
     law = choice.law
     if not isinstance(law, ElasticPlastic | Hertz | Gonthier):
         return 0.0
-    strain = elastic_strain(choice, peak, (peak / law.stiffness) ** (2 / 3))
-    if strain > largest_strain(choice):
-        return None
-    return max((abs(factor**HERTZ_POWER - 1) for factor in by_strain(choice, strain)), default=0.0)
+    return elastic_strain(choice, peak, (peak / law.stiffness) ** (2 / 3))
+
+
+def _elastic_error(choice: Choice, peak: float) -> float:
+    """Relative error of an elastic peak force by large strains."""
+    factors = by_strain(choice, _strain(choice, peak))
+    return max((abs(factor**HERTZ_POWER - 1) for factor in factors), default=0.0)
 
 
 def _force(law: ElasticPlastic, depth: float) -> float:

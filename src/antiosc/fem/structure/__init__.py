@@ -427,14 +427,12 @@ class Plausibility(TypedDict, total=False):
     doubts : sentences on implausible properties of a part; wave_speed : largest speed of waves in
         bars [m/s];
     thickness : least thickness of sheets, or of the walls of a thin solid [m]; None for others, and
-        if they are supported along one line alone;
-    bends : that thickness of sheets that are supported along one line alone [m].
+        if they are supported along one line alone.
     """
 
     doubts: list[str]
     wave_speed: float
     thickness: float
-    bends: float
 
 
 @dataclass(eq=False)

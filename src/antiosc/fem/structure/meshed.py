@@ -165,8 +165,6 @@ class MeshedStructure(StructureMatrices):
     doubts: tuple[str, ...] = ()
     #: the least of a sheet, or of the walls of a thin solid [m]; None if it is held along one line
     thickness: float | None = None
-    #: the least of a sheet that is held along one line, which bends without stretching [m]
-    bends: float | None = None
     dampers: Sequence[Dissipation] = ()  # of its attachments
     springs: Sequence[Dissipation] = ()  # to the ground
     #: its fixed dofs, as its forms are assembled with
@@ -262,8 +260,6 @@ class MeshedStructure(StructureMatrices):
         result: Plausibility = {"wave_speed": speed}
         if self.thickness is not None:
             result["thickness"] = self.thickness
-        if self.bends is not None:
-            result["bends"] = self.bends
         if self.doubts:
             return {**result, "doubts": list(self.doubts)}
         return result
@@ -602,7 +598,6 @@ def assembled(
         conditions=conditions,
         doubts=doubts,
         thickness=None if along_line else thickness,
-        bends=thickness if along_line and parts[0][0].kind.sheet else None,
     )
 
 

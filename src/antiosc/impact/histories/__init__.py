@@ -19,7 +19,6 @@ from antiosc.impact.assembly import scene_source
 from antiosc.impact.histories import verdict
 from antiosc.impact.histories.bars import ErrorBudget, contact_time_note
 from antiosc.impact.histories.factors import modes_of, no_field_message, stretch_in, stretch_shapes
-from antiosc.impact.histories.linear_theory import linear_texts, stretch_effect
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import ContactHistory
 from antiosc.impact.histories.site_motion import SiteMotion, site_motion
@@ -276,15 +275,23 @@ class History(RunHistory, Results):
 
     @property
     def stretch_texts(self) -> list[str]:
-        """Sentences on bodies that stretch, with the number of their modes, and on the linear ones
-        of sheets.
+        """Sentences on bodies that stretch, with the number of their modes, and on a thin solid
+        that is taken as linear.
         """
-        forces = self.assembly.stretched
+        if left_out := self.assembly.stretch_left_out:
+            energy = f"the energy of second-order strain is {percent(left_out)} of that of its"
+            return [f"'structure' is taken as linear: {energy} motion at the largest force"]
+
+        change = self.assembly.stretch_effect
+        effect = f"{percent(abs(change))} {'larger' if change > 0 else 'smaller'}"
+        if abs(change) <= self.error.get("peak", 0.0):
+            effect = "different by less than its error by the time steps"
+
         return [
-            f"{name!r} stretches: second-order forces of {stretch.modes.shape[1]} motions"
-            f" {stretch_effect(self)}"
-            for name, stretch in forces.items()
-        ] or list(linear_texts(self))
+            f"{name!r} stretches: second-order forces of {forces.modes.shape[1]} motions make the"
+            f" largest force {effect}"
+            for name, forces in self.assembly.stretched.items()
+        ]
 
     def _facts(self) -> list[tuple[str, str]]:
         contacts = self.contact_histories

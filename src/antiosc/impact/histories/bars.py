@@ -24,13 +24,9 @@ CAUSES = (
     "time",
     "patch",
     "noise",
-    "band",
-    "model",
     "stretch",
     "law",
 )
-#: Those that no finer model or run changes.
-ASSUMED = ("model", "law")
 #: Why a contact time has no bar.
 NO_BAR = "no error bar: the number of its contacts is uncertain"
 #: In place of a bar that would lack a cause, which may be the largest one.
@@ -40,7 +36,7 @@ BY_GIVEN_LAW = " (law as given)"
 #: A side of a bar with which nothing is left of a quantity, as text; page.js has the same.
 WHOLE = percent(1.0)
 #: Those that are told only of models that were measured, and of parts that stretch.
-RARE = ("noise", "band", "stretch")
+RARE = ("noise", "stretch")
 #: Shares that are smaller than this error, and than this part of the bar, are told as one sum;
 #: others always, so that a bar tells whether the contact's law is in it.
 SMALL_SHARE, SMALL_PART = 5e-3, 0.1
@@ -58,8 +54,7 @@ class ErrorBar:
     truncation : bound for the anti-oscillators that the model leaves out.
     time : bound for the time integration.
     patch : bound for the choice of the radius of the patch.
-    noise, band : for a measured model: noise, and modes above the measured band.
-    model : bound for the element family, such as a beam in place of a solid bar.
+    noise : for a measured model: noise, and modes above the measured band.
     law : bound for the contact law and its parameters; None: not known.
     stretch : bound for second-order forces of omitted modes, if a part stretches.
     without_mesh : whether the mesh's error is not known, and `mesh` 0.
@@ -71,26 +66,19 @@ class ErrorBar:
     time: float
     patch: float
     noise: float = 0.0
-    band: float = 0.0
-    model: float = 0.0
     law: float | None = 0.0
     stretch: float = 0.0
     without_mesh: bool = False
 
     @property
     def numerical(self) -> float:
-        """Sum of all causes but model and law, which no finer mesh reduces."""
-        return sum(getattr(self, cause) for cause in CAUSES if cause not in ASSUMED)
-
-    @property
-    def without_law(self) -> float:
-        """Sum of all causes but the law."""
-        return self.numerical + self.model
+        """Sum of all causes but the law, which no finer model or run changes."""
+        return sum(getattr(self, cause) for cause in CAUSES if cause != "law")
 
     @property
     def known(self) -> float:
         """Sum of the causes that are known."""
-        return self.without_law + (self.law or 0.0)
+        return self.numerical + (self.law or 0.0)
 
     @property
     def total(self) -> float | None:
@@ -182,7 +170,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """Causes of error to print; noise, band and stretch if present, the law if known."""
+        """Causes of error to print; noise and stretch if present, the law if known."""
         bars = self.bars.values()
         known_causes = (c for c in CAUSES if c not in self.unknown)
         return tuple(c for c in known_causes if c not in RARE or any(getattr(b, c) for b in bars))
@@ -196,13 +184,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return max(filter(None, totals), default=0.0)
 
     @property
-    def without_law(self) -> float:
-        """Largest of the three sums of all causes but the law."""
-        return max(bar.without_law for bar in self.bars.values())
-
-    @property
     def numerical(self) -> float:
-        """Largest of the three sums of all causes but model and law."""
+        """Largest of the three sums of all causes but the law."""
         return max(bar.numerical for bar in self.bars.values())
 
     @property

@@ -216,7 +216,8 @@ def law_error_text(contact: OneContact) -> str:
     choice = choice_at(contact)
     if choice is None or choice.law != contact.law or not contact.peak_force > 0:
         return ""
-    share = error_of_peak(choice, contact.peak_force, contact.contact_time)
+    start, end = contact.contacts[0]
+    share = error_of_peak(choice, contact.peak_force, end - start)
     return "law not known" if share is None else f"law {percent(share)}"
 
 

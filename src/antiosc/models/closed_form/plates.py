@@ -18,7 +18,6 @@ Static layer: I. N. Sneddon, *Fourier Transforms* (1951), article 46, from Love'
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import cos, cosh, exp, log, pi, sin, sinh, sqrt
 from typing import NamedTuple
 
@@ -65,13 +64,9 @@ def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
     return PlatePatch(thickness * disc, excess_compliance(nu, disc) / (E * thickness))
 
 
-def excess_compliance(
-    nu: float, disc: float, weight: Callable[[float], float] = lambda _: 1.0
-) -> float:
-    """Compliance under a disc of this radius that the plate has more than the layer, E = h = 1.
-
-    `weight`: factor of the plate's term by wave number, 1 + k² (disc² − ν/(1 − ν))/5 + … for small
-    ones, without which only the disc of a `plate_patch` has a finite integral.
+def excess_compliance(nu: float, disc: float) -> float:
+    """Compliance under the disc of a `plate_patch` that the plate has more than the layer, for
+    E = h = 1.
     """
     from scipy.integrate import quad  # loaded where it is used: it takes long
 
@@ -83,7 +78,7 @@ def excess_compliance(
         z = k * disc
         x = k / 2
         P = 3 * (sin(z) - z * cos(z)) / z**3 if z > NARROW else 1 - z**2 / 10
-        plate = weight(k) * P**2 * (1 / (D * k**4) + 6 / (5 * G * k**2))
+        plate = P**2 * (1 / (D * k**4) + 6 / (5 * G * k**2))
         layer = 0.0
         if k < HALF_SPACE:
             bent = sinh(2 * x) - 2 * x

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from math import sqrt
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -16,18 +15,15 @@ import numpy as np
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts, with_parts
-from antiosc.fem.elements.shell import Shell
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import ShellDisc
 from antiosc.models.parameters import JOINTED
 from antiosc.reduce.error.division import Division, too_large
 from antiosc.reduce.error.patch import patch_of
 from antiosc.reduce.error.recovery import Recovery
 from antiosc.reduce.site import Functional
-from antiosc.reduce.site.sites import located
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
@@ -36,10 +32,7 @@ if TYPE_CHECKING:
 NO_MESH = "the error of a mesh needs the mesh: given matrices have none."
 TRUSS = "the nodes of a truss are hinges, so that no mesh could be finer."
 #: What no mesh tells of.
-OF_BEAMS = "Not included: the error of beam theory itself."
-OF_SHELLS = "Not included: the error of the shell model itself, for {}."
-#: Least cosine between the direction of a blow on a shell and the normal.
-ACROSS = 0.9
+THEORY = "Not included: the error of {} theory itself."
 #: Share of an element within which a site is at its end.
 AT_NODE = 1e-3
 #: Angles in degrees between neighbours, above rounding and below that of a sharp edge, between
@@ -103,8 +96,7 @@ class ModelErrors:
             divided=part.mesh.cell if self._estimator.divided else None,
             patch=None if self._estimator.divided else patch_of(self._structure, site),
             inside_element=part.mesh.tdim == 1 and _is_inside(part, site),
-            model=_of_theory(part, site),
-            not_included=flat_cells(part) or None,
+            not_included=_left_out(part) or None,
             no_estimate=None,
             seconds={**spent, "error": time.perf_counter() - start_time},
         )
@@ -115,27 +107,11 @@ class ModelErrors:
         return self._estimator.of_cells(model, weights)
 
 
-def _of_theory(part: MeshedStructure, site: Functional) -> ShellDisc | str | None:
-    """Data for the error of shell theory under a blow (`antiosc.impact.shell_error`), or what is
-    not included.
-    """
-    if part.kind.name == "beam":
-        return OF_BEAMS
-    if not part.kind.sheet or site.point is None or site.direction is None or site.radius is None:
-        return None
-    contact = located(part, site.point[None], site.direction[None], np.array([site.radius])).contact
-    assert contact is not None  # with a radius
-    material = part.parts[int(contact.label[0])][0]
-    if not isinstance(material, Shell):
-        return OF_SHELLS.format("it is known of isotropic shells alone")
-    if abs(float(site.direction @ contact.normals[0])) < ACROSS:
-        return OF_SHELLS.format("the shell is not struck across its surface")
-    return {
-        "nu": material.nu,
-        "disc": site.radius / material.thickness,
-        "wave": material.thickness * sqrt(material.rho / material.E),
-        "compliance": 1 / (material.E * material.thickness),
-    }
+def _left_out(part: MeshedStructure) -> str:
+    """What the error of the mesh does not include, in words; "" for straight solids."""
+    name = "shell" if part.kind.sheet else part.kind.name
+    theory = "" if part.kind.outside else THEORY.format(name)
+    return " ".join(filter(None, [theory, flat_cells(part)]))
 
 
 def _is_inside(part: MeshedStructure, site: Functional) -> bool:
