@@ -168,7 +168,7 @@ def test_the_error_by_the_law_is_that_of_the_hardest_blow_by_itself(name, ball):
     site = ao.Site(points[hardest(found)], (0, 0, -1), radius=2e-3)
     model = ao.extract(part, site, n=20, error="estimate")
     row = ao.simulate(model, ball, duration=duration).error_budget["peak_force"].law
-    assert row < found.law_error < 1.5 * row
+    assert 0.98 * row < found.law_error < 1.5 * row
     assert f"off by {percent(found.law_error)}" in found.summary()
     slow = ao.impact_map(part, points, dataclasses.replace(STEEL_BALL, velocity=1e-3), **given)
     assert slow.law_error == 0
