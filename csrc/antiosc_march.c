@@ -16,3 +16,6 @@
 #include "stepper.c"
 #include "steps.c"
 #include "stretch.c"
+#ifndef AOM_RUN_ONLY
+#include "enclosure.c"
+#endif

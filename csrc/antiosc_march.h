@@ -454,6 +454,31 @@ AOM_API int aom_batch_create(int n_modes, void *memory, size_t bytes, aom_batch 
 AOM_API int aom_batch_solve(aom_batch *batch, int64_t n, const aom_impact *impacts,
                             aom_outcome *outcomes, aom_pulse_nodes *pulses, int64_t max_attempts,
                             int64_t *done);
+
+/* ---- Bounds of what a model leaves out ------------------------------------------------------- */
+
+/* A run with m contacts in modes without damping, and the residual of the model in the whole body.
+ * Laws: AOM_LINEAR, AOM_POWER without a patch, AOM_HERTZ. The run starts with forces of 0. */
+typedef struct aom_enclosure {
+    int n_modes, n_channels, n_contacts;
+    const double *omega, *load, *q, *v; /* [n_modes]; constant load, state at the start */
+    const double *beta;                 /* [m][n_modes], delta = beta q - gap */
+    const double *gap;                  /* [m] */
+    const double *rows, *shift;         /* [k][n_modes], [k]: |sum y (d2/dt2 - s)^2 q| drives the error */
+    const double *alpha, *gamma;        /* [m] |D| <= alpha sqrt(2 E) + gamma int sqrt(2 E) dt */
+    const aom_law *laws;                /* [m] */
+    double longest;                     /* piece of time [s] */
+    int64_t n_nodes;                    /* of a record */
+    const double *time, *force;         /* [n_nodes], [n_nodes][m] */
+    double *clock, *lower, *upper;      /* [n_nodes], [n_nodes][m] bounds of the forces at the nodes */
+    double *peak, *impulse;             /* [m][2] bounds of the peak; impulse, and its largest error */
+    double *energy;                     /* bound of the relative energy at the end [J] */
+    int64_t *reached;                   /* last node with bounds */
+} aom_enclosure;
+
+AOM_API size_t aom_enclosure_size(const aom_enclosure *enclosure);
+/* AOM_DONE; AOM_STUCK where no bound exists behind *reached. */
+AOM_API int aom_enclose(const aom_enclosure *enclosure, void *memory);
 #endif
 
 #ifdef __cplusplus

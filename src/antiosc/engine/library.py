@@ -185,6 +185,16 @@ class CPulseNodes(Structure):
     _fields_ = _fields("int64 max_nodes, n_nodes; pointer time, force")
 
 
+class CEnclosure(Structure):
+    """The C structure `aom_enclosure`."""
+
+    _fields_ = [
+        *_fields("int n_modes, n_channels, n_contacts; pointer omega, load, q, v, beta, gap, rows"),
+        *_fields("pointer shift, alpha, gamma, laws; double longest; int64 n_nodes"),
+        *_fields("pointer time, force, clock, lower, upper, peak, impulse, energy, reached"),
+    ]
+
+
 class CModel(Structure):
     """The C structure `axm_model` of `csrc/export/antiosc_model.h`."""
 
@@ -238,6 +248,8 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_main_impact": (c_double, c_int64, c_void_p),
     "aom_expect": (CExpected, c_void_p, c_int, c_double),
     "aom_law_deepest": (c_double, c_void_p, c_double, c_double, c_double, c_double, c_double),
+    "aom_enclosure_size": (c_size_t, c_void_p),
+    "aom_enclose": (c_int, c_void_p, c_void_p),
     "aom_batch_size": (c_size_t, c_int),
     "aom_batch_nodes": (c_int64, c_int),
     "aom_batch_create": (c_int, c_int, c_void_p, c_size_t, c_void_p),

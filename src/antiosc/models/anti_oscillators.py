@@ -118,6 +118,8 @@ class AntiOscillators(ReprMixin, Parameters):
 
     stretch : Stretch, optional
         Second-order forces of some free modes, by `extract(..., stretch=...)`.
+    recurrence : Recurrence, optional
+        What bounds the motion that the model leaves out, by `extract(..., proof=...)`.
 
     Raises
     ------

@@ -38,6 +38,7 @@ from antiosc.models.body import ModelInfo
 from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import Parameters
+from antiosc.models.recurrence import Recurrence
 from antiosc.models.stretch import Stretch
 
 FORMAT = "antiosc-model"
@@ -113,7 +114,11 @@ _ARRAYS = (
     *("m0", "k0", "m", "omega", "P", "participation", "direction", "dependence", "rigid", "slide"),
     *("strain_error", "strain_misfit"),
 )
-_PARTS = {"inertia": ("point", "matrix", "momentum"), "stretch": ("modes", "quadratic", "cubic")}
+_PARTS = {
+    "inertia": ("point", "matrix", "momentum"),
+    "stretch": ("modes", "quadratic", "cubic"),
+    "recurrence": ("diagonal", "coupling", "scalars"),
+}
 
 
 def save(model: Parameters, path: str | os.PathLike[str]) -> None:
@@ -143,11 +148,12 @@ def arguments(path: str | os.PathLike[str]) -> Named:
     """The arguments of `AntiOscillators` in a model file; InputError for other files."""
     header, arrays = read(path, {"m0", "k0", "omega"})
     try:
-        inertia, stretch = (_part(arrays, part) for part in _PARTS)
+        inertia, stretch, recurrence = (_part(arrays, part) for part in _PARTS)
         return {
             **{name: arrays.get(name) for name in _ARRAYS},
             "inertia": Inertia(*inertia) if inertia else None,
             "stretch": Stretch(*[*stretch, header["stretch"]]) if stretch else None,
+            "recurrence": _recurrence(*recurrence) if recurrence else None,
             "damping": _damping(header["damping"]),
             "info": ModelInfo.of(header["info"]),
             "sites": tuple(header["sites"]),
@@ -157,6 +163,12 @@ def arguments(path: str | os.PathLike[str]) -> Named:
         }
     except (InputError, KeyError, TypeError, ValueError) as error:
         raise damaged_file(path, error) from error
+
+
+def _recurrence(diagonal: Array, coupling: Array, scalars: Array) -> Recurrence:
+    """The recurrence of a model file."""
+    k0, mass, shift = checks.floats("scalars", scalars, (3,)).tolist()
+    return Recurrence(k0, mass, diagonal, coupling, shift)
 
 
 def _part(arrays: Arrays, part: str) -> list[Any]:

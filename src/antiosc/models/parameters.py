@@ -33,6 +33,7 @@ from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.models.body import Body, ModelInfo, info_of
 from antiosc.models.modal import Damping, Value, columns_of_sites
 from antiosc.models.motion import Inertia, unit_vector, unit_vectors
+from antiosc.models.recurrence import Recurrence
 from antiosc.models.stretch import Stretch
 
 #: Parameters by name, as they are stored.
@@ -73,6 +74,7 @@ class Parameters(Body):
     strain_error: Array | None = None
     strain_misfit: Array | None = None
     stretch: Stretch | None = None
+    recurrence: Recurrence | None = None
 
     @property
     def n(self) -> int:
@@ -449,6 +451,7 @@ def corrected(model: ModelType) -> ModelType:
         inertia=inertia,
         strain_error=None,
         strain_misfit=None,
+        recurrence=None,
     )
 
 

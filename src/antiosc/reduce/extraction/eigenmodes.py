@@ -39,6 +39,7 @@ from antiosc.fem.linalg.algebra import (
 )
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
+from antiosc.models.recurrence import Recurrence
 from antiosc.reduce.extraction import SiteShapes
 
 if TYPE_CHECKING:
@@ -237,6 +238,8 @@ class Modes:
     phi: Array
     #: whether these are all modes that the structure has
     complete: bool
+    #: of a Krylov space, what bounds the motion outside it
+    recurrence: Recurrence | None = None
 
 
 class ModeSolver:

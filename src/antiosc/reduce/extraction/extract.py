@@ -83,6 +83,7 @@ class ExtractOptions:
     band: float | None  # rad/s
     accuracy: float
     expansion: float | None = None  # Hz
+    proof: bool = False
 
 
 def models_of(
@@ -100,6 +101,7 @@ def models_of(
         'method="modes"': options.method == "modes",
         'error="estimate"': errors is not None,
         "band=": options.band is not None,
+        "proof=": options.proof,
     }
     for argument in (name for name, given in refused.items() if terms and given):
         raise InputError(f"{argument} does not take dampers, nor layers that relax: leave it out.")
@@ -120,6 +122,7 @@ def models_of(
             options.band,
             STEP_AIM * options.accuracy,
             terms,
+            options.proof,
         )
     else:
         limits = options.tol, options.band, options.accuracy
@@ -148,10 +151,13 @@ def models_of(
             seconds={**structure.seconds, **seconds},
         )
         complete = modes.complete
+        recurrence = modes.recurrence
         if at_site is not None:
             selected = replace(selected, phi=np.zeros((0, 0)))
         del known, modes  # as large as the shapes, as `selected.phi` was
         model = model_of(structure, group, static, selected, at_site, info)
+        if not static.weak.any():
+            model = replace(model, recurrence=recurrence)
         if errors is not None:
             model = errors.added_to(model, group[UNNAMED][0])
         if terms or structure.matrices.lossy:
@@ -227,6 +233,7 @@ def extract(
     damping: float | Sequence[float] | Damping | None = None,
     stretch: Count | Literal[False] = False,
     expansion: float | None = None,
+    proof: bool | float = False,
 ) -> AntiOscillators: ...
 @overload
 def extract(
@@ -243,6 +250,7 @@ def extract(
     damping: float | Sequence[float] | Damping | None = None,
     stretch: Count | Literal[False] = False,
     expansion: float | None = None,
+    proof: bool | float = False,
 ) -> list[AntiOscillators]: ...
 @collective()
 @within_range
@@ -261,6 +269,7 @@ def extract(
     damping: float | Sequence[float] | Damping | None = None,
     stretch: Count | Literal[False] = False,
     expansion: float | None = None,
+    proof: bool | float = False,
 ) -> AntiOscillators | list[AntiOscillators]:
     """The anti-oscillator model of a structure at a site, or at several.
 
@@ -310,6 +319,10 @@ def extract(
         default it is static. The response converges first to times about 1/s: blows that are over
         before the waves they make return from the edges need fewer anti-oscillators about the
         inverse of their contact time. It takes a second factor.
+    proof : bool or float
+        Store what `simulate(..., proof=True)` needs to bound the force by: one Krylov step more, of
+        one site without a name. A number is the contact time [s] of the blow (`contact_time` of a
+        first run), from which the expansion that makes the bounds narrow follows.
     damping : float, sequence of float, or Damping, optional
         Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
         (the last one for all higher modes), or a `Damping`.
@@ -339,7 +352,10 @@ def extract(
     names, sites = _checked_sites(site)
     flag("shapes", shapes)
     choice("error", error, (None, "estimate"))
+    if proof is not False:
+        expansion = _checked_proof(proof, method, bool(names), expansion)
     options = _checked_options(structure, n, method, tol, band, accuracy, expansion)
+    options = replace(options, proof=proof is not False)
     stretch = checked_count(stretch)
     damping_of_modes = as_damping(damping)
     if damping_of_modes is not None:
@@ -379,6 +395,24 @@ def extract(
     if isinstance(site, list | tuple):
         return models
     return models[0]
+
+
+#: Periods of the expansion's frequency in a contact time.
+PERIODS = 8.0
+
+
+def _checked_proof(
+    proof: object, method: str, named: bool, expansion: float | None
+) -> float | None:
+    """The expansion [Hz] of a model whose forces are to be bounded, which may be given."""
+    if method != "krylov" or named:
+        raise InputError(
+            'proof takes method="krylov" and sites without names: the residual of other models is'
+            " not one known vector."
+        )
+    if proof is True or expansion is not None:
+        return expansion
+    return PERIODS / positive("proof", proof, "s")
 
 
 def _models_at_once(structure: Structure, options: ExtractOptions) -> int:

@@ -56,6 +56,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.driving_point import samples
 from antiosc.models.free_modes import EXHAUSTED
 from antiosc.models.modal import Damping
+from antiosc.models.recurrence import recurrence_of
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, polish
 from antiosc.reduce.extraction.oscillators import (
@@ -308,6 +309,16 @@ class Lanczos:
         m0, P, poles = self.parameters(n)
         return int(np.sum(shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
+    def with_recurrence(self, modes: Modes) -> Modes:
+        """The modes of a space of one site with the recurrence, which takes one step more."""
+        if not self.exhausted:
+            self.advance(self._solver.solve_block(self.load))
+        k0, mass = (float(x[0, 0]) for x in (self._static.k0, self._static.mass))
+        start = self._c[:, 0]
+        dropped = float(self._dropped.sum()) if self.exhausted else None
+        recurrence = recurrence_of(k0, mass, start, self.H, self._shift, dropped)
+        return replace(modes, recurrence=recurrence)
+
     def remainder(self, n: int) -> Remainder:
         """Bound on ‖Z - Z_N‖₂ for the first n <= `applied` vectors, at complex x."""
         theta, eigenvectors = self.ritz(n)
@@ -347,13 +358,14 @@ def by_krylov(
     band: float | None,
     accuracy: float,
     terms: Sequence[Dissipation] = (),
+    proof: bool = False,
 ) -> list[tuple[Modes, Remainder | None]]:
     """(Ritz pairs; with a band the bound on their truncation error) of each model.
 
     Without a band there are `counts` pairs with more than the share `tol` in Z,
     if the structure has so many and the largest number of steps finds them. With a band, it is the
     least number of blocks for which the error of Z is at most `accuracy`, and at most `counts`.
-    Each step solves one block of right-hand sides.
+    Each step solves one block of right-hand sides. `proof`: with the recurrence of each space.
     """
     # room for a few more than are wanted: the system gives memory only to what is written
     lanczos = [
@@ -381,7 +393,8 @@ def by_krylov(
                 )
                 if count is not None:
                     bound = None if band is None else lanczos[i].remainder(count)
-                    results[i] = lanczos[i].modes(count), bound
+                    modes = lanczos[i].modes(count)
+                    results[i] = lanczos[i].with_recurrence(modes) if proof else modes, bound
                     lanczos[i].release()
             log.debug("Krylov step: %d of %d models done", len(results), len(lanczos))
     return [results[i] for i in range(len(lanczos))]

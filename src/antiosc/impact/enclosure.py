@@ -1,0 +1,355 @@
+"""Bounds on the contact forces of the assembled structure, with all modes that a model leaves out.
+
+The displacements ũ of a Krylov model leave the residual -(K + sM) w f(t) in the structure
+(`antiosc.models.recurrence`). Lifted by z = -w f, which does not move the site, the error
+e = u - ũ - z of a run is driven by Mw (∂² - s) f alone. The relative energy of e and of the
+contacts' potentials bounds the difference of the indentations, and so the forces: one scalar
+beside the run (`csrc/enclosure.c`). The run itself gives the forces of the reference motion and
+nothing else; what its steps leave of the contact laws is inside the bounds.
+
+For the difference D of two indentations, with the bound E of the energy and P = ∫√(2E) dt,
+
+    |D| <= √(2E Σ C) + P √(Σ 1/m),
+
+C the compliances of the elastic motions and m the inertias of the rigid ones at the contact. It is
+the least, by s', of √(H(s') (2E + s'P²)), where H(s') is the receptance Σ 1/(m s') + C(s') of all
+bodies at -s'; the least s' is above √(Σ(1/m)/ΣC)/t, at which C is bounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from ctypes import byref
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.texts import FieldsRepr, engineering
+from antiosc.engine import library
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.base import is_compiled
+from antiosc.engine.contact.laws import Hertz
+from antiosc.engine.system import side_by_side
+from antiosc.impact.bodies import Obstacle, RigidBody, RigidMass, SceneBody, Sphere
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.recurrence import ReferenceModes
+
+if TYPE_CHECKING:
+    from antiosc.impact.histories.motion import RunHistory
+
+#: Width of the bounds over the largest force from which the model predicts nothing.
+UNPREDICTED = 0.2
+#: Share of the largest force by which rounding may move a bound.
+ROUNDING = 1e-8
+#: Pieces of time in a contact at least.
+PIECES = 100
+#: Error of k0 and of the mass that tells a recurrence of another structure.
+OTHER = 1e-6
+#: Share of a modal amplitude that is rounding.
+REST = 1e-9
+#: Laws that are Hertz's until they yield: stiffness and yield indentation come first.
+YIELDING = (library.THORNTON, library.YANG_SUN, library.ELASTIC_PLASTIC)
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosure(FieldsRepr):
+    """Proved bounds on one contact force of the assembled structure.
+
+    Attributes
+    ----------
+    time : (n,) instants [s] of the run.
+    lower, upper : (n,) bounds on the force [N]; infinite where nothing is known.
+    peak, impulse : bounds on the peak force [N] and on the impulse [N s], (lower, upper).
+    horizon : time [s] from which the bounds are wider than a fifth of the largest force.
+    n : number of Krylov vectors of the reference motion.
+    """
+
+    time: Array
+    lower: Array
+    upper: Array
+    peak: tuple[float, float]
+    impulse: tuple[float, float]
+    horizon: float
+    n: int
+
+    @property
+    def text(self) -> str:
+        """The bounds in one sentence."""
+        low, high = self.peak
+        between = f"between {engineering(low, 'N', 4)} and {engineering(high, 'N', 4)}"
+        if not np.isfinite(high):
+            between = f"above {engineering(low, 'N', 4)}"
+        sentence = f"proved {between} for the assembled structure"
+        if self.horizon < self.time[-1]:
+            end = engineering(self.horizon, "s")
+            sentence += f"; nothing after {end} can be predicted by {self.n} oscillators"
+        return sentence
+
+
+class _Body(NamedTuple):
+    """A body in its reference modes: frequencies, columns of the contacts, load, start, residual.
+
+    residual : (J,) over the shift s; None of a rigid body. compliance : [m/N] by s'.
+    """
+
+    omega: Array
+    beta: Array
+    load: Array
+    v: Array
+    modes: ReferenceModes | None = None
+    k0: float = 0.0
+    scale: Array | None = None
+
+
+def enclosures(hit: RunHistory) -> tuple[Enclosure, ...]:
+    """The narrowest bounds on the forces of a run, one for each contact.
+
+    InputError names what is outside the assumptions of the proof.
+    """
+    _check_run(hit)
+    bodies = hit.assembly.bodies.values()
+    sizes = side_by_side([body.omega.size for body in bodies])
+    laws = [_law(law) for law in hit.assembly.laws]
+    most = [_most_vectors(body) for body in bodies]
+
+    best: tuple[Enclosure, ...] = ()
+    for shortening in range(SHORTENED):
+        counts = [max(n - shortening, 1) for n in most]
+        parts = [
+            _reference(hit, body, span, n)
+            for body, span, n in zip(bodies, sizes, counts, strict=True)
+        ]
+        found = _enclosed(hit, parts, [law for law, _ in laws], max(counts))
+        if not best or _width(found) < _width(best):
+            best = found
+        if shortening + 1 >= max(most):
+            break
+
+    for one, (law, limit) in zip(best, laws, strict=True):
+        if one.peak[1] > limit:
+            raise InputError(
+                f"the proof needs a law without memory: the force may reach "
+                f"{engineering(one.peak[1], 'N', 4)}, above the {engineering(limit, 'N', 4)} at "
+                f"which {type(law).__name__} yields."
+            )
+    return best
+
+
+#: Numbers of vectors that are tried, from all of them down.
+SHORTENED = 3
+
+
+def _width(found: Sequence[Enclosure]) -> float:
+    """Largest width of the peaks' bounds over the largest force."""
+    peak = max(one.peak[0] for one in found)
+    return max(one.peak[1] - one.peak[0] for one in found) / max(peak, 1e-300)
+
+
+def _refused(assumption: str) -> InputError:
+    """The error for a run outside the assumptions of the proof."""
+    return InputError(f"the proof assumes {assumption}")
+
+
+def _check_run(hit: RunHistory) -> None:
+    """InputError for a run whose bodies, loads or contacts are outside the assumptions."""
+    a = hit.assembly
+    system = a.system
+    if a.stretches:
+        raise _refused("linear bodies, and one of these stretches: extract it without stretch.")
+    if system.damped:
+        raise _refused("bodies without damping, and one of these has some: leave it out.")
+    if system.breaks.size > 1:
+        raise _refused("loads that do not change, and this scene has some that do.")
+    if len(system.R) > len(a.laws):
+        raise _refused("contacts without friction, and this scene has some with it.")
+    if system.closed.any() or system.q.any() or hit.run.force[0].any():
+        raise _refused("contacts that are open at the start, and bodies without deformation.")
+    if hit.run.time.size % 2 == 0 or hit.run.time.size < 3:
+        raise _refused('a run by the method "exact" of at least one step.')
+
+
+def _law(law: ContactLaw) -> tuple[ContactLaw, float]:
+    """(convex law without memory, force [N] up to which it holds) of a contact."""
+    kernel = law.kernel[0] if is_compiled(law) else None
+    kind = library.USER if kernel is None else kernel.kind
+    compliance = law.compliance
+    if kind in (library.LINEAR, library.HERTZ) or (kind == library.POWER and compliance == 0.0):
+        return law, np.inf
+    if kind in YIELDING:
+        k, limit = (float(x) for x in np.ctypeslib.as_array(_doubles(kernel), (2,)))
+        return Hertz(k, compliance), k * limit**1.5
+    raise _refused(
+        f"a convex law without memory and damping (Hertz, Linear, Power), and {type(law).__name__}"
+        " is none."
+    )
+
+
+def _doubles(kernel: library.CLaw) -> object:
+    """The parameters of a law in C as a pointer to numbers."""
+    from ctypes import POINTER, c_double, cast
+
+    return cast(kernel.params, POINTER(c_double))
+
+
+def _most_vectors(body: SceneBody) -> int:
+    """Largest number of Krylov vectors of a body, 0 for a rigid one; InputError without any."""
+    model = body.body
+    inner = getattr(model, "model", model)  # of an `Impactor`
+    if isinstance(inner, AntiOscillators):
+        known = inner.recurrence
+        if known is None:
+            raise _refused(
+                f"a model whose residual is known, and that of {body.name!r} is not: extract it"
+                " with proof=True, by Krylov's method at one site."
+            )
+        errors = abs(inner.k0 - known.k0) > OTHER * known.k0, abs(
+            inner.m_st - known.mass
+        ) > OTHER * known.mass
+        if any(errors):
+            raise _refused(
+                f"the stiffness and mass of the extraction, and those of {body.name!r} were"
+                " changed afterwards: extract it anew."
+            )
+        return known.n
+    if isinstance(inner, RigidMass | Sphere | Obstacle | RigidBody) and not body.omega.any():
+        return 0
+    raise _refused(
+        f"rigid bodies and models that extract made with proof=True, and {body.name!r} is a"
+        f" {type(inner).__name__}."
+    )
+
+
+def _reference(hit: RunHistory, body: SceneBody, span: slice, n: int) -> _Body:
+    """A body of the run in its reference modes; rigid bodies as they are."""
+    system = hit.assembly.system
+    beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
+    inner = getattr(body.body, "model", body.body)
+    if not isinstance(inner, AntiOscillators):
+        return _Body(body.omega, beta, load, v)
+
+    assert inner.recurrence is not None
+    b = body.B[:, 0]
+    rigid = (body.omega == 0) & (b != 0)
+    elastic = body.omega > 0
+    for name, values in (("start without vibration", v), ("bear no loads", load)):
+        if np.abs(values[elastic]).max(initial=0.0) > REST * np.abs(values).max(initial=0.0):
+            raise _refused(f"bodies that {name}, and {body.name!r} does not.")
+    modes = inner.recurrence.modes(n)
+    scale = beta @ b / (b @ b)  # of each contact, in displacements of the site
+
+    def of_rigid(values: Array) -> Array:
+        """Modal values of the motion of the site by the rigid modes."""
+        moved = np.where(modes.omega == 0, float(b[rigid] @ values[rigid]), 0.0)
+        return np.divide(moved, modes.b, out=np.zeros_like(moved), where=modes.omega == 0)
+
+    return _Body(
+        modes.omega,
+        np.outer(scale, modes.b),
+        of_rigid(load),
+        of_rigid(v),
+        modes,
+        inner.recurrence.k0,
+        scale,
+    )
+
+
+def _reaches(bodies: Sequence[_Body], duration: float) -> tuple[Array, Array]:
+    """alpha and gamma (m,) of |D| <= alpha √(2E) + gamma ∫√(2E) dt, for each contact."""
+    mobility = sum((body.beta[:, body.omega == 0] ** 2).sum(axis=1) for body in bodies)
+    compliance = np.zeros_like(mobility)
+    rough = np.zeros_like(mobility)
+    for body in bodies:
+        elastic = body.omega > 0
+        rough += (body.beta[:, elastic] ** 2 / body.omega[elastic] ** 2).sum(axis=1)
+    with np.errstate(divide="ignore"):
+        least = 0.5 * np.sqrt(mobility / rough) / duration
+
+    for body in bodies:
+        if body.modes is None or body.scale is None:
+            continue
+        if body.k0 > 0:
+            compliance += body.scale**2 / body.k0
+            continue
+        for c, scale in enumerate(body.scale):
+            if scale:
+                x = min(float(least[c]), body.modes.shift)
+                compliance[c] += scale**2 * body.modes.compliance(x)
+    if np.any(compliance > 4 * rough):
+        raise _refused("a compliance that the model knows: take more anti-oscillators.")
+
+    return np.sqrt(compliance), np.sqrt(mobility)
+
+
+def _enclosed(
+    hit: RunHistory, bodies: Sequence[_Body], laws: Sequence[ContactLaw], n: int
+) -> tuple[Enclosure, ...]:
+    """The bounds of a run by the reference modes of its bodies."""
+    run = hit.run
+    m = len(laws)
+    omega, load, v = (
+        np.concatenate([getattr(body, name) for body in bodies]) for name in ("omega", "load", "v")
+    )
+    beta = np.ascontiguousarray(np.hstack([body.beta for body in bodies]))
+    alpha, gamma = _reaches(bodies, float(run.time[-1]))
+
+    spans = side_by_side([body.omega.size for body in bodies])
+    rows, shifts = [], []
+    for body, span in zip(bodies, spans, strict=True):
+        if body.modes is not None:
+            row = np.zeros(omega.size)
+            row[span] = np.sqrt(body.modes.inertia) * body.modes.residual
+            rows.append(row)
+            shifts.append(body.modes.shift)
+
+    kernels = (library.CLaw * m)(*[law.kernel[0] for law in laws])
+    nodes = run.time.size
+    lower = np.zeros((nodes, m))
+    upper = np.full((nodes, m), np.inf)
+    time, peak, impulse = np.array(run.time), np.zeros((m, 2)), np.zeros((m, 2))
+    energy, reached = np.zeros(1), np.zeros(1, dtype=np.int64)
+    inputs = [omega, load, np.zeros_like(omega), v, beta, hit.assembly.system.offsets[0, :m].copy()]
+    inputs += [np.array(rows).reshape(-1, omega.size), np.array(shifts), alpha, gamma]
+    times, forces = np.ascontiguousarray(run.time), np.ascontiguousarray(run.force[:, :m])
+    outputs = [time, lower, upper, peak, impulse, energy, reached]
+
+    longest = hit.assembly.contact_time_estimate / PIECES
+    problem = library.CEnclosure(
+        omega.size,
+        len(rows),
+        m,
+        *map(library.address, inputs),
+        library.address(np.frombuffer(kernels, dtype=np.uint8)),
+        longest,
+        nodes,
+        *map(library.address, [times, forces, *outputs]),
+    )
+    memory = np.empty(library.library.aom_enclosure_size(byref(problem)) // 8 + 1)
+    library.library.aom_enclose(byref(problem), library.address(memory))
+    if reached[0] < nodes - 1:
+        peak[:, 1] = impulse[:, 1] = np.inf
+
+    largest = float(peak[:, 0].max(initial=0.0))
+    margin = ROUNDING * largest
+    lower = np.maximum(lower - margin, 0.0)
+    upper += margin
+    width = upper - lower
+    results = []
+    for c in range(m):
+        wide = np.flatnonzero(width[:, c] > UNPREDICTED * largest)
+        horizon = float(time[wide[0]]) if wide.size else float(time[-1])
+        J, error = impulse[c]
+        results.append(
+            Enclosure(
+                time,
+                lower[:, c],
+                upper[:, c],
+                (max(float(peak[c, 0]) - margin, 0.0), float(peak[c, 1]) + margin),
+                (max(float(J - error), 0.0), float(J + error)),
+                horizon,
+                n,
+            )
+        )
+    return tuple(results)

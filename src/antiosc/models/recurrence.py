@@ -1,0 +1,141 @@
+"""The recurrence of a Krylov model, by which the motion that the model leaves out is bounded.
+
+With the shape Φ of a unit displacement at the site and vectors V of the Lanczos recurrence, which
+vanish there, VᵀAV = 1, A = K + sM, the displacement Φu + Va of the Galerkin model leaves one fixed
+residual in the structure,
+
+    bF - Mü - Ku = -A w f,    f = β (a_n'' - s a_n),    bᵀw = 0,
+
+where w is the next vector of the recurrence, β its last coefficient and a_n the last amplitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.texts import FieldsRepr
+
+#: Entries beside the three diagonals of VᵀMV, over its own, from which the recurrence broke down.
+BROKEN = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceModes:
+    """The free modes of a Galerkin model, of unit mass, and their residual.
+
+    Attributes
+    ----------
+    omega : (J,) [rad/s]; a rigid-body mode is the first one, with 0.
+    b : (J,) displacements of the site.
+    residual : (J,) f of each mode over (d²/dt² - s) q, where (w f)ᵀA(w f) = f².
+    inertia : wᵀMw.
+    shift : s [rad²/s²].
+    """
+
+    omega: Array
+    b: Array
+    residual: Array
+    inertia: float
+    shift: float
+
+    def compliance(self, x: float) -> float:
+        """Upper bound [m/N] of bᵀ(K + xM)⁻¹b, 0 < x <= s, less the part of the rigid-body mode."""
+        elastic = self.omega > 0
+        share = self.b / (self.omega**2 + x)
+        left_out = (self.shift - x) * float(self.residual @ share)
+        return float(self.b[elastic] @ share[elastic]) + left_out**2 * self.shift / x
+
+
+@dataclass(frozen=True, eq=False)
+class Recurrence(FieldsRepr):
+    """What the Krylov space of one site says of the structure, beside the anti-oscillators.
+
+    Attributes
+    ----------
+    k0, mass : ΦᵀKΦ [N/m] and ΦᵀMΦ [kg].
+    diagonal : (n + 1,) of VᵀMV, the next vector last.
+    coupling : (n + 1,) v₁ᵀMΦ, then v₍ᵢ₊₁₎ᵀMvᵢ.
+    shift : s [rad²/s²].
+    """
+
+    k0: float
+    mass: float
+    diagonal: Array
+    coupling: Array
+    shift: float
+
+    def __post_init__(self) -> None:
+        size = checks.floats("diagonal", self.diagonal, (None,)).size
+        checks.floats("coupling", self.coupling, (size,))
+        if size < 2 or self.diagonal.min() < 0 or min(self.k0, self.mass, self.shift) < 0:
+            raise InputError("the recurrence of a model needs two vectors or more, of masses >= 0.")
+
+    @property
+    def scalars(self) -> Array:
+        """k0, mass and shift."""
+        return np.array([self.k0, self.mass, self.shift])
+
+    @property
+    def n(self) -> int:
+        """Largest number of vectors of a model whose residual is known."""
+        return len(self.diagonal) - 1
+
+    def modes(self, n: int) -> ReferenceModes:
+        """The model of the first n vectors, 1 <= n <= `n`."""
+        s = self.shift
+        H = np.diag(self.diagonal[:n])
+        H += np.diag(self.coupling[1:n], 1) + np.diag(self.coupling[1:n], -1)
+        c = np.zeros(n)
+        c[0] = self.coupling[0]
+
+        if self.k0 == 0:  # Φ is a rigid-body motion, M-orthogonal to the elastic modes
+            own = np.outer(c, c) / self.mass
+            theta, X = scipy.linalg.eigh(H - own, np.eye(n) - s * own)
+            X = X / np.sqrt(theta)
+            a = np.column_stack([np.zeros(n), X])
+            b = np.append(1 / np.sqrt(self.mass), -(c @ X) / self.mass)
+            omega = np.append(0.0, np.sqrt(1 / theta - s))
+        else:
+            M = np.block([[self.mass, c], [c[:, None], H]])
+            A = np.block([[self.k0 + s * self.mass, s * c], [s * c[:, None], np.eye(n)]])
+            theta, X = scipy.linalg.eigh(M, A)
+            b, *a = X / np.sqrt(theta)
+            omega = np.sqrt(1 / theta - s)
+
+        last = np.asarray(a)[-1]
+        order = np.argsort(omega)
+        residual = self.coupling[n] * last
+        return ReferenceModes(
+            omega[order], b[order], residual[order], float(self.diagonal[n]), self.shift
+        )
+
+
+def recurrence_of(
+    k0: float, mass: float, start: Array, H: Array, shift: float, dropped: float | None
+) -> Recurrence | None:
+    """The recurrence with start = VᵀMΦ and H = VᵀMV, up to where it breaks down; None: at once.
+
+    In exact arithmetic H is tridiagonal, and Φ couples with the first vector alone. `dropped`:
+    length of the next vector, where the space has no further one but for rounding.
+    """
+    beside = np.abs(np.triu(H, 2)).max(axis=0, initial=0.0)
+    beside[1:] = np.maximum(beside[1:], abs(start[1:]))
+    scale = np.sqrt(np.maximum(H.diagonal(), 0.0) * H[0, 0])
+    broken = np.flatnonzero(beside > BROKEN * scale)
+    size = int(broken[0]) if broken.size else len(H)
+    diagonal = H.diagonal()[:size]
+    coupling = np.append(start[0], np.diagonal(H, 1))[:size]
+
+    if dropped is not None and not broken.size:
+        diagonal = np.append(diagonal, np.linalg.eigvalsh(H)[-1])
+        coupling = np.append(coupling, dropped)
+
+    if len(diagonal) < 2:
+        return None
+    return Recurrence(k0, mass, diagonal, coupling, shift)
