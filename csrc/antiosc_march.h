@@ -465,7 +465,8 @@ typedef struct aom_enclosure {
     const double *beta;                 /* [m][n_modes], delta = beta q - gap */
     const double *gap;                  /* [m] */
     const double *rows, *shift;         /* [k][n_modes], [k]: |sum y (d2/dt2 - s)^2 q| drives the error */
-    const double *alpha, *gamma;        /* [m] |D| <= alpha sqrt(2 E) + gamma int sqrt(2 E) dt */
+    int n_spans;                        /* times that a motion has lasted, ascending */
+    const double *spans, *kappa;        /* [n_spans], [m][n_spans] |D| <= kappa sqrt(2 E) by them */
     const aom_law *laws;                /* [m] */
     double longest;                     /* piece of time [s] */
     int64_t n_nodes;                    /* of a record */

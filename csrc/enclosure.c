@@ -12,12 +12,13 @@
  * with R(D) = g(delta + D) - g(delta) - g'(delta) D >= 0 for a convex g, the forces' defect
  * d = F - g(delta), and the channels phi = sum y (d2/dt2 - s)^2 q of the residual. The terms are
  * integrated over a piece of time as upper bounds: R at the ends of all D with H <= E and
- * |D| <= alpha sqrt(2 E) + gamma P, P the integral of sqrt(2 E), d D' by parts, |phi| by its cubic
+ * |D| <= kappa(P/sqrt(2 E)) sqrt(2 E), P the integral of sqrt(2 E), d D' by parts, |phi| by its cubic
  * between the ends. A bound of E in a piece is assumed, and accepted where it implies a smaller one. */
 #include "internal.h"
 
 #define RESOLVED 4.0 /* largest phase of a mode in a piece that the cubic follows */
 #define TRIES 60
+#define TOUCHING 16 /* pieces more where a contact opens or closes */
 #define KINDS 8 /* lengths of pieces whose responses are kept */
 
 /* A convex law: value, slope and curvature of the force, and the potential. */
@@ -155,6 +156,14 @@ static double growth(const aom_law *law, double h, const piece *x, double far, d
     return h * x->fastest * convex_at(law, x->high + far).slope * (far + near);
 }
 
+/* kappa of a contact, for a motion that has lasted so long. */
+static double reach_of(const aom_enclosure *e, int c, double lasted) {
+    int i = 0;
+    while (i < e->n_spans - 1 && e->spans[i] < lasted)
+        i++;
+    return e->spans[i] < lasted ? INFINITY : e->kappa[c * e->n_spans + i];
+}
+
 /* Responses of all modes after one length of time. */
 typedef struct responses_of {
     double length;
@@ -211,7 +220,12 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
         const double *F = e->force + (node & ~(int64_t)1) * m;
         double half = e->time[node + 1] - e->time[node];
         int64_t count = (int64_t)ceil(half / e->longest);
-        count = count < 1 ? 1 : count;
+        bool touching = false;
+        for (int c = 0; c < m; c++) {
+            double a = F[c], b = F[m + c], d = F[2 * m + c], least = smaller(a, smaller(b, d));
+            touching |= least <= 0.0 && larger(a, larger(b, d)) > 0.0;
+        }
+        count = (count < 1 ? 1 : count) * (touching ? TOUCHING : 1);
         double h = half / (double)count;
         if (!(half > 0.0)) { /* a step without length */
             for (int c = 0; c < m; c++) {
@@ -363,7 +377,7 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
                 for (int c = 0; c < m; c++) {
                     const aom_law *law = e->laws + c;
                     piece *x = pieces + c;
-                    reach[c] = e->alpha[c] * root + e->gamma[c] * (integral + h * root);
+                    reach[c] = root > 0.0 ? root * reach_of(e, c, integral / root + h) : 0.0;
                     far[c] = farther(law, x->low, assumed, reach[c]);
                     near[c] = nearer(law, x->low, assumed, reach[c]);
                     if (x->high + far[c] > convex_end(law))
@@ -399,7 +413,7 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
         for (int c = 0; c < m; c++) {
             piece *x = pieces + c;
             const aom_law *law = e->laws + c;
-            reach[c] = e->alpha[c] * root + e->gamma[c] * integral;
+            reach[c] = root > 0.0 ? root * reach_of(e, c, integral / root) : 0.0;
             double high = x->delta[1] + farther(law, x->delta[1], bound, reach[c]);
             double low = x->delta[1] - nearer(law, x->delta[1], bound, reach[c]);
             e->upper[(node + 1) * m + c] = convex_at(law, high).g;

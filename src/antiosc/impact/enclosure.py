@@ -7,13 +7,8 @@ contacts' potentials bounds the difference of the indentations, and so the force
 beside the run (`csrc/enclosure.c`). The run itself gives the forces of the reference motion and
 nothing else; what its steps leave of the contact laws is inside the bounds.
 
-For the difference D of two indentations, with the bound E of the energy and P = ∫√(2E) dt,
-
-    |D| <= √(2E Σ C) + P √(Σ 1/m),
-
-C the compliances of the elastic motions and m the inertias of the rigid ones at the contact. It is
-the least, by s', of √(H(s') (2E + s'P²)), where H(s') is the receptance Σ 1/(m s') + C(s') of all
-bodies at -s'; the least s' is above √(Σ(1/m)/ΣC)/t, at which C is bounded.
+The difference D of two indentations, of an energy below E whose root has the integral P = ∫√(2E) dt,
+is at most √(H(x)(2E + xP²)) for every x > 0, where H(x) = Σ bᵀ(K + xM)⁻¹b of all bodies.
 """
 
 from __future__ import annotations
@@ -46,6 +41,8 @@ UNPREDICTED = 0.2
 ROUNDING = 1e-8
 #: Pieces of time in a contact at least.
 PIECES = 100
+#: Times, over that of the run, at which the largest difference of indentations is known.
+HALVES = 2.0 ** np.arange(-16, 0.25, 0.25)
 #: Error of k0 and of the mass that tells a recurrence of another structure.
 OTHER = 1e-6
 #: Share of a modal amplitude that is rounding.
@@ -256,31 +253,20 @@ def _reference(hit: RunHistory, body: SceneBody, span: slice, n: int) -> _Body:
     )
 
 
-def _reaches(bodies: Sequence[_Body], duration: float) -> tuple[Array, Array]:
-    """alpha and gamma (m,) of |D| <= alpha √(2E) + gamma ∫√(2E) dt, for each contact."""
-    mobility = sum((body.beta[:, body.omega == 0] ** 2).sum(axis=1) for body in bodies)
-    compliance = np.zeros_like(mobility)
-    rough = np.zeros_like(mobility)
-    for body in bodies:
-        elastic = body.omega > 0
-        rough += (body.beta[:, elastic] ** 2 / body.omega[elastic] ** 2).sum(axis=1)
-    with np.errstate(divide="ignore"):
-        least = 0.5 * np.sqrt(mobility / rough) / duration
-
+def _kappa(bodies: Sequence[_Body], spans: Array) -> Array:
+    """kappa (m, n_spans), |D| <= kappa √(2E) after motions that lasted the spans [s] (n_spans,)."""
+    x = 1 / np.append(spans, spans[-1] * 4.0 ** np.arange(1, 10)) ** 2
+    H = np.zeros((len(bodies[0].beta), x.size))
     for body in bodies:
         if body.modes is None or body.scale is None:
+            H += (body.beta**2).sum(axis=1)[:, None] / x
             continue
+        own = body.modes.receptance(x)
         if body.k0 > 0:
-            compliance += body.scale**2 / body.k0
-            continue
-        for c, scale in enumerate(body.scale):
-            if scale:
-                x = min(float(least[c]), body.modes.shift)
-                compliance[c] += scale**2 * body.modes.compliance(x)
-    if np.any(compliance > 4 * rough):
-        raise _refused("a compliance that the model knows: take more anti-oscillators.")
-
-    return np.sqrt(compliance), np.sqrt(mobility)
+            own = np.minimum(own, 1 / body.k0)
+        H += body.scale[:, None] ** 2 * own
+    squares = H[:, None, :] * (1 + x * spans[:, None] ** 2)
+    return np.sqrt(squares.min(axis=2))
 
 
 def _enclosed(
@@ -293,11 +279,12 @@ def _enclosed(
         np.concatenate([getattr(body, name) for body in bodies]) for name in ("omega", "load", "v")
     )
     beta = np.ascontiguousarray(np.hstack([body.beta for body in bodies]))
-    alpha, gamma = _reaches(bodies, float(run.time[-1]))
+    spans = float(run.time[-1]) * (1 + ROUNDING) * HALVES
+    kappa = np.ascontiguousarray(_kappa(bodies, spans))
 
-    spans = side_by_side([body.omega.size for body in bodies])
+    places = side_by_side([body.omega.size for body in bodies])
     rows, shifts = [], []
-    for body, span in zip(bodies, spans, strict=True):
+    for body, span in zip(bodies, places, strict=True):
         if body.modes is not None:
             row = np.zeros(omega.size)
             row[span] = np.sqrt(body.modes.inertia) * body.modes.residual
@@ -311,7 +298,7 @@ def _enclosed(
     time, peak, impulse = np.array(run.time), np.zeros((m, 2)), np.zeros((m, 2))
     energy, reached = np.zeros(1), np.zeros(1, dtype=np.int64)
     inputs = [omega, load, np.zeros_like(omega), v, beta, hit.assembly.system.offsets[0, :m].copy()]
-    inputs += [np.array(rows).reshape(-1, omega.size), np.array(shifts), alpha, gamma]
+    inputs += [np.array(rows).reshape(-1, omega.size), np.array(shifts)]
     times, forces = np.ascontiguousarray(run.time), np.ascontiguousarray(run.force[:, :m])
     outputs = [time, lower, upper, peak, impulse, energy, reached]
 
@@ -321,6 +308,9 @@ def _enclosed(
         len(rows),
         m,
         *map(library.address, inputs),
+        spans.size,
+        library.address(spans),
+        library.address(kappa),
         library.address(np.frombuffer(kernels, dtype=np.uint8)),
         longest,
         nodes,

@@ -44,12 +44,11 @@ class ReferenceModes:
     inertia: float
     shift: float
 
-    def compliance(self, x: float) -> float:
-        """Upper bound [m/N] of bᵀ(K + xM)⁻¹b, 0 < x <= s, less the part of the rigid-body mode."""
-        elastic = self.omega > 0
-        share = self.b / (self.omega**2 + x)
-        left_out = (self.shift - x) * float(self.residual @ share)
-        return float(self.b[elastic] @ share[elastic]) + left_out**2 * self.shift / x
+    def receptance(self, x: Array) -> Array:
+        """Upper bounds [m/N] of bᵀ(K + xM)⁻¹b at x > 0 [rad²/s²], (n,)."""
+        share = self.b / (self.omega**2 + x[:, None])
+        left_out = (self.shift - x) * (share @ self.residual)
+        return share @ self.b + left_out**2 * np.maximum(self.shift / x, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +123,10 @@ def recurrence_of(
     In exact arithmetic H is tridiagonal, and Φ couples with the first vector alone. `dropped`:
     length of the next vector, where the space has no further one but for rounding.
     """
-    beside = np.abs(np.triu(H, 2)).max(axis=0, initial=0.0)
-    beside[1:] = np.maximum(beside[1:], abs(start[1:]))
-    scale = np.sqrt(np.maximum(H.diagonal(), 0.0) * H[0, 0])
-    broken = np.flatnonzero(beside > BROKEN * scale)
+    size_of = np.sqrt(np.maximum(H.diagonal(), 0.0))  # of V; the next lines by Cauchy and Schwarz
+    beside = np.abs(np.triu(H, 2)).max(axis=0, initial=0.0) / size_of.max()
+    beside[1:] = np.maximum(beside[1:], abs(start[1:]) / np.sqrt(mass))
+    broken = np.flatnonzero(beside > BROKEN * size_of)
     size = int(broken[0]) if broken.size else len(H)
     diagonal = H.diagonal()[:size]
     coupling = np.append(start[0], np.diagonal(H, 1))[:size]
