@@ -18,6 +18,7 @@ from antiosc.fields.spectra import (
     Spectrum as Spectrum,
 )
 from antiosc.impact.batch import Batch as Batch
+from antiosc.impact.enclosure import Enclosure as Enclosure
 from antiosc.impact.histories import (
     History as History,
     SceneHistory as SceneHistory,

@@ -190,8 +190,9 @@ class CEnclosure(Structure):
 
     _fields_ = [
         *_fields("int n_modes, n_channels, n_contacts; pointer omega, load, q, v, beta, gap, rows"),
-        *_fields("pointer shift; int n_spans; pointer spans, kappa, laws; double longest; int64 n_nodes"),
-        *_fields("pointer time, force, clock, lower, upper, peak, impulse, energy, reached"),
+        *_fields("pointer shift; int n_spans; pointer spans, kappa, laws; double longest"),
+        *_fields("int64 n_nodes; pointer time, force, clock, lower, upper, peak, impulse, energy"),
+        *_fields("pointer reached"),
     ]
 
 

@@ -33,6 +33,7 @@ from antiosc.engine.march import Converged, converge, with_step
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle
+from antiosc.impact.enclosure import enclosures
 from antiosc.impact.error_budget import error_budget, warn_low_band
 from antiosc.impact.histories import History, SceneHistory, Source
 from antiosc.impact.histories.bars import ErrorBudget
@@ -104,6 +105,7 @@ class Scene(SceneParts):
         step: float | None = None,
         max_contacts: int = MAX_CONTACTS,
         max_steps: int = MAX_STEPS,
+        proof: bool = False,
     ) -> SceneHistory:
         """Integrate over `duration` [s] to a relative error `tol` of the contact forces.
 
@@ -127,6 +129,8 @@ class Scene(SceneParts):
             this step.
         max_contacts, max_steps : int
             Bounds on the work; a run that meets one stops and says so.
+        proof : bool
+            As `simulate`: proved bounds `hit[a, b].enclosure`.
 
         Returns
         -------
@@ -161,7 +165,7 @@ class Scene(SceneParts):
         _warn_truncation(self, history, settings, duration)
         check_range(history, doubts)
 
-        return history
+        return proved(history) if proof else history
 
 
 def _run_scene(
@@ -208,6 +212,11 @@ class SceneSource(Source):
         options = {**vars(self.settings), "step": changes.get("step", self.settings.step)}
 
         return other.run(changes.get("duration", self.duration), **options)
+
+
+def proved(history: H) -> H:
+    """The history with proved bounds on its forces; InputError outside their assumptions."""
+    return replace(history, enclosures=enclosures(history))
 
 
 def with_warning(history: H, sentence: str) -> H:
@@ -435,6 +444,7 @@ def simulate(
     gap: float | None = None,
     max_contacts: int = MAX_CONTACTS,
     max_steps: int = MAX_STEPS,
+    proof: bool = False,
 ) -> History:
     """Integrate the impact of `impactor` on the site of `model`.
 
@@ -479,6 +489,9 @@ def simulate(
         Distance at the start [m]; default 0, or the obstacle's own.
     max_contacts, max_steps : int
         Limits of the computing effort; a run that reaches one stops, with a status and a message.
+    proof : bool
+        Add proved bounds on the force of the assembled structure, `history.enclosure`, to a run
+        with models that `extract(…, proof=…)` made (`antiosc.impact.enclosure`).
 
     With n="auto" the runs that choose n use the same method, step and limits.
 
@@ -524,7 +537,7 @@ def simulate(
     if info.measured is not None:
         warn_low_band(history)
 
-    return history
+    return proved(history) if proof else history
 
 
 def _too_few(model: LinearBody, hit: History, tol: float) -> str:

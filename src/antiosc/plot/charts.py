@@ -275,6 +275,10 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
             label = words.format(f" ± {percent(error)}")
             ax.fill_between(factor * hit.time, *bounds, label=label, **shade)
+        for proved in getattr(hit, "enclosures", ())[:1]:
+            upper = np.minimum(proved.upper, 2 * hit.peak_force)
+            shade = {"color": line.get_color(), "alpha": 0.35, "lw": 0}
+            ax.fill_between(factor * proved.time, proved.lower, upper, label="proved", **shade)
         if hit.peak_force > 0:
             top = int(np.argmax(hit.force))
             ax.plot(factor * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())

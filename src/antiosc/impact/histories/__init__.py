@@ -43,7 +43,7 @@ MOST_CONTACTS = 10_000
 #: What `dir` leaves out: texts and repetitions that other modules use.
 INTERNAL = {
     *("budget", "count_text", "given", "named", "rerun", "source"),
-    *("stretch_texts", "unfinished"),
+    *("enclosures", "stretch_texts", "unfinished"),
 }
 
 
@@ -69,6 +69,7 @@ class History(RunHistory, Results):
     structure : structure with the last mesh of `strike`, for `probe` and fields; not pickled.
     source : the scene or impact with its options, by which `again` repeats it.
     budget : the `error_budget` of `strike`.
+    enclosures : proved bounds on the force of each contact, with proof=True.
     """
 
     source: Source | None = None
@@ -245,6 +246,7 @@ class History(RunHistory, Results):
             rows = [
                 *(("contact", text) for text in [self.verdict] if text),
                 ("peak force", budget.shown("peak_force") if budget else peak_force),
+                *[("proof", one.text) for one in self.enclosures],
                 *([("", budget.footnote)] if budget and budget.footnote else []),
                 *(("site", point) for point in places.values()),
                 ("impulse", engineering(self.impulse, "N s", 4)),
@@ -268,6 +270,7 @@ class History(RunHistory, Results):
                 f" {engineering(h.impulse, 'N s', 4):>11} {len(h.contacts):>7}"
                 f" {engineering(h.contact_time, 's', 4):>10}"
             )
+            lines += [f"{'':<24} {h.enclosure.text}"] if self.enclosures else []
         lines += [f"site {name:<19} {point}" for name, point in places.items()]
         lines.append(f"energy drift {self.energy.drift:.1e}; force error {error_text(self)}")
         lines_of_text = [*filter(None, [self.verdict]), *lines, *self.stretch_texts]

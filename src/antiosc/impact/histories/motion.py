@@ -18,6 +18,7 @@ from antiosc.base.errors import InputError
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import RigidBody, SceneBody
+from antiosc.impact.enclosure import Enclosure
 from antiosc.impact.histories.energy import Energy, energy_balance
 from antiosc.impact.histories.parts import BodyHistory, ContactHistory, OneContact, SceneRun
 from antiosc.impact.states import (
@@ -47,6 +48,7 @@ class RunHistory(OneContact):
     message: str
     given: float | None = None
     structure: object = None
+    enclosures: tuple[Enclosure, ...] = ()
 
     #: Whether every contact and body has a name; else they are a structure and an impactor.
     named: ClassVar[bool] = False
@@ -221,7 +223,7 @@ class RunHistory(OneContact):
         Between the contacts of a single impact there are additional nodes for smooth curves; in a
         scene there may be too many intervals for that.
         """
-        return SceneRun(self.assembly, self.run, not self.named)
+        return SceneRun(self.assembly, self.run, not self.named, self.enclosures)
 
     @property
     def _nodes(self) -> Run:

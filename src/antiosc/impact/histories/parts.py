@@ -21,6 +21,7 @@ from antiosc.engine.contact.dent import Dent, dent_of
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
+from antiosc.impact.enclosure import Enclosure
 from antiosc.impact.histories.bars import contacts_of_main
 from antiosc.impact.histories.energy import impulses
 from antiosc.impact.scene_parts import find_site, site_row
@@ -38,6 +39,7 @@ class SceneRun:
     assembly: Assembly
     run: Run
     flights: bool
+    enclosures: tuple[Enclosure, ...] = ()
 
     @cached_property
     def nodes(self) -> Run:
@@ -135,6 +137,13 @@ class OneContact:
         """
         restitution = float(self._numbers.restitution)
         return None if isnan(restitution) else restitution
+
+    @property
+    def enclosure(self) -> Enclosure:
+        """Proved bounds on the force, by proof=True of `simulate` or `Scene.run`."""
+        if not self._record.enclosures:
+            raise InputError("the run has no proved bounds: give simulate or Scene.run proof=True.")
+        return self._record.enclosures[self._row]
 
     @cached_property
     def cumulative_impulse(self) -> Array:

@@ -1,0 +1,149 @@
+"""The proved bounds of a force against structures of which every mode is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+import antiosc as ao
+from antiosc.errors import InputError
+from antiosc.models.recurrence import Recurrence
+
+DURATION = 2e-3
+
+
+def bar(n: int, free: bool) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Stiffness and mass of a bar of n linear elements and 2 kg, held at one end or free."""
+    h = 1.0 / n
+    ends = np.ones(n + 1)
+    ends[[0, -1]] = 0.5
+    K = sp.diags([-np.ones(n), 4 * ends - 2 * (ends - 0.5) * 1.0, -np.ones(n)], [-1, 0, 1]).tolil()
+    K.setdiag(2 * ends)
+    M = sp.diags([np.ones(n) / 6, 2 * ends / 3, np.ones(n) / 6], [-1, 0, 1])
+    K, M = 2e8 / h * sp.csr_matrix(K), 2.0 * h * sp.csr_matrix(M)
+    if free:
+        return K, M
+    return K[1:, 1:], M[1:, 1:]
+
+
+def true_force(
+    K: sp.csr_matrix, M: sp.csr_matrix, site: int, mass: float, k: float, time: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Force of a rigid ball of 1 m/s at the times [s], by 40 000 steps in all modes."""
+    x, U = scipy.linalg.eigh(K.toarray(), M.toarray())
+    omega, b = np.sqrt(np.maximum(x, 0.0)), U[site]
+    h = time[-1] / 40_000
+    z = np.where(omega * h > 1e-4, omega * h, 1.0)
+    small = omega * h <= 1e-4
+    one = np.where(small, h * h / 2, (1 - np.cos(z)) / z**2 * h**2)
+    ramp = np.where(small, h * h / 6, (1 - np.sin(z) / z) / z**2 * h**2)
+    rate = np.where(small, h / 2, (1 - np.cos(z)) / z**2 * h)
+    C, S = np.cos(omega * h), np.where(small, h, np.sin(z) / z * h)
+    give = b @ (b * ramp) + h * h / 6 / mass
+    q, v, w, rate_of_ball, F = np.zeros_like(b), np.zeros_like(b), 0.0, 1.0, 0.0
+    forces = [0.0]
+
+    for _ in range(40_000):
+        free = C * q + S * v + b * F * (one - ramp)
+        reach = w + h * rate_of_ball - h * h / 3 / mass * F - b @ free
+        new = F
+        for _ in range(60):  # Newton for F = k (reach - give F)^1.5
+            gap = max(reach - give * new, 0.0)
+            change = (new - k * gap**1.5) / (1 + 1.5 * k * give * gap**0.5)
+            new -= change
+            if abs(change) < 1e-12 * (1.0 + new):
+                break
+        v = -(omega**2) * S * q + C * v + b * (F * (S - rate) + new * rate)
+        q = free + b * new * ramp
+        w += h * rate_of_ball - h * h / mass * (F / 3 + new / 6)
+        rate_of_ball -= h / 2 / mass * (F + new)
+        F = new
+        forces.append(F)
+
+    # between the steps a force grows as the power 1.5 of time at a touch
+    roots = np.interp(time, h * np.arange(40_001), np.cbrt(np.array(forces) ** 2))
+    return roots**1.5
+
+
+def model_of(free: bool, **options: object) -> tuple[ao.AntiOscillators, tuple[sp.csr_matrix, ...]]:
+    """The model of a bar of 150 elements, struck at its end."""
+    K, M = bar(150, free)
+    part = ao.Structure.from_matrices(K, M)
+    dof = K.shape[0] - 1
+    return ao.extract(part, ao.Site(dof=dof), **{"n": 25, "proof": True, **options}), (K, M)  # type: ignore[return-value, arg-type]
+
+
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("expansion", [None, 3000.0])
+def test_the_true_force_lies_within_its_bounds(free: bool, expansion: float | None) -> None:
+    model, (K, M) = model_of(free, expansion=expansion)
+    hit = ao.simulate(model, ao.RigidMass(0.3, 1.0), ao.Hertz(1e9), DURATION, proof=True)
+    bounds = hit.enclosure
+    F = true_force(K, M, K.shape[0] - 1, 0.3, 1e9, bounds.time)
+    slack = 1e-5 * F.max()  # of the linear steps of the truth
+    assert np.all(bounds.lower - slack <= F)
+    assert np.all(bounds.upper + slack >= F)
+    low, high = bounds.peak
+    assert low <= hit.peak_force <= high
+    assert high - low < 0.05 * hit.peak_force
+    assert bounds.impulse[0] <= hit.impulse <= bounds.impulse[1]
+    assert "proved between" in hit.summary()
+
+
+def test_a_residual_that_is_too_small_is_seen() -> None:
+    """The bounds hold for the residual of the model, and not for a hundredth of it."""
+    model, (K, M) = model_of(False, n=6)
+    known = model.recurrence
+    assert known is not None
+    coupling = known.coupling.copy()
+    coupling[-1] *= 0.01
+    small = Recurrence(known.k0, known.mass, known.diagonal, coupling, known.shift)
+    outside = []
+    for recurrence in (known, small):
+        blow = ao.RigidMass(0.02, 1.0)
+        one = replace(model, recurrence=recurrence)
+        hit = ao.simulate(one, blow, ao.Hertz(1e11), 5e-4, tol=1e-6, proof=True)
+        F = true_force(K, M, K.shape[0] - 1, 0.02, 1e11, hit.enclosure.time)
+        slack = 1e-4 * F.max()
+        inside = (hit.enclosure.lower - slack <= F) & (hit.enclosure.upper + slack >= F)
+        outside.append(not inside.all())
+    assert outside == [False, True]
+
+
+def test_a_model_keeps_what_bounds_its_force(tmp_path: object) -> None:
+    model, _ = model_of(False)
+    path = f"{tmp_path}/model.npz"
+    model.save(path)
+    hits = [
+        ao.simulate(one, ao.RigidMass(0.3, 1.0), ao.Hertz(1e10), 1e-3, proof=True)
+        for one in (model, ao.AntiOscillators.load(path))
+    ]
+    assert hits[0].enclosure.peak == hits[1].enclosure.peak
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"contact": ao.laws.HuntCrossley(1e9, 0.7)}, "convex law"),
+        ({"model": model_of(False, damping=0.01)[0]}, "without damping"),
+        ({"model": model_of(False, proof=False)[0]}, "residual is known"),
+        (
+            {
+                "initial_velocity": 0.1,
+                "model": model_of(True)[0].truncated(3),
+                "impactor": model_of(False, proof=False)[0],
+            },
+            "residual is known",
+        ),
+    ],
+)
+def test_what_is_outside_the_proof_is_refused(changes: dict[str, object], words: str) -> None:
+    model, _ = model_of(False)
+    arguments = {"model": model, "impactor": ao.RigidMass(0.3, 1.0), "contact": ao.Hertz(1e10)}
+    with pytest.raises(InputError, match=words):
+        ao.simulate(**{**arguments, "duration": 1e-3, **changes}, proof=True)  # type: ignore[arg-type]
