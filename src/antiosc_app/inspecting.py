@@ -198,9 +198,9 @@ def _flat(
 
     try:
         if structure is not None:
-            surface_at(structure, *place, None, lengths=False)
+            surface_at(structure, *place, None)
         elif mesh.tdim > 1:
-            curvature(mesh, outer, *place, lengths=False)
+            curvature(mesh, outer, *place)
     except InputError:
         material = None if structure is None else material_at(structure, *place)
         E, nu = (getattr(material, name, None) for name in ("E", "nu"))

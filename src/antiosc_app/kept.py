@@ -154,7 +154,7 @@ class FreeModes:
         info = ModelInfo(
             point=load.point.tolist(),
             direction=load.direction.tolist(),
-            surfaces=surfaces(structure, {"": load}, lengths=False),
+            surfaces=surfaces(structure, {"": load}),
         )
         return replace(
             model,

@@ -85,7 +85,7 @@ class ModelInfo(ReprMixin):
     doubts : sentences on implausible properties of the part.
     surfaces : site ("" without a name) -> material and curvature as for `Surface.as_dict`, or why
         they are unknown; the law of a contact follows from them.
-    thickness : least thickness [m] of its sheets, or that of the walls of a thin solid, which
+    thickness : least thickness [m] of its sheets, or the mean thickness of a thin solid, which
         linear theory describes for small deflections; None for others, and for those that are
         supported along one line alone, as a cantilever.
     cells : site ("" without a name) -> longest edge [m] of the cell there, product of the

@@ -337,10 +337,9 @@ def _laws(
     radii = impact_map.radius if impact_map.radius is not None else np.full(len(impact_map), np.nan)
     sites = zip(impact_map.points, impact_map.directions, radii.tolist(), strict=True)
     striker = impactor.surface() if isinstance(impactor, Body) else None
-    lengths = striker is None or 0.0 in striker.curvatures
     with counting("laws of the sites", len(impact_map), structure.comm.rank) as ready:
         for i, (point, direction, radius) in enumerate(sites):
-            of_site = _surface(structure, point, direction, radius, lengths)
+            of_site = _surface(structure, point, direction, radius)
             body = PlaneOf(structure, of_site)
             try:
                 laws.append(law_of(AUTO, body, impactor))
@@ -359,13 +358,11 @@ def _laws(
     }
 
 
-def _surface(
-    structure: Structure, point: Array, direction: Array, radius: float, lengths: bool
-) -> Surface | None:
+def _surface(structure: Structure, point: Array, direction: Array, radius: float) -> Surface | None:
     """The surface at a site with a patch of this radius, NaN: a point; None if unknown."""
     patch = None if np.isnan(radius) else radius
     with contextlib.suppress(InputError):
-        return surface_at(structure, point, direction, patch, lengths)
+        return surface_at(structure, point, direction, patch)
     return None
 
 

@@ -251,7 +251,7 @@ def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple
     if skin.sharp[which] or skin.half[which] or not len(skin.triangles):
         return skin.radii(which, corner)
     with suppress(InputError):  # of a mesh with too few nodes there
-        surface = curvature_at(structure, skin.points[which], lengths=False)
+        surface = curvature_at(structure, skin.points[which])
         if surface.kind in (CURVED, LINE, PLANE):
             return skin.rounded(surface.values)
     return skin.radii(which, corner)

@@ -186,7 +186,7 @@ def choice_of(floor: Floor, surface: Curvature, matter: Matter) -> Choice:
             "layer or a law."
         )
     low, high = surface.values.tolist()
-    touching = Surface(matter, (low, high), surface.error, surface.kind, surface.length)
+    touching = Surface(matter, (low, high), surface.error, surface.kind)
     return choose(touching, floor.face, floor.restitution)
 
 

@@ -16,13 +16,11 @@ import parts
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
 from antiosc.base.texts import STOPPED
-from antiosc.extension import Faces
 from antiosc.fem.assembly.assemble import assemble_checked
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh import walls
-from antiosc.fem.mesh.walls import wall_thickness
 from antiosc.fem.platform import compat
 from antiosc.fem.reach import Reach
+from antiosc.fem.structure.meshed import mean_thickness
 from antiosc.impact.histories import linear_theory
 from antiosc.recovery.mesh_fields import recovered
 from antiosc.recovery.place import Place
@@ -281,7 +279,7 @@ def test_a_plate_of_solids_is_told_of_its_stretching_as_one_of_shells():
         with pytest.warns(ao.AccuracyWarning, match="more than 0.5"):
             hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Hertz(5e9), 3e-3)
         told[solid] = re.split(r"[\d.]+ mm, ([\d.]+) times", hit.message)
-    assert told[True][::2] == told[False][::2]
+    assert told[True][0] == told[False][0]
     assert float(told[True][1]) == pytest.approx(float(told[False][1]), rel=0.1)
 
 
@@ -310,40 +308,10 @@ def motions_of(model):
     return body.field((body.shape @ model.stretch.modes).T).T
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("sides", "thickness"), [((0.2, 0.1, 0.004), 0.004), ((0.3, 0.02, 0.01), 0.01)]
-)
-def test_walls_have_the_distance_of_opposite_faces(sides, thickness):
-    assert wall_thickness(ao.box_mesh(sides, 0.02)) == pytest.approx(thickness, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_the_wall_of_a_tube_is_that_between_its_facets(tmp_path):
-    radii = ((1, 0.05), (2, 0.046))
-    cylinders = [f"Cylinder({k}) = {{0, 0, 0, 0, 0, 0.2, {r}}};" for k, r in radii]
-    script = [
-        'SetFactory("OpenCASCADE");',
-        *cylinders,
-        "BooleanDifference(3) = {Volume{1}; Delete;}{Volume{2}; Delete;};",
-    ]
-    path = tmp_path / "tube.geo"
-    path.write_text("\n".join([*script, 'Physical Volume("tube") = {3};']))
-    mesh = ao.read_mesh(path, size=0.01)
-    assert wall_thickness(mesh) == pytest.approx(0.004, rel=0.1)
-
-
-@pytest.mark.slow
-def test_pieces_that_touch_make_no_wall_of_no_thickness():
-    """The faces in contact lie behind each other by rounding."""
-    below, above = ao.box_mesh((0.2, 0.1, 0.02), 0.02), ao.box_mesh((0.2, 0.1, 0.02), 0.02)
-    faces = [Faces(mesh, False) for mesh in (below, above)]
-    shift = np.array([0, 0, 0.02 * (1 - 1e-15)])
-    corners = np.concatenate([faces[0].corners, faces[1].corners + shift])
-    normals = np.concatenate([one.normals for one in faces])
-    skin = walls._Skin(corners, normals, np.zeros(len(corners), dtype=int))
-    for k, centre in enumerate(skin.centres):
-        assert skin.depth(centre, k) > 0.01
+def test_the_mean_thickness_of_a_solid_is_twice_its_volume_over_its_surface():
+    a, b, t = 0.2, 0.1, 0.004
+    known = 1 / (1 / a + 1 / b + 1 / t)
+    assert mean_thickness(ao.box_mesh((a, b, t), 0.02)) == pytest.approx(known, rel=1e-9)
 
 
 @pytest.mark.slow

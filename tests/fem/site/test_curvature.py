@@ -41,12 +41,6 @@ SHAPES = {
         (0.01, 0, 0.01), (-100, 0), LINE,
     ),
 }  # fmt: skip
-LENGTHS = {
-    "cylinder": 0.05,
-    "fillet of 4 mm": 0.02,
-    "hole": 0.02,
-    "top of a torus": 2 * np.pi * 0.03,
-}
 
 
 def meshed(folder: Path, shape: str, size: float, order: int) -> ao.Mesh:
@@ -65,8 +59,6 @@ def test_a_fit_to_nodes_is_within_its_spread(tmp_path: Path, name: str, order: i
         assert found.kind == kind
         assert np.abs(found.values - known).max() <= found.error
     assert found.error <= (0.15 if name == "fillet of 4 mm" else 0.08) * max(np.abs(known))
-    if kind == LINE:
-        assert found.length == pytest.approx(LENGTHS[name], rel=2e-2)
 
 
 @pytest.mark.slow
@@ -175,7 +167,7 @@ mesh = ao.read_mesh(sys.argv[1], size=0.006)
 part = ao.Structure(mesh, ao.Solid(**parts.STEEL))
 for site in ((0.01, 0.0, 0.022), (0.0, 0.01, 0.03), (0.003, 0.0, 0.05), (0.01, 0.0, 0.05)):
     found = curvature_at(part, site)
-    print(found.kind, *(np.round([*found.values, *found.point, found.length], 9) + 0.0))
+    print(found.kind, *(np.round([*found.values, *found.point], 9) + 0.0))
 """
 )
 

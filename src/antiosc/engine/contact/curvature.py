@@ -33,9 +33,6 @@ class Curvature(ReprMixin):
     error : bound on the error of each value [1/m].
     directions : (2, 3) unit vectors of the principal directions, in the order of `values`.
     point, normal : (3,) the point on the surface [m], and the outward unit normal there.
-    length : length [m] of the straight line through the point along which a "line" extends; inf for
-        other kinds.
-    middle : (3,) the middle of this line; the point itself for other kinds.
     """
 
     kind: str
@@ -44,8 +41,6 @@ class Curvature(ReprMixin):
     directions: Array
     point: Array
     normal: Array
-    length: float = inf
-    middle: Array | None = None
 
     @property
     def radii(self) -> tuple[float, float]:
@@ -69,11 +64,9 @@ class Curvature(ReprMixin):
 
     def placed(self, rotation: Array, translation: Array) -> Curvature:
         """The same surface after a rotation (3, 3) and a translation (3,) [m]."""
-        middle = None if self.middle is None else rotation @ self.middle + translation
         return replace(
             self,
             directions=self.directions @ rotation.T,
             point=rotation @ self.point + translation,
             normal=rotation @ self.normal,
-            middle=middle,
         )

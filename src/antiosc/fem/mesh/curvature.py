@@ -11,8 +11,7 @@ Faces are parts of one smooth surface across edges at which their normals turn b
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -43,15 +42,15 @@ FIT_SHARE = 1 / 3
 WIDEST = 0.1
 #: … and over the size of the faces at the point: half as many change the cylinder by 0.2 %.
 FACES_WIDE = 5.0
-#: Ratio of the radii of two fits, whose difference is the uncertainty; with 3 it is 1.7 to 8 times
+#: Ratio of the radii of two fits, whose difference is an uncertainty; with 3 it is 1.7 to 8 times
 #: as large.
-OTHER_SHARES = 1.5
+OTHER_SHARE = 1.5
 #: Most iterations of the radius of a fit, …
 CHOICES = 8
 #: … and the relative change that ends them.
 SETTLED = 0.1
 #: Degrees of the polynomials, …
-DEGREES = (4, 3, 2)
+DEGREES = (4, 2)
 #: … and nodes over coefficients that each needs. With 3 the sphere has 20.4, as the degree falls;
 #: with 0.75 the fits have 20.0, 33.3 and 50.0, but few spare nodes against their noise.
 NODES_EACH = 1.5
@@ -71,25 +70,11 @@ NONE = (3.0, 1e-3, 0.2)
 #: If a surface turns within a smaller radius by this share of its turn within a larger one, the
 #: point lies on an edge.
 SAME_TURN = 0.8
-#: Relative error of a curvature k by a fit of a circle within a radius r, of degrees below 4 and of
-#: degree 4: these times (k r)^2 and (k r)^4. Measured on spheres and cylinders: 0.25 and 0.07.
+#: Relative error of a curvature k by a fit of a circle within a radius r, of degree 2 and of degree
+#: 4: these times (k r)^2 and (k r)^4. Measured on spheres and cylinders: 0.25 and 0.07.
 CUT_OFF = 0.35, 0.15
 #: A fit within a radius r does not resolve a curvature k if k r is above this.
 UNRESOLVED = 0.8
-#: Points tried along a line, …
-PROBES = 200
-#: … refinements of the place of its end: it is then known to LOOKS^-4 of the part's size, …
-CLOSER = 3
-#: … and largest deviation of the surface from the line over its radius.
-MISSED_DISTANCE = 0.1
-#: Step along a curved line over its radius, …
-STEP = 0.25
-#: … drop of height over the radius at which it ends, …
-FALLEN = 0.25
-#: … and places across it, over the radius, at which the height is tried.
-ACROSS = np.linspace(-0.3, 0.3, 5)
-#: Longest such line over the size of the part.
-LONGEST = 4.0
 #: A sheet is struck on its rim if the direction has less than this cosine to the normal.
 RIM = 0.5
 #: Faces touch the point within this share of their size.
@@ -105,7 +90,7 @@ class Patch:
     numbers : (n, v) numbers of their vertices in the file, around each face.
     corners, middles : (n, v, 3) vertices, and middles of the sides [m].
     normals : (n, v, 3) unit normals at these middles.
-    weights : (n, v) weights of the vertices at the point of the face next to the given one.
+    nearest : (n, 3) the point of the face nearest to the given one [m].
     gap : (n,) distance of that point [m].
     """
 
@@ -113,7 +98,7 @@ class Patch:
     corners: Array
     middles: Array
     normals: Array
-    weights: Array
+    nearest: Array
     gap: Array
 
     def only(self, which: BoolArray | IntArray) -> Patch:
@@ -165,16 +150,13 @@ class Patch:
         return np.asarray(points[np.unique(rounded, axis=0, return_index=True)[1]])
 
 
-def curvature(
-    mesh: Mesh, faces: Faces, point: Array, direction: Array | None = None, lengths: bool = True
-) -> Curvature:
+def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = None) -> Curvature:
     """Curvature of the surface of a mesh at its point nearest to `point` (3,).
 
     Parameters
     ----------
     faces : faces of the mesh; for a solid the outer ones.
     direction : (3,) direction of an impact, optional; the normal of a sheet is taken against it.
-    lengths : whether to find the lengths of lines, which takes most of the time.
 
     Raises
     ------
@@ -186,24 +168,20 @@ def curvature(
             "curvature is that of a surface in space, which beams and plane parts do not have: "
             "give the law of the contact."
         )
-    size = mesh.extent()
     nearest_faces = _patch(faces, point)
     touching = nearest_faces.only(nearest_faces.touching)
     normal = _normal(touching, direction, faces.sheet)
-    x = np.einsum("nv,nvd->d", touching.weights, touching.corners) / len(touching.gap)
+    x = touching.nearest.mean(axis=0)
     surfaces = len(np.unique(touching.surfaces(faces.sheet)))
     if surfaces > 1:
         return _sharp(EDGE if surfaces == 2 else CORNER, x, normal)
     towards = normal if direction is None or not faces.sheet else direction
     if abs(float(towards @ normal)) < RIM * float(np.linalg.norm(towards)):
         return _sharp(EDGE, x, normal)
-    patch = _patch(faces, point, WIDEST * size, FACES_WIDE)
+
+    patch = _patch(faces, point, WIDEST * mesh.extent(), FACES_WIDE)
     label = patch.surfaces(faces.sheet)
-    smooth = patch.only(np.isin(label, label[patch.touching]))
-    result = _from_nodes(smooth, x, normal)
-    if lengths and result.kind == LINE:
-        return _with_length(faces, result, size)
-    return result
+    return _from_nodes(patch.only(np.isin(label, label[patch.touching])), x, normal)
 
 
 def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) -> Patch:
@@ -226,20 +204,17 @@ def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) ->
         faces.middle[facets],
         affine=faces.affine,
     )
-    xi = clamped(xi, faces.simplex)
-    gap = np.linalg.norm(faces.at(facets, xi)[0] - point, axis=1)
-    s, t = xi.T
-    if faces.simplex:
-        weights = np.column_stack([1 - s - t, s, t])
-    else:
-        weights = np.column_stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t])
+    nearest_points = faces.at(facets, clamped(xi, faces.simplex))[0]
+    gap = np.linalg.norm(nearest_points - point, axis=1)
+
     corner = tensor[corner_order]
     sides = (corner + np.roll(corner, -1, axis=0)) / 2
     values = [faces.across(facets, np.tile(side, (len(facets), 1))) for side in sides]
     middles, normals = (np.stack(arrays, axis=1) for arrays in zip(*values, strict=True))
     numbers = np.asarray(faces.mesh.dolfinx.geometry.input_global_indices)
     numbers = numbers[faces.vertices[facets][:, corner_order]]
-    rows_here = numbers, faces.corners[facets][:, corner_order], middles, normals, weights, gap
+    corners = faces.corners[facets][:, corner_order]
+    rows_here = numbers, corners, middles, normals, nearest_points, gap
     rows_of_all = (
         np.concatenate(arrays) for arrays in zip(*comm.allgather(rows_here), strict=True)
     )
@@ -286,6 +261,7 @@ class SurfaceFit:
     deviation : standard error of the curvatures [1/m].
     flat : whether all nodes lie on a plane.
     degree : degree of the polynomial.
+    radius : of the nodes around the point [m].
     """
 
     values: Array
@@ -294,6 +270,17 @@ class SurfaceFit:
     deviation: float
     flat: bool
     degree: int
+    radius: float
+
+    @property
+    def curvature(self) -> float:
+        """The larger of the principal curvatures in magnitude [1/m]."""
+        return float(np.abs(self.values).max())
+
+    @property
+    def turn(self) -> float:
+        """Angle by which a surface of this curvature turns within the radius [rad]."""
+        return self.curvature * self.radius
 
 
 def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
@@ -302,63 +289,56 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     distances = np.linalg.norm(smooth.corners.mean(axis=1) - x, axis=1)
     nodes = smooth.only(cosine > LARGEST_TURN).nodes() - x
     widest = float(np.linalg.norm(nodes, axis=1).max()) * (1 + TOUCH)
-    start = _fit_within(
-        nodes, normal, min(widest, float(distances[cosine < STARTS].min(initial=widest)))
-    )
-    basis = np.linalg.svd(normal[None])[2][1:]
+
+    start = _fit_within(nodes, normal, float(distances[cosine < STARTS].min(initial=widest)))
     if start is None:
-        if _in_one_plane(smooth.nodes() - x, normal):  # sharp edges all around
-            return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
+        everywhere = smooth.nodes() - x
+        size = float(np.linalg.norm(everywhere, axis=1).max())
+        if np.abs(everywhere @ normal).max() <= TOUCH * size:  # sharp edges all around
+            return _plane(x, normal)
         raise InputError(
             f"the mesh has {len(nodes)} nodes on the surface around the site, too few for its "
             "curvature: refine it there, or give the radius."
         )
-    fit, radius = start
+
+    fit = start
     for _ in range(CHOICES):
-        if fit.flat:
+        if fit.flat or (1 - SETTLED) * fit.turn < FIT_SHARE:
             break
-        normal = fit.normal
-        fit_radius = FIT_SHARE / float(np.abs(fit.values).max())
-        smaller_fit = _fit_within(nodes, normal, min(fit_radius, radius))
-        if smaller_fit is None or smaller_fit[1] > radius:
+        smaller = _fit_within(nodes, fit.normal, FIT_SHARE / fit.curvature)
+        if smaller is None or smaller.radius >= fit.radius:
             break
-        settled = smaller_fit[1] > (1 - SETTLED) * radius
-        fit, radius = smaller_fit
-        if settled:
-            break
+        fit = smaller
     if fit.flat:
-        basis = np.linalg.svd(normal[None])[2][1:]
-        return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
-    curvature = float(np.abs(fit.values).max())
-    arc_angle = curvature * radius
-    start_angle = float(np.abs(start[0].values).max()) * start[1]
-    if arc_angle > max(FIT_SHARE, SAME_TURN * start_angle) and radius < start[1] / OTHER_SHARES**2:
-        return _sharp(EDGE, x, normal)
-    smaller, larger = (
-        _fit(nodes, normal, radius * share) for share in (1 / OTHER_SHARES, OTHER_SHARES)
-    )
-    error = max(_spread(fit, smaller, larger), 2 * fit.deviation, _cut_off(fit, curvature * radius))
-    if curvature * radius > UNRESOLVED:
-        error = max(error, curvature)
-    if error > curvature / 2 and _flat_within(nodes, normal, radius):
-        return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
+        return _plane(x, fit.normal)
+    if fit.turn > max(FIT_SHARE, SAME_TURN * start.turn) and fit.radius < start.radius / 2:
+        return _sharp(EDGE, x, fit.normal)
+
+    error = _error(fit, nodes)
+    smallest = _fit_within(nodes, fit.normal, 0.0)
+    if error > fit.curvature / 2 and smallest is not None and smallest.flat:
+        return _plane(x, fit.normal)  # a flat beside a rounded edge
     values, kind = _kind(fit.values, error)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)
 
 
-def _in_one_plane(nodes: Array, normal: Array) -> bool:
-    """Whether nodes (n, 3) lie on the plane through the origin with this normal."""
-    size = float(np.linalg.norm(nodes, axis=1).max())
-    return bool(np.abs(nodes @ normal).max() <= TOUCH * size)
+def _error(fit: SurfaceFit, nodes: Array) -> float:
+    """Bound on the error of the curvatures of a fit [1/m]."""
+    if fit.turn > UNRESOLVED:
+        return fit.curvature
+
+    power, factor = (4, CUT_OFF[1]) if fit.degree == 4 else (2, CUT_OFF[0])
+    errors = [2 * fit.deviation, factor * fit.turn**power * fit.curvature]
+    for ratio in (1 / OTHER_SHARE, OTHER_SHARE):
+        other = _fit(nodes, fit.normal, fit.radius * ratio)
+        if other is not None:
+            errors.append(float(np.abs(fit.values - other.values).max()))
+    return max(errors)
 
 
-def _flat_within(nodes: Array, normal: Array, radius: float) -> bool:
-    """Whether nodes within some smaller radius are coplanar, as on a flat beside a rounded edge."""
-    while True:
-        radius /= OTHER_SHARES
-        fit = _fit(nodes, normal, radius)
-        if fit is None or fit.flat:
-            return fit is not None
+def _plane(x: Array, normal: Array) -> Curvature:
+    """The result on a plane."""
+    return Curvature(PLANE, np.zeros(2), 0.0, _tangents(normal), x, normal)
 
 
 def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
@@ -366,35 +346,18 @@ def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
     return Curvature(kind, np.full(2, np.nan), np.nan, np.full((2, 3), np.nan), x, normal)
 
 
-def _spread(fit: SurfaceFit, smaller: SurfaceFit | None, larger: SurfaceFit | None) -> float:
-    """Truncation error of the polynomial [1/m], from fits with a smaller and a larger radius."""
-    shrinks = OTHER_SHARES ** (4 if fit.degree == 4 else 2)
-    error = 0.0
-    if larger is not None:
-        error = float(np.abs(fit.values - larger.values).max())
-    if smaller is not None:
-        change = float(np.abs(fit.values - smaller.values).max())
-        error = max(error, change * shrinks / (shrinks - 1))
-    return error
+def _tangents(normal: Array) -> Array:
+    """Two unit vectors (2, 3) across a normal."""
+    return np.asarray(np.linalg.svd(normal[None])[2][1:])
 
 
-def _cut_off(fit: SurfaceFit, share: float) -> float:
-    """Truncation error [1/m] of a fit to a circle whose radius of fit is `share` radii of
-    curvature.
-    """
-    relative = CUT_OFF[1] * share**4 if fit.degree == 4 else CUT_OFF[0] * share**2
-    return relative * float(np.abs(fit.values).max())
-
-
-def _fit_within(nodes: Array, normal: Array, radius: float) -> tuple[SurfaceFit, float] | None:
+def _fit_within(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
     """The fit within a radius [m], or within the smallest larger one that holds enough nodes."""
     distance = np.sort(np.linalg.norm(nodes, axis=1))
     while True:
         fit = _fit(nodes, normal, radius)
-        if fit is not None:
-            return fit, radius
-        if radius >= distance[-1]:
-            return None
+        if fit is not None or radius >= distance[-1]:
+            return fit
         radius = min(max(1.1 * radius, float(distance[0])), float(distance[-1]) * 1.001)
 
 
@@ -403,118 +366,42 @@ def _fit(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
     few.
     """
     near_nodes = nodes[np.linalg.norm(nodes, axis=1) < radius]
-    basis = np.linalg.svd(normal[None])[2][1:]
-    u, v = basis @ near_nodes.T / radius
-    w = near_nodes @ normal / radius
+    basis = _tangents(normal)
+    u, v = basis @ near_nodes.T / radius if radius else np.zeros((2, 0))
+    w = near_nodes @ normal / radius if radius else np.zeros(0)
+    weight = np.sqrt(np.clip(1 - u * u - v * v, 0.0, 1.0))
+
     for degree in DEGREES:
         powers = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)])
         if len(near_nodes) < NODES_EACH * len(powers):
             continue
         rows = polyvander2d(u, v, [degree, degree]).reshape(len(near_nodes), degree + 1, -1)
         rows = rows[:, powers[:, 0], powers[:, 1]]
-        weight = np.sqrt(np.clip(1 - u * u - v * v, 0.0, 1.0))
         U, s, V = np.linalg.svd(weight[:, None] * rows, full_matrices=False)
         if s[-1] < RANK * s[0]:
             continue
+
         c = V.T @ ((U.T @ (weight * w)) / s)
         residuals = weight * (w - rows @ c)
         variance = float(residuals @ residuals) / max(len(near_nodes) - len(c), 1)
         number = {(int(i), int(j)): k for k, (i, j) in enumerate(powers)}
         second_order = [number[power] for power in ((2, 0), (1, 1), (0, 2))]
         deviation = np.sqrt(variance * ((V.T / s) ** 2).sum(axis=1))[second_order] * [2, 1, 2]
-        a, b, cuu, cuv, cvv = (
-            c[number[power]] for power in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-        )
+
+        # principal curvatures from the two fundamental forms at the point
+        a, b = c[number[1, 0]], c[number[0, 1]]
+        cuu, cuv, cvv = c[second_order]
         first = np.array([[1 + a * a, a * b], [a * b, 1 + b * b]])
         slope = np.sqrt(1 + a * a + b * b)
-        tensor = -np.array([[2 * cuu, cuv], [cuv, 2 * cvv]]) / (slope * radius)
-        values, vectors = eigh(tensor, first)
+        second = -np.array([[2 * cuu, cuv], [cuv, 2 * cvv]]) / (slope * radius)
+        values, vectors = eigh(second, first)
         tangents = basis + np.outer([a, b], normal)
         up = (normal - a * basis[0] - b * basis[1]) / slope
+
         plane = rows[:, [number[power] for power in ((0, 0), (1, 0), (0, 1))]]
         level = plane @ np.linalg.lstsq(plane, w, rcond=None)[0]
         flat = bool(np.abs(w - level).max() <= ON_PLANE)
         return SurfaceFit(
-            values, vectors.T @ tangents, up, float(deviation.max()) / radius, flat, degree
+            values, vectors.T @ tangents, up, float(deviation.max()) / radius, flat, degree, radius
         )
     return None
-
-
-# -- lines
-
-
-def _with_length(faces: Faces, curvature: Curvature, size: float) -> Curvature:
-    """The curvature, completed by length and middle of the line along which the surface is
-    straight.
-    """
-    axis = curvature.directions[int(np.argmin(np.abs(curvature.values)))]
-    radius = 1 / float(np.abs(curvature.values).max())
-
-    def depth(points: Array, rise: float) -> Array:
-        """Distances (n,) [m] of the surface from points along the normal; inf if it is farther than
-        `rise`.
-        """
-        normals = np.tile(curvature.normal, (len(points), 1))
-        distance = faces.along(points, normals, rise)[2]
-        return np.asarray(np.min(np.array(faces.mesh.comm.allgather(distance)), axis=0))
-
-    def exists(distances: Array) -> BoolArray:
-        return np.isfinite(
-            depth(curvature.point + distances[:, None] * axis, MISSED_DISTANCE * radius)
-        )
-
-    ends = _end(exists, size), -_end(lambda t: exists(-t), size)
-    end_points = curvature.point + (1 + TOUCH) * np.array(ends)[:, None] * axis
-    if np.isfinite(depth(end_points, 2 * MISSED_DISTANCE * radius)).any():
-        return _along_crest(curvature, lambda points: depth(points, radius), axis, radius, size)
-    middle = curvature.point + (ends[0] + ends[1]) / 2 * axis
-    return replace(curvature, length=ends[0] - ends[1], middle=middle)
-
-
-def _end(exists: Callable[[Array], BoolArray], size: float) -> float:
-    """Distance [m] along a line at which the surface ends, at most `size`; `exists` is a mask of
-    distances at which it exists.
-    """
-    lower = 0.0
-    upper = size
-    for _ in range(1 + CLOSER):
-        t = np.linspace(lower, upper, PROBES)
-        last = int(np.argmin(np.append(exists(t[1:-1]), False)))
-        lower = float(t[last])
-        upper = float(t[last + 1])
-    return lower
-
-
-def _along_crest(
-    curvature: Curvature, depth: Callable[[Array], Array], along: Array, radius: float, size: float
-) -> Curvature:
-    """The curvature with length and middle of a curved crest, such as the top of a torus, in
-    steps.
-    """
-    length = 0.0
-    step = STEP * radius
-    for start in (along, -along):
-        x = curvature.point
-        step_direction = start
-        for number in range(int(LONGEST * size / step)):
-            across: Array = np.cross(curvature.normal, step_direction).astype(float)
-            probes = x + step * step_direction + radius * ACROSS[:, None] * across
-            low = depth(probes)
-            on_surface = np.flatnonzero(np.isfinite(low))
-            if len(on_surface) < 3 or len(ACROSS) // 2 not in on_surface:
-                break
-            quadratic, slope, level = np.polyfit(ACROSS[on_surface], low[on_surface] / radius, 2)
-            shift = (
-                np.clip(-slope / (2 * quadratic), ACROSS[0], ACROSS[-1]) if quadratic > 0 else 0.0
-            )
-            if level - quadratic * shift**2 > FALLEN:
-                break
-            crest = x + step * step_direction + radius * shift * across
-            step_length = float(np.linalg.norm(crest - x))
-            length = length + step_length
-            step_direction = (crest - x) / step_length
-            x = crest
-            from_start = float(np.linalg.norm(x - curvature.point))
-            if number > 3 and from_start < step:
-                return replace(curvature, length=length + from_start, middle=curvature.point)
-    return replace(curvature, length=length, middle=curvature.point)

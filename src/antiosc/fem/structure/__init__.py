@@ -426,8 +426,8 @@ class Plausibility(TypedDict, total=False):
 
     doubts : sentences on implausible properties of a part; wave_speed : largest speed of waves in
         bars [m/s];
-    thickness : least thickness of sheets, or of the walls of a thin solid [m]; None for others, and
-        if they are supported along one line alone.
+    thickness : least thickness of sheets, or mean thickness of a thin solid [m]; None for others,
+        and if they are supported along one line alone.
     """
 
     doubts: list[str]

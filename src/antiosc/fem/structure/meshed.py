@@ -38,7 +38,6 @@ from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many
 from antiosc.fem.mesh.surface import DEGREE, Faces, WeightedPoints, largest, quadrature
-from antiosc.fem.mesh.walls import wall_thickness
 from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure import (
     Dissipation,
@@ -414,8 +413,8 @@ def alone(stiffener: Stiffener, edges: str) -> MeshedStructure:
     )
 
 
-#: Largest thickness of the walls of a solid over its size that counts as thin: thicker ones break
-#: before they deflect by half of it.
+#: Largest mean thickness of a solid over its size that counts as thin: thicker ones break before
+#: they deflect by half of it.
 THIN = 0.1
 #: Deviation from a line of points that lie on it, over the size of the part.
 ON_LINE = 1e-6
@@ -617,7 +616,7 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: In
 def _stretched(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> tuple[float | None, bool]:
-    """(least thickness [m] of a sheet, or of the walls of a thin solid; None for others, whether
+    """(least thickness [m] of a sheet, or mean thickness of a thin solid; None for others, whether
     supports along one line alone let it bend without stretching).
 
     A sheet supported along one line only bends as a cantilever does, without stretching; so does a
@@ -628,13 +627,29 @@ def _stretched(
         thickness = float(min(material.section.thickness for material in materials))
         wide = ON_LINE * mesh.extent()
     else:
-        thickness = wide = wall_thickness(mesh) if materials[0].kind.name == "solid" else 0.0
+        thickness = wide = mean_thickness(mesh) if materials[0].kind.name == "solid" else 0.0
         if not 0 < thickness <= THIN * mesh.extent():
             return None, False
     nodes = np.unique(fixed // form.space.dofmap.index_map_bs)
     x = np.vstack(mesh.comm.allgather(form.space.tabulate_dof_coordinates()[nodes]))
     extents = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
     return thickness, bool(extents[1:].sum() <= wide * (1.0 if sheet else np.sqrt(len(x))))
+
+
+def mean_thickness(mesh: Mesh) -> float:
+    """Mean thickness 2 V/A [m] of a solid with the volume V and the surface A; 0 in the plane."""
+    if mesh.tdim != 3:
+        return 0.0
+
+    faces = Faces(mesh, sheet=False)
+    x, J = faces.tangents
+    reference = 0.5 if faces.simplex else 1.0
+    areas = reference * np.linalg.norm(np.cross(J[:, :, 0], J[:, :, 1]), axis=1)
+
+    low, high = mesh.box
+    from_middle = np.einsum("fd,fd->f", x - (low + high) / 2, faces.normals)
+    volume, area = mesh.comm.allreduce(np.array([areas @ from_middle / 3, areas.sum()]))
+    return float(2 * volume / area)
 
 
 def _section_doubt(material: Family, extent: float) -> str:

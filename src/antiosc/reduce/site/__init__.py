@@ -67,19 +67,16 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
 
 
 def surfaces(
-    structure: Structure, sites: Mapping[str, Functional], lengths: bool = True
+    structure: Structure, sites: Mapping[str, Functional]
 ) -> dict[str, dict[str, object]] | None:
-    """`ModelInfo.surfaces` of sites, from which contact laws follow; None for matrices.
-
-    Without `lengths` they are valid for balls only: see `surface_at`.
-    """
+    """`ModelInfo.surfaces` of sites, from which contact laws follow; None for matrices."""
     if not (structure.matrices.meshed or structure.matrices.assembled):
         return None
     from antiosc.reduce.site.surface import surface_at  # given matrices do without meshes
 
     surfaces_found: dict[str, dict[str, object]] = {}
     for name, functional in sites.items():
-        place = functional.point, functional.direction, functional.radius, lengths, functional.part
+        place = functional.point, functional.direction, functional.radius, functional.part
         try:
             surfaces_found[name] = surface_at(structure, *place).as_dict()
         except InputError as error:

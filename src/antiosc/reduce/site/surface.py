@@ -38,14 +38,12 @@ def surface_at(
     point: Array | None,
     direction: Array | None = None,
     radius: float | None = None,
-    lengths: bool = True,
     part: str | None = None,
 ) -> Surface:
     """The surface of a structure at a point (3,), struck along a direction.
 
-    Without `lengths` line contacts have infinite length, which is enough for a ball. `radius`:
-    of the patch [m]. `part`: name of the part of an assembly that is struck, by default the nearest
-    one.
+    `radius`: of the patch [m]. `part`: name of the part of an assembly that is struck, by default
+    the nearest one.
 
     Raises
     ------
@@ -63,7 +61,7 @@ def surface_at(
         raise InputError("a plane part has no surface in space.")
     if isinstance(material, Beam):
         return _bar_surface(material, matter, radius)
-    curved = _curvature(place, direction, lengths)
+    curved = _curvature(place, direction)
     surface = placed(curved, matter, corner, radius)
     if curved.kind in SHARP:
         return surface
@@ -98,7 +96,6 @@ def curvature_at(
     structure: Structure,
     point: ArrayLike,
     direction: Sequence[float] | None = None,
-    lengths: bool = True,
 ) -> Curvature:
     """Principal curvatures of the outer surface of a structure at its point nearest to `point`.
 
@@ -111,8 +108,6 @@ def curvature_at(
     direction : sequence of floats, optional
         Direction of the impact. A shell is struck on the face opposite to it, half a thickness
         outside the middle surface.
-    lengths : bool
-        Whether to find the lengths of lines, which takes most of the time.
 
     Raises
     ------
@@ -126,7 +121,7 @@ def curvature_at(
         unit_direction = in_space(checks.coordinates("direction", direction, ""))
         if not unit_direction.any():
             raise InputError("direction must not be the zero vector.")
-    return _curvature(place_at(matrices, x, unit_direction), unit_direction, lengths)
+    return _curvature(place_at(matrices, x, unit_direction), unit_direction)
 
 
 def material_at(structure: Structure, point: Array, direction: Array | None = None) -> Any:
@@ -141,7 +136,7 @@ def _material(place: Place) -> Any:
     return part.material_at(closest(part.mesh, place.point))
 
 
-def _curvature(place: Place, along: Array | None, lengths: bool) -> Curvature:
+def _curvature(place: Place, along: Array | None) -> Curvature:
     """Curvature of the outer surface, in the axes of the structure; see `curvature_at`."""
     part = place.member.part
     at = place.member.at
@@ -149,7 +144,7 @@ def _curvature(place: Place, along: Array | None, lengths: bool) -> Curvature:
     if part.kind.sheet and part.mesh.gdim == 2:
         curved = _flat(place.point, along)
     else:
-        curved = curvature(part.mesh, part.faces, place.point, along, lengths)
+        curved = curvature(part.mesh, part.faces, place.point, along)
     if part.kind.sheet:
         curved = curved.beyond(_material(place).section.thickness / 2)
     return curved.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
@@ -195,9 +190,13 @@ def placed(curvature: Curvature, matter: Matter, corner: float, radius: float | 
         return Surface(matter, (1 / corner, 1 / corner), kind=curvature.kind, radius=radius)
     low, high = curvature.values.tolist()
     x, y, z = curvature.directions[0].tolist()
-    length = curvature.length if curvature.kind == LINE else float("inf")
     return Surface(
-        matter, (low, high), float(curvature.error), curvature.kind, length, (x, y, z), radius
+        matter,
+        (low, high),
+        float(curvature.error),
+        curvature.kind,
+        along=(x, y, z),
+        radius=radius,
     )
 
 
