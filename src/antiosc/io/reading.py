@@ -59,8 +59,7 @@ _NOUNS = {1: "lines", 2: "faces", 3: "volumes"}
 AS_GROUPS, LEFT_OUT = "are read as groups, not as elements", "are left out"
 #: Words of remarks on how a mesh was made that has the shape of its file.
 CLOSELY = "is meshed with elements that follow the curvature"
-NOT_READ = "flat cells that gmsh left at the surface are not read"
-HOW_MADE = (CLOSELY, BY_FTETWILD, NOT_READ)
+HOW_MADE = CLOSELY, BY_FTETWILD
 #: Share of the largest piece by which the volumes of two must differ to rank them.
 AS_LARGE = 0.01
 #: Largest coordinate of a part: squares and volumes of it are numbers still.

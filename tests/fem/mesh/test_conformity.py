@@ -43,47 +43,6 @@ def test_two_cells_with_two_sides_in_common_are_found(name):
     assert soundness.doublets(cells, KINDS[name]).tolist() == [3, 4]
 
 
-#: Two cells of second order beside each other: (shape, points of the vertices, cells by these).
-PAIRS = {
-    "interval": (np.array([[0.0], [1], [2]]), [[0, 1], [1, 2]]),
-    "triangle": (SQUARE, [[0, 1, 2], [0, 2, 3]]),
-    "quadrilateral": (np.array([(x, y) for y in (0, 1) for x in (0, 1, 2.0)]),
-                      [[0, 1, 3, 4], [1, 2, 4, 5]]),
-    "tetrahedron": (np.vstack([np.zeros(3), np.eye(3), np.ones((1, 3))]),
-                    [[0, 1, 2, 3], [1, 2, 3, 4]]),
-    "hexahedron": (np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1, 2.0)]),
-                   [[0, 1, 3, 4, 6, 7, 9, 10], [1, 2, 4, 5, 7, 8, 10, 11]]),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("shape", PAIRS)
-def test_nodes_inside_sides_are_those_of_the_neighbours(shape):
-    """Numbered by their places; then one node of a cell is a copy, a corner, or of another side."""
-    x, cells = PAIRS[shape]
-    between = compat.nodes_between(shape)
-    corners = len(cells[0])
-    places: dict[tuple[float, ...], int] = {tuple(p): k for k, p in enumerate(x)}
-    whole = np.zeros((2, corners + len(between)), dtype=np.int64)
-    whole[:, :corners] = cells
-    for k, cell in enumerate(cells):
-        for vertices, inside in between:
-            middle = tuple(x[[cell[v] for v in vertices]].mean(axis=0))
-            whole[k, inside] = places.setdefault(middle, len(places))
-    assert not len(soundness.unlike_middles(whole, between))
-    assert not len(soundness.unlike_middles(whole[:0], between))
-    shared = [n for _, n in between if whole[0, n] in whole[1, corners:]]
-    assert len(shared) == {"interval": 0, "triangle": 1, "quadrilateral": 1, "tetrahedron": 3,
-                           "hexahedron": 5}[shape]  # fmt: skip
-    for node in range(corners, whole.shape[1]):
-        wrong = [whole[1, 0], whole[1, -1]] + [len(places)] * (node in shared)
-        for other in wrong:
-            if other == whole[0, node]:
-                continue
-            broken = whole.copy()
-            broken[0, node] = other
-            assert len(soundness.unlike_middles(broken, between)), (node, other)
-
-
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron", "triangle", "quadrilateral"])
 def test_cells_and_their_boundary_have_volume_and_centroid(cell):
     """A block (rectangle), sheared: sizes by hand, of all cells and of two opposite sides."""

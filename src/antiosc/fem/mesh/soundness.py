@@ -6,7 +6,7 @@ touch without common nodes form a crack.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array
 from antiosc.base.checks import point_text
 from antiosc.base.errors import MeshError, UnmeshableError, warn
-from antiosc.fem.mesh.flat_cells import without_flat, without_short_edges
 from antiosc.fem.platform import agree, compat
 from antiosc.io.neutral import FACETS, CellKind, IntArray, RawMesh
 from antiosc.io.reading import keys, piece_of_cells, pieces_error
@@ -55,27 +54,6 @@ def doublets(cells: IntArray, kind: CellKind) -> IntArray:
     return np.unique(common.row[(common.data > 1) & (common.row != common.col)])
 
 
-def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) -> IntArray:
-    """Numbers of cells (n, nodes) with a mid-side node that contradicts other cells.
-
-    On one side, cells have different mid-side nodes; one node lies in two sides; or it is a corner
-    of a cell. `between`: (vertices of an edge, face or cell, node inside it).
-    """
-    if not len(cells):
-        return np.zeros(0, dtype=np.int64)
-    side = np.concatenate([keys(cells[:, vertices]) for vertices, _ in between])
-    node = np.concatenate([cells[:, node_columns] for _, node_columns in between])
-    corners = np.unique(cells[:, sorted({v for vertices, _ in between for v in vertices})])
-    is_corner = np.isin(node, corners)
-    for first, second in ((side, node), (node, side)):
-        order = np.lexsort((second, first))
-        is_doublet = (first[order][1:] == first[order][:-1]) & (
-            second[order][1:] != second[order][:-1]
-        )
-        is_corner[order[1:][is_doublet]] = True
-    return np.unique(np.flatnonzero(is_corner) % len(cells))
-
-
 # --- Facets ---------------------------------------------------------------------------------------
 
 
@@ -111,12 +89,6 @@ def sound(
         Cells that fold over, nodes that coincide.
     """
     kind = raw.kind
-    if made_here:
-        raw = without_short_edges(raw, name)
-    flat = _collapsed_of(raw)
-    if made_here and len(flat):
-        raw = without_flat(raw, flat, name)
-        flat = _collapsed_of(raw)
     vertices = raw.cells[:, : kind.vertices]
     cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     fills = kind.dim == raw.points.shape[1]
@@ -156,7 +128,7 @@ def sound(
             "they overlap; delete the superfluous ones",
         )
     refuse(
-        flat,
+        collapsed(raw.points, cells, kind.shape, kind.order),
         f"have no {('length', 'area', 'volume')[kind.dim - 1]}",
         "merge the nodes that coincide, or mesh it anew",
     )
@@ -166,13 +138,6 @@ def sound(
             crossed(raw.points, cells, kind.shape, kind.order),
             "cross themselves, as a bowtie does",
             "give their nodes in order around each side, or mesh it anew",
-        )
-    if kind.order > 1:  # nodes of a mesh that gmsh made may have been merged
-        refuse(
-            unlike_middles(cells, compat.nodes_between(kind.shape)),
-            "have a node inside a side that is a corner of another cell, or not the node that "
-            "another cell has there",
-            "merge the nodes that coincide, or mesh it anew",
         )
     if not pieces:
         _refuse_pieces(raw, name, by)
@@ -189,13 +154,6 @@ def sound(
     if not made_here and not pieces:
         _tell_cracks(raw, name)
     return raw
-
-
-def _collapsed_of(raw: RawMesh) -> IntArray:
-    """Numbers of the cells of a mesh without length, area or volume."""
-    kind = raw.kind
-    cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
-    return collapsed(raw.points, cells, kind.shape, kind.order)
 
 
 def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
@@ -230,6 +188,8 @@ def _tell_cracks(raw: RawMesh, name: str) -> None:
 # wrong without any other symptom, and a point in it has two sets of reference coordinates.
 
 
+#: Cells whose Jacobians are computed at a time.
+BLOCK = 20_000
 #: Least ratio of the smallest to the largest Jacobian determinant of a sound cell.
 SOUND = 0.02
 #: A cell has collapsed if its measure over its size to the power of its dimension is below this.
@@ -243,20 +203,26 @@ MID_SIDE_EDGES = {
 }
 
 
-def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
-    """Numbers of cells whose smallest Jacobian is at most `least` times the largest.
+def _jacobians(points: Array, cells: IntArray, shape: str, order: int) -> Iterator[Array]:
+    """Jacobian determinants (cells, q) of blocks of cells, of a positive sum in each cell.
 
     The cells are solids, or faces in a plane or in space, with nodes in dolfinx's order.
     """
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
-    numbers = []
-    for start in range(0, len(cells), 20_000):
-        x = points[cells[start : start + 20_000]]
+    for start in range(0, len(cells), BLOCK):
+        x = points[cells[start : start + BLOCK]]
         J = np.einsum("dqn,cni->cqdi", slopes, x, optimize=True)
         det = np.linalg.det(J) if J.shape[2] == J.shape[3] else _along_mean_normal(J)
-        det = det * np.sign(det.sum(axis=1))[:, None]
-        numbers.append(start + np.flatnonzero(det.min(axis=1) <= least * det.max(axis=1)))
-    return np.concatenate([np.zeros(0, dtype=np.int64), *numbers])
+        yield det * np.sign(det.sum(axis=1))[:, None]
+
+
+def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
+    """Numbers of cells whose smallest Jacobian is at most `least` times the largest."""
+    bad = [
+        det.min(axis=1) <= least * det.max(axis=1)
+        for det in _jacobians(points, cells, shape, order)
+    ]
+    return np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *bad]))
 
 
 def _along_mean_normal(J: Array) -> Array:
@@ -286,19 +252,11 @@ def crossed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
     """Numbers of cells (nodes in dolfinx's order) whose sides cross, as those of a bowtie."""
     if shape == "interval":
         return np.zeros(0, dtype=np.int64)
-    slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
-    numbers = []
-    for start in range(0, len(cells), 20_000):
-        x = points[cells[start : start + 20_000]]
-        J = np.einsum("dqn,cni->cqdi", slopes, x, optimize=True)
-        if J.shape[2] == J.shape[3]:
-            measure = np.linalg.det(J)[..., None]
-        else:
-            measure = np.cross(J[:, :, 0], J[:, :, 1])
-        total = np.linalg.norm(measure.sum(axis=1), axis=1)
-        parts = np.linalg.norm(measure, axis=2).sum(axis=1)
-        numbers.append(start + np.flatnonzero(total <= CROSSED * parts))
-    return np.concatenate([np.zeros(0, dtype=np.int64), *numbers])
+    bad = [
+        det.sum(axis=1) <= CROSSED * np.abs(det).sum(axis=1)
+        for det in _jacobians(points, cells, shape, order)
+    ]
+    return np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *bad]))
 
 
 def refuse_degenerate(mesh: Mesh) -> None:
