@@ -19,7 +19,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.base import clock
 from antiosc.base.errors import RangeError, warn
-from antiosc.fem.elements import products
+from antiosc.fem.elements import tetrahedra
 from antiosc.fem.platform import compat
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.reduce.error.remeshing import OfGeometry, source_of
@@ -359,7 +359,7 @@ def test_the_memory_is_that_of_what_is_kept(cell, solver, monkeypatch):
     held = [ao.Support("left")]
     counted = []
     for fewest in (0, 10**9):
-        monkeypatch.setattr(products, "FEWEST_DOFS", fewest)
+        monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", fewest)
         part = ao.Structure(box((4, 2, 2), cell=cell), ao.Solid(**STEEL), held, solver=solver)
         site = ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.01)
         found = ao.tradeoff(part, site, *IMPACT, tol=0.5)

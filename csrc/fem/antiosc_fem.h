@@ -44,15 +44,6 @@ typedef struct afe_cells {
 AFE_API void afe_cell_sums(const afe_cells *of, int64_t begin, int64_t end, double *memory,
                            double *out);
 
-/* The kernel is the action of a bilinear form A on a function u with three components a node, the
- * coefficient of which `coefficients` has the dofs; `memory` holds n_coefficients + 3 n_nodes + n_dofs
- * numbers. Of the cells begin to end - 1: out += factor A u, and the diagonal blocks of the nodes,
- * out [dofs][3]. */
-AFE_API void afe_cell_products(const afe_cells *of, int64_t begin, int64_t end, double factor,
-                               double *memory, const double *u, double *out);
-AFE_API void afe_cell_blocks(const afe_cells *of, int64_t begin, int64_t end, double factor,
-                             double *memory, double *out);
-
 /* ---- Tetrahedra ---------------------------------------------------------------------------------- */
 
 #define AFE_LANES 8       /* cells that are taken at a time */

@@ -31,38 +31,3 @@ void afe_cell_sums(const afe_cells *of, int64_t begin, int64_t end, double *memo
         out[c] = sum;
     }
 }
-
-void afe_cell_products(const afe_cells *of, int64_t begin, int64_t end, double factor, double *memory,
-                       const double *u, double *out) {
-    double *w = memory, *x = w + of->n_coefficients, *f = x + 3 * of->n_nodes;
-    for (int64_t c = begin; c < end; c++) {
-        const double *dofs = of->coefficients + c * of->n_coefficients + of->first;
-        gather(of, c, x, w);
-        for (int j = 0; j < of->n_dofs; j++) {
-            w[of->first + j] = u[(int64_t)dofs[j]];
-            f[j] = 0.0;
-        }
-        of->kernel(f, w, of->constants, x, NULL, NULL, NULL);
-        for (int j = 0; j < of->n_dofs; j++)
-            out[(int64_t)dofs[j]] += factor * f[j];
-    }
-}
-
-void afe_cell_blocks(const afe_cells *of, int64_t begin, int64_t end, double factor, double *memory,
-                     double *out) {
-    double *w = memory, *x = w + of->n_coefficients, *f = x + 3 * of->n_nodes;
-    size_t bytes = (size_t)of->n_dofs * sizeof(double);
-    for (int64_t c = begin; c < end; c++) {
-        const double *dofs = of->coefficients + c * of->n_coefficients + of->first;
-        gather(of, c, x, w);
-        memset(w + of->first, 0, bytes);
-        for (int j = 0; j < of->n_dofs; j++) { /* a unit motion of each dof */
-            memset(f, 0, bytes);
-            w[of->first + j] = 1.0;
-            of->kernel(f, w, of->constants, x, NULL, NULL, NULL);
-            w[of->first + j] = 0.0;
-            for (int i = j - j % 3; i < j - j % 3 + 3; i++)
-                out[3 * (int64_t)dofs[i] + j % 3] += factor * f[i];
-        }
-    }
-}

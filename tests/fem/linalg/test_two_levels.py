@@ -13,7 +13,7 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fem.elements import products
+from antiosc.fem.elements import tetrahedra
 from antiosc.fem.linalg import forecast, multigrid, solver_choice, two_levels
 from antiosc.fem.linalg.multigrid import Levels
 from antiosc.fem.linalg.two_levels import TwoLevels, at_vertices
@@ -33,7 +33,7 @@ MASS = ao.PointMass((0.1, 0.05, 0.04), mass=30.0)
 
 @pytest.fixture(autouse=True)
 def products_from_the_cells(monkeypatch):
-    monkeypatch.setattr(products, "FEWEST_DOFS", 0)
+    monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", 0)
 
 
 def mixed() -> ao.Mesh:
@@ -223,9 +223,9 @@ import sys
 sys.path.insert(0, {support!r})
 import antiosc as ao
 import parts
-from antiosc.fem.elements import products
+from antiosc.fem.elements import tetrahedra
 
-products.FEWEST_DOFS = 0
+tetrahedra.FEWEST_DOFS = 0
 mesh = parts.box((6, 3, 2), cell="tetrahedron")
 part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")], solver="iterative")
 print(type(part.factorize()).__name__, part.K.getType())
@@ -309,10 +309,10 @@ def test_iterations_that_are_forecast_give_the_seconds():
 
 
 OVER_RANKS = """
-from antiosc.fem.elements import products
+from antiosc.fem.elements import tetrahedra
 from antiosc.fem.linalg import two_levels
 
-products.FEWEST_DOFS = 0
+tetrahedra.FEWEST_DOFS = 0
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
 found = []
 for most in (150_000, 0):
@@ -330,10 +330,10 @@ print(json.dumps(found))
 
 
 CHOSEN_OVER_RANKS = """
-from antiosc.fem.elements import products
+from antiosc.fem.elements import tetrahedra
 from antiosc.fem.linalg import forecast, solver_choice
 
-products.FEWEST_DOFS, solver_choice.LARGE = 0, 1
+tetrahedra.FEWEST_DOFS, solver_choice.LARGE = 0, 1
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
 found = []
 for slow in (1e-3, 0.0):

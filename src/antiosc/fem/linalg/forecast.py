@@ -53,12 +53,9 @@ class Products:
 
 #: From the entries; their number is that of A.
 ENTRIES = Products(math.nan, 6.0, 20.0, 8e-9)
-#: From straight isotropic tetrahedra (by aggregation a trace at 2.25 million dofs), from
-#: anisotropic ones, from hexahedra. Finer: 12 to 19 from plates to compact blocks of tetrahedra,
-#: 43 000 to 340 000 dofs; 10 to 13 of hexahedra, and 24 of a bar of these.
+#: From straight isotropic tetrahedra (by aggregation a trace at 2.25 million dofs). Finer: 12 to
+#: 19 from plates to compact blocks, 43 000 to 340 000 dofs; 10 to 13 of hexahedra.
 TETRAHEDRA = Products(80.0, 4.5, 8.0, 1.1e-9)
-DIRECTED = Products(80.0, 4.5, 8.0, 5.4e-9)
-HEXAHEDRA = Products(180.0, 4.0, 5.0, 4e-9, set_up=6e-8, finer=11.0)
 
 
 @dataclass(frozen=True)

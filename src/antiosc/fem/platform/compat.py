@@ -665,10 +665,6 @@ class CellKernel:
         self.dofs = places.size
         self.room = self.coefficients.shape[1] + 3 * self.nodes.shape[1]
 
-    def take(self, order: IntArray) -> None:
-        """Put the cells into the order of the numbers `order`."""
-        self.nodes, self.coefficients = self.nodes[order], self.coefficients[order]
-
     def cells(self, count: int = 0, *vectors: Array) -> kernels.Cells:
         """The cells for the C library: `count` vectors (dofs, count), and weights."""
         sizes = self.nodes.shape[1], self.coefficients.shape[1], self._first, self.dofs, count

@@ -30,8 +30,6 @@ class Tetra(Structure):
 
 _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "afe_cell_sums": (None, c_void_p, c_int64, c_int64, c_void_p, c_void_p),
-    "afe_cell_products": (None, c_void_p, c_int64, c_int64, c_double, *[c_void_p] * 3),
-    "afe_cell_blocks": (None, c_void_p, c_int64, c_int64, c_double, *[c_void_p] * 2),
     "afe_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
     "afe_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
 }

@@ -19,7 +19,7 @@ from antiosc.base.checks import floats, list_of, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam
-from antiosc.fem.elements.products import cell_by_cell
+from antiosc.fem.elements.tetrahedra import cell_by_cell
 from antiosc.fem.elements.weak_form import (
     Family,
     Kind,

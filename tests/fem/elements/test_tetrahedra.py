@@ -11,8 +11,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem.elements import products
-from antiosc.fem.elements.compiled_cells import CompiledCells
+from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.tetrahedra import Tetrahedra
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
@@ -37,26 +36,18 @@ HELD = [
 
 @pytest.fixture(autouse=True)
 def of_small_parts(monkeypatch):
-    monkeypatch.setattr(products, "FEWEST_DOFS", 0)
+    monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", 0)
 
 
-#: cell and geometric order of a mesh, and the class of its products
-CELLS_OF = {
-    "tetrahedra": ("tetrahedron", 1, Tetrahedra),
-    "hexahedra": ("hexahedron", 1, CompiledCells),
-    "curved hexahedra": ("hexahedron", 2, CompiledCells),
-}
-
-
-def skewed(cell: str = "tetrahedron", order: int = 1) -> ao.Mesh:
+def skewed(order: int = 1) -> ao.Mesh:
     """Cells of two groups that are all different, in number no multiple of the lanes."""
     if order == 1:
         corners = [[0.0, 0.0, 0.0], [0.2, 0.1, 0.08]]
-        kind = getattr(dolfinx.mesh.CellType, cell)
+        kind = dolfinx.mesh.CellType.tetrahedron
         mesh = dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, [3, 3, 3], kind)
     else:
         with TemporaryDirectory() as folder:
-            file = parts.gmsh_cube(Path(folder) / "cube.msh", cell, 2, n=3)
+            file = parts.gmsh_cube(Path(folder) / "cube.msh", "tetrahedron", 2, n=3)
             mesh = ao.read_mesh(file).dolfinx
         mesh.geometry.x[:] *= [0.2, 0.1, 0.08]
     x = mesh.geometry.x
@@ -70,12 +61,10 @@ def skewed(cell: str = "tetrahedron", order: int = 1) -> ao.Mesh:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CELLS_OF)
-def test_products_are_those_of_the_entries(name):
-    cell, order, kind = CELLS_OF[name]
-    part = ao.Structure(skewed(cell, order), {"soft": RUBBER, "hard": STEEL}, HELD)
+def test_products_are_those_of_the_entries():
+    part = ao.Structure(skewed(), {"soft": RUBBER, "hard": STEEL}, HELD)
     K, M = part.K, part.M
-    assert type(K.getAttr(CELLS).cells) is kind
+    assert type(K.getAttr(CELLS).cells) is Tetrahedra
     assert M.getAttr(CELLS) is not None
     A = sum_of(K, 3e9, M)
     vector, result = A.createVecs()
@@ -99,13 +88,8 @@ CARRIED = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize("attached", [[], CARRIED], ids=["bare", "attached"])
-@pytest.mark.parametrize("hard", [STEEL, ANISOTROPIC], ids=["isotropic", "anisotropic"])
-@pytest.mark.parametrize("name", CELLS_OF)
-def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(name, hard, attached):
-    cell, order, _ = CELLS_OF[name]
-    part = ao.Structure(
-        skewed(cell, order), {"soft": RUBBER, "hard": hard}, HELD, attached=attached
-    )
+def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(attached):
+    part = ao.Structure(skewed(), {"soft": RUBBER, "hard": STEEL}, HELD, attached=attached)
     P = part.matrices.coarser()
     x = np.random.default_rng(0).standard_normal(part.rows)
     for matrix in (part.K, part.M, sum_of(part.K, 3e9, part.M)):
@@ -140,32 +124,34 @@ def test_a_node_held_between_corners_holds_its_corners():
     assert fine.norm() > 0
 
 
+def kinds_without():
+    """Curved, anisotropic, and other cells; linear elements; plane parts."""
+    steel = ao.Solid(**parts.STEEL)
+    size = (0.2, 0.1, 0.08)
+    yield skewed(2), STEEL, 2
+    yield skewed(), ANISOTROPIC, 2
+    yield parts.box((2, 2, 2), size, cell="tetrahedron"), steel, 1
+    yield parts.box((2, 2, 2), size, cell="hexahedron"), steel, 2
+    plane = ao.Solid(**parts.STEEL, plane="stress")
+    yield parts.box((2, 2), size[:2], cell="quadrilateral"), plane, 2
+
+
 @pytest.mark.slow
-def test_curved_tetrahedra_have_the_products_of_their_entries():
-    part = ao.Structure(skewed("tetrahedron", 2), STEEL, HELD)
-    assert part.K.getAttr(CELLS) is None
-
-
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron", "quadrilateral"])
-def test_other_parts_have_the_products_of_their_entries(cell):
-    """Linear elements, plane parts."""
-    plane = cell == "quadrilateral"
-    mesh = parts.box((2, 2) if plane else (2, 2, 2), (0.2, 0.1, 0.08)[: 3 - plane], cell=cell)
-    material = ao.Solid(**parts.STEEL, plane="stress") if plane else STEEL
-    part = ao.Structure(mesh, material, [ao.Support("left")], order=2 if plane else 1)
-    assert part.K.getAttr(CELLS) is None
+def test_other_parts_have_the_products_of_their_entries():
+    for mesh, material, order in kinds_without():
+        part = ao.Structure(mesh, material, [ao.Support("-x")], order=order)
+        assert part.K.getAttr(CELLS) is None
 
 
 OVER_RANKS = """
-from antiosc.fem.elements import products
-from antiosc.fem.elements.compiled_cells import CompiledCells
+from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.tetrahedra import Tetrahedra
 from antiosc.fem.linalg.two_levels import coarse_of, without
 from antiosc.fem.linalg.petsc_algebra import multiply, with_entries
 from mpi4py.MPI import MAX
 
-products.FEWEST_DOFS = 0
-mesh = parts.box((6, 3, 2), cell="CELL")
+tetrahedra.FEWEST_DOFS = 0
+mesh = parts.box((6, 3, 2), cell="tetrahedron")
 part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
 x = np.random.default_rng(part.comm.rank).standard_normal(part.rows)
 differences = []
@@ -182,9 +168,8 @@ print(json.dumps(differences))
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
-def test_over_ranks(cell):
+def test_over_ranks():
     """A rank between two others has ghosts of both."""
-    lines = run_ranks(3, START + OVER_RANKS.replace("CELL", cell), alone=True)
+    lines = run_ranks(3, START + OVER_RANKS, alone=True)
     for line in lines:
         assert max(json.loads(line)) <= 1e-13
