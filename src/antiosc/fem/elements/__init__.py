@@ -283,21 +283,6 @@ class PlateSection:
         """
         return 12 * _over_angles(self.bending) / _over_angles(self.A)
 
-    @property
-    def flipped(self) -> PlateSection:
-        """The section with its normal reversed and its 0° direction kept."""
-        flip = np.diag([1.0, 1.0, -1.0])
-        S = self.S * np.array([[1, -1], [-1, 1]])
-        return replace(
-            self,
-            A=flip @ self.A @ flip,
-            B=-flip @ self.B @ flip,
-            D=flip @ self.D @ flip,
-            S=S,
-            I1=-self.I1,
-            middle=-self.middle,
-        )
-
     def shifted(self, offset: float) -> PlateSection:
         """The section with its middle at z = `offset` (m) instead of 0."""
         if not offset:
@@ -318,16 +303,16 @@ class PlateSection:
 
     @property
     def has_sides(self) -> bool:
-        """Whether the section changes when it is flipped, so that the sign of the normal
-        matters.
+        """Whether the section changes when it is flipped about its 0° direction, so that the sign
+        of the normal matters.
         """
-        flipped = self.flipped
-        scale = {"A": self.A, "B": self.A * self.thickness, "D": self.D, "S": self.S}
-        differ = [
-            np.abs(getattr(self, name) - getattr(flipped, name)).max() > 1e-9 * np.abs(size).max()
-            for name, size in scale.items()
+        changed = [  # by a flip their signs change
+            *((M[:2, 2], np.abs(M).max()) for M in (self.A, self.D)),
+            (self.S[0, 1], np.abs(self.S).max()),
+            (self.B[:2, :2], np.abs(self.A).max() * self.thickness),
+            (self.B[2, 2], np.abs(self.A).max() * self.thickness),
         ]
-        return any(differ) or self.I1 != 0
+        return self.I1 != 0 or any(np.abs(M).max() > 1e-9 * size for M, size in changed)
 
 
 def _over_angles(stiffness: Array) -> float:

@@ -109,8 +109,8 @@ class Beam(Isotropic):
             raise InputError(
                 "Beam elements are straight; read the mesh with order 1 and more elements."
             )
-        if mesh.gdim == 2:
-            return _plane(mesh, parts, order)
+        if mesh.gdim == 2 and any(beam.offset for beam, _ in parts):
+            raise InputError("offset applies to beams in space: read the mesh with gdim 3.")
         return on_lines(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
@@ -130,54 +130,20 @@ def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
     return coefficient(mesh, parts, lambda beam: math.sqrt(stiffness(beam)))
 
 
-def _shear_degree(order: int) -> int:
-    """Quadrature degree 2·order − 1 of the shear energy: `order` Gauss points, which avoids
-    locking.
-    """
-    return 2 * order - 1
-
-
-def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-    """Weak form of beams in a plane."""
-    if any(beam.offset for beam, _ in parts):
-        raise InputError("offset applies to beams in space: read the mesh with gdim 3.")
-    space = compat.lagrange(mesh.dolfinx, order, 3)
-    w = ufl.TrialFunction(space)
-    v = ufl.TestFunction(space)
-    t = tangent(mesh)
-    normal = ufl.as_vector([-t[1], t[0]])
-
-    EA = _root(mesh, parts, lambda b: b.E * b.section.A)
-    size = mesh.extent()
-    GA = _root(mesh, parts, lambda b: b.shear_stiffness(0, size))
-    EI = _root(mesh, parts, lambda b: b.E * b.section.I)
-
-    def strains(q: Expr) -> Expr:  # times √stiffness
-        slope = ufl.dot(ufl.grad(q), t)
-        axial_part = ufl.as_vector([slope[0], slope[1]])
-        shear = ufl.dot(axial_part, normal) - q[2]
-        return ufl.as_vector([EA * ufl.dot(axial_part, t), GA * shear, EI * slope[2]])
-
-    rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
-    rhoI = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I))
-    degree = _shear_degree(order)
-    motion = rhoA * (w[0] * v[0] + w[1] * v[1]) + rhoI * w[2] * v[2]
-    return WeakForm(
-        space=space,
-        stiffness=[ufl.dot(strains(w), strains(v)) * measure(mesh, degree)],
-        mass=[motion * measure(mesh, 2 * order)],
-        components={"x": (0,), "y": (1,), "rz": (2,)},
-        density=rhoA,
-        strains=(strains(w), degree),
-    )
+def halves(mesh: Mesh, q: Expr) -> tuple[Expr, Expr]:
+    """(displacement (3,), rotation (3,)) of a motion of beams, or of its slope (UFL)."""
+    if mesh.gdim == 2:
+        return ufl.as_vector([q[0], q[1], 0]), ufl.as_vector([0, 0, q[2]])
+    return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
 
 
 def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
-    """Weak form of beams in space, straight or curved; `on_sheet`: the beams stiffen a shell.
+    """Weak form of beams, straight or curved; `on_sheet`: the beams stiffen a shell.
 
     Order 3 matches the cubic triangles of a shell.
     """
-    space = compat.lagrange(mesh.dolfinx, order, 6)
+    names = ("x", "y", "rz") if mesh.gdim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+    space = compat.lagrange(mesh.dolfinx, order, len(names))
     w = ufl.TrialFunction(space)
     v = ufl.TestFunction(space)
     t, y, z = axes_of_beams(mesh, parts)
@@ -185,54 +151,54 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
     # A stiffener follows the twist of its sheet by warping, without shear.
     twist_shifts = not on_sheet and any(b.offset for b, _ in parts)
 
-    def parts_of(q: Expr) -> tuple[Expr, Expr]:
-        return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
-
-    EA = _root(mesh, parts, lambda b: b.E * b.section.A)
     size = mesh.extent()
-    GAy = _root(mesh, parts, lambda b: b.shear_stiffness(0, size))
-    GAz = _root(mesh, parts, lambda b: b.shear_stiffness(1, size))
-    EIz = _root(mesh, parts, lambda b: b.E * b.section.I)
-    EIy = _root(mesh, parts, lambda b: b.E * b.section.side)
-    GJ = _root(mesh, parts, lambda b: b.G * b.section.torsion)
+    of_force = [
+        (_root(mesh, parts, lambda b: b.E * b.section.A), t),
+        (_root(mesh, parts, lambda b: b.shear_stiffness(0, size)), y),
+        (_root(mesh, parts, lambda b: b.shear_stiffness(1, size)), z),
+    ]
+    of_moment = [
+        (_root(mesh, parts, lambda b: b.G * b.section.torsion), t),
+        (_root(mesh, parts, lambda b: b.E * b.section.side), y),
+        (_root(mesh, parts, lambda b: b.E * b.section.I), z),
+    ]
+    if mesh.gdim == 2:
+        of_force, of_moment = of_force[:2], of_moment[2:]
 
     def strains(q: Expr) -> Expr:  # times √stiffness
-        _, rotation = parts_of(q)
-        slope_u, slope_turn = parts_of(ufl.dot(ufl.grad(q), t))
+        _, rotation = halves(mesh, q)
+        slope_u, slope_turn = halves(mesh, ufl.dot(ufl.grad(q), tangent(mesh)))
         # Bending stretches a centroid that is off the line, and twist shifts it sideways.
         shift = -offset * ufl.dot(slope_turn, z) * t
         if twist_shifts:
             shift = shift + offset * ufl.dot(slope_turn, t) * z
-        force = slope_u + shift - ufl.cross(rotation, t)
-        pairs = (EA, t), (GAy, y), (GAz, z)
-        forces = [root * ufl.dot(force, axis) for root, axis in pairs]
-        pairs = (GJ, t), (EIy, y), (EIz, z)
-        return ufl.as_vector(forces + [root * ufl.dot(slope_turn, axis) for root, axis in pairs])
+        stretch = slope_u + shift - ufl.cross(rotation, t)
+        forces = [root * ufl.dot(stretch, axis) for root, axis in of_force]
+        return ufl.as_vector(
+            forces + [root * ufl.dot(slope_turn, axis) for root, axis in of_moment]
+        )
 
-    degree = _shear_degree(order)
     rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
-    rhoIz = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I))
-    rhoIy = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.side))
-    rhoIp = coefficient(mesh, parts, lambda b: b.rho * (b.section.I + b.section.side))
+    inertias = [
+        (coefficient(mesh, parts, lambda b: b.rho * (b.section.I + b.section.side)), t),
+        (coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.side)), y),
+        (coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I)), z),
+    ]
 
-    def second_order(axis: Expr, stiffness: Expr, a: Expr, b: Expr) -> Expr:
-        return stiffness * ufl.dot(a, axis) * ufl.dot(b, axis)
-
-    u, rotation = parts_of(w)
-    u_v, turn_v = parts_of(v)
+    u, rotation = halves(mesh, w)
+    u_v, turn_v = halves(mesh, v)
     centroid = u + offset * ufl.cross(rotation, y)
     centroid_v = u_v + offset * ufl.cross(turn_v, y)
-    motion = (
-        rhoA * ufl.dot(centroid, centroid_v)
-        + second_order(t, rhoIp, rotation, turn_v)
-        + second_order(y, rhoIy, rotation, turn_v)
-        + second_order(z, rhoIz, rotation, turn_v)
-    )
+    motion = rhoA * ufl.dot(centroid, centroid_v)
+    for inertia, axis in inertias:
+        motion += inertia * ufl.dot(rotation, axis) * ufl.dot(turn_v, axis)
+
+    degree = 2 * order - 1  # `order` Gauss points, with which shear does not lock
     return WeakForm(
         space=space,
         stiffness=[ufl.dot(strains(w), strains(v)) * measure(mesh, degree)],
         mass=[motion * measure(mesh, 2 * order)],
-        components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
+        components={name: (i,) for i, name in enumerate(names)},
         density=rhoA,
         moment=rhoA * offset * y if any(b.offset for b, _ in parts) else None,
         twist_shifts=twist_shifts,
@@ -249,8 +215,13 @@ class BeamAxes(NamedTuple):
 
 
 def axes_of_beams(mesh: Mesh, parts: Parts) -> BeamAxes:
-    """The axes of the sections of beams in space, as UFL expressions."""
+    """The axes of the sections of beams, as UFL expressions; in a plane the height lies in it."""
     t = tangent(mesh)
+    if mesh.gdim == 2:
+        along = ufl.as_vector([t[0], t[1], 0])
+        height = ufl.as_vector([-t[1], t[0], 0])
+        return BeamAxes(along, height, ufl.as_vector([0, 0, 1]))
+
     height = _orientations(mesh, parts)
     y = height - ufl.dot(height, t) * t
     y = y / ufl.sqrt(ufl.dot(y, y))

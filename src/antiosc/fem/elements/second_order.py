@@ -15,9 +15,9 @@ import numpy as np
 import ufl
 
 from antiosc.base._types import Array
-from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams
+from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams, halves
 from antiosc.fem.elements.shell import Frame, frames, section_fields, strains_of
-from antiosc.fem.elements.solid import isotropic_stress, voigt_strain
+from antiosc.fem.elements.solid import depth_of, isotropic_stress, voigt_strain
 from antiosc.fem.elements.weak_form import Parts, coefficient, measure, tangent
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
@@ -108,8 +108,12 @@ def _solid_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
         return SecondOrderStrain(
             lambda u: voigt_strain(ufl.sym(ufl.grad(u))), voigt_eta, lambda e: C * e, degree
         )
+
     stress = isotropic_stress(mesh, parts)
-    return SecondOrderStrain(lambda u: ufl.sym(ufl.grad(u)), solid_eta, stress, degree)
+    depth = depth_of(mesh, parts)
+    return SecondOrderStrain(
+        lambda u: ufl.sym(ufl.grad(u)), solid_eta, lambda e: depth * stress(e), degree
+    )
 
 
 def _sheet_strain(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
@@ -138,30 +142,19 @@ def _beam_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
     radius2 = coefficient(mesh, parts, lambda b: (b.section.I + b.section.side) / b.section.A)
     offset = coefficient(mesh, parts, lambda b: b.offset)
-    t = tangent(mesh)
-    count = mesh.gdim
-    z = axes_of_beams(mesh, parts).z if count == 3 else None
+    axes = axes_of_beams(mesh, parts)
 
     def slopes(q: Expr) -> tuple[Expr, Expr]:
-        slope = ufl.dot(ufl.grad(q), t)
-        has_rotations = len(slope) - count
-        u = ufl.as_vector([slope[i] for i in range(count)])
-        return u, ufl.as_vector([slope[i + has_rotations] for i in range(count)])
+        return halves(mesh, ufl.dot(ufl.grad(q), tangent(mesh)))
 
     def strain(q: Expr) -> Expr:
         u, rotation = slopes(q)
-        axial = ufl.dot(u, t)
-        if z is None:
-            return axial
-        return axial - offset * ufl.dot(rotation, z)
+        return ufl.dot(u, axes.t) - offset * ufl.dot(rotation, axes.z)
 
     def eta(a: Expr, b: Expr) -> Expr:
         u, rotation = slopes(a)
         v, twist = slopes(b)
-        squared_slope = ufl.dot(u, v)
-        if z is None:
-            return squared_slope
-        return squared_slope + radius2 * ufl.dot(rotation, t) * ufl.dot(twist, t)
+        return ufl.dot(u, v) + radius2 * ufl.dot(rotation, axes.t) * ufl.dot(twist, axes.t)
 
     return SecondOrderStrain(strain, eta, lambda e: EA * e, 2 * order - 1)
 

@@ -86,30 +86,7 @@ class Solid(Isotropic):
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Weak form with displacements of degree `order`, at least the geometric order."""
-        _check_cells(mesh, order)
-        if len({type(material) for material, _ in parts}) > 1:  # some have directions
-            return general_form(mesh, parts, order)
-        for material, _ in parts:
-            _check_plane(material, mesh)
-        space = compat.lagrange(mesh.dolfinx, order, mesh.gdim)
-        u = ufl.TrialFunction(space)
-        v = ufl.TestFunction(space)
-        lame = coefficient(mesh, parts, _first_lame)
-        shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
-        depth = depth_of(mesh, parts)
-        rho = coefficient(mesh, parts, lambda s: s.rho)
-        strain = ufl.sym(ufl.grad(u))
-        virtual = ufl.sym(ufl.grad(v))
-        stress = lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain
-        for_k, for_m = _degrees(mesh, order)
-        return WeakForm(
-            space=space,
-            stiffness=[depth * ufl.inner(stress, virtual) * measure(mesh, for_k)],
-            mass=[depth * rho * ufl.inner(u, v) * measure(mesh, for_m)],
-            components={name: (i,) for i, name in enumerate("xyz"[: mesh.gdim])},
-            density=depth * rho,
-            strains=_strains(mesh, parts, u, for_k) if _is_thin(mesh) else None,
-        )
+        return weak_form_of(mesh, parts, order)
 
     def half_space_compliance(self, cosine: float) -> float:
         """Displacement × radius / force of a patch with Hertz's pressure, m²/N.
@@ -147,15 +124,12 @@ def depth_of(mesh: Mesh, parts: Parts) -> Expr:
 
 
 def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
-    """Function that gives the stress of isotropic solids, times the thickness, for a strain
-    (UFL).
-    """
+    """Function that gives the stress of isotropic solids for a strain (UFL)."""
     lame = coefficient(mesh, parts, _first_lame)
     shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
-    depth = depth_of(mesh, parts)
 
     def stress(strain: Expr) -> Expr:
-        return depth * (lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain)
+        return lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain
 
     return stress
 
@@ -176,26 +150,37 @@ def _check_cells(mesh: Mesh, order: int) -> None:
         )
 
 
-def general_form(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-    """Weak form from the stiffness matrices (6, 6), for parts with anisotropic solids."""
+def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+    """Weak form of solids, some of which may have directions."""
     _check_cells(mesh, order)
-    if mesh.gdim != 3:
+    directed = any(not isinstance(material, Solid) for material, _ in parts)
+    if directed and mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
     for material, _ in parts:
         if isinstance(material, Solid):
             _check_plane(material, mesh)
-    space = compat.lagrange(mesh.dolfinx, order, 3)
+
+    space = compat.lagrange(mesh.dolfinx, order, mesh.gdim)
     u = ufl.TrialFunction(space)
     v = ufl.TestFunction(space)
-    C = coefficient(mesh, parts, lambda s: s.voigt)
-    rho = coefficient(mesh, parts, lambda s: s.rho)
+    depth = depth_of(mesh, parts)
+    if directed:
+        C = coefficient(mesh, parts, lambda s: s.voigt)
+        work = ufl.inner(C * _voigt_strain(u), _voigt_strain(v))
+    else:
+        stress = isotropic_stress(mesh, parts)
+        work = depth * ufl.inner(stress(ufl.sym(ufl.grad(u))), ufl.sym(ufl.grad(v)))
+    density = depth * coefficient(mesh, parts, lambda s: s.rho)
+
     for_k, for_m = _degrees(mesh, order)
+    by_strains = not directed and _is_thin(mesh)
     return WeakForm(
         space=space,
-        stiffness=[ufl.inner(C * _voigt_strain(u), _voigt_strain(v)) * measure(mesh, for_k)],
-        mass=[rho * ufl.inner(u, v) * measure(mesh, for_m)],
-        components={name: (i,) for i, name in enumerate("xyz")},
-        density=rho,
+        stiffness=[work * measure(mesh, for_k)],
+        mass=[density * ufl.inner(u, v) * measure(mesh, for_m)],
+        components={name: (i,) for i, name in enumerate("xyz"[: mesh.gdim])},
+        density=density,
+        strains=_strains(mesh, parts, u, for_k) if by_strains else None,
     )
 
 
@@ -354,7 +339,7 @@ class AnisotropicSolid(FieldsRepr):
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Weak form with displacements of degree `order`, as for `Solid`."""
-        return general_form(mesh, parts, order)
+        return weak_form_of(mesh, parts, order)
 
     def half_space_compliance(self, cosine: float) -> float:
         """Raise InputError: the compliance depends on the directions of surface and material."""

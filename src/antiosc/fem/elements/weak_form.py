@@ -173,56 +173,36 @@ def _check_neighbours(
     This is checked if both stacks are unsymmetric and at least one uses the normals of the mesh.
     Edges of three or more cells are not checked.
     """
-    owned_cells = compat.cell_map(mesh.dolfinx).size_local
+    owned = compat.cell_map(mesh.dolfinx).size_local
     corner_order = CORNERS_IN_TURN[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
-    corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned_cells][:, corner_order]]
+    corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned][:, corner_order]]
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-    middles = (
-        x[:owned_cells, corner_order] + np.roll(x[:owned_cells, corner_order], -1, axis=1)
-    ) / 2
+    points = x[:owned, corner_order]
+    middles = (points + np.roll(points, -1, axis=1)) / 2
+
     # cells that agree go along their edge in opposite directions
-    sign = np.where(ends[..., 0] < ends[..., 1], 1.0, -1.0) * side[:owned_cells, None]
-    flags = [
-        np.repeat(flag[:owned_cells, None], len(corner_order), axis=1)
-        for flag in (has_sides, stated)
-    ]
-    table = (np.sort(ends.reshape(-1, 2), axis=1), sign, *flags, middles)
+    sign = np.where(ends[..., 0] < ends[..., 1], 1, -1) * side[:owned, None]
+    flags = [np.repeat(flag[:owned], len(corner_order)) for flag in (has_sides, stated)]
+    table = np.sort(ends.reshape(-1, 2), axis=1), sign.ravel(), *flags, middles.reshape(-1, 3)
     tables = mesh.comm.gather(table, root=0) or []
 
     def work() -> None:
-        edges = np.vstack([part[0] for part in tables])
-        sign, has_sides, has_top = (
-            np.concatenate([p[k].ravel() for p in tables]) for k in (1, 2, 3)
-        )
-        _compare(edges, sign, has_sides, has_top, np.vstack([p[4].reshape(-1, 3) for p in tables]))
+        edges, sign, has_sides, stated, points = map(np.concatenate, zip(*tables, strict=True))
+        _, edge, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+        edge = edge.ravel()
+        compared = (np.bincount(edge, has_sides) == 2) & (np.bincount(edge, stated) < 2)
+        bad = compared & (count == 2) & (np.bincount(edge, sign) != 0)
+        if bad.any():
+            location = point_text(points[np.argmax(bad[edge])])
+            raise InputError(
+                f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
+                f"{location}, so that the top of the sheet would change sides: reverse the node "
+                "order of those cells, or give Laminate or Shell a top, a direction on whose side "
+                "the top lies."
+            )
 
     on_root(mesh.comm, work)
-
-
-def _compare(
-    edges: IntArray, way: Array, has_sides: BoolArray, stated: BoolArray, points: Array
-) -> None:
-    """InputError if two cells at one edge have opposite normals: both run along it in one
-    direction.
-
-    Only cells with `has_sides` are compared, and not if both have a `stated` top.
-    """
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    edges = edges[order]
-    first = np.flatnonzero(np.append(True, np.any(np.diff(edges, axis=0), axis=1)))
-    count = np.diff(np.append(first, len(edges)))
-    pairs = np.stack([order[first[count == 2]], order[first[count == 2] + 1]])
-    is_compared = has_sides[pairs].all(axis=0) & ~stated[pairs].all(axis=0)
-    bad = is_compared & (way[pairs].sum(axis=0) != 0)
-    if bad.any():
-        location = point_text(points[pairs[0, np.argmax(bad)]])
-        raise InputError(
-            f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
-            f"{location}, so that the top of the sheet would change sides: reverse the node "
-            "order of those cells, or give Laminate or Shell a top, a direction on whose side "
-            "the top lies."
-        )
 
 
 @dataclass(frozen=True)

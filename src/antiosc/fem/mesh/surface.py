@@ -36,10 +36,6 @@ class WeightedPoints:
     weight: Array  # (n,) [m, m² or m³; 1 for points]
 
 
-#: Replaces 0 in divisors: quotients of lengths [m] by it are finite.
-TINY = 1e-300
-
-
 def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
     """meshio's name of the cell type."""
     return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
@@ -336,7 +332,15 @@ class Faces(Entities):
         distance = np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
         item, point = self._crossed(points, normals, rise)
-        xi_found = self._on_plane(item, points[point], normals[point])
+        # on the tangent planes of the faces, then on the curved ones themselves
+        x, J = self.tangents
+        xi_found = projected(
+            lambda k, _: (x[item[k]], J[item[k]]),
+            points[point],
+            self.middle[item],
+            affine=True,
+            along=normals[point],
+        )
         rise_of_face = self.bend[item]
         is_near = excess(xi_found, self.simplex) <= OUTSIDE_FACE + NEARLY * rise_of_face
         item = item[is_near]
@@ -382,25 +386,6 @@ class Faces(Entities):
         aside = np.einsum("nd,nd->n", gap, gap) - height**2
         crossed = aside <= (self.radii[face] * (1 + TOUCH)) ** 2
         return face[crossed], point[crossed]
-
-    def _on_plane(self, face: IntArray, points: Array, normals: Array) -> Array:
-        """ξ (n, d) of points projected along normals onto the tangent planes of faces.
-
-        For a straight side of a plane part, the normals lie in the plane of the part.
-        """
-        x, J = self.tangents
-        gap = points - x[face]
-        first = J[face, :, 0]
-        if self.dim == 1:
-            side = np.column_stack([-normals[:, 1], normals[:, 0]])
-            step = _dot(gap[:, :2], side) / _nonzero(_dot(first[:, :2], side))
-            return np.asarray(self.middle[face] + step[:, None])
-        second = J[face, :, 1]
-        # gap = a t1 + b t2 + s n
-        volume = _nonzero(_dot(np.cross(first, second), normals))
-        a = _dot(np.cross(gap, second), normals) / volume
-        b = _dot(np.cross(first, gap), normals) / volume
-        return np.asarray(self.middle[face] + np.column_stack([a, b]))
 
     @cached_property
     def tangents(self) -> tuple[Array, Array]:
@@ -466,16 +451,6 @@ def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
     candidates = mesh.comm.allgather(candidate)
     _, point, direction = min(candidates, key=lambda entry: entry[0])
     return np.asarray(point), np.asarray(direction)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Scalar products (n,) of rows."""
-    return np.asarray((a * b).sum(axis=1))
-
-
-def _nonzero(values: Array) -> Array:
-    """The divisors, with a tiny number instead of 0, by which lengths can be divided."""
-    return np.asarray(np.where(values == 0, TINY, values))
 
 
 def _least_over_ranks(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:
