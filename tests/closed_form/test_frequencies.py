@@ -9,7 +9,6 @@ import pytest
 from scipy.optimize import brentq
 
 from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
-from plates import SHEAR, SupportedPlate
 from struck_beams import SLENDER, THICK, UNIT, cutoff, hinged_roots, struck
 
 
@@ -56,27 +55,6 @@ def test_slender_limit_is_euler_bernoulli_with_order_two():
         )
     order = np.log2(np.divide(errors[:-1], errors[1:]))
     np.testing.assert_allclose(order, 2, atol=0.1)
-
-
-@pytest.mark.parametrize("terms", [1, 4])
-def test_a_patch_on_a_thick_plate_is_a_sum_of_waves(terms: int) -> None:
-    """Each wave of the pressure √(1 - r²/r0²) by quadrature, bending and shear in series."""
-    plate = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=0.02, a=0.5, b=0.4)
-    x, y, r0 = 0.21, 0.13, 0.05
-    shares, weights = np.polynomial.legendre.leggauss(60)
-    s, angle = (shares + 1) / 2, 2 * np.pi * (np.arange(40) + 0.5) / 40
-    radius = r0 * np.sqrt(1 - s**2)  # so that the pressure is 1.5 s over the area element s ds
-    G, total = 70e9 / 2.6, 0.0
-    for m in range(1, terms + 1):
-        for n in range(1, terms + 1):
-            k = np.array([m * np.pi / 0.5, n * np.pi / 0.4])
-            points = radius[:, None] * np.cos(angle), radius[:, None] * np.sin(angle)
-            wave = np.sin(k[0] * (x + points[0])) * np.sin(k[1] * (y + points[1]))
-            mean = 3 * np.sum(weights / 2 * s**2 * wave.mean(axis=1))
-            square = k @ k
-            soft = 1 / (plate.D * square**2) + 1 / (SHEAR * G * 0.02 * square)
-            total += 4 / (0.5 * 0.4) * mean**2 * soft
-    assert plate.mindlin_compliance(x, y, r0, terms) == pytest.approx(total, rel=1e-9)
 
 
 def test_shear_beam_limit():

@@ -9,10 +9,9 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.error.model_errors import _angles, flat_cells
-from antiosc.reduce.error.recovery import STRAIN_PLACES, gram, stiffness, strain_errors
+from antiosc.reduce.error.recovery import gram, strain_errors
 from parts import CELLS, STEEL, box, named, plate
 from sheets import sheet
 
@@ -88,11 +87,6 @@ def test_plane_parts_have_no_half_space():
     assert set(model.info["patch"]) == {"faces", "cut"}
     assert model.info["patch"]["cut"] == 0
     assert model.info["patch"]["faces"] == pytest.approx(0.025)
-
-
-def _random_stiffness() -> np.ndarray:
-    root = np.random.default_rng(5).normal(size=(6, 6))
-    return 1e9 * (root @ root.T + 6 * np.eye(6))
 
 
 def part(cell: str, order: int, n: int = 1, size=(0.3, 0.1, 0.05)) -> ao.Structure:
@@ -224,32 +218,6 @@ def test_cells_add_up_to_the_whole(cell):
     whole = gram(on_mesh(structure), shapes)
     assert np.linalg.eigvalsh(whole).min() > 0
     assert of_cells(structure, shapes).sum() == pytest.approx(np.trace(whole), rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("plane", ["stress", "strain", None])
-def test_stiffness_of_plane_parts_and_solids(plane):
-    """Energies of affine displacements are those of K, isotropic figures those of textbooks."""
-    nu, depth = 0.3, 0.02 if plane else 1.0
-    E, dim = STEEL["E"], 2 if plane else 3
-    material = ao.Solid(**STEEL, plane=plane, thickness=depth) if plane else ao.Solid(**STEEL)
-    C = stiffness(material, dim)
-    G, lame = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
-    if plane == "stress":
-        lame = E * nu / (1 - nu**2)
-    exact = np.diag([2 * G] * dim + [G] * (3 if dim == 3 else 1))
-    exact[:dim, :dim] += lame
-    np.testing.assert_allclose(C, depth * exact, rtol=1e-12, atol=1e-3)
-    A = np.array([[1.0, 2.0, -1.0], [0.5, -1.0, 3.0], [2.0, 1.0, 1.0]])[:dim, :dim]
-    mesh = plate((2, 1), (0.2, 0.1), "triangle") if plane else box((2, 1, 1), (0.2, 0.1, 0.1))
-    for own in (material, *([] if plane else [ao.AnisotropicSolid(_random_stiffness(), 1500.0)])):
-        structure = ao.Structure(mesh, own, order=1)
-        u = nodal(structure, lambda x: x[:, :dim] @ A.T)
-        places = [(0, 0), (1, 1), (0, 1)] if plane else STRAIN_PLACES[3]
-        e = np.array([A[i, j] if i == j else A[i, j] + A[j, i] for i, j in places])
-        volume = 0.02 if plane else 0.002
-        energy = float(u[:, 0] @ (csr(structure.K) @ u[:, 0]))
-        assert energy == pytest.approx(volume * e @ stiffness(own, dim) @ e, rel=1e-9)
 
 
 @pytest.mark.slow

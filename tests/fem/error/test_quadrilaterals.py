@@ -13,7 +13,7 @@ from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.models.body import coarse_cell
 from antiosc.reduce.error import division as by_division, model_errors
-from antiosc.reduce.error.division import answers, divided, finer, interpolation, lacking
+from antiosc.reduce.error.division import answers, divided, interpolation, lacking
 from marks import FREE_ON_PURPOSE
 from sheets import NU as nu, RHO as rho, E, at, plate, rectangle, sheet
 
@@ -195,15 +195,6 @@ def test_what_a_mesh_lacks_and_has_in_excess_is_told_apart_and_rigid_motions_are
     assert lack[1:, 1:] == pytest.approx(0.3 * np.outer(turned[:, 0], turned[:, 0]))
     assert surplus[1:, 1:] == pytest.approx(-0.2 * np.outer(turned[:, 1], turned[:, 1]))
     assert not lack[0].any()
-
-
-def test_groups_of_cells_and_edges_follow_the_division():
-    mesh = rectangle((3, 2), 1.0, 1.0, "quadrilateral")
-    edges = mesh.group("-x")[1]
-    named = ao.Mesh(mesh.dolfinx, {"half": {2: np.arange(3, dtype=np.int32)}, "end": {1: edges}})
-    fine = finer(named)
-    assert len(fine.group("half")[2]) == 4 * 3
-    assert len(fine.group("end")[1]) == 2 * len(edges)
 
 
 @pytest.mark.filterwarnings("ignore:.*the cell at the site measures")

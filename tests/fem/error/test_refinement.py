@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from itertools import combinations
-from math import factorial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +24,6 @@ from antiosc.reduce.error.remeshing import (
     largest,
     measures,
     source_of,
-    thickness_of,
     wished_sizes,
 )
 from antiosc.reduce.error.sizes import COARSEST, FINEST, POWER, growth, ratios
@@ -158,62 +155,8 @@ def test_two_ranks_refine_too():
 RNG = np.random.default_rng(11)
 
 
-def sheared(cell: str) -> ao.Mesh:
-    """A box or a rectangle under a random affine map."""
-    dim = 3 if cell == "tetrahedron" else 2
-    mesh = box((3, 2, 2)[:dim], (0.3, 0.2, 0.2)[:dim], cell)
-    x = mesh.dolfinx.geometry.x
-    x[:, :dim] = x[:, :dim] @ (np.eye(dim) + 0.3 * RNG.normal(size=(dim, dim)))
-    return mesh
-
-
 def corners(mesh: ao.Mesh) -> np.ndarray:
     return mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-
-
-def measure(points: np.ndarray) -> float:
-    """Length, area or volume of a simplex by Cayley and Menger's determinant."""
-    k = len(points) - 1
-    squares = ((points[:, None] - points) ** 2).sum(axis=2)
-    bordered = np.ones((k + 2, k + 2))
-    bordered[0, 0], bordered[1:, 1:] = 0.0, squares
-    return float(np.sqrt((-1) ** (k + 1) * np.linalg.det(bordered) / 2**k) / factorial(k))
-
-
-@pytest.mark.parametrize("cell", ["triangle", "tetrahedron"])
-def test_measures_and_sizes_of_simplices(cell):
-    mesh = sheared(cell)
-    x, dim = corners(mesh), mesh.tdim
-    volume = sum(measure(one) for one in x)
-    sides = {}
-    for one, nodes in zip(x, compat.geometry_nodes(mesh.dolfinx), strict=True):
-        for some in combinations(range(dim + 1), dim):
-            key = tuple(sorted(int(nodes[k]) for k in some))
-            sides.setdefault(key, []).append(measure(one[list(some)]))
-    surface = sum(found[0] for found in sides.values() if len(found) == 1)
-    assert measures(mesh) == pytest.approx((volume, surface), rel=1e-9)
-    assert thickness_of(mesh) == pytest.approx(2 * volume / surface, rel=1e-9)
-    pairs = list(combinations(range(dim + 1), 2))
-    edges = [np.mean([np.linalg.norm(one[a] - one[b]) for a, b in pairs]) for one in x]
-    assert edge_lengths(mesh) == pytest.approx(np.array(edges), rel=1e-12)
-    source = source_of(mesh)
-    assert source.fixed == ""
-    assert source.thickness() == thickness_of(mesh)
-    low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
-    assert source.extent() == pytest.approx(np.linalg.norm(high - low), rel=1e-12)
-    # sizes at corners: the least of those of the cells around
-    ratio = RNG.uniform(0.2, 1.5, mesh.n_cells)
-    wished = wished_sizes(mesh, ratio)
-    points, cells, sizes = (np.array(a) for a in (wished.points, wished.cells, wished.sizes))
-    middles = points[cells].mean(axis=1)
-    order = [int(np.argmin(np.linalg.norm(middles - c, axis=1))) for c in x.mean(axis=1)]
-    assert sorted(order) == list(range(mesh.n_cells))
-    least = np.full(len(points), np.inf)
-    for cell_number, own in zip(order, ratio * np.array(edges), strict=True):
-        for k in cells[cell_number]:
-            least[k] = min(least[k], own)
-    assert sizes == pytest.approx(least, rel=1e-9)
-    assert growth(mesh.comm, ratio, dim) == pytest.approx(np.mean(ratio**-dim), rel=1e-12)
 
 
 def test_cells_around_points_have_the_sizes_of_the_points():

@@ -21,7 +21,7 @@ from antiosc.io.mesh_files import GMSH_EDGES, GMSH_FACES
 from antiosc.io.neutral import CELLS, rectangles
 from mesh_files import refusal
 from parts import gmsh_session
-from paths import DECKS, MESHES
+from paths import MESHES
 
 
 def cube(session, path: Path, kernel: str) -> Path:
@@ -107,14 +107,6 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
     assert not [t for t in told if "\n" in t or not t.endswith(".")]
 
 
-@pytest.mark.slow
-def test_bulk_data_by_its_content(tmp_path):
-    path = tmp_path / "part.dat"
-    path.write_text((DECKS / "bar.bdf").read_text())
-    assert ao.read_mesh(path).n_cells == ao.read_mesh(DECKS / "bar.bdf").n_cells
-    assert ao.read_model(path).mass == pytest.approx(ao.read_model(DECKS / "bar.bdf").mass)
-
-
 STEEL = ao.Solid(210e9, 0.3, 7850.0)
 
 
@@ -142,16 +134,6 @@ def write_brep(path: Path, axis: bool = False) -> None:
             kernel.addLine(kernel.addPoint(-5, 5, 5), kernel.addPoint(15, 5, 5))
         kernel.synchronize()
         gmsh.write(str(path))
-
-
-@pytest.mark.slow
-def test_a_closed_surface_is_filled(tmp_path):
-    path = stl(tmp_path / "box.stl")
-    mesh = ao.read_mesh(path, solid=True, size=5e-3, unit="mm")
-    assert mesh.cell == "tetrahedron"
-    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850 * 8e-6, rel=1e-9)
-    sheet = ao.read_mesh(path, unit="mm", merge=1e-6)
-    assert (sheet.cell, sheet.n_cells) == ("triangle", 12)
 
 
 @pytest.mark.slow
@@ -327,13 +309,6 @@ def test_gmsh_orders_its_second_order_nodes_as_the_table_says(name):
             GMSH_FACES.get(shape, rectangles(shape)), x[corners + len(edges) :], strict=False
         ):
             np.testing.assert_allclose(x[list(face)].mean(axis=0), node, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_wedges_and_pyramids_are_cut_and_fill_the_part(tmp_path):
-    mesh = ao.read_mesh(mixed_box(tmp_path / "a.vtu", 2, "hwp"))
-    assert mesh.cell == "tetrahedron"
-    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850, rel=1e-12)
 
 
 @pytest.mark.slow
