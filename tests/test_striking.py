@@ -272,26 +272,6 @@ def test_the_largest_number_is_a_reason_only_where_its_truncation_is_too_large(s
     assert told.endswith("take a tol of at least 5.3 %.")  # 5 + 0.21 %, rounded up
 
 
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.9])
-def test_a_smaller_patch_is_a_remedy_only_where_its_law_carries_the_force(
-    step: Any, share: float
-) -> None:
-    """The patch that carries a share s of a patch's largest force has s^(1/3) of its radius."""
-    law = ao.Hertz(1e9, compliance=1e-7 if share else 0.0)
-    force = share * law.valid_force if share else 1.0
-    least = 4e-3 * (1.25 * share) ** (1 / 3)  # with a quarter more force
-    hit = SimpleNamespace(
-        peak_force=force, impulse=1.0, contact_time=2.0,
-        model=SimpleNamespace(patch_radius=4e-3), contact_histories=[SimpleNamespace(law=law)],
-    )  # fmt: skip
-    told = step(answer(budget(0.001, patch=0.0094), hit=hit))[1]
-    offered = "take a smaller radius of the site" in told
-    assert offered == (least < 0.8 * 4e-3)
-    if least and offered:
-        told_mm = float(told.partition("(down to ")[2].split(" mm)")[0])
-        assert 0.97 * least < 1e-3 * told_mm < 1.06 * least
-
-
 @pytest.mark.parametrize(
     ("law", "missed"), [(None, False), (0.0, False), (0.004, False), (0.2, True)]
 )
@@ -301,32 +281,6 @@ def test_a_contact_law_that_misses_the_tolerance_is_told(law: float | None, miss
     assert bool(sentence) == missed
     if missed:
         assert "known to 20 %: the bar with it is 20 %, above tol = 1 %" in sentence
-
-
-@pytest.mark.parametrize(
-    ("error", "coarser", "expected"),
-    [
-        (0.02, 0.08, 120),  # falls as n^-2 to 0.002: 40 sqrt(10) = 127, thrice at most
-        (0.004, 0.016, 57),
-        (0.004, 0.0041, 120),  # hardly falls: as n^-1/2, thrice at most
-        (0.004, 1.0, 51),  # n^-3 at most
-        (0.001, 0.1, 40),  # enough already
-    ],
-)
-def test_the_next_number_follows_from_the_fall_of_the_error(
-    monkeypatch: pytest.MonkeyPatch, error: float, coarser: float, expected: int
-) -> None:
-    model = ao.AntiOscillators(m0=0.1, k0=1e5, m=np.ones(40), omega=np.arange(1.0, 41.0))
-    known = SimpleNamespace(worst=coarser)
-    monkeypatch.setattr(striking, "truncation_error", lambda *_, **__: known)
-    given = answer(budget(truncation=error), n=40, raw=SimpleNamespace(model=model))
-    assert striking.next_n(given, lambda *_: None, TOL, 1.0) == expected
-    assert striking.next_n(given, lambda *_: None, TOL, 1.5) == max(expected, 60)
-    many = answer(budget(truncation=error), n=290, raw=SimpleNamespace(model=model))
-    assert striking.next_n(many, lambda *_: None, TOL, 1.5) == 300
-    few = ao.AntiOscillators(m0=0.1, k0=1e5, m=[1.0], omega=[1.0])
-    none = answer(budget(truncation=error), n=1, raw=SimpleNamespace(model=few))
-    assert striking.next_n(none, lambda *_: None, TOL, 1.0) == 3
 
 
 @pytest.mark.parametrize(
@@ -401,15 +355,3 @@ def test_numbers_and_meshes_that_are_replaced_leave_no_warnings(refined, monkeyp
     assert (len(hit.model.info["strike"]) > 1) == refined
     tried = {str(one.message) for one in told if "tried" in str(one.message)}
     assert tried == {f"tried {last['dofs']} dofs, {last['n']} anti-oscillators."}
-
-
-def test_a_model_of_half_as_many_whose_force_exceeds_the_law_has_the_steepest_fall(monkeypatch):
-    model = ao.AntiOscillators(m0=0.1, k0=1e5, m=np.ones(40), omega=np.arange(1.0, 41.0))
-
-    def refused(*_, **__):
-        raise RangeError("the force exceeds the law")
-
-    monkeypatch.setattr(striking, "truncation_error", refused)
-    given = answer(budget(truncation=0.02), n=40, raw=SimpleNamespace(model=model))
-    # as n^-3 to a fifth of 1 %
-    assert striking.next_n(given, lambda *_: None, TOL, 1.0) == np.ceil(40 * 10 ** (1 / 3))

@@ -14,8 +14,6 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from mpi4py import MPI
-
 import antiosc as ao
 from antiosc.base import clock
 from antiosc.base.errors import RangeError, warn
@@ -26,7 +24,6 @@ from antiosc.reduce.error.remeshing import OfGeometry, source_of
 from antiosc.strikes import tradeoff
 from antiosc.strikes.tradeoff import (
     BRACKET,
-    WHOLE,
     Made,
     Tradeoff,
     TradeoffMember,
@@ -275,26 +272,6 @@ def test_no_line_is_told_with_the_end_of_the_meshes(tried):
         found.best(tol=0.05)
 
 
-@pytest.mark.parametrize("began", [7.0, 9.5])
-def test_the_whole_costs_few_times_its_finest_member(began, monkeypatch):
-    """Meshes of 1, 2 and 4 s were made in `began` seconds; fewer anti-oscillators take 3/4."""
-    now = [began]
-    made = [Made(simple(seconds), SITE, None) for seconds in (1.0, 2.0, 4.0)]
-    members = {id(one.answer): simple(one.answer.seconds) for one in made}
-    made = [replace(one, member=members[id(one.answer)]) for one in made]
-
-    def of_few(structure, *_given):
-        now[0] += 0.75 * structure.cost
-        return simple(0.75 * structure.cost)
-
-    monkeypatch.setattr(tradeoff, "clock", lambda: now[0])
-    monkeypatch.setattr(tradeoff, "of_number", of_few)
-    monkeypatch.setattr(tradeoff, "member_of", lambda answer: answer)
-    fewer = tradeoff._fewer(made, None, 0.01, 0.0, lambda _: None)
-    assert now[0] <= WHOLE * 4.0
-    assert [len(fewer[one]) for one in made] == {7.0: [0, 1, 1], 9.5: [1, 1, 0]}[began]
-
-
 @pytest.mark.parametrize(("peak", "bar"), [(0.996, 0.005), (0.99, 0.012)])
 def test_a_bar_below_the_difference_covers_it(peak, bar):
     def member(peak_force, own):
@@ -306,15 +283,6 @@ def test_a_bar_below_the_difference_covers_it(peak, bar):
     assert one.difference == pytest.approx(1 - peak)
     assert one.bar == pytest.approx(bar)
     assert finest.beside(finest) == finest.member
-
-
-def simple(seconds: float) -> SimpleNamespace:
-    """An answer that took these seconds."""
-    known = {"factorization": 0.25 * seconds}
-    part = SimpleNamespace(
-        cost=seconds, dofs=1000, seconds=known, drop_factor=lambda: None, comm=MPI.COMM_SELF
-    )
-    return SimpleNamespace(seconds=seconds, n=200, structure=part)
 
 
 @pytest.mark.slow

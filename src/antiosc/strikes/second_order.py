@@ -54,70 +54,62 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
 
     Warnings are those of the run that is returned.
     """
+    linear, told = _with_warnings(run, model)
+    hit = linear
+    if model.stretch is None and may_stretch(linear):
+        hit, told = _of_either_order(structure, model, run, linear, told)
+
+    for sentence in told:
+        warn(sentence)
+    return hit
+
+
+def _with_warnings(run: Run[H], model: AntiOscillators) -> tuple[H, list[str]]:
+    """A run and its warnings."""
     told: list[str] = []
-    try:
-        with warnings_to(told.append):
-            return _of_either_order(structure, model, run, told)
-    finally:
-        for sentence in told:
-            warn(sentence)
+    with warnings_to(told.append):
+        return run(model), told
 
 
 def _of_either_order(
-    structure: Structure, model: AntiOscillators, run: Run[H], told: list[str]
-) -> H:
-    """As `simulated`; `told` collects the warnings."""
-    linear = run(model)
-    if model.stretch is not None or not may_stretch(linear):
-        return linear
-
+    structure: Structure, model: AntiOscillators, run: Run[H], linear: H, told: list[str]
+) -> tuple[H, list[str]]:
+    """The linear run or that with second-order forces, and the warnings of it."""
     solid = _is_solid(structure)
-    far = any(deflection(linear, name) > QUARTIC * h for name, h in sheets(linear, held=True))
-    energy = energy_of_second_order(structure, linear) if solid or far else inf
+    is_far = any(deflection(linear, name) > QUARTIC * h for name, h in sheets(linear, held=True))
+    energy = energy_of_second_order(structure, linear) if solid or is_far else inf
     if solid and energy <= SLIGHT_ENERGY:
-        return _as_linear(linear, told, energy)
+        linear.assembly.stretch_left_out = energy
+        return _without_deflection(linear, told)
+
     if HOPELESS < energy < inf:
         why = f"second-order strain would take {plain(energy)} times the energy of linear strain"
-        return _refused(linear, told, why)
+    else:
+        try:
+            stretched, told_stretched = _with_warnings(run, with_forces(structure, model))
+        except InputError:  # of a part without such forces: the linear run tells of its deflection
+            return linear, told
+        why = _run_away(stretched)
+        if not why:
+            return (stretched, told_stretched) if stretched.assembly.stretched else (linear, told)
 
-    of_linear = told.copy()
-    told.clear()
-    try:
-        stretched = run(with_forces(structure, model))
-    except InputError:  # of a part without such forces: the linear run tells of its deflection
-        told[:] = of_linear
-        return linear
-    if why := _run_away(stretched):
-        told[:] = of_linear
-        return _refused(linear, told, why)
-    if not stretched.assembly.stretched:
-        told[:] = of_linear
-        return linear
-
-    return stretched
-
-
-def _as_linear(linear: H, told: list[str], energy: float) -> H:
-    """The linear run without the sentence on its deflection; `energy`: of second-order strain."""
-    sentence = large_deflection_message(linear)
-    told[:] = [one for one in told if one != sentence]
-    linear.assembly.stretch_left_out = energy
-    message = linear.message.replace(f" {sentence}", "") if sentence else linear.message
-    return replace(linear, message=message)
-
-
-def _refused(linear: H, told: list[str], why: str) -> H:
-    """The linear run, whose numbers do not hold: a sentence says so in place of its deflection."""
+    linear, told = _without_deflection(linear, told)
     moved = [(name, deflection(linear, name), h) for name, h in sheets(linear)]
     far = deflects(*max(moved, key=lambda sheet: sheet[1] / sheet[2]))
     text = (
         f"{far} in the linear run, and {why}: neither theory holds, and no number here does. The"
         f" part is stiffer than that; {EXPLICIT}."
     )
-    linear = _as_linear(linear, told, 0.0)
     linear.assembly.hopeless = text
-    told.append(Message(text, AccuracyWarning))
-    return replace(linear, message=f"{linear.message} {text}")
+    message = f"{linear.message} {text}"
+    return replace(linear, message=message), [*told, Message(text, AccuracyWarning)]
+
+
+def _without_deflection(linear: H, told: list[str]) -> tuple[H, list[str]]:
+    """The linear run and its warnings without the sentence on its deflection."""
+    sentence = large_deflection_message(linear)
+    message = linear.message.replace(f" {sentence}", "") if sentence else linear.message
+    return replace(linear, message=message), [one for one in told if one != sentence]
 
 
 def _run_away(run: History) -> str:
@@ -126,9 +118,8 @@ def _run_away(run: History) -> str:
     """
     if run.status == STOPPED:
         return "second-order forces have no bounded energy"
-    if run.assembly.stretch_settled or not run.assembly.stretched:
-        return ""
-    share = shares_of(run)["peak_force"]
+    settled = run.assembly.stretch_settled or not run.assembly.stretched
+    share = 0.0 if settled else shares_of(run)["peak_force"]
     if share <= MOST_SHARE:
         return ""
     return f"second-order forces leave an error of {percent(share)} of the force"

@@ -15,7 +15,6 @@ import logging
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,9 +25,9 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.clock import clock
-from antiosc.base.errors import InputError, RangeError, warnings_of_last, without_warnings
+from antiosc.base.errors import InputError, RangeError, warnings_of_last
 from antiosc.base.process import MEMORY_SHARE, free_memory
-from antiosc.base.texts import engineering, percent, plain
+from antiosc.base.texts import percent, plain
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Family
@@ -42,7 +41,6 @@ from antiosc.impact.error_budget import SAFETY, TRIANGLES, amplitudes
 from antiosc.impact.histories import History, with_model
 from antiosc.impact.histories.bars import ErrorBudget, changes, with_floor
 from antiosc.impact.scene import simulate
-from antiosc.impact.truncation import truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import AUTO, AnyLaw
 from antiosc.models.body import LinearBody
@@ -62,8 +60,6 @@ AIM = 0.8
 LEAST_ROOM = 0.05
 #: A tolerance over what does not depend on the mesh, which leaves the other half for it.
 REACHABLE = 2.0
-#: Largest ratio of radii of patches for which the smaller one is worth a mention.
-SMALLER = 0.8
 #: Largest goal of a further mesh over the present error: a smaller step is not worth a mesh.
 LEAST_STEP = 0.8
 #: Factor by which the goal of each further mesh is lowered, since the previous one missed it.
@@ -86,8 +82,6 @@ FACTOR_POWER = {1: 1.0, 2: 1.1, 3: 4 / 3}
 TRUNCATION_SHARE = 0.2
 #: … and for the time steps, which cost least; the mesh gets the rest.
 TIME_SHARE = 0.05
-#: Least truncation error for which the number of anti-oscillators is chosen.
-LEAST_TRUNCATION = 1e-7
 #: Least tolerance of the time integration.
 FINEST_TIME = 1e-6
 #: Largest tolerance of the time integration.
@@ -96,10 +90,6 @@ COARSEST_TIME = 1e-3
 FIRST_N = 20
 #: Largest number of anti-oscillators.
 MOST_N = 300
-#: Growth of that number from one mesh of lines to the next.
-MORE_ON_LINES = 1.5
-#: Least and largest power of that number by which the truncation error is taken to fall.
-RATES = (0.5, 3.0)
 #: Least share of the usual bar of a mesh that a comparison with the previous mesh leaves.
 LEAST_SHARE = 0.6
 #: Largest ratio of the bars of both meshes for which they are compared, …
@@ -264,7 +254,7 @@ def struck(
                 structure.drop_factor()
                 return _finished(result, tol, asked, records, reason)
             drop()
-            n = next_n(result, run, tol, MORE_ON_LINES if mesh.tdim == 1 else 1.0)
+            n = min(2 * result.n, MOST_N) if mesh.tdim == 1 else result.n
             mesh = place.finer(mesh, ratio)
 
 
@@ -332,7 +322,7 @@ def _contact_radius(impactor: LinearBody, material: object, thickness: float) ->
 @dataclass(frozen=True)
 class Answer:
     """The result on one mesh: the run of the raw model, that of the corrected model with its
-    budget, seconds; `before`: those of smaller numbers of anti-oscillators among them.
+    budget, and the seconds with this number of anti-oscillators from the start.
 
     For shells the raw model is not corrected, and both runs are the same.
     """
@@ -343,57 +333,51 @@ class Answer:
     budget: ErrorBudget
     n: int
     seconds: float
-    before: float = 0.0
 
 
 def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: int) -> Answer:
-    """The answer on one mesh: extraction and run, repeated with more anti-oscillators where
-    needed.
-    """
-    start_time = clock()
+    """The answer on one mesh, with twice as many anti-oscillators until they are enough."""
     accuracy = accuracy_of_steps(tol)
     limit = min(MOST_N, structure.dofs - 1)
     n = min(n, limit)
-    before = 0.0  # without the factorization, which all numbers share
+
     with warnings_of_last() as drop:
         while True:
-            model = extract(structure, site, n=n, error="estimate")
             try:
-                hit = second_order.simulated(structure, model, partial(run, error=accuracy))
+                result = of_number(structure, site, run, accuracy, n)
             except RangeError:  # of too few, which move too little: their force is larger
-                if n >= limit or model.n < n:
+                if n >= limit:
                     raise
-                n = min(3 * n, limit)
-                drop()
-                continue
-            budget = hit.error_budget
-            truncation = max(bar.truncation for bar in budget.values())
-            if truncation <= _truncation_goal(budget, tol) or n >= limit or model.n < n:
-                break
-            n = int(np.clip(_count(model, run, truncation, tol), n + n // 2, min(3 * n, limit)))
+            else:
+                truncation = max(bar.truncation for bar in result.budget.values())
+                last = n >= limit or result.raw.model.n < n
+                if last or truncation <= _truncation_goal(result.budget, tol):
+                    return result
+            n = min(2 * n, limit)
             drop()
-            before = max(clock() - start_time - structure.seconds["factorization"], 0.0)
-    return replace(corrected(structure, hit, run, accuracy, n, start_time), before=before)
+
+
+def of_number(
+    structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
+) -> Answer:
+    """The answer with a given number of anti-oscillators, whatever the truncation error is."""
+    structure.factorize()
+    start_time = clock() - structure.seconds["factorization"]
+    model = extract(structure, site, n=n, error="estimate")
+    raw = second_order.simulated(structure, model, partial(run, error=accuracy))
+
+    hit, budget = raw, raw.error_budget
+    if model.strain_misfit is None:  # a shell's corrected model is not always nearer
+        hit = run(raw.model.corrected(), accuracy)
+        hit.assembly.stretch_left_out = raw.assembly.stretch_left_out
+        hit.assembly.hopeless = raw.assembly.hopeless
+        budget = budget.of_corrected(hit)
+    return Answer(structure, raw, hit, budget, n, clock() - start_time)
 
 
 def accuracy_of_steps(tol: float) -> float:
     """The tolerance of the time integration."""
     return float(np.clip(TIME_SHARE * tol, FINEST_TIME, COARSEST_TIME))
-
-
-def corrected(
-    structure: Structure, hit: History, run: RunFunction, accuracy: float, n: int, start_time: float
-) -> Answer:
-    """The answer from the run of a raw model whose work began at the time `start_time`."""
-    model = hit.model
-    budget = hit.error_budget
-    soft = hit
-    if model.strain_misfit is None:  # a shell's corrected model is not always nearer
-        soft = run(model.corrected(), accuracy)
-        soft.assembly.stretch_left_out = hit.assembly.stretch_left_out
-        soft.assembly.hopeless = hit.assembly.hopeless
-        budget = budget.of_corrected(soft)
-    return Answer(structure, hit, soft, budget, n, clock() - start_time)
 
 
 #: Is told of an answer and its site.
@@ -440,39 +424,9 @@ def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
     that the model shows where the mesh should be finer.
     """
     share = TRUNCATION_SHARE * tol
-    remaining = 1 - 1 / budget.safety
-    meets_tolerance = all(
-        remaining * bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values()
-    )
-    if meets_tolerance:
+    if all(bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values()):
         return share
-    return max(share, remaining * max(bar.mesh for bar in budget.values()))
-
-
-def next_n(answer: Answer, run: RunFunction, tol: float, growth: float) -> int:
-    """Number of anti-oscillators for the next mesh, at least `growth` times the present one."""
-    error = max(bar.truncation for bar in answer.budget.values())
-    required = _count(answer.raw.model, run, error, tol)
-    return int(np.clip(required, min(growth * answer.n, MOST_N), min(3 * answer.n, MOST_N)))
-
-
-def _count(model: AntiOscillators, run: RunFunction, error: float, tol: float) -> int:
-    """Number of anti-oscillators whose truncation error is the allowed share of the tolerance.
-
-    It is extrapolated from the errors of `model` and of a model with half as many.
-    """
-    share = max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION)
-    model, half = replace(model, stretch=None), model.n // 2
-    if half < 1:
-        return FIRST_N
-    omega = float(model.omega[half])
-    coarser = math.inf  # of too few, whose force exceeds its law
-    with without_warnings(), suppress(RangeError):  # a linear run tells of deflections
-        truncated = model.truncated(half)
-        coarser = truncation_error(truncated, run, next_omega=omega, tol=0.1 * share).worst
-    error = max(error, 0.1 * share)
-    rate = np.clip(math.log(max(coarser, error) / error) / math.log(model.n / half), *RATES)
-    return math.ceil(model.n * (error / share) ** (1 / rate))
+    return max(share, *(bar.mesh for bar in budget.values()))
 
 
 class MeshRecord(TypedDict):
@@ -601,7 +555,7 @@ def _no_room(answer: Answer, tol: float) -> str:
     words = [f"{name} {percent(share)}" for name, share in shares.items() if share]
     remedy = "shorten the time steps, or "
     if bar.patch >= max(bar.time, bar.stretch):
-        remedy = _smaller_patch(answer.hit)
+        remedy = "take a smaller radius of the site, on smaller cells there, or "
     elif bar.stretch > bar.time:
         remedy = "take more motions that stretch it, or "
     return (
@@ -609,17 +563,6 @@ def _no_room(answer: Answer, tol: float) -> str:
         f" little of {percent(tol)} for mesh and truncation; {remedy}take a tol of at least"
         f" {_enough(budget)}."
     )
-
-
-def _smaller_patch(hit: History) -> str:
-    """Start of a remedy: a smaller patch, down to what its force allows; "" if that is none."""
-    radius = hit.model.patch_radius
-    laws = [contact.law for contact in hit.contact_histories]
-    least = [law.enough_radius(hit.peak_force, radius) or 0.0 for law in laws]
-    if radius is None or max(least, default=0.0) > SMALLER * radius:
-        return ""
-    down_to = f" (down to {engineering(max(least), 'm', 2)})" if max(least) else ""
-    return f"take a smaller radius of the site{down_to}, on smaller cells there, or "
 
 
 def _enough(budget: ErrorBudget) -> str:

@@ -3,10 +3,8 @@
 Members are the meshes of `strike`, each with a few, more and enough anti-oscillators. Every member
 has the bar of its own error budget. The meshes end with the first whose bar is `BRACKET` of the
 tolerance: the tolerance then lies between members, and the difference of each member to the finest
-is an error that does not come from an estimate. Members with fewer anti-oscillators are computed
-afterwards, those of the finest mesh first, as long as the total time is at most `WHOLE` times that
-of the finest member. No seconds are counted while finite elements are compiled or loaded, which is
-done once for all members; `Tradeoff.compilation` has them.
+is an error that does not come from an estimate. No seconds are counted while finite elements are
+compiled or loaded, which is done once for all members; `Tradeoff.compilation` has them.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ import antiosc.fem.prestress.state
 import antiosc.reduce.site.at_points
 import antiosc.reduce.site.surface  # noqa: F401
 from antiosc.base import checks
-from antiosc.base.clock import clock, uncounted_seconds
+from antiosc.base.clock import uncounted_seconds
 from antiosc.base.errors import InputError, RangeError, warn, without_warnings
 from antiosc.base.progress import doing
 from antiosc.base.texts import Result, engineering, percent, plain
@@ -32,7 +30,7 @@ from antiosc.fem.linalg.forecast import of_factor
 from antiosc.fem.linalg.petsc_algebra import by_cells
 from antiosc.fem.linalg.solver_choice import stored
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import collective, compat, on_root
+from antiosc.fem.platform import collective, compat
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.impact.histories import History
@@ -41,15 +39,13 @@ from antiosc.models.auto_contact import AUTO, AnyLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.plot.charts import few_log_ticks, figure_or_path, new_figure
-from antiosc.reduce.extraction.extract import extract
 from antiosc.reduce.site import Site
-from antiosc.strikes import second_order
 from antiosc.strikes.strike import (
     Answer,
     Material,
     RunFunction,
     accuracy_of_steps,
-    corrected,
+    of_number,
     simulated,
     struck,
 )
@@ -64,8 +60,6 @@ if TYPE_CHECKING:
 #: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough, and the
 #: least ratio of that to them.
 FEW, FEWER = (3, 8, 20, 60), 2.5
-#: Most seconds of all members over those of the finest one, by the same clock.
-WHOLE = 3.0
 #: The last mesh has a bar of at most this share of the tolerance.
 BRACKET = 0.5
 #: Bytes of an entry of K and of M, both together.
@@ -372,36 +366,38 @@ def tradeoff(
         compare = checks.positive("compare", compare, "s")
     impact_options = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
     run = partial(simulated, impactor, contact, duration, impact_options)
-    start_time = clock()
     compiled = uncounted_seconds()
-    meshes: list[Made] = []
-
-    def early(member: TradeoffMember) -> None:
-        if ready is not None:
-            ready(replace(member, difference=math.nan))
-
-    arguments = material, supports, order, limit
+    accuracy = accuracy_of_steps(BRACKET * tol)
+    meshes: list[list[Made]] = []
 
     with doing("speed against accuracy") as report:
 
         def seen(answer: Answer, place: Site) -> None:
-            if meshes:  # a member with fewer anti-oscillators has it made again
-                meshes[-1].answer.structure.drop_factor()
-            meshes.append(Made(answer, place, member_of(answer)))
-            report(f"{len(meshes)} meshes, bar {100 * meshes[-1].member.bar:.2g} %")
-            early(meshes[-1].member)
+            if meshes:
+                meshes[-1][-1].answer.structure.drop_factor()
+            own = Made(answer, place, member_of(answer))
+            report(f"{len(meshes) + 1} meshes, bar {100 * own.member.bar:.2g} %")
 
-        hit = struck(source, site, impactor, run, BRACKET * tol, *arguments, seen, asked=tol)
-        fewer = _fewer(meshes, run, BRACKET * tol, start_time, early)
-        finest = meshes[-1]
-        members = [member for mesh in meshes for member in (*fewer[mesh], mesh)]
+            most = min(answer.n, answer.structure.dofs) / FEWER
+            fewer = [_of_few(own, run, accuracy, n) for n in FEW if n <= most]
+            meshes.append([*(one for one in fewer if one is not None), own])
+            for one in meshes[-1] if ready is not None else ():
+                ready(replace(one.member, difference=math.nan))
+
+        hit = struck(
+            source, site, impactor, run, BRACKET * tol, material, supports, order, limit, seen,
+            asked=tol,
+        )  # fmt: skip
+        members = [one for of_mesh in meshes for one in of_mesh]
+        finest = members[-1]
         table = tuple(made.beside(finest) for made in members)
+        single = "" if len(meshes) > 1 else _one_mesh(source, finest, BRACKET * tol)
+        notes = (single,) if single else ()
         compilation = uncounted_seconds() - compiled
-        single = one_mesh(source, meshes, BRACKET * tol)
-        given = isinstance(source, Structure)
-        result = Tradeoff(table, tol, hit, (), single, compilation, given)
+        result = Tradeoff(table, tol, hit, (), notes, compilation, isinstance(source, Structure))
         if compare is None:
             return result
+
         best = result.best(tol=tol) if result.status == 0 else table[-1]
         base = members[table.index(best)]
         answer = base.answer
@@ -409,7 +405,7 @@ def tradeoff(
         found = outcome(blow, compare, report)
 
     if isinstance(found, str):
-        return replace(result, notes=(found, *single))
+        return replace(result, notes=(found, *notes))
     return replace(result, others=(base.unreduced(found, finest.answer.hit),))
 
 
@@ -457,62 +453,20 @@ class Made:
         )
 
 
-def one_mesh(source: object, meshes: Sequence[Made], goal: float) -> tuple[str, ...]:
-    """Sentence why there is only one mesh; () if there are more, or the history says why."""
-    bar = meshes[0].member.bar
+def _one_mesh(source: object, finest: Made, goal: float) -> str:
+    """Sentence why there is only one mesh; "" if the history says why."""
     if isinstance(source, Structure):
-        return ("Only one mesh was tried, that of the given structure.",)
-    if len(meshes) > 1 or bar > goal:
-        return ()
+        return "Only one mesh was tried, that of the given structure."
+    bar = finest.member.bar
+    if bar > goal:
+        return ""
     return (
         f"Only one mesh was tried: the first one has a bar of {percent(bar)}, which is within half"
-        " of the tolerance.",
+        " of the tolerance."
     )
 
 
-def _fewer(
-    meshes: Sequence[Made],
-    run: RunFunction,
-    tol: float,
-    start_time: float,
-    ready: Callable[[TradeoffMember], None],
-) -> dict[Made, list[Made]]:
-    """Members with fewer anti-oscillators of each mesh, those of the finest first.
-
-    A member is not computed if the total time is expected to exceed `WHOLE`. Its expected time is
-    that of the member with more anti-oscillators on the same mesh, after the factorization.
-    """
-    accuracy = accuracy_of_steps(tol)
-    finest = meshes[-1].answer
-    fewer: dict[Made, list[Made]] = {}
-
-    for mesh in reversed(meshes):
-        fewer[mesh] = []
-        structure = mesh.answer.structure
-        for n in FEW:
-            expected = min(mesh.answer.seconds, finest.seconds)  # the first run may compile
-            if mesh.answer is finest:
-                expected -= structure.seconds["factorization"]
-            if _too_long(finest, start_time, expected):
-                break
-            if FEWER * n <= min(mesh.answer.n, structure.dofs):
-                found = _made(mesh, run, accuracy, n)
-                if found is not None:
-                    fewer[mesh].append(found)
-                    ready(found.member)
-        if mesh.answer is not finest:
-            structure.drop_factor()
-
-    return fewer
-
-
-def _too_long(finest: Answer, start_time: float, seconds: float) -> bool:
-    """Whether a member of these seconds would make the whole too long."""
-    most = WHOLE * finest.seconds
-    return on_root(finest.structure.comm, lambda: clock() - start_time + seconds > most)
-
-
-def _made(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
+def _of_few(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
     """The member of a mesh with n anti-oscillators; None, told, if its force exceeds its law: too
     few move too little, so that their force is larger.
     """
@@ -524,17 +478,6 @@ def _made(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
         return None
 
     return Made(answer, mesh.site, member_of(answer))
-
-
-def of_number(
-    structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
-) -> Answer:
-    """The result with a given number of anti-oscillators, whatever the truncation error is."""
-    structure.factorize()
-    start_time = clock() - structure.seconds["factorization"]
-    model = extract(structure, site, n=n, error="estimate")
-    hit = second_order.simulated(structure, model, partial(run, error=accuracy))
-    return corrected(structure, hit, run, accuracy, n, start_time)
 
 
 def _kept(structure: Structure) -> float:
@@ -551,7 +494,7 @@ def member_of(answer: Answer) -> TradeoffMember:
     cost = solver.cost or of_factor(getattr(solver, "entries", 0.0), 1.0)
     integrand = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(integrand, mesh.dolfinx)
-    seconds = structure.seconds["assembly"] + answer.seconds - answer.before
+    seconds = structure.seconds["assembly"] + answer.seconds
     return TradeoffMember(
         family=type(matrices.parts[0][0]).__name__,
         size=float((volume / mesh.n_cells) ** (1 / mesh.tdim)),
