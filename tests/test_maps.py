@@ -483,48 +483,6 @@ def test_a_map_of_one_face_is_not_told_to_map_one_face(steel):
         assert EDGE in sentence
 
 
-@pytest.mark.slow
-def test_the_impacts_of_a_map_are_made_longer_until_the_bodies_part():
-    soft = {"impactor": ao.RigidMass(0.5, 1.0), "contact": ao.Hertz(1e9), "duration": 1e-4}
-    given = {"direction": (0, 0, -1), "radius": 0.012}
-    part = block(cell="tetrahedron")
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        short = ao.impact_map(part, [(0.08, 0.04, SIZE[2])], **soft, **given)
-    assert np.isnan(short.restitution).all()
-    assert "duration" in " ".join(str(one.message) for one in told)
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        found = ao.impact_map(part, [(0.08, 0.04, SIZE[2])], **soft, **given, longest=1e-2)
-    assert (found.restitution >= 0).all()
-    assert 1e-4 < found.duration <= 1e-2
-    assert found.contact_time.max() < found.duration
-    assert "duration" not in " ".join(str(one.message) for one in told)
-
-
-def test_only_impacts_with_a_result_that_have_not_parted_are_made_longer(monkeypatch):
-    """All 294 impacts of a pin, with contacts of 1.3 ms, lasted 32 ms where one site had no
-    result.
-    """
-    times = np.array([1e-4, np.nan, 3e-4])  # that the bodies take to part
-    numbers = []
-
-    def simulated(models, impactor, laws, durations):
-        numbers.append(len(models))
-        lasts = times[[int(model) for model in models]]
-        force = np.where(np.isnan(lasts), np.nan, 1.0)
-        return SimpleNamespace(
-            peak_force=force, restitution=np.where(lasts <= durations, 0.5, np.nan)
-        )
-
-    monkeypatch.setattr(maps, "simulate_many", simulated)
-    _, durations = maps._parted(["0", "1", "2"], None, [None] * 3, 1e-4, 32e-3)
-    assert durations == pytest.approx([1e-4, 1e-4, 4e-4])
-    assert numbers == [3, 1, 1, 3]  # those that are kept are run together
-    _, durations = maps._parted(["0", "1", "2"], None, [None] * 3, 1e-4, 2e-4)
-    assert durations == pytest.approx([1e-4, 1e-4, 2e-4])
-
-
 def test_the_largest_stress_is_that_of_all_tensors_at_all_times():
     random = np.random.default_rng(7)
     scales = 10.0 ** -np.arange(9)

@@ -265,8 +265,6 @@ def sites_of_map(
         return None
     if impact_map.peak_force is None or len(impact_map) > MOST_SITES:
         return None
-    if impact_map.stretched is not None and impact_map.stretched.any():
-        return None
     laws = [] if impact_map.laws is None else list(impact_map.laws)
     if any(type(blow) is not type(law) for blow in laws):
         return None
@@ -288,7 +286,6 @@ def sites_of_map(
     shown = [name for name in SHOWN if name in known]
     is_surface = impact_map.elements.shape[1] == 3
     faces = impact_map.elements if is_surface else np.zeros((0, 3), dtype=int)
-    durations = impact_map.durations
     sites: Data = {
         "start": np.cumsum([0, *(modal.omega.size for modal in forms)]).astype(np.uint32),
         "omega": np.concatenate([modal.omega for modal in forms]),
@@ -302,7 +299,6 @@ def sites_of_map(
         "alone": _dots(impact_map).tolist(),
         "radii": np.zeros(0) if impact_map.radius is None else impact_map.radius,
         "first": hardest(impact_map),
-        "durations": np.full(len(impact_map), duration) if durations is None else durations,
         "doubtful": impact_map.doubtful.tolist(),
         "names": {n: MAP_QUANTITIES[n][0] + " (computed case)" * (n in COMPUTED) for n in shown},
         "units": {name: MAP_QUANTITIES[name][1] for name in shown},

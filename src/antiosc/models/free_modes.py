@@ -27,7 +27,6 @@ theta: the zeros of H.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -39,7 +38,6 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import InputError
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.modal import ModalBody
 from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE, with_rigid_mode
 
 Method = Literal["krylov", "modes"]
@@ -279,20 +277,6 @@ def error_bound(
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
     return (1 + MAP_SAMPLE_RISE) * left_out, (1 + MAP_SAMPLE_RISE) * reduction
-
-
-def bodies(
-    omega: Array, b: Array, compliance: Array, inertia: Array, shift: float
-) -> Iterator[ModalBody]:
-    """The body of each site: its free modes, and one that represents the truncated ones."""
-    residuals = residual(omega, b, compliance, inertia, shift)
-    for columns, r, s in zip(b, *residuals, strict=True):
-        if not s:
-            yield ModalBody(omega, columns, r)
-            continue
-        truncated_pole = r / s
-        remainder = np.sqrt(truncated_pole - shift), np.sqrt(r * truncated_pole)
-        yield ModalBody(np.append(omega, remainder[0]), np.append(columns, remainder[1]))
 
 
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.

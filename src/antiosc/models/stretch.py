@@ -30,8 +30,6 @@ Count = int | Literal["auto"]
 MOST = 20
 #: Most that a user may ask for: two more estimate their error.
 MOST_ASKED = MOST - 2
-#: Most second-order modes of a map, which has many sites.
-MOST_OF_MAP = 24
 #: What narrows the error of second-order forces where an impact takes no more modes. Smaller cells
 #: excite more motions: with them four of four bars were wider.
 NARROWED = "use an explicit finite element program: smaller elements do not narrow it"
@@ -62,8 +60,8 @@ class Stretch(ReprMixin):
     def __post_init__(self) -> None:
         modes = checks.floats("modes", self.modes, (None, None))
         m = modes.shape[1]
-        if m > MOST_OF_MAP or not m:
-            raise InputError(f"a Stretch has 1 to {MOST_OF_MAP} modes; got {m}.")
+        if m > MOST or not m:
+            raise InputError(f"a Stretch has 1 to {MOST} modes; got {m}.")
         if np.abs(modes.T @ modes - np.eye(m)).max() > ASYMMETRY:
             raise InputError("the modes of a Stretch must be orthonormal.")
         for name, rank in (("quadratic", 3), ("cubic", 4)):

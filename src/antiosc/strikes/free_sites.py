@@ -62,7 +62,6 @@ def free_sites(
     modes: int | None,
     band: float | None,
     most: float = math.inf,
-    least: int = FREE_MODES,
     most_sites: int | None = None,
 ) -> FreeSites:
     """The sites of a map with at most `most` free modes; other arguments as for `impact_map`."""
@@ -74,7 +73,7 @@ def free_sites(
     located = time.perf_counter()
     count = len(map_sites.sites)
     with doing(f"free modes for {count} sites", rank):
-        free = _free_modes(structure, modes, band, most, least)
+        free = _free_modes(structure, modes, band, most)
     omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
     phi = np.column_stack([structure.rigid_modes, free.phi])
     b = structure.comm.allreduce(map_sites.sites.loads.T @ phi)
@@ -90,12 +89,10 @@ def free_sites(
     return FreeSites(map_sites, omega, phi, b, C, G, seconds)
 
 
-def _free_modes(
-    structure: Structure, count: int | None, band: float | None, most: float, least: int
-) -> Modes:
-    """The lowest elastic modes: `count`, or `least` to `most` so that they exceed the band."""
+def _free_modes(structure: Structure, count: int | None, band: float | None, most: float) -> Modes:
+    """The lowest elastic modes: `count`, or `FREE_MODES` to `most` so that they exceed the band."""
     most = min(most, structure.dofs)
-    mode_count = min(least if count is None else whole("modes", count), structure.dofs - 1)
+    mode_count = min(FREE_MODES if count is None else whole("modes", count), structure.dofs - 1)
     reach = 0.0 if band is None or count is not None else ABOVE * band
     modes = ModeSolver(structure).lowest(mode_count, reach, most)
     sufficient = max(mode_count, int(np.sum(modes.omega < reach)) + 1)

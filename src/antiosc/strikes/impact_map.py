@@ -24,7 +24,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
@@ -36,7 +35,6 @@ from antiosc.base.errors import (
     InputError,
     warn,
     warnings_to,
-    without_warnings,
 )
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting, doing
@@ -46,24 +44,19 @@ from antiosc.engine.contact.curvature import SHARP
 from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.elements.second_order import is_flat
 from antiosc.fem.platform import agree, collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.impact.batch import Batch, simulate_many
+from antiosc.impact.batch import simulate_many
 from antiosc.impact.bodies import Obstacle
 from antiosc.impact.from_rest import peak_deflections
-from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
-    SLIGHT_DEFLECTION,
     beyond_theory,
-    deflection,
 )
 from antiosc.impact.histories.verdict import CONTACT_RADII
 from antiosc.impact.reference import Settings
-from antiosc.impact.scene import DEFAULT_TOL, check_range, simulate_impact
+from antiosc.impact.scene import simulate_impact
 from antiosc.impact.two_bodies import Impact
 from antiosc.models import driving_point, free_modes
-from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import (
     AUTO,
     AnyLaw,
@@ -72,11 +65,9 @@ from antiosc.models.auto_contact import (
     law_of,
     second_contact_of,
 )
-from antiosc.models.body import Body, LinearBody, ModalModel, checked_body
+from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.doubts import BEYOND_WALL, EDGE, HOLLOW, NO_RESULT, PIERCED
 from antiosc.models.free_modes import SiteModels
-from antiosc.models.modal import ModalBody
-from antiosc.models.stretch import MOST, Count, Stretch, checked_count
 from antiosc.reduce.extraction import shapes_of_models
 from antiosc.reduce.extraction.krylov import by_krylov
 from antiosc.reduce.extraction.oscillators import (
@@ -86,11 +77,10 @@ from antiosc.reduce.extraction.oscillators import (
     lumped,
     oscillators,
 )
-from antiosc.reduce.extraction.stretching import candidates, part_of, stretch_of_map
 from antiosc.reduce.site.doubts import doubtful_patches
 from antiosc.reduce.site.sites import Sites
 from antiosc.reduce.site.surface import PlaneOf, surface_at
-from antiosc.strikes.free_sites import ABOVE, FREE_MODES, FreeSites, free_sites
+from antiosc.strikes.free_sites import ABOVE, FreeSites, free_sites
 from antiosc.strikes.map_results import (
     ImpactMap,
     MapInfo,
@@ -103,9 +93,6 @@ from antiosc.strikes.map_results import (
 )
 from antiosc.strikes.map_stresses import largest_stresses
 
-#: With second-order forces: on a plate of 300 × 200 × 1 mm forces of 31 sites are then within 0.1 %
-#: of those of `extract`, with 20 free modes within 0.7 % (tests/test_maps.py has this plate).
-STRETCH_MODES = 60
 log = logging.getLogger(__name__)
 
 
@@ -119,10 +106,10 @@ COUNTS = (12, 25, 50, 100)
 BEYOND = 0.003
 #: Tolerance of the impact on the wall.
 COARSE = 1e-3
+#: At most this many sites are extracted by themselves; if more need it, none is.
+DIRECT = 32
 #: Mean pressure of a contact that yields all over, over the yield strength (Tabor).
 FULLY_PLASTIC = 2.8
-#: At most this many sites are extracted separately; if more need it, none is.
-DIRECT = 32
 
 
 @collective()
@@ -142,8 +129,6 @@ def impact_map(
     band: float | None = None,
     accuracy: float = 0.05,
     stress: bool | int = False,
-    stretch: Count | Literal[False] = False,
-    longest: float | None = None,
     most_sites: int | None = None,
 ) -> ImpactMap:
     """Anti-oscillators at many sites of a structure, and the impact of one impactor at each.
@@ -175,22 +160,14 @@ def impact_map(
         (`impact_band`); without an impactor, with `modes`, or where 100 modes end below it, as far
         as the free modes are good: the last free frequency over 2 or, in the last case, 1.5.
     accuracy : float
-        Largest |dZ|/|Z| over the band, at 1 % damping. Sites where the truncated modes exceed it
-        are extracted separately if they are at most 32; a warning states how many remain.
+        Largest |dZ|/|Z| over the band, at 1 % damping. Sites that exceed it for lack of free modes
+        are extracted by themselves if they are at most 32; a warning tells how many remain.
     stress : bool or int
         Whether to seek the largest von Mises stress anywhere in the part for the blow at each site,
         as `peak_field` does for one impact: 0.3 s a site for 33 000 dofs. A number: at no more than
         so many sites that are not doubtful, the one with the largest force and others as far from
         each other as possible. Of solids three radii of a contact that yields are left out. The
         material's `yield_strength` makes a share of the strength of it.
-    stretch : int, "auto" or False
-        Second-order forces, as in `extract`: for a flat part once for all sites, in 24 combinations
-        of 60 free modes; for a curved one at each site. "auto": blows that deflect a flat sheet by
-        0.04 thicknesses or less stay linear. The models of the map are linear, and it has no
-        stresses. Only for supported parts.
-    longest : float, optional
-        The impact at a site is computed again for twice its duration, up to this one, s, as long
-        as the bodies touch or approach at its end. Default: once, for the duration.
     most_sites : int, optional
         At most so many vertices of each group or part are sites, as far from each other as
         possible. Default: all.
@@ -204,8 +181,6 @@ def impact_map(
     accuracy = positive("accuracy", accuracy)
     if radius is not None:
         radius = positive("radius", radius, "m")
-    if longest is not None:
-        longest = positive("longest", longest, "s")
     if most_sites is not None:
         most_sites = whole("most_sites", most_sites)
     if band is not None:
@@ -219,14 +194,6 @@ def impact_map(
         stress = whole("stress", stress)
     if stress and impactor is None:
         raise InputError("stress needs impacts: give impactor and duration.")
-    stretch = checked_count(stretch)
-    if stretch is not False and (impactor is None or stress):
-        raise InputError(
-            "stretch needs impacts, and stresses of a map are linear: give impactor and duration,"
-            " and leave stress out."
-        )
-    if stretch is not False:
-        part_of(structure)
     if impactor is not None:
         checked_body("impactor", impactor)
         duration = positive("duration", duration, "s")
@@ -249,7 +216,6 @@ def impact_map(
         modes,
         band or excited,
         math.inf if excited is None else MOST_MODES,
-        FREE_MODES if stretch is False else STRETCH_MODES,
         most_sites,
     )
     map_sites = sites_seen.map_sites
@@ -266,14 +232,8 @@ def impact_map(
         )
     with doing(f"models of {len(sites)} sites", structure.comm.rank):
         models, errors = _reduced(sites_seen, counts, structure.shift, band, accuracy)
-    reduced = time.perf_counter()
-    models, error, direct = _refined(structure, sites, models, errors, band, accuracy)
-    extracted = time.perf_counter()
-    seconds = {
-        **sites_seen.seconds,
-        "models": reduced - step_start,
-        "direct": extracted - reduced,
-    }
+        models, error = _refined(structure, sites, models, errors, band, accuracy)
+    seconds = {**sites_seen.seconds, "models": time.perf_counter() - step_start}
     info = MapInfo(
         structure=structure.describe(),
         free_modes=len(omega),
@@ -291,7 +251,6 @@ def impact_map(
         radius=None if np.isnan(sites.radii).any() else sites.radii,
         band=band / (2 * math.pi),
         error=error,
-        direct=direct,
         skipped=map_sites.count - len(sites),
         names=map_sites.names,
         info=info,
@@ -309,17 +268,15 @@ def impact_map(
         for reason, is_doubtful in doubts.items():
             result = doubted(result, is_doubtful, reason)
 
-    result_map = _struck(structure, result, impactor, law, laws, duration, longest)
+    result_map = _struck(structure, result, impactor, law, laws, duration)
     result_map = replace(result_map, free_sites=sites_seen)
     if stress:
         result_map = with_stresses(structure, result_map, None if stress is True else stress)
-    if stretch is not False:
-        result_map = _stretched(structure, sites_seen, result_map, stretch)
     if not with_law:
         result_map = replace(result_map, law_error=_law_error(structure, result_map))
     thickness = structure.plausibility.get("thickness")
     on_root(structure.comm, partial(_tell_doubts, result_map))
-    on_root(structure.comm, partial(_tell_deflection, result_map, thickness, stretch))
+    on_root(structure.comm, partial(_tell_deflection, result_map, thickness))
     return result_map
 
 
@@ -414,45 +371,39 @@ def _refined(
     errors: tuple[Array, Array],
     band: float,
     accuracy: float,
-) -> tuple[SiteModels, Array, Array]:
-    """Extract sites with too few free modes separately; (models, errors, mask) of all sites."""
-    left_out = errors[0]
-    error = errors[0] + errors[1]
-    direct = np.zeros(len(error), dtype=bool)
+) -> tuple[SiteModels, Array]:
+    """(models, errors), where a few sites for which the free modes do not suffice are extracted by
+    themselves.
+    """
+    left_out, reduction = errors
+    error = left_out + reduction
     worst = np.flatnonzero(left_out > accuracy)
     if not 0 < len(worst) <= DIRECT:
-        return models, error, direct
-    omega = models.omega.copy()
-    m = models.m.copy()
-    k0 = models.k0.copy()
-    m0 = models.m0.copy()
-    m_st = models.m_st.copy()
-    error = error.copy()
-    n = m.shape[1]
+        return models, error
+
     loads = sites.loads[:, worst].toarray()
     statics = shapes_of_models(structure, np.split(loads, len(worst), axis=1))
+    n = models.m.shape[1]
     counts = [elastic_count(static, n) for static in statics]
-    refined = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
-    for i, static, count, (modes, remainder) in zip(worst, statics, counts, refined, strict=True):
-        lumped_modes = lumped(structure, static, modes)
-        elastic = oscillators(lumped_modes, count, driving_point.UNOBSERVABLE)
+    computed = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
+
+    arrays = {name: values.copy() for name, values in vars(models).items()}
+    for i, static, count, (modes, remainder) in zip(worst, statics, counts, computed, strict=True):
+        known = lumped(structure, static, modes)
+        elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
         model = at_one_site(static, elastic, n)
         assert remainder is not None  # there is a band
-        bound, _ = error_bound(structure, lumped_modes, remainder, elastic, band, model.omega)
-        if bound >= error[i]:
-            continue
-        size = len(model.m)
-        omega[i] = np.inf
-        m[i] = 0.0
-        omega[i, :size] = model.omega
-        m[i, :size] = model.m
-        k0[i] = model.k0
-        m0[i] = model.m0
-        m_st[i] = model.m0 + model.m.sum()
-        error[i] = bound
-        direct[i] = True
+        bound, _ = error_bound(structure, known, remainder, elastic, band, model.omega)
+        if bound < error[i]:
+            error[i] = bound
+            missing = n - len(model.m)
+            omega = np.append(model.omega, np.full(missing, np.inf))
+            masses = np.append(model.m, np.zeros(missing))
+            row = model.k0, model.m0, model.m0 + model.m.sum(), omega, masses
+            for values, value in zip(arrays.values(), row, strict=True):
+                values[i] = value
 
-    return SiteModels(k0, m0, m_st, omega, m), error, direct
+    return SiteModels(**arrays), error
 
 
 def _tell(result: ImpactMap, accuracy: float) -> None:
@@ -488,16 +439,14 @@ def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> 
         warn(sentence, AccuracyWarning)
 
 
-def _tell_deflection(
-    result: ImpactMap, thickness: float | None, stretch: Count | Literal[False]
-) -> None:
+def _tell_deflection(result: ImpactMap, thickness: float | None) -> None:
     """Warn of the site with the largest deflection, if a supported sheet stretches there."""
     if thickness is None or not np.all(result.models.k0 > 0):
         return
     i = hardest(result, values=result.peak_deflection)
     assert result.peak_deflection is not None
     largest = float(result.peak_deflection[i])
-    if sentence := beyond_theory("structure", largest, thickness, stretch is not False):
+    if sentence := beyond_theory("structure", largest, thickness, False):
         warn(f"a blow at {placed(result.points[i])}: {sentence}", AccuracyWarning)
 
 
@@ -508,12 +457,8 @@ def _struck(
     contact: ContactLaw,
     laws: list[ContactLaw] | None,
     duration: float,
-    longest: float | None,
 ) -> ImpactMap:
-    """The map with one impact at each site, shared among the ranks.
-
-    `longest`: the duration up to which impacts are made longer until the bodies have parted.
-    """
+    """The map with one impact at each site, shared among the ranks."""
     start_time = time.perf_counter()
     comm = structure.comm
     on_root(comm, partial(_tell_band, result, impactor, contact))
@@ -525,10 +470,10 @@ def _struck(
         if len(sites_of_rank):
             models = [result.model(i) for i in sites_of_rank]
             laws_here = [contact if laws is None else laws[i] for i in sites_of_rank]
-            scenes = models, impactor, laws_here
+            durations = np.full(len(models), duration)
             with warnings_to(messages.append):
-                batch, durations = _parted(*scenes, duration, longest)
-            part = batch, peak_deflections(models, batch.force, durations), durations
+                batch = simulate_many(models, impactor, laws_here, durations)
+            part = batch, peak_deflections(models, batch.force, durations)
     except Exception as caught:
         error = caught
 
@@ -536,15 +481,14 @@ def _struck(
     parts = [p for p in comm.allgather(part) if p is not None]
     for message in messages:
         warn(message, AccuracyWarning)
-    deflections = np.concatenate([deflection for _, deflection, _ in parts])
-    durations = np.concatenate([of_part for _, _, of_part in parts])
+    deflections = np.concatenate([deflection for _, deflection in parts])
 
     def gathered(name: str) -> Array:
-        return np.concatenate([getattr(batch, name) for batch, *_ in parts])
+        return np.concatenate([getattr(batch, name) for batch, _ in parts])
 
     # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
     stiffest = max(laws or [contact], key=lambda law: getattr(law, "stiffness", 0.0))
-    wall = Impact(Obstacle(), impactor, stiffest, float(durations.max()))
+    wall = Impact(Obstacle(), impactor, stiffest, duration)
     on_wall = simulate_impact(wall, Settings(COARSE))[0].peak_force
     peaks = gathered("peak_force")
     impact_time = time.perf_counter()
@@ -557,49 +501,14 @@ def _struck(
         impactor=impactor,
         contact=contact,
         laws=None if laws is None or all(law == contact for law in laws) else tuple(laws),
-        duration=float(durations.max()),
-        durations=durations,
+        duration=duration,
         peak_force=peaks,
         contact_time=gathered("contact_time"),
         restitution=gathered("restitution"),
         impulse=gathered("impulse"),
         peak_deflection=deflections,
-        forces=tuple(force for batch, *_ in parts for force in batch.force),
+        forces=tuple(force for batch, _ in parts for force in batch.force),
     )
-
-
-def _parted(
-    models: list[AntiOscillators],
-    impactor: LinearBody,
-    laws: list[ContactLaw],
-    duration: float,
-    longest: float | None,
-) -> tuple[Batch, Array]:
-    """(impacts, their durations [s]), each made longer until its bodies have parted, up to
-    `longest`; those without a result are not.
-    """
-    durations = np.full(len(models), duration)
-    messages: list[str] = []
-    with warnings_to(messages.append):
-        batch = simulate_many(models, impactor, laws, durations)
-    going_on = np.flatnonzero(_not_parted(batch) & (durations < (longest or 0.0)))
-    if longest is None or not going_on.size:
-        for message in messages:
-            warn(message, AccuracyWarning)
-        return batch, durations
-    with without_warnings():  # of runs that are not kept
-        while going_on.size and durations[going_on[0]] < longest:
-            durations[going_on] = min(2 * durations[going_on[0]], longest)
-            lists = ([of_sites[i] for i in going_on] for of_sites in (models, laws))
-            trial = simulate_many(next(lists), impactor, next(lists), durations[going_on])
-            going_on = going_on[_not_parted(trial)]
-
-    return simulate_many(models, impactor, laws, durations), durations
-
-
-def _not_parted(batch: Batch) -> BoolArray:
-    """Mask of the impacts with a result whose bodies touch or approach at the end."""
-    return np.asarray((batch.peak_force > 0) & ~(batch.restitution >= 0))
 
 
 def with_stresses(
@@ -612,7 +521,7 @@ def with_stresses(
     """
     start_time = time.perf_counter()
     assert struck.forces is not None
-    assert struck.durations is not None
+    assert struck.duration is not None
     assert struck.free_sites is not None
     which = np.arange(len(struck)) if most is None else spread_sites(struck, most)
     forces = [struck.forces[i] for i in which]
@@ -624,7 +533,7 @@ def with_stresses(
         zones = CONTACT_RADII * np.array(radii)
 
     balls = np.column_stack([struck.points, zones])
-    arguments = forces, struck.durations[which], which, balls
+    arguments = forces, struck.duration, which, balls
     stresses = largest_stresses(structure, struck.free_sites, *arguments)
     seconds = {**struck.info["seconds"], "stresses": time.perf_counter() - start_time}
     info = MapInfo(**{**struck.info, "seconds": seconds})
@@ -641,77 +550,3 @@ def _yielding_radius(law: ContactLaw | None, force: float) -> float:
     hertz = (force * law.radius**1.5 / law.stiffness) ** (1 / 3)
     plastic = math.sqrt(force / (math.pi * FULLY_PLASTIC * law.yield_strength))
     return float(max(hertz, plastic))
-
-
-def _stretched(
-    structure: Structure, sites: FreeSites, struck: ImpactMap, count: Count
-) -> ImpactMap:
-    """The map with second-order forces in those impacts whose deflection is large enough."""
-    start_time = time.perf_counter()
-    part = part_of(structure)
-    flat = part.thickness is None or not part.kind.sheet or is_flat(part)
-    threshold = 0.0
-    if flat and part.thickness and count == "auto":
-        threshold = SLIGHT_DEFLECTION * part.thickness
-    assert struck.peak_deflection is not None
-    deep = np.flatnonzero(struck.peak_deflection > threshold)
-    if not deep.size:
-        return struck
-    if not sites.omega.all():
-        raise InputError("stretch of a map takes a part that is held: give supports.")
-
-    def forces_of(b: Array) -> Stretch:
-        return stretch_of_map(structure, sites.omega, sites.phi, b, count)
-
-    shared = forces_of(sites.b[deep]) if flat else None
-    arrays = {name: getattr(struck, name).copy() for name in STRETCHED}
-    of_sites = sites.omega, sites.b[deep], sites.compliance[deep], sites.inertia[deep]
-    stretched = np.zeros(len(struck), dtype=bool)
-    bodies = free_modes.bodies(*of_sites, structure.shift)
-    notes = list[str]()
-    with counting("second-order impacts", len(deep)) as ready, warnings_to(notes.append):
-        for number, (i, body) in enumerate(zip(deep, bodies, strict=True)):
-            forces = forces_of(sites.b[i : i + 1]) if shared is None else shared
-            hit = _hit(struck, i, body, forces)
-            stretched[i] = bool(hit.assembly.stretched)
-            for name, value in zip(STRETCHED, _numbers(hit), strict=True):
-                arrays[name][i] = value
-            ready(number + 1)
-
-    if notes:
-        warn(f"{len(notes)} of {len(struck)} sites: {notes[0]}", AccuracyWarning)
-    seconds = {**struck.info["seconds"], "stretch": time.perf_counter() - start_time}
-    return replace(
-        struck, **arrays, stretched=stretched, info=MapInfo(**{**struck.info, "seconds": seconds})
-    )
-
-
-#: Quantities of a map that second-order forces change.
-STRETCHED = ("peak_force", "contact_time", "restitution", "impulse", "peak_deflection")
-
-
-def _numbers(hit: History) -> tuple[float, ...]:
-    """The results `STRETCHED` of a history."""
-    e = np.nan if hit.restitution is None else hit.restitution
-    deflection_of_site = deflection(hit, "structure")
-    return hit.peak_force, hit.contact_time, e, hit.impulse, deflection_of_site
-
-
-def _hit(struck: ImpactMap, i: int, body: ModalBody, forces: Stretch) -> History:
-    """The impact at site i on the free modes of a body with second-order forces."""
-    assert struck.impactor is not None
-    assert struck.duration is not None
-    free = len(forces.modes)
-    combinations = candidates(body.omega[:free], body.b[:free, None], MOST)
-    rotation = np.linalg.qr(forces.modes.T @ combinations)[0]
-    combined = replace(forces.turned(rotation, body.omega[:free]), count=forces.count)
-    above = np.zeros((body.omega.size - free, combined.size))
-    combined = replace(combined, modes=np.vstack([combined.modes, above]))
-    radius = None if struck.radius is None else float(struck.radius[i])
-    model = ModalModel(body, float(struck.local_compliance[i]), radius, combined)
-    law = struck.contact if struck.laws is None else struck.laws[i]
-    assert law is not None
-    blow = Impact(model, struck.impactor, law, struck.duration)
-    hit = simulate_impact(blow, Settings(DEFAULT_TOL))[0]
-    check_range(hit, [])
-    return hit

@@ -64,7 +64,6 @@ class ImpactMap(Completed):
     local_compliance : (P,) half-space compliance of the patch [m/N], 0 for a point.
     radius : (P,) radii of the patches [m], or None for points.
     error : (P,) bound on |dZ|/|Z| up to `band` [Hz].
-    direct : (P,) bool, sites that were extracted separately.
     skipped : number of sites left out: fixed by supports, or without a surface under the patch.
     names : (P,) the group or part of each site, by its name in `where`; "" without a name.
     doubtful : (P,) bool, sites whose impact is unreliable: an edge cuts the patch or supports fix a
@@ -79,13 +78,11 @@ class ImpactMap(Completed):
         not sought; None where not asked for, or no material has a
         yield_strength.
     stress_points : (P, 3) place of the largest exposure, or stress if no strength is known [m].
-    stretched : (P,) bool, sites whose impact has second-order forces; None of a linear map.
     law_error : relative error of the largest peak force by the law of its contact: the range of the
         yield strength and large strains; None where that is not known, or the law was given.
     info : a `MapInfo`: free modes, seconds, …; JSON values.
     impactor, contact, duration : those of the impacts, or None; `contact` is the law on a flat
-        face, `duration` the longest [s].
-    durations : (P,) of the impacts [s], or None; they differ only with `longest`.
+        face, `duration` that of all impacts [s].
     laws : (P,) laws of the sites; None if `contact` is the law of all.
     free_sites : the sites in the free modes of the structure, of which stresses are made.
     forces : (P,) pairs of times [s] and forces [N] of the impacts; None without impacts.
@@ -99,7 +96,6 @@ class ImpactMap(Completed):
     radius: Array | None
     band: float
     error: Array
-    direct: Array
     skipped: int
     names: NDArray[np.str_]
     peak_force: Array | None = None
@@ -117,11 +113,9 @@ class ImpactMap(Completed):
     contact: ContactLaw | None = None
     laws: Sequence[ContactLaw] | None = None
     duration: float | None = None
-    stretched: BoolArray | None = None
     law_error: float | None = None
     forces: Sequence[Force] | None = None
     free_sites: FreeSites | None = None
-    durations: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.doubtful.size:

@@ -56,12 +56,12 @@ def largest_stresses(
     structure: Structure,
     sites: FreeSites,
     forces: list[Force],
-    durations: Array,
+    duration: float,
     which: IntArray,
     balls: Array,
 ) -> Stresses:
-    """The largest stresses in impacts with these forces and durations [s] at the sites `which`, on
-    every rank; NaN at the others.
+    """The largest stresses in impacts with these forces and this duration [s] at the sites `which`;
+    NaN at the others, on every rank.
 
     `balls` (P, 4): x, y, z and radius [m] of what is left out for the impact at each site.
 
@@ -83,7 +83,7 @@ def largest_stresses(
             def work(
                 span: slice = span, rest: _Sought = residual_stresses
             ) -> list[tuple[float, Array, float]]:
-                arguments = sites.omega, b[span], forces[span], durations[span], balls[which[span]]
+                arguments = sites.omega, b[span], forces[span], duration, balls[which[span]]
                 found = []
                 for one in _of_sites(modes, rest, *arguments):
                     found.append(one)
@@ -133,7 +133,7 @@ def _of_sites(
     omega: Array,
     b: Array,
     site_forces: list[Force],
-    durations: Array,
+    duration: float,
     balls: Array,
 ) -> Iterator[tuple[float, Array, float]]:
     """Yields (largest stress [Pa], worst point, exposure there) for the impacts at some sites,
@@ -141,12 +141,14 @@ def _of_sites(
 
     The worst point has the largest exposure, or the largest stress if no strength is known.
     """
-    steps = np.array([sample_count(omega[-1], duration) for duration in durations])
+    count = len(site_forces)
+    steps = np.full(count, sample_count(omega[-1], duration))
+    durations = np.full(count, duration)
     omega = np.broadcast_to(omega, b.shape)
     run = list(motions(omega, b, np.zeros_like(b), site_forces, durations, steps))
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
     columns = np.concatenate([modes.modes, residual_stresses.modes[:, :, :1]], axis=2)
-    for i in range(len(site_forces)):
+    for i in range(count):
         columns[:, :, -1] = residual_stresses.modes[:, :, i]
         x = np.column_stack([q[:, i], F[:, i]])
         outside = _outside(modes.points, balls[i : i + 1])

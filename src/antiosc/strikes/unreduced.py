@@ -24,6 +24,7 @@ from antiosc.fem.linalg.solver import Factorization
 from antiosc.fem.linalg.solver_choice import factorize, forecast_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
+from antiosc.impact.states import main_contact_time
 from antiosc.models.modal import ModalBody
 from antiosc.reduce.site import Site, functional
 
@@ -237,10 +238,10 @@ def figures(curve: Curve) -> Figures:
     """The figures of a curve: its peak by a parabola, its impulse by trapezoids."""
     time, force, _ = curve
     impulses = np.append(0.0, np.cumsum(np.diff(time) * (force[1:] + force[:-1]) / 2))
-    impacts = _impacts(_contacts(curve))
-    gains = [np.diff(np.interp(impact, time, impulses))[0] for impact in impacts]
-    start, end = impacts[int(np.argmax(gains))] if impacts else (0.0, 0.0)
-    return Figures(_peak(force), float(impulses[-1]), end - start)
+    contacts = np.reshape(_contacts(curve), (-1, 2))
+    gains = np.diff(np.interp(contacts, time, impulses), axis=1)
+    main_time = main_contact_time(np.hstack([contacts, gains]).tolist())
+    return Figures(_peak(force), float(impulses[-1]), main_time)
 
 
 def _peak(force: Array) -> float:
@@ -269,16 +270,3 @@ def _contacts(curve: Curve) -> list[tuple[float, float]]:
         return float(time[k] + share * (time[k + 1] - time[k]))
 
     return [(crossing(k), crossing(m)) for k, m in zip(starts, ends, strict=True)]
-
-
-def _impacts(contacts: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Contacts joined where the flight between them is shorter than the impact up to then."""
-    impacts = contacts[:1]
-    for start, end in contacts[1:]:
-        first, last = impacts[-1]
-        if start - last < last - first:
-            impacts[-1] = first, end
-        else:
-            impacts.append((start, end))
-
-    return impacts

@@ -26,7 +26,7 @@ class Sites {
     if (!set) return void (this.values = {});
     const force = new Float64Array(this.count), time = new Float64Array(this.count);
     for (let i = 0; i < this.count; i++) {
-      const hit = engine.strike(pose(this.body(i), blow, set), this.data.durations[i], blow.coarse);
+      const hit = engine.strike(pose(this.body(i), blow, set), blow.duration, blow.coarse);
       [force[i], time[i]] = [hit.peak_force, hit.contact_time];
     }
     this.values = { peak_force: force, contact_time: time };

@@ -54,8 +54,6 @@ class Page {
   // Whether a number of the computed case is known.
   known(name) { return name === "stress" ? this.part && this.data.stress != null : Boolean(this.computed[name]); }
 
-  // The duration of the impact, of a map of that at its site.
-  lasts() { return this.sites ? this.sites.data.durations[this.site] : this.blow.duration; }
 
   body() { return this.sites ? this.sites.body(this.site) : this.blow.body; }
 
@@ -140,7 +138,7 @@ class Page {
   // Strike: numbers and chart follow at once, the picture when the sliders rest; the last digits of
   // a run of many steps wait until then too, that every move is answered within a frame.
   change(resting = false) {
-    const began = performance.now(), { engine, blow } = this, rough = 0.1 * blow.coarse, lasts = this.lasts(), at_start = this.at_start();
+    const began = performance.now(), { engine, blow } = this, rough = 0.1 * blow.coarse, lasts = this.blow.duration, at_start = this.at_start();
     const known = at_start && blow.computed; // by the program: the march draws them alone
     let duration = lasts;
     const strike = (tol) => engine.strike(pose(this.body(), blow, this.set), duration, tol);

@@ -27,7 +27,6 @@ from antiosc.recovery.place import Place
 from antiosc.reduce.extraction.stretching import second_order_energies, with_stretch
 from antiosc.strikes import second_order
 from antiosc_app import headline
-from antiosc_app.live_meshes import sites_of_map
 from antiosc_app.scene_file.scene import by_strengths
 from antiosc_decks.shared_nodes import SharedNodes
 from assemblies import box, line
@@ -99,7 +98,7 @@ def beam_between_walls():
 #: Ends of a part that are held each for itself.
 WALLS = (0.0, 0.3)
 #: Sites of a map.
-PLACES = [(0.1, 0.1), (0.15, 0.05), (0.2, 0.1)]
+
 
 CASES = {
     "shell": plate,
@@ -339,33 +338,6 @@ def test_many_impacts_stretch_as_each_alone():
         assert force == ao.simulate(model, ball, *blow).peak_force
 
 
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("case", ["shell", pytest.param("cap", marks=pytest.mark.slow)])
-def test_sites_of_a_map_are_those_of_all_degrees_of_freedom(case):
-    part, site = CASES[case]()
-    mass, speed = (0.2, 1.5) if case == "shell" else (0.5, 0.5)
-    k = 1e6 if case == "shell" else 1e7
-    nodes = part.matrices.mesh.dolfinx.geometry.x
-    places = [nodes[np.argmin(np.linalg.norm(nodes[:, :2] - at, axis=1))] for at in PLACES]
-    blow = ao.RigidMass(mass, velocity=speed), ao.Power(k, 1.5), 4e-3
-    options = {"direction": (0, 0, -1), "accuracy": 1.0}
-    found = ao.impact_map(part, places, *blow, stretch="auto", **options)
-    for i, place in enumerate(places):
-        one = replace(site, point=tuple(place))
-        _, force, moved = Full(part, one).impact(mass, speed, k, 4e-3, 160)
-        assert found.peak_force[i] == pytest.approx(force.max(), rel=0.01)
-        assert found.peak_deflection[i] == pytest.approx(moved.max(), rel=0.03)
-    assert found.stretched.all()
-    assert sites_of_map(found, part) is None  # the models of its sites are linear
-    slow = ao.RigidMass(mass, velocity=1e-3), *blow[1:]
-    if case == "shell":
-        small = ao.impact_map(part, places, *slow, stretch="auto", modes=60, **options)
-        linear = ao.impact_map(part, places, *slow, modes=60, **options)
-        assert np.array_equal(small.peak_force, linear.peak_force)
-    with pytest.raises(InputError, match="stresses of a map are linear"):
-        ao.impact_map(part, places, *blow, stretch="auto", stress=True, **options)
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_fields_have_the_displacements_of_second_order():
@@ -493,15 +465,6 @@ def test_what_does_not_stretch_refuses_in_a_sentence():
     for wrong in (19, "many", 0, True):
         with pytest.raises(InputError, match="stretch"):
             ao.extract(part, site, n=12, stretch=wrong)
-    with pytest.raises(InputError, match="stretch"):
-        ao.impact_map(
-            ao.assemble({"part": part}),
-            [(0.1, 0.1, 0)],
-            ao.RigidMass(0.2, velocity=1.0),
-            ao.Power(1e6, 1.5),
-            duration=4e-3,
-            stretch="auto",
-        )
     ends = [ao.Support(lambda x: np.isclose(x[0], 0)), ao.Support(lambda x: x[0] > 0.2, ["y", "z"])]
     truss = ao.Structure(line((0, 0, 0), (0.3, 0, 0), 1), ao.Truss(area=1e-4, **STEEL), ends)
     with pytest.raises(InputError, match="stretch"):

@@ -28,7 +28,7 @@ SLIGHT_DEFLECTION, SLIGHT_CHANGE = 0.04, 3e-3
 CURVED_CHANGE = 0.1
 #: Looks at a run in a period of the lowest mode, as a flight is one step, and at most in all.
 SAMPLES_PER_PERIOD, MOST_SAMPLES = 32, 4096
-REMEDY = 'take the stretch "auto" of extract or impact_map, which has these forces'
+REMEDY = 'take the stretch "auto" of extract, which has these forces'
 EXPLICIT = "analyse it by an explicit finite element program"
 
 

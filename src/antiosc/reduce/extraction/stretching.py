@@ -28,7 +28,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.stretch import MOST, MOST_OF_MAP, Count, Stretch
+from antiosc.models.stretch import MOST, Count, Stretch
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
@@ -78,35 +78,10 @@ def with_stretch(
     assert body.shape is not None
     modes = candidates(body.omega, body.B, most if count == "auto" else min(count + 2, MOST))
     phi = body.field((body.shape @ modes).T).T
-    return replace(model, stretch=_stretch_of_motions(structure, modes, phi, count))
 
-
-def stretch_of_map(
-    structure: Structure, omega: Array, phi: Array, b: Array, count: Count
-) -> Stretch:
-    """The second-order forces in free modes phi (rows, J) for sites with displacements b (P, J).
-
-    Several sites share at most `MOST_OF_MAP` motions, the principal directions of all Λ⁻¹b, Λ⁻²b
-    and Λ⁻³b. The result has no `shapes`.
-    """
-    if len(b) == 1:
-        modes = candidates(omega, b.T, MOST)
-    else:
-        flexible = 1 / omega[:, None] ** 2
-        blocks = [flexible**power * b.T for power in (1, 2, 3)]
-        unit = np.hstack([block / np.linalg.norm(block, axis=0) for block in blocks])
-        modes = np.linalg.svd(unit, full_matrices=False)[0][:, :MOST_OF_MAP]
-    return replace(_stretch_of_motions(structure, modes, phi @ modes, count), shapes=None)
-
-
-def _stretch_of_motions(structure: Structure, modes: Array, phi: Array, count: Count) -> Stretch:
-    """The `Stretch` of motions phi (rows, m), which are combinations `modes` (J, m) of the free
-    modes.
-    """
     with doing(WORDS, structure.comm.rank):
-        derivatives = tensors(structure, phi)
-    quadratic, cubic, shapes = derivatives
-    return Stretch(modes, quadratic, cubic, count, shapes)
+        quadratic, cubic, shapes = tensors(structure, phi)
+    return replace(model, stretch=Stretch(modes, quadratic, cubic, count, shapes))
 
 
 class _Piece(NamedTuple):
