@@ -134,35 +134,25 @@ def test_members_take_no_seconds_to_compile(monkeypatch):
 def ended(*notes: str) -> SimpleNamespace:
     """A history with these notes."""
     bars = {name: ErrorBar(1.0, 0.0, 0.0, 0.0, 0.0, law=0.0) for name in QUANTITIES}
-    model = SimpleNamespace(patch_radius=None)
-    return SimpleNamespace(error_budget=ErrorBudget(bars, 0.0, notes), model=model)
+    return SimpleNamespace(error_budget=ErrorBudget(bars, 0.0, notes))
 
 
 def some(*each: tuple[float, float]) -> Tradeoff:
     """Members with these seconds and bars."""
     one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
     table = tuple(replace(one, seconds=seconds, bar=bar) for seconds, bar in each)
-    return Tradeoff(table, 0.01, ended(), given=True)  # type: ignore[arg-type]
+    return Tradeoff(table, 0.01, ended())  # type: ignore[arg-type]
 
 
-def test_the_message_tells_the_share_of_the_law_and_the_whole_bar():
+def test_the_message_tells_the_whole_bar_or_why_it_is_not_known():
     found = some((1.0, 0.1), (2.0, 0.008))
-    assert "its bar, 0.8 %, has no error of the contact law" in found.message
     coarse, best = found.table
-    own = replace(best, laws=dict.fromkeys(QUANTITIES, 0.11))
-    other = replace(coarse, laws=dict.fromkeys(QUANTITIES, 0.15))  # not of the line that is told
-    known = replace(found, table=(other, own))
-    whole = "leaves out the error of the contact law, 11 %: with it the bar is 12 %."
-    assert whole in known.message
-    why = replace(best, unknown_law="It was measured by nobody.")
-    unknown = replace(found, table=(other, why))
-    assert "the error of the contact law. It was measured by nobody." in unknown.message
-    assert "strike makes such a mesh" not in known.message  # of a structure that is given
-    assert "strike makes such a mesh" in replace(known, given=False).message
-    # the error of the law depends on the patch, which a scene's [strike] may choose otherwise
-    hit = SimpleNamespace(**vars(known.hit) | {"model": SimpleNamespace(patch_radius=3.8e-4)})
-    of_patch = replace(known, given=False, hit=hit)
-    assert "with tol = 0.01 and a site of radius = 0.00038" in of_patch.message
+    told = "its bar, 0.8 %, leaves out the error of the contact law"
+    known = replace(found, table=(coarse, replace(best, whole=0.12)))
+    assert f"{told}: with it the bar is 12 %." in known.message
+    reason = ErrorBudget(found.hit.error_budget.bars, 0.0, unknown={"law": "Nobody measured it."})
+    found.hit.error_budget = reason
+    assert f"{told}. Nobody measured it." in found.message
 
 
 def test_a_command_that_is_ended_has_printed_the_finished_lines(tmp_path, capsys, monkeypatch):
@@ -182,21 +172,6 @@ def test_a_command_that_is_ended_has_printed_the_finished_lines(tmp_path, capsys
     (tmp_path / "scene.toml").write_text(text)
     assert main(["tradeoff", str(tmp_path / "scene.toml"), "--limit", "60"]) == 130
     assert [text.splitlines()[-1].split()[6] for text in printed] == ["20", "8"]
-
-
-@pytest.mark.slow
-def test_a_member_has_the_errors_by_the_law_of_its_own_run():
-    """Of fewer anti-oscillators the contact takes another share of the work."""
-    part = ao.Structure(box((6, 6, 2), (0.06, 0.06, 0.01)), ao.material("PETG printed"), HELD_BOX)
-    site = ao.Site((0.03, 0.03, 0.01), (0, 0, -1), radius=0.01)
-    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
-    found = ao.tradeoff(part, site, ball, duration=1e-3, tol=TOL)
-    few, *_, many = found.table
-    assert few.n < many.n
-    for one in (few, many):
-        own = ao.simulate(ao.extract(part, site, n=one.n, error="estimate"), ball, duration=1e-3)
-        laws = {name: own.error_budget[name].law for name in QUANTITIES}
-        assert one.laws == pytest.approx(laws, rel=0.05)
 
 
 @pytest.mark.slow

@@ -259,7 +259,7 @@ def impact_map(
         result = doubted(result, is_doubtful, reason)
     on_root(structure.comm, partial(_tell, result, accuracy))
     if impactor is None or law is None or duration is None:
-        on_root(structure.comm, partial(_tell_doubts, result))
+        on_root(structure.comm, partial(_tell_impacts, result, None))
         return result
 
     laws = None
@@ -275,8 +275,7 @@ def impact_map(
     if not with_law:
         result_map = replace(result_map, law_error=_law_error(structure, result_map))
     thickness = structure.plausibility.get("thickness")
-    on_root(structure.comm, partial(_tell_doubts, result_map))
-    on_root(structure.comm, partial(_tell_deflection, result_map, thickness))
+    on_root(structure.comm, partial(_tell_impacts, result_map, thickness))
     return result_map
 
 
@@ -427,27 +426,23 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
         )
 
 
-def _tell_doubts(result: ImpactMap) -> None:
-    """Warn of the doubtful sites, as the summary counts them."""
-    if sentence := left_out_text(result):
+def _tell_impacts(result: ImpactMap, thickness: float | None) -> None:
+    """Warn of doubtful sites, of impacts beyond the models' band, and of the largest deflection of
+    a supported sheet that stretches there.
+    """
+    sentences = [left_out_text(result), low_band(result)]
+    if (
+        thickness is not None
+        and result.peak_deflection is not None
+        and (result.models.k0 > 0).all()
+    ):
+        i = hardest(result, values=result.peak_deflection)
+        largest = float(result.peak_deflection[i])
+        if far := beyond_theory("structure", largest, thickness, False):
+            sentences.append(f"a blow at {placed(result.points[i])}: {far}")
+
+    for sentence in filter(None, sentences):
         warn(sentence, AccuracyWarning)
-
-
-def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> None:
-    """Warn of impacts that excite frequencies beyond the models of the map."""
-    if sentence := low_band(replace(result, impactor=impactor, contact=contact)):
-        warn(sentence, AccuracyWarning)
-
-
-def _tell_deflection(result: ImpactMap, thickness: float | None) -> None:
-    """Warn of the site with the largest deflection, if a supported sheet stretches there."""
-    if thickness is None or not np.all(result.models.k0 > 0):
-        return
-    i = hardest(result, values=result.peak_deflection)
-    assert result.peak_deflection is not None
-    largest = float(result.peak_deflection[i])
-    if sentence := beyond_theory("structure", largest, thickness, False):
-        warn(f"a blow at {placed(result.points[i])}: {sentence}", AccuracyWarning)
 
 
 def _struck(
@@ -461,7 +456,6 @@ def _struck(
     """The map with one impact at each site, shared among the ranks."""
     start_time = time.perf_counter()
     comm = structure.comm
-    on_root(comm, partial(_tell_band, result, impactor, contact))
     sites_of_rank = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
     part = None
     error = None

@@ -275,20 +275,15 @@ def left_out_text(impact_map: ImpactMap) -> str:
     """Sentence on the doubtful sites, as it is told once; "" if there are none."""
     if not impact_map.doubtful.any():
         return ""
-    remedy = doubts_remedy(impact_map)
     text = f"Left out of the ranges of {len(impact_map)} sites are {doubts_text(impact_map)}"
     if impact_map.doubtful.all():
         text = f"{NONE_SOUND}: the ranges are those of {doubts_text(impact_map)}"
-    return f"{text}; {remedy}.".replace("; .", ".")
 
-
-def doubts_remedy(impact_map: ImpactMap) -> str:
-    """What leaves fewer sites of the most frequent reason doubtful; "" if unknown."""
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
-    reason = str(reasons[np.argmax(counts)]) if len(reasons) else ""
-    names = set(impact_map.names.tolist())
-    of_one_face = len(names) == 1 and "" not in names
-    return "" if of_one_face and reason == EDGE else REMEDIES.get(reason, "")
+    reason = str(reasons[np.argmax(counts)])
+    is_one_face = len(set(impact_map.names)) == 1 and bool(impact_map.names[0])
+    remedy = "" if is_one_face and reason == EDGE else REMEDIES.get(reason, "")
+    return f"{text}; {remedy}." if remedy else f"{text}."
 
 
 def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:

@@ -85,10 +85,7 @@ def _of_either_order(
     if HOPELESS < energy < inf:
         why = f"second-order strain would take {plain(energy)} times the energy of linear strain"
     else:
-        try:
-            stretched, told_stretched = _with_warnings(run, with_forces(structure, model))
-        except InputError:  # of a part without such forces: the linear run tells of its deflection
-            return linear, told
+        stretched, told_stretched = _with_warnings(run, stretching(structure, model))
         why = _run_away(stretched)
         if not why:
             return (stretched, told_stretched) if stretched.assembly.stretched else (linear, told)
@@ -126,19 +123,16 @@ def _run_away(run: History) -> str:
 
 
 def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with second-order forces, for many impacts, if it is that of a supported sheet."""
+    """The model with second-order forces, computed once for a model; the model itself if it is not
+    that of a supported sheet.
+    """
     if model.stretch is not None or info_of(model).thickness is None:
         return model
-    try:
-        return with_forces(structure, model)
-    except InputError:  # of a part that has none
-        return model
-
-
-def with_forces(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with second-order forces, computed once for a model."""
     if model not in _WITH_STRETCH:
-        _WITH_STRETCH[model] = with_stretch(structure, model, "auto", MOST)
+        try:
+            _WITH_STRETCH[model] = with_stretch(structure, model, "auto", MOST)
+        except InputError:  # of a part that has none
+            return model
     return _WITH_STRETCH[model]
 
 

@@ -81,11 +81,10 @@ class TradeoffMember:
         runs, with this number of anti-oscillators from the start.
     gigabytes : memory [GB] of K and M as stored, and of the solver as forecast.
     peak_force : that of the corrected model [N].
-    laws : relative errors of peak_force, impulse and contact_time by the contact law, which are in
-        no bar; empty where they are not known, `unknown_law` says why.
     bars : relative error bars of peak_force, impulse and contact_time in its error budget; the sum
         of the difference and the bar of the finest member where the difference exceeds one.
-    bar : the largest of them.
+    bar : the largest of them, without the error of the contact law; whole : with it, None where
+        that is not known.
     difference : largest relative difference of the three quantities from the finest member; NaN
         before that is known.
     impulse, contact_time : those of the corrected model [N s], [s].
@@ -108,8 +107,7 @@ class TradeoffMember:
     contact_time: float = math.nan
     method: str = "antiosc"
     bars: dict[str, float] = field(default_factory=dict)
-    laws: dict[str, float] = field(default_factory=dict)
-    unknown_law: str = ""
+    whole: float | None = None
 
     @property
     def force_bar(self) -> float:
@@ -158,7 +156,6 @@ class Tradeoff(Result):
     others : other methods (`compare`) on the mesh of `best(tol)`, or of the finest member.
     notes : sentences on methods that were not run, and on a single mesh.
     compilation : seconds in which finite elements were compiled or loaded, in no member's seconds.
-    given : whether the mesh was that of a given structure.
     """
 
     table: tuple[TradeoffMember, ...]
@@ -167,7 +164,6 @@ class Tradeoff(Result):
     others: tuple[TradeoffMember, ...] = ()
     notes: tuple[str, ...] = ()
     compilation: float = 0.0
-    given: bool = False
 
     def best(self, tol: float | None = None, seconds: float | None = None) -> TradeoffMember:
         """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
@@ -230,30 +226,11 @@ class Tradeoff(Result):
         best = self.best(tol=self.tol)
         sentence = (
             f"The cheapest within {percent(self.tol)}: N = {best.n}, {best.dofs} dofs,"
-            f" {engineering(best.seconds, 's')}; its bar, {percent(best.bar)}, {self._law_of(best)}"
+            f" {engineering(best.seconds, 's')}; its bar, {percent(best.bar)}, leaves out the error"
+            " of the contact law"
         )
-        if self.given:
-            return sentence
-        radius = self.hit.model.patch_radius
-        patch = "" if radius is None else f" and a site of radius = {radius:.4g}, as here"
-        return (
-            f"{sentence} strike makes such a mesh with tol ="
-            f" {self.tol:g}{patch}; its cells differ, and no single size gives it."
-        )
-
-    def _law_of(self, member: TradeoffMember) -> str:
-        """End of a sentence on a bar: what the error of the contact law adds to it."""
-        if member.unknown_law:
-            return f"leaves out the error of the contact law. {member.unknown_law}"
-        laws = member.laws
-        wholes = [member.bars.get(name, member.bar) + law for name, law in laws.items()]
-        law, whole = (max(values, default=0.0) for values in (laws.values(), wholes))
-        if not law:
-            return "has no error of the contact law."
-        return (
-            f"leaves out the error of the contact law, {percent(law)}: with it the bar is"
-            f" {percent(whole)}."
-        )
+        law = "." if best.whole is None else f": with it the bar is {percent(best.whole)}."
+        return f"{sentence}{law} {self.hit.error_budget.law if best.whole is None else ''}".rstrip()
 
     def numbers(self) -> dict[str, object]:
         """The tables, status, message and notes: name -> JSON value."""
@@ -394,7 +371,7 @@ def tradeoff(
         single = "" if len(meshes) > 1 else _one_mesh(source, finest, BRACKET * tol)
         notes = (single,) if single else ()
         compilation = uncounted_seconds() - compiled
-        result = Tradeoff(table, tol, hit, (), notes, compilation, isinstance(source, Structure))
+        result = Tradeoff(table, tol, hit, (), notes, compilation)
         if compare is None:
             return result
 
@@ -446,8 +423,7 @@ class Made:
             gigabytes=(stored_bytes + outcome.bytes) / 1e9,
             bar=math.inf,
             bars={},
-            laws={},
-            unknown_law="",
+            whole=None,
             difference=max(differences(finest, numbers).values()),
             **asdict(numbers),
         )
@@ -507,8 +483,7 @@ def member_of(answer: Answer) -> TradeoffMember:
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
         bars={name: answer.budget[name].numerical for name in QUANTITIES},
-        laws={name: law for name in QUANTITIES if (law := answer.budget[name].law) is not None},
-        unknown_law=answer.budget.law,
+        whole=None if answer.budget.law else answer.budget.worst,
         impulse=answer.hit.impulse,
         contact_time=answer.hit.contact_time,
     )
