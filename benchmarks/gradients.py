@@ -4,7 +4,7 @@ Twenty impacts of a model on a mass by Hertz's law, a spring or Flores' law, wit
 several, some under a pull: every number of the impact, by four goals. The integrator is SciPy's
 DOP853 on the article's mass matrix with the law's formula (tests/support/gradient_scenes.py).
 
-    OMP_NUM_THREADS=1 .venv/bin/python benchmarks/gradients.py
+    make bench-gradients
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ import antiosc as ao
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from gradient_scenes import rows
 
+#: Largest error of a derivative, over the goal by the number.
+BOUND = 1e-5
+
 
 def main(impacts: int = 20) -> None:
     warnings.simplefilter("ignore")
@@ -36,6 +39,7 @@ def main(impacts: int = 20) -> None:
         worst_text = f"worst {error:.1e} ({goal} by {name}), bar {bar:.1e}"
         print(f"{seed:2} {len(found)} derivatives, {worst_text}, all hold: {holds}", flush=True)
     print(f"worst {worst:.1e} of the goal by the number; the bars hold in {held} of {impacts}")
+    assert held == impacts and worst <= BOUND, f"a bar does not hold, or {worst:.1e} > {BOUND:g}"
 
     rng = np.random.default_rng(0)
     m, omega = rng.uniform(5e-3, 5e-2, 40), np.sort(10 ** rng.uniform(3.3, 5.3, 40))
