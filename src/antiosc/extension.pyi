@@ -3,7 +3,7 @@
 # Structures: their parts, joints, elements and matrices.
 from antiosc.fem import missing as missing
 from antiosc.fem.assembly import with_parts as with_parts
-from antiosc.fem.assembly.assemble import assemble_checked as assemble_checked
+from antiosc.fem.assembly.assemble import assemble as assemble
 from antiosc.fem.elements.shell import GivenSheet as GivenSheet
 from antiosc.fem.elements.weak_form import (
     Family as Family,

@@ -37,7 +37,7 @@ from antiosc.extension import (
     Attachment,
     Family,
     GivenSheet,
-    assemble_checked,
+    assemble,
     attachments_of,
     distributed,
     flattened,
@@ -107,14 +107,13 @@ def joined(
         if part.mesh.groups.get(group) and set(fix) <= set(part.form.components)
     ]
 
-    return assemble_checked(
+    return assemble(
         parts,
         [*shared, constraints],
         points=points,
         supports=[*own_supports, *_of_parts(parts, supports)],
         attached=[*attachments(model), *attached],
         solver=solver,
-        apart=model["held"],
     )
 
 

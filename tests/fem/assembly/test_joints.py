@@ -15,7 +15,6 @@ from antiosc.fem.assembly.bolts import element
 from antiosc.reduce.site.surface import surface_at
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
-from plates import SupportedPlate
 
 pytestmark = [
     FREE_ON_PURPOSE,
@@ -30,40 +29,11 @@ EI = E * BEAM.section.I
 GA = E / (2 * (1 + NU)) * BEAM.section.A * BEAM.section.shear
 
 
-def halves() -> dict[str, ao.Structure]:
-    """A cantilever along x cut in two; the outer half is made along z, elsewhere."""
-    along_z = ao.Beam(E, NU, 2700.0, BEAM.section, orientation=(-1, 0, 0))
-    return {
-        "inner": ao.Structure(line((0, 0, 0), (0.5, 0, 0), 10), BEAM, [CLAMP]),
-        "outer": ao.Structure(line((0, 0, 0), (0, 0, 0.5), 10), along_z),
-    }
-
-
-PLACES = {"outer": ao.Placement(shift=(0.5, 0, 0), axis=(0, 1, 0), angle=np.pi / 2)}
 TIP = ao.Site((1.0, 0, 0), (0, 0.3, -1))
-POINT = (("inner", (0.5, 0, 0)), ("outer", (0.5, 0, 0)))
 
 
 def whole() -> ao.Structure:
     return ao.Structure(line((0, 0, 0), (1, 0, 0), 20), BEAM, [CLAMP])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "ends", [POINT, pytest.param(("inner:end", "outer:start"), marks=pytest.mark.slow)]
-)
-def test_a_weld_of_two_halves_is_the_whole(ends):
-    joined = ao.assemble(halves(), [ao.Weld(*ends)], PLACES)
-    ours, theirs = ao.extract(joined, TIP, n=8), ao.extract(whole(), TIP, n=8)
-    assert joined.mass == pytest.approx(whole().mass, rel=1e-12)
-    assert ours.k0 == pytest.approx(theirs.k0, rel=1e-9)
-    assert ours.omega == pytest.approx(theirs.omega, rel=1e-8)
-    hit, same = (
-        ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Linear(1e5), 5e-3) for model in (ours, theirs)
-    )
-    assert hit.peak_force == pytest.approx(same.peak_force, rel=1e-6)
-    moved = [ao.probe(part, h, (0.8, 0, 0)) for part, h in ((joined, hit), (whole(), same))]
-    assert moved[0] == pytest.approx(moved[1], abs=1e-6 * np.abs(moved[1]).max())
 
 
 def test_a_weld_at_a_distance_is_a_rigid_arm():
@@ -82,28 +52,6 @@ def test_a_weld_at_a_distance_is_a_rigid_arm():
     exact = L**3 / (3 * EI) + a * L**2 / EI + a**2 * L / EI + L / GA
     assert (arm.T @ q)[six[2]] == pytest.approx(exact, rel=1e-9)
     assert arm.mass == pytest.approx(0.5 * 2700.0 * BEAM.section.A + 2.0, rel=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("joint", [ao.Mean, ao.Rigid])
-def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
-    """Longitudinal, ν = 0: κ tan κ = (mass of the rod) / (mass on it)."""
-    soft = ao.Solid(E, 0.0, 2700.0)
-    rolls = [ao.Support("x0")]
-    rod = ao.Structure(box((0, 0, 0), (0.3, 0.02, 0.02), (8, 2, 1)), soft, rolls)
-    mass = 2700.0 * 0.3 * 0.02**2
-    part = ao.assemble(
-        {"rod": rod}, [joint("rod:x1", "hub")], points={"hub": (0.32, 0.01, 0.01)},
-        attached=[ao.PointMass("hub", 2 * mass, 1e-9)],
-    )  # fmt: skip
-    kappa = scipy.optimize.brentq(lambda k: k * np.tan(k) - 0.5, 0.1, 1.5)
-    exact = kappa / 0.3 * np.sqrt(E / 2700.0)
-    site = ao.Site("hub", (1, 0, 0))  # sees the longitudinal modes alone
-    modes = ao.superposition(part, site, 12)
-    along = modes.omega[np.abs(modes.b) > 1e-6 * np.abs(modes.b).max()]
-    assert along[0] == pytest.approx(exact, rel=1e-6)
-    assert part.mass == pytest.approx(3 * mass, rel=1e-12)
-    assert ao.extract(part, site, n=0).k0 == pytest.approx(E * 0.02**2 / 0.3, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -204,63 +152,6 @@ def test_a_bolt_is_a_beam():
     assert joined.mass == pytest.approx(whole().mass, rel=1e-12)
     assert ours.k0 == pytest.approx(theirs.k0, rel=1e-9)
     assert ours.omega[:3] == pytest.approx(theirs.omega[:3], rel=1e-4)
-
-
-A, B, T = 0.5, 0.4, 2e-3
-STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
-NYLON = {"E": 3e9, "nu": 0.35, "rho": 1150.0}
-POSTS = [(0.125, 0.1), (0.375, 0.1), (0.125, 0.3), (0.375, 0.3)]
-STRUCK = (0.25, 0.15)
-LENGTH, WIDE = 0.1, 1e-3
-
-
-def exact(omega: np.ndarray) -> np.ndarray:
-    """Receptance at the site, with the posts' E A (ω/c) cot(ωL/c) at four points of the plate."""
-    plate = SupportedPlate(**STEEL, thickness=T, a=A, b=B)
-    m = np.arange(1, 240)
-    frequencies = plate.mindlin(m[:, None], m).ravel()
-    x, y = np.array([STRUCK, *POSTS]).T
-    shapes = [np.outer(np.sin(m * np.pi * a / A), np.sin(m * np.pi * b / B)).ravel()
-              for a, b in zip(x, y, strict=True)]  # fmt: skip
-    phi = 2 / np.sqrt(plate.surface_density * A * B) * np.array(shapes)
-    area, wave = np.pi / 4 * WIDE**2, np.sqrt(NYLON["E"] / NYLON["rho"])
-    found = []
-    for w in omega:
-        h = (phi / (frequencies**2 - w**2)) @ phi.T
-        post = NYLON["E"] * area * (w / wave) / np.tan(w * LENGTH / wave)
-        coupled = h[1:, 1:] + np.eye(4) / post
-        found.append(h[0, 0] - h[0, 1:] @ np.linalg.solve(coupled, h[1:, 0]))
-    return np.array(found)
-
-
-@pytest.mark.slow
-def test_a_plate_on_four_posts():
-    """Supported edges, four rods that stand on the ground: below, at and above the first modes."""
-    sides = [ao.Support("x0", ("x", "y", "z", "rx")), ao.Support("x1", ("x", "z", "rx"))]
-    sides += [ao.Support("y0", ("y", "z", "ry")), ao.Support("y1", ("z", "ry"))]
-    sheet = ao.Structure(box((0, 0), (A, B), (16, 16), "quadrilateral"), ao.Shell(**STEEL,
-                         thickness=T), sides)  # fmt: skip
-    rod = ao.Beam(**NYLON, section=ao.Section.circle(WIDE))
-    post = ao.Structure(line((0, 0, -LENGTH), (0, 0, 0), 4), rod, [ao.Support("start")])
-    names = [f"post {k}" for k in range(4)]
-    whole = ao.assemble(
-        {"sheet": sheet, **dict.fromkeys(names, post)},
-        [ao.Ball(("sheet", (*xy, 0.0)), f"{name}:end")
-         for name, xy in zip(names, POSTS, strict=True)],
-        {name: (*xy, 0.0) for name, xy in zip(names, POSTS, strict=True)},
-    )  # fmt: skip
-    model = ao.extract(whole, ao.Site((*STRUCK, 0.0), (0, 0, -1), part="sheet"), n=40)
-    omega = np.array([50.0, 300.0, 520.0, 700.0, 1100.0, 1600.0, 2300.0])
-    reference = exact(omega)
-    found = model.modal().receptance(omega).real
-    # the mesh leaves a share of the compliance under the load itself
-    np.testing.assert_allclose(found, reference, rtol=5e-3, atol=3e-3 * reference[0])
-    # without the posts it is another plate
-    bare = ao.extract(sheet, ao.Site((*STRUCK, 0.0), (0, 0, -1)), n=40).modal()
-    assert np.abs(bare.receptance(omega).real / reference - 1).max() > 0.5
-    first = model.modal().omega[0]
-    around = exact(np.array([0.995 * first, 1.005 * first]))
-    assert around[0] > 0 > around[1]  # the first natural frequency lies between
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
-from assemblies import NU, SOLID, E, box, eigenfrequencies, line, pulled
+from assemblies import NU, SOLID, E, box, eigenfrequencies, pulled
 from extraction_cases import quiet
 from marks import FREE_ON_PURPOSE
 
@@ -221,34 +221,6 @@ def test_a_shell_edge_beside_the_face_is_refused():
             {"root": root(1), "sheet": sheet()}, [ao.Tie("root:x1", "sheet:x0", gap=5e-3)],
             {"sheet": (0.1, 0, T / 2 + 3e-3)},
         )  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("joint", [ao.Rigid, ao.Mean])
-def test_a_beam_end_on_a_solid_against_the_solid_throughout(joint):
-    """A cantilever of a square section, half solid and half beam; errors against mesh size."""
-    side = 0.02
-    section = ao.Section.rectangle(side, side)
-    beam = ao.Beam(E, NU, 2700.0, section, orientation=(0, 0, 1))
-    whole = ao.Structure(box((0, 0, 0), (0.3, side, side), (30, 2, 2)), SOLID, [CLAMP])
-    pulled = ao.assemble({"bar": whole}, [ao.Mean("bar:x1", "hub")],
-                         points={"hub": (0.3, side / 2, side / 2)})  # fmt: skip
-    exact = ao.extract(pulled, ao.Site(vector=_unit(pulled)), n=0).k0
-    errors = []
-    for n in (1, 2):
-        solid = ao.Structure(box((0, 0, 0), (0.15, side, side), (7 * n, n, n)), SOLID, [CLAMP])
-        outer = ao.Structure(line((0.15, side / 2, side / 2), (0.3, side / 2, side / 2), 6), beam)
-        joined = ao.assemble({"solid": solid, "outer": outer}, [joint("solid:x1", "outer:start")])
-        tip = ao.Site((0.3, side / 2, side / 2), (0, 0, -1), part="outer")
-        errors.append(abs(ao.extract(joined, tip, n=0).k0 / exact - 1))
-    assert errors[-1] < 5e-3
-    assert errors[-1] <= errors[0] + 1e-3
-
-
-def _unit(structure: ao.Structure) -> np.ndarray:
-    """The functional of q that is the deflection of the hub."""
-    z = structure.layout.of_point("hub")[2]
-    return structure.T.T[:, z].toarray().ravel()
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ import parts
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
 from antiosc.base.texts import STOPPED
-from antiosc.fem.assembly.assemble import assemble_checked
+from antiosc.fem.assembly.assemble import assemble
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.reach import Reach
@@ -445,7 +445,7 @@ def test_parts_with_common_nodes_stretch_as_one_mesh():
         of_cells = renumbered.reshape(chosen.shape).astype(np.int64)
         made = compat.create_mesh(mesh.comm, of_cells, x[used], mesh.cell, mesh.order)
         meshes[name], numbers[name] = ao.Mesh(made), used
-    whole = assemble_checked(
+    whole = assemble(
         {name: held(each, SHELL) for name, each in meshes.items()}, [SharedNodes(numbers)]
     )
     ball, law = ao.RigidMass(0.2, velocity=1.0), ao.Power(1e6, 1.5)

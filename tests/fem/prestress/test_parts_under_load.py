@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ufl
-from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.fem.elements.second_order_points import DEGREES, points_of
@@ -17,7 +16,6 @@ from full_second_order import Full
 from loaded_beams import (
     EI,
     LENGTH,
-    MASS,
     RHO,
     SIDE,
     THIN_BEAM,
@@ -47,49 +45,6 @@ def test_a_rib_in_tension_stiffens_its_sheet():
         omega.append(part.natural_modes(1).omega[0] ** 2)
     assert omega[2] - omega[1] == pytest.approx(omega[1] - omega[0], rel=1e-2)
     assert omega[2] > omega[1]
-
-
-def ritz_blow(speed, ball, stiffness, duration, terms=14):
-    """(deflection of the tip (n,), force (n,)) of a blade without damping, Ritz and DOP853."""
-    x, w = np.polynomial.legendre.leggauss(60)
-    x, w = (x + 1) / 2, w / 2
-    base = [np.polynomial.Legendre.basis(k, domain=[0, 1]) for k in range(terms)]
-    root = np.polynomial.Polynomial([0, 0, 1])
-    shapes = [root * one.convert(kind=np.polynomial.Polynomial) for one in base]
-    y, slope, bend = (np.array([(p.deriv(k) if k else p)(x) for p in shapes]) for k in range(3))
-    N = MASS * speed**2 * (1 - x**2) / 2
-    K = EI * (bend * w) @ bend.T + (slope * N * w) @ slope.T
-    M = MASS * (y * w) @ y.T
-    tip = np.array([p(1.0) for p in shapes])
-    mass, velocity = ball
-    inverse = np.linalg.inv(M)
-
-    def force(state):
-        return stiffness * max(state[2 * terms] - tip @ state[:terms], 0.0) ** 1.5
-
-    def rate(_, state):
-        F = force(state)
-        rise = inverse @ (tip * F - K @ state[:terms])
-        return np.concatenate([state[terms : 2 * terms], rise, [state[-1], -F / mass]])
-
-    start = np.zeros(2 * terms + 2)
-    start[-1] = velocity
-    times = np.linspace(0, duration, 2001)
-    run = solve_ivp(rate, (0, duration), start, "DOP853", times, rtol=1e-8, atol=1e-12)
-    return tip @ run.y[:terms], np.array([force(one) for one in run.y.T])
-
-
-@pytest.mark.slow
-def test_a_ball_on_the_tip_of_a_spinning_blade():
-    speed, ball, duration = 6 * UNIT, (0.1, 1.0), 0.02
-    loads = ao.Prestress(spin=ao.Spin((0, 0, 1), speed))
-    part = ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], prestress=loads)
-    model = ao.extract(part, ao.Site((LENGTH, 0, 0), (0, 0, -1)), n=20)
-    hit = ao.simulate(model, ao.RigidMass(*ball), ao.Hertz(1e6), duration=duration)
-    deflection, force = ritz_blow(speed, ball, 1e6, duration)
-    assert np.abs(hit.displacement).max() == pytest.approx(np.abs(deflection).max(), rel=5e-3)
-    assert hit.peak_force == pytest.approx(force.max(), rel=1e-2)
-    assert "without Coriolis" in model.info.structure
 
 
 @pytest.mark.slow

@@ -103,35 +103,13 @@ def assemble(
     AntioscWarning
         Constraints that follow from others; motions that the joints leave free.
     """
-    return assemble_checked(
-        parts,
-        list_of("joints", joints, Joint, "joints such as Tie and Hinge"),
-        at,
-        points=points,
-        supports=supports,
-        attached=attached,
-        solver=solver,
-    )
-
-
-def assemble_checked(
-    parts: Mapping[str, Structure | AntiOscillators],
-    joints: Sequence[Joint],
-    at: Mapping[str, Placement | Sequence[float]] | None = None,
-    *,
-    points: Mapping[str, Sequence[float]] | None = None,
-    supports: Sequence[Support] = (),
-    attached: Sequence[Attachment] = (),
-    solver: SolverChoice = "auto",
-    apart: bool = False,
-) -> Structure:
-    """`assemble` for checked joints; `apart` permits parts without a joint, if supports hold each
-    part."""
     start_time = clock()
+    joints = list_of("joints", joints, Joint, "joints such as Tie and Hinge")
     solver = checked_choice(solver)
+
     members = checked_parts(parts)
     layout = Layout(members, checked_places(members, at), checked_points(members, points))
-    joined = _joined(layout, joints, supports, attachments_of(attached), apart)
+    joined = _joined(layout, joints, supports, attachments_of(attached))
     eliminated = joined.eliminated
     K, M = reduced(layout, eliminated, joined.added)
     modes, shift = modes_of(layout, K, M, eliminated, *joined.motions)
@@ -171,7 +149,6 @@ def _joined(
     joints: Sequence[Joint],
     supports: Sequence[Support],
     attached: Sequence[PointMass | Spring | Damper],
-    allow_apart: bool,
 ) -> _Joined:
     """The constraints and terms of all joints, supports and attachments."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
@@ -189,8 +166,6 @@ def _joined(
     for support in attached:
         elastic += attachment(layout, support)
     elastic += [superelement(layout, support) for support in layout.condensed.values()]
-    if not allow_apart:
-        _check_joined(layout, rows, elastic)
     for r in rows:
         _check_dense(r.label or "a support", r.matrix)
     for term in elastic:
@@ -208,7 +183,9 @@ def _joined(
     added = Added(elastic, eliminated.T)
     stretches = [scipy.sparse.csr_matrix(support.strains) @ support.G for support in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
-    motions = assembled.free_motions(layout, C, fixed, scale)
+    bodies = assembled.unjoined_bodies(layout)
+    motions = assembled.free_motions(layout, bodies, C, fixed, scale)
+    _check_joined(layout, bodies, motions[2], rows, elastic)
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
     warn_of_motions(layout, *motions, supported=supported)
     return _Joined(constraints, eliminated, added, motions)
@@ -241,9 +218,14 @@ def _check_dense(label: str, functionals: Sparse) -> None:
         )
 
 
-def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffness]) -> None:
-    """InputError for a part, a body of a part, or a reference point without any joint."""
-    bodies = assembled.unjoined_bodies(layout)
+def _check_joined(
+    layout: Layout,
+    bodies: Sequence[RigidDofs],
+    moving: Sequence[RigidDofs],
+    rows: Sequence[Rows],
+    elastic: Sequence[Stiffness],
+) -> None:
+    """InputError for a moving part, body of a part, or reference point without any joint."""
     body = np.zeros(layout.count, dtype=int)
     for k, body_k in enumerate(bodies):
         body[body_k.rows] = k
@@ -258,6 +240,8 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
     largest = np.bincount(label, [len(body_k.rows) for body_k in bodies]).argmax()
     for k in np.flatnonzero(label != largest):
         body_k = bodies[k]
+        if body_k not in moving:
+            continue
         if body_k.name in layout.points:
             raise InputError(f"the reference point {body_k.name!r} is joined to nothing.")
         has_pieces = sum(body.name == body_k.name for body in bodies) > 1

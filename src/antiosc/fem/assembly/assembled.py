@@ -22,7 +22,7 @@ from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
 from antiosc.base.checks import floats
 from antiosc.base.errors import AccuracyError, InputError, name_list, warn
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
-from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded, row_numbers
+from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded
 from antiosc.fem.linalg.algebra import by_strains, dot, force_ratios, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, from_csr, with_entries
 from antiosc.fem.structure import (
@@ -98,9 +98,13 @@ def _rigid_body(
 
 
 def free_motions(
-    layout: Layout, constraints: Sparse, fixed: BoolArray, scale: Array
+    layout: Layout,
+    bodies: Sequence[RigidDofs],
+    constraints: Sparse,
+    fixed: BoolArray,
+    scale: Array,
 ) -> tuple[Array, Array, list[RigidDofs]]:
-    """Strain-free motions that satisfy the constraints and vanish at fixed dofs.
+    """Strain-free motions of the bodies that satisfy the constraints and vanish at fixed dofs.
 
     Returns (rigid motions of the whole (n, r), mechanisms (n, m), the bodies that move in them).
     """
@@ -108,9 +112,9 @@ def free_motions(
     rigid_motions = rigid_motions[:, np.abs(rigid_motions).max(axis=0) > 0]
     rows = _rows(constraints, fixed, scale)
     rigid = rigid_motions @ _null_space(rows @ rigid_motions)
-    bodies = unjoined_bodies(layout)
     if len(bodies) == 1:
         return rigid, np.zeros((layout.count, 0)), []
+
     N = _motions_of(bodies, layout.count)
     mechanisms = _excluding_rigid(N @ _null_space(rows @ N), rigid)
     moving_bodies = [
@@ -584,35 +588,11 @@ def as_petsc(name: str, matrix: Sparse, layout: Layout) -> PETSc.Mat:
 
 
 def _projected(T: Sparse, K: Sparse, added: Sparse) -> Sparse:
-    """Tᵀ K T + added; K is overwritten.
-
-    With E the identity on the dofs that stay and D the rows of T of the others, the first term is
-    E K E + E K D + Dᵀ K E + Dᵀ K D, in which all products except E K E are small.
-    """
-    unchanged = _unchanged(T)
-    dofs = np.flatnonzero(~unchanged)
-    forces = (K[dofs].T @ T[dofs]).tocsr()  # K symmetric
-    coupling = (scipy.sparse.diags(unchanged.astype(float)) @ forces).tocsr()
-    projected = (T[dofs].T @ forces[dofs]).tocsr()
-    small = (coupling + coupling.T + (projected + projected.T) / 2 + added).tocsr()
-    small.sum_duplicates()
-
-    for dof in dofs:
-        K.data[K.indptr[dof] : K.indptr[dof + 1]] = 0.0
-    K.data[~unchanged[K.indices]] = 0.0
-    result = (K + small).tocsr()
+    """Tᵀ K T + added, with sorted entries."""
+    result = (T.T.tocsr() @ (K @ T) + added).tocsr()
     result.eliminate_zeros()
     result.sort_indices()
     return result
-
-
-def _unchanged(T: Sparse) -> BoolArray:
-    """Mask (n,) of the dofs of u that are themselves coordinates q: unit rows of T."""
-    row = row_numbers(T)
-    unit = (np.diff(T.indptr)[row] == 1) & (T.indices == row) & (T.data == 1.0)
-    unchanged = np.zeros(T.shape[0], dtype=bool)
-    unchanged[row[unit]] = True
-    return unchanged
 
 
 def _product(layout: Layout, T: Sparse, small: Sparse) -> Callable[[Array], Array]:

@@ -109,8 +109,7 @@ def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable
 
         @functools.wraps(function)
         def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
-            comm = _communicator(_flat([*args, *kwargs.values()]), default)
-
+            comm = _communicator([*args, *kwargs.values()], default)
             if comm.size == 1:
                 with nullcontext() if isinstance(comm, Serial) else _packages:
                     return guarded_call(*args, **kwargs)
@@ -121,58 +120,40 @@ def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable
     return guard
 
 
-def _flat(values: Iterable[object]) -> list[object]:
-    """The values as a list; a mapping is replaced by its values, those shared by most ranks
-    first.
-    """
-    flat: list[object] = []
-    for value in values:
-        nested = value.values() if isinstance(value, Mapping) else [value]
-        flat += sorted(nested, key=_ranks, reverse=True)
-    return flat
-
-
-def _ranks(value: object) -> int:
-    """Number of ranks that share a value; 0 for a value without communicator."""
-    if is_void(value):
-        return 0  # to ask for its communicator kills the process
-    try:
-        return int(attrgetter("comm.size")(value))
-    except Exception:
-        return 0
-
-
 def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
-    """The communicator of the first value that has one.
+    """The largest communicator of the values, and of those of mappings; `default` without one.
 
     dolfinx and PETSc work on copies of their communicators.
     """
+    found = []
     for value in values:
-        if is_void(value):
-            default = WORLD  # it may be a real one on other ranks
-            continue  # to ask for its communicator kills the process
-        if MPI is not None and isinstance(value, MPI.Comm) and value == MPI.COMM_NULL:
+        for item in value.values() if isinstance(value, Mapping) else [value]:
+            if is_void(item):
+                default = WORLD  # it may be a real one on other ranks
+            elif (comm := _comm_of(item)) is not None:
+                found.append(comm)
+    comm = max(found, key=attrgetter("size"), default=default)
+    return WORLD if alike(comm, WORLD) else comm
+
+
+def _comm_of(value: object) -> MPI.Comm | None:
+    """The communicator of a value; None without one."""
+    if MPI is not None and isinstance(value, MPI.Comm):
+        if value == MPI.COMM_NULL:
             raise InputError(
                 "comm is MPI.COMM_NULL, of which no process is a part: call this on the ranks of a "
                 "communicator alone."
             )
-        try:
-            comm = getattr(value, "comm", None)
-            if isinstance(comm, Serial):
-                return comm
-            if MPI is None:
-                continue
-            if isinstance(value, MPI.Comm):
-                comm = value
-            if comm is not None and not isinstance(comm, MPI.Comm):
-                comm = comm.tompi4py()  # one of PETSc's
-        except Exception:
-            continue
-        if isinstance(comm, MPI.Comm) and comm != MPI.COMM_NULL:
-            if alike(comm, WORLD):
-                return WORLD
+        return value
+    try:
+        comm = getattr(value, "comm", None)
+        if comm is None or isinstance(comm, Serial):
             return comm
-    return default
+        if not isinstance(comm, MPI.Comm):
+            comm = comm.tompi4py()  # one of PETSc's
+    except Exception:
+        return None
+    return None if comm == MPI.COMM_NULL else comm
 
 
 def alike(first: MPI.Comm, second: MPI.Comm) -> bool:
