@@ -62,7 +62,7 @@ def main(
     most = many.quantile("peak_force", 0.95)
     force = many.values["peak_force"]
     ranks = {name: float(spearmanr(x, force).statistic) for name, x in many.inputs.items()}
-    print(f"{falls} falls in {seconds:.1f} s, {len(many.failed)} of them failed")
+    print(f"{falls} falls in {seconds:.1f} s, {len(many.failures)} of them failed")
     print(f"5 % exceed {most.value:.0f} N ({most.low:.0f} to {most.high:.0f} N)")
     print("rank correlations:", ", ".join(f"{n} {rank:+.2f}" for n, rank in ranks.items()))
     out.mkdir(parents=True, exist_ok=True)

@@ -39,7 +39,7 @@ def test_the_force_of_a_blow_is_lognormal():
         assert found.low < true < found.high
     share = many.exceedance("peak_force", middle, confidence=0.999)
     assert share.low < 0.5 < share.high
-    assert not many.failed
+    assert not many.failures
     assert "400" in repr(many)
 
 
@@ -68,7 +68,7 @@ def test_the_same_quantiles_stand_in_text_numbers_and_figure():
 @pytest.mark.parametrize("q", [0.05, 0.5, 0.99])
 def test_a_bar_without_an_end_says_how_many_results_have_one(q):
     def bar(n):
-        return ao.Sample({"x": np.arange(n)}, {"y": np.arange(float(n))}, {}).quantile("y", q)
+        return ao.Many({"y": np.arange(float(n))}, {}).quantile("y", q)
 
     few = bar(3)
     needed = [int(each.split()[-3]) for each in few.note.split("; ")]
@@ -81,7 +81,7 @@ def test_a_bar_without_an_end_says_how_many_results_have_one(q):
 
 
 def test_runs_without_a_result_are_told():
-    many = ao.Sample({"x": np.arange(200)}, {"y": np.where(np.arange(200) % 2, 1.0, np.nan)}, {})
+    many = ao.Many({"y": np.where(np.arange(200) % 2, 1.0, np.nan)}, {})
     for found in (many.quantile("y", 0.5), many.exceedance("y", 0.5)):
         assert found.note.startswith("100 of 200 runs have no y")
     assert "without 100 runs" in repr(many)
@@ -91,13 +91,13 @@ def test_runs_that_failed_count_as_larger_than_all_others():
     """Of 0 ... 999, where those from 970 on failed: P(y > 950) is 0.049, the 99 % not known."""
     values = np.where(np.arange(1000) < 970, np.arange(1000.0), np.nan)
     failed = dict.fromkeys(range(970, 1000), "too hard")
-    many = ao.Sample({"x": np.arange(1000)}, {"y": values}, failed)
+    many = ao.Many({"y": values}, failed)
     assert many.quantile("y", 0.5).value == pytest.approx(499.5)
     assert many.quantile("y", 0.95).value == pytest.approx(0.95 * 999)
     assert np.isinf(many.quantile("y", 0.99).value)
     assert many.exceedance("y", 950.0).value == pytest.approx(0.049)
     assert "30 of 1000 runs failed" in many.quantile("y", 0.5).note
-    assert ao.Sample(many.inputs, many.values, failed, (0.99,)).numbers()["y"] == {"99 %": None}
+    assert replace(many, quantiles=(0.99,)).numbers()["y"] == {"99 %": None}
 
 
 def test_the_quantiles_of_blows_count_those_that_their_patch_does_not_carry():
@@ -110,7 +110,7 @@ def test_the_quantiles_of_blows_count_those_that_their_patch_does_not_carry():
 
     with pytest.warns(ao.AccuracyWarning, match="larger than all others"):
         many = ao.monte_carlo(blow, {"velocity": speeds}, 400)
-    assert 0.2 < len(many.failed) / 400 < 0.4
+    assert 0.2 < len(many.failures) / 400 < 0.4
     assert np.isinf(many.quantile("peak_force", 0.9).value)
     assert np.isfinite(many.quantile("peak_force", 0.5).value)
 
@@ -121,9 +121,9 @@ def test_bars_of_quantiles_and_probabilities_cover():
     inside = []
     for q in (0.1, 0.95):
         for sample in rng.exponential(size=(80, 120)):
-            found = ao.Sample({"x": sample}, {"y": sample}, {}).quantile("y", q)
+            found = ao.Many({"y": sample}, {}).quantile("y", q)
             inside.append(found.low <= -np.log(1 - q) <= found.high)
-            share = ao.Sample({"x": sample}, {"y": sample}, {}).exceedance("y", -np.log(q))
+            share = ao.Many({"y": sample}, {}).exceedance("y", -np.log(q))
             inside.append(share.low <= q <= share.high)
     assert np.mean(inside) >= 0.94
 
@@ -140,7 +140,7 @@ def test_blows_that_all_fail_in_one_part_cost_no_other():
 
     with pytest.warns(ao.AccuracyWarning, match="100 of 150 runs failed"):
         many = ao.monte_carlo(run, {"v": ao.uniform(1.0, 2.0)}, 150)
-    assert list(many.failed) == list(range(100))
+    assert list(many.failures) == list(range(100))
     assert len(many.finite("peak_force")) == 50
 
 

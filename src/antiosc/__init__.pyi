@@ -121,7 +121,6 @@ from antiosc.fields.spectra import (
     srs as srs,
 )
 from antiosc.impact.batch import (
-    Batch as Batch,
     simulate_many as simulate_many,
     sweep as sweep,
 )
@@ -149,6 +148,10 @@ from antiosc.impact.histories.vibration import (
     BodyEnergy as BodyEnergy,
     body_energy as body_energy,
     vibration_share as vibration_share,
+)
+from antiosc.impact.many import (
+    Many as Many,
+    Quantile as Quantile,
 )
 from antiosc.impact.scene import (
     Scene as Scene,
@@ -211,13 +214,8 @@ from antiosc_studies.chance.monte_carlo import (
     normal as normal,
     uniform as uniform,
 )
-from antiosc_studies.chance.sample import (
-    Quantile as Quantile,
-    Sample as Sample,
-)
 from antiosc_studies.drops.drop import drop as drop
 from antiosc_studies.drops.ensemble import (
-    Drops as Drops,
     Tilts as Tilts,
 )
 from antiosc_studies.drops.fall import Fall as Fall

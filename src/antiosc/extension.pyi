@@ -77,6 +77,10 @@ from antiosc.impact.histories.verdict import (
     unknown_dent as unknown_dent,
     yield_share as yield_share,
 )
+from antiosc.impact.many import (
+    QUANTILES as QUANTILES,
+    checked_levels as checked_levels,
+)
 from antiosc.impact.reference import Settings as Settings
 from antiosc.impact.scene import (
     check_range as check_range,

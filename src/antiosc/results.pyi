@@ -17,7 +17,6 @@ from antiosc.fields.spectra import (
     ShockSpectrum as ShockSpectrum,
     Spectrum as Spectrum,
 )
-from antiosc.impact.batch import Batch as Batch
 from antiosc.impact.enclosure import Enclosure as Enclosure
 from antiosc.impact.histories import (
     History as History,
@@ -34,17 +33,16 @@ from antiosc.impact.histories.vibration import (
     body_energy as body_energy,
     vibration_share as vibration_share,
 )
+from antiosc.impact.many import (
+    Many as Many,
+    Quantile as Quantile,
+)
 from antiosc.models.modal import SiteModes as SiteModes
 from antiosc.models.motion import ModalState as ModalState
 from antiosc.reduce.extraction.superposition import StructureModes as StructureModes
 from antiosc.strikes.advice import Advice as Advice
 from antiosc.strikes.map_results import ImpactMap as ImpactMap
 from antiosc_app.view import View as View
-from antiosc_studies.chance.sample import (
-    Quantile as Quantile,
-    Sample as Sample,
-)
-from antiosc_studies.drops.ensemble import Drops as Drops
 from antiosc_studies.drops.fall import Fall as Fall
 from antiosc_studies.drops.impacts import Peak as Peak
 from antiosc_studies.find import FoundImpact as FoundImpact

@@ -242,7 +242,7 @@ def _study(options: Namespace) -> int:
 
 def _stopped_early(computed: run.SceneResults) -> bool:
     """Whether the run, or one impact of a sweep, stopped before its end."""
-    statuses = () if computed.batch is None else computed.batch.status
+    statuses = () if computed.batch is None else computed.batch.facts["status"]
     return STOPPED in (getattr(computed.history, "status", 0), *statuses)
 
 

@@ -47,7 +47,7 @@ from antiosc_app.scene_file.run import Nominal, SceneResults, error_budget, vari
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from antiosc import Drops, Fall, PeakField, Sample, Structure
+    from antiosc import Fall, Many, PeakField, Structure
 
 #: Heading of the structure and its model.
 MODEL = "Model"
@@ -374,7 +374,7 @@ SWEPT_UNITS = {
 OWN_IMPACT = "Errors, stresses and verdicts are those of the scene's own impact:"
 
 
-def quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
+def quantiles(ensemble: Many, units: Mapping[str, str]) -> Columns:
     """Quantiles of an ensemble with the bars of the number of its runs."""
     names = ("quantity", "quantile", "value", "low", "high")
     rows = []
@@ -415,7 +415,8 @@ def _sweep(results: SceneResults) -> Presentation:
         if name == "peak_force" and any(bar is not None for bar in bars):
             given = any(budget and budget.law for budget in results.facts)
             table["± without the law (%)" if given else "± (%)"] = 100 * np.array(bars, dtype=float)
-    table |= {name: getattr(batch, name) for name in ("restitution", "contacts", "status")}
+    table["restitution"] = batch.restitution
+    table |= {name: batch.facts[name] for name in ("contacts", "status")}
     shown: Columns = {with_unit(name): given for name, given in table.items()}
     return Presentation(
         tables={"sweep.csv": table},
@@ -450,10 +451,9 @@ def _sample(results: SceneResults) -> Presentation:
     """A Monte Carlo study: quantiles, and inputs and results of each run."""
     sample = results.sample
     table = quantiles(sample, QUANTITIES)
-    failed = [sample.failed.get(i, "") for i in range(len(sample))]
     caption = "Peak forces (N) of the runs, and their quantiles with the bars of their number."
     return Presentation(
-        tables={"monte_carlo.csv": {**sample.inputs, **sample.values, "error": failed}},
+        tables={"monte_carlo.csv": sample.table()},
         numbers={"monte_carlo": table, **_own_numbers(results.nominal)},
         plotted={"monte_carlo": sample},
         sections={"Random values": [table, *_own_blocks(results.nominal)]},

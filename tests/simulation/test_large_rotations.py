@@ -26,7 +26,7 @@ def scene(speed: float) -> ao.SceneHistory:
     return ao.Scene(bodies, [ao.Contact("structure", "b", LAW)]).run(TIME)
 
 
-def many(speed: float) -> ao.Batch:
+def many(speed: float) -> ao.Many:
     return ao.simulate_many(MODEL, [ao.RigidMass(0.05, v) for v in (0.01, speed)], LAW, TIME)
 
 

@@ -53,7 +53,7 @@ def rubbing(body: Any, law: ao.ContactLaw = LAW) -> ao.Scene:
     return scene({"b": body}, [ao.Contact("b:tip", "w", law, friction=0.3)])
 
 
-def many(**changes: Any) -> ao.Batch:
+def many(**changes: Any) -> ao.Many:
     given = {"models": MODEL, "impactors": MASS, "contacts": LAW, "duration": 1e-4}
     return ao.simulate_many(**{**given, **changes})
 

@@ -54,8 +54,8 @@ def test_a_batch_names_its_scenes(law):
     assert len(words) == 2
     assert words[0].startswith("1 of 4 scenes (1), as scene 1: The run ends")
     assert words[1].startswith("1 of 4 scenes (2), as scene 2: Never touched")
-    assert batch.status.tolist() == [0, 3, 0, 0]
-    assert batch.message[0] == batch.message[3] == "Completed."
+    assert batch.facts["status"].tolist() == [0, 3, 0, 0]
+    assert list(batch.messages) == [1, 2]
     assert np.isnan(batch.restitution).tolist() == [False, True, True, False]
     assert batch.contact_time[1] == pytest.approx(5e-4, rel=1e-6)
 

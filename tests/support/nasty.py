@@ -71,12 +71,12 @@ if importlib.util.find_spec("pandas") is None:
     INNER.add("to_dataframe")
 #: What functions return: antiosc alone makes them.
 RESULTS = {
-    *("Advice", "Batch", "Energy", "History", "ImpactMap"),
+    *("Advice", "Energy", "History", "ImpactMap"),
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
-    *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
+    *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Many"),
     *("ForceComparison", "FoundImpact", "Gradient", "Margin", "DesignMap"),
-    *("Sample", "Quantile", "Peak", "View", "Dent"),
+    *("Quantile", "Peak", "View", "Dent"),
     "Hysteretic",  # a base of laws
 }
 #: Where NaN stands for "no such number", as the documentation says.
@@ -277,10 +277,6 @@ def inertia() -> Any:
 def fall(**more: Any) -> Any:
     floor = ao.Floor(law=ao.HuntCrossley(1e8, 0.3))
     return ao.drop(sphere(), 0.01, floor=floor, until=1, tol=1e-2, **more)
-
-
-def many_falls() -> Any:
-    return fall(ensemble=ao.Tilts(height=0.01), n=2)
 
 
 def square(x: float) -> float:
@@ -528,11 +524,11 @@ OWN: dict[str, dict[str, Any]] = {
     "cfc_filter": {"step": 1e-5, "signal": [0.0, 1.0, 0.0], "name": "CFC180"},
     "monte_carlo": {"run": lambda: square, "inputs": lambda: {"x": ao.normal(0.0, 1.0)}, "n": 5},
     "normal": {"mean": 0.0, "sigma": 1.0}, "lognormal": {"mean": 1.0, "variation": 0.1},
-    "uniform": {"low": 0.0, "high": 1.0}, "Sample.finite": {"quantity": "value"},
-    "Sample.quantile": {"quantity": "value", "q": 0.5},
-    "Sample.exceedance": {"quantity": "value", "limit": 0.5}, "Sample.plot": {"quantity": "value"},
+    "uniform": {"low": 0.0, "high": 1.0}, "Many.finite": {"quantity": "value"},
+    "Many.quantile": {"quantity": "value", "q": 0.5},
+    "Many.exceedance": {"quantity": "value", "limit": 0.5}, "Many.plot": {"quantity": "value"},
     "Fall.acceleration": {"times": [0.0, 0.01]},
-    "Drops.quantile": {"quantity": "peak_force", "q": 0.5},
+    "Many.worst": {"quantity": "value"}, "Many.largest": {"quantity": "value"},
     "ModalState": {"displacements": [0.0, 1e-6], "velocities": [1.0, 0.0]},
     "RigidBody": {"inertia": np.eye(3), "sites": {"foot": ((0, 0, 0), (0, 0, 1))}},
     "SiteModes": {"b": [[0.5, 0.1], [0.4, 0.2]], "sites": ["foot", "tip"]},
@@ -591,7 +587,6 @@ OWN: dict[str, dict[str, Any]] = {
 SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
     "FoundImpact": found_blow,
-    "Batch": lambda: ao.simulate_many(model(), sphere(), ao.Hertz(1e9), [1e-3, 2e-3]),
     "Gradient": lambda: ao.gradient(history(), "peak_force"),
     "DesignMap": lambda: design(),
     "SavedHistory": lambda: ao.History.load(saved_history()),
@@ -616,7 +611,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     ),
     "DampingMatrix": lambda: ao.DampingMatrix(np.eye(2)),
     "Floor": lambda: ao.Floor(law=ao.Hertz(1e8)), "SoftLayer": lambda: ao.SoftLayer(0.01, 1e6),
-    "Fall": fall, "Drops": many_falls, "Sample": spread,
+    "Fall": fall, "Many": spread,
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
 }  # fmt: skip

@@ -170,10 +170,10 @@ def impact_doubt(model: object, movers: Iterable[object], *velocities: object) -
     `model` is struck; its `info` has √(E/ρ) of the material where it was extracted. `movers` have a
     velocity; `velocities` are further ones [m/s]: numbers, arrays or a `Motion`.
     """
-    all_velocities = [*velocities, *(getattr(mover, "velocity", 0.0) for mover in movers)]
+    all_velocities = [*velocities, *[getattr(mover, "velocity", 0.0) for mover in movers]]
     speed = max(map(_fastest, all_velocities), default=0.0)
-    get_fact = getattr(getattr(model, "info", None), "get", lambda _: None)
-    wave = float(get_fact("wave_speed") or 0.0)
+    notes = getattr(getattr(model, "info", None), "notes", {})
+    wave = float(notes.get("wave_speed") or 0.0)
 
     sentence = doubt("speed", speed, "the speed of the blow, at which every metal yields,")
     if not sentence and 0 < wave < speed / LINEAR:

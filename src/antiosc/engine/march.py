@@ -398,6 +398,7 @@ def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
     """Why the integration stopped at t before the end; "" if it did not."""
     if answer == library.DONE:
         return ""
+
     return {
         library.TOO_MANY_CONTACTS: (
             f"stopped at {t:g} s: more than {max_contacts} contacts (chatter); shorten the duration"

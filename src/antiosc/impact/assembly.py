@@ -33,15 +33,15 @@ DEPTH_TOL = 0.1  # relative error of a depth
 
 
 def largest_indentation(
-    law: ContactLaw, speed: float, energy: float, push: float, high: float, close: float = DEPTH_TOL
+    law: ContactLaw, speed: float, energy: float, load: float, high: float, close: float = DEPTH_TOL
 ) -> float:
     """Largest indentation [m], at most `high` [m], of a new contact, to the relative error `close`.
 
-    The contact closes at `speed` [m/s]; it absorbs an energy [J] and the work of a force `push`
+    The contact closes at `speed` [m/s]; it absorbs an energy [J] and the work of a force `load`
     [N].
     """
     kernel, memory = packed(law)
-    depth = library.library.aom_law_deepest(byref(kernel), speed, energy, push, high, close)
+    depth = library.library.aom_law_deepest(byref(kernel), speed, energy, load, high, close)
     raise_error(memory)
     return float(depth)
 
@@ -88,11 +88,11 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
     for c, law in enumerate(system.laws):
         speed = float(system.speed[c])
         mass = float(system.mass[c])
-        push_force = float(forces[c])
-        farthest = speed * duration + push_force * duration**2
-        blow = _ContactStart(speed, 0.5 * mass * speed**2, push_force * mass, farthest)
+        load = float(forces[c])
+        farthest = speed * duration + load * duration**2
+        blow = _ContactStart(speed, 0.5 * mass * speed**2, load * mass, farthest)
         depth = largest_indentation(law, *blow)
-        mean_speed = speed + sqrt(2 * push_force * depth)
+        mean_speed = speed + sqrt(2 * load * depth)
         shortest = min(shortest, 3 * depth / mean_speed)
         system.depth[c] = depth
         if scene.contacts[c].friction > 0:
@@ -101,13 +101,13 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
 
 
 class _ContactStart(NamedTuple):
-    """Data of a contact's blow: closing speed [m/s], energy [J], push [N], largest possible
+    """Data of a contact's blow: closing speed [m/s], energy [J], load [N], largest possible
     indentation [m].
     """
 
     speed: float
     energy: float
-    push: float
+    load: float
     farthest: float
 
 
@@ -288,7 +288,7 @@ class Assembly:
         """Modal loads (n, J) at times (n,)."""
         return modal_loads(self.system, t)
 
-    def pushes(self, t: Array) -> Array:
+    def external_forces(self, t: Array) -> Array:
         """External forces (n, P) on all columns at times (n,)."""
         return scene_parts.external_forces(self.scene.loads, self.bodies, self._stacked, t)
 

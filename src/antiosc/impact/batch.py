@@ -5,22 +5,19 @@ Every scene of `simulate_many` is integrated as `simulate` does it.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import isfinite
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar, cast
+from typing import Any, TypeGuard, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks, plausible, process
-from antiosc.base._types import Array, Index
+from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
 from antiosc.base.progress import counting
-from antiosc.base.texts import COMPLETED, STOPPED, Result, range_text
+from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
@@ -33,15 +30,12 @@ from antiosc.impact.histories.run_end import (
     several,
     warn_batch,
 )
+from antiosc.impact.many import Many
 from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
 from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
 from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.models.body import LinearBody, info_of
-from antiosc.plot.charts import figure_or_path, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 T = TypeVar("T")
 
@@ -97,75 +91,12 @@ def common_length(lengths: dict[str, int]) -> int:
 SCENE = 3.2e3
 #: Scenes that are solved at once.
 CHUNK_SIZE = 4096
+#: The message of a run that ended as asked.
+ALL_WELL = "Completed."
 #: What a batch leaves out that `simulate` warns of.
 NOT_CHECKED = (
-    "truncation, cells and large deflections are not checked: simulate the hardest blow alone"
+    "truncation, cells and large deflections are not checked: simulate the worst impact alone"
 )
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Batch(Result):
-    """Results of many impacts, one entry per scene; see `History` for their meaning.
-
-    Attributes
-    ----------
-    peak_force, impulse, contact_time, restitution : (S,) float; restitution is NaN where
-        `History.restitution` is None.
-    contacts : (S,) number of contacts.
-    step, error : (S,) step used [s] and estimated relative error of the force (NaN: step given).
-    status : (S,) as in `History`; 2 for a scene that failed, whose numbers are NaN.
-    force : list of S pairs (time, force): nodes of the contacts, force linear in between.
-    message : list of S sentences that explain the status, or the error of a scene that failed.
-    """
-
-    peak_force: Array
-    impulse: Array
-    contact_time: Array
-    restitution: Array
-    contacts: Index
-    step: Array
-    error: Array
-    status: Index
-    force: list[tuple[Array, Array]]
-    message: list[str]
-
-    def __len__(self) -> int:
-        return self.peak_force.size
-
-    def numbers(self) -> dict[str, object]:
-        """Results of all scenes: name -> list of JSON values, None where there is no number."""
-        single = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step")
-        results = {name: getattr(self, name).tolist() for name in (*single, "error", "status")}
-        json_values = {
-            name: [x if isfinite(x) else None for x in values] for name, values in results.items()
-        }
-        return {**json_values, "message": list(self.message)}
-
-    def summary(self) -> str:
-        """How many scenes completed, and the range of their peak forces."""
-        completed = np.isfinite(self.peak_force)
-        rows = [f"{completed.sum()} of {len(self)} scenes have results"]
-        if completed.any():
-            low = self.peak_force[completed].min()
-            high = self.peak_force[completed].max()
-            rows.append(f"peak force {range_text(low, high, 'N')}")
-        if not completed.all():
-            rows.append("a scene that failed may have the largest force")
-        rows.append(NOT_CHECKED)
-        messages = dict.fromkeys(m for m, s in zip(self.message, self.status, strict=True) if s)
-
-        return "\n".join([*rows, *messages])
-
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """Peak force and contact time of all scenes; with `path` the picture is written."""
-        figure, axes = panels(2, 1, (6.4, 4.8), shown=path is None, sharex=True)
-        force_axes, time_axes = axes[:, 0]
-        force_axes.plot(self.peak_force, ".-")
-        force_axes.set_ylabel("peak force (N)")
-        time_axes.plot(1e3 * self.contact_time, ".-")
-        time_axes.set(xlabel="scene", ylabel="contact time (ms)")
-
-        return figure_or_path(figure, path)
 
 
 @checks.within_range
@@ -184,7 +115,7 @@ def simulate_many(
     gap: ArrayLike | None = None,
     max_contacts: int = MAX_CONTACTS,
     max_steps: int = MAX_STEPS,
-) -> Batch:
+) -> Many:
     """`simulate` for many scenes.
 
     Of the warnings of `simulate`, those on truncation, cells and large deflections are left out:
@@ -201,10 +132,11 @@ def simulate_many(
 
     Returns
     -------
-    Batch
-        In the order of the scenes. A scene whose integration fails, for instance because its force
-        leaves the range of its law, has status 2, NaN for numbers and the error as its message; a
-        warning names it.
+    Many
+        In the order of the scenes, with `peak_force`, `impulse`, `contact_time` and `restitution`
+        (NaN where it is not defined). A scene whose integration fails, for instance because its
+        force leaves the range of its law, is among the `failures`, with NaN for numbers; a warning
+        names it.
 
     Raises
     ------
@@ -250,7 +182,7 @@ def simulate_many(
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
     warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
 
-    return _batch_of(rows)
+    return _many(rows)
 
 
 def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
@@ -272,7 +204,7 @@ def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[
 
 @dataclass(eq=False)
 class _Row:
-    """Results of one scene of a batch; `error` is set for a scene that failed."""
+    """Results of one scene of a batch; `failure` is set for one that failed."""
 
     result: CheckResult
     peak_force: float = np.nan
@@ -281,16 +213,16 @@ class _Row:
     restitution: float = np.nan
     contacts: int = 0
     step: float = np.nan
-    accuracy: float = np.nan
+    error: float = np.nan
     force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
-    error: AntioscError | None = None
+    failure: AntioscError | None = None
     rotation: tuple[str, float] = ("", 0.0)
     told: str = ""
 
     @property
     def needed_radius(self) -> float:
         """Radius [m] of the patch that its force needs, if the force exceeds its law; else 0."""
-        return getattr(self.error, "radius", None) or 0.0
+        return getattr(self.failure, "radius", None) or 0.0
 
 
 def _solve_chunk(
@@ -359,7 +291,7 @@ def _row_of(
         return None
 
     run_end = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
-    check = CheckResult(COMPLETED, "Completed.")
+    check = CheckResult(COMPLETED, ALL_WELL)
     if answer != library.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
         check = check_result(assemble_pair(scene), run_end, settings.tol, settings.limits)
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
@@ -373,7 +305,7 @@ def _row_of(
         restitution=restitution,
         contacts=contacts,
         step=closed / steps if steps else contact_time_estimate,
-        accuracy=force,
+        error=force,
         force=pulses,
         rotation=(("structure", "impactor")[body], rotation) if rotation else ("", 0.0),
     )
@@ -399,7 +331,7 @@ def _solve_single(
 
 def _failed(error: AntioscError) -> _Row:
     """The row of a scene that failed."""
-    return _Row(CheckResult(STOPPED, str(error)), error=error)
+    return _Row(CheckResult(STOPPED, str(error)), failure=error)
 
 
 @checks.within_range
@@ -426,7 +358,7 @@ def _row(hit: History, check: CheckResult) -> _Row:
         restitution=np.nan if e is None else e,
         contacts=len(hit.contacts),
         step=hit.step,
-        accuracy=hit.error.get("force", np.nan),
+        error=hit.error.get("force", np.nan),
         force=hit.contact_histories[0].pulses(),
         rotation=hit.largest_rotation(),
     )
@@ -437,30 +369,32 @@ def _raise(rows: list[_Row]) -> None:
     that needs the largest patch, else of the first.
     """
     for i, row in enumerate(rows):
-        if isinstance(row.error, InputError):
-            raise type(row.error)(f"scene {i}: {row.error}") from row.error
-    if all(row.error is not None for row in rows):
+        if isinstance(row.failure, InputError):
+            raise type(row.failure)(f"scene {i}: {row.failure}") from row.failure
+    if all(row.failure is not None for row in rows):
         i = max(range(len(rows)), key=lambda k: rows[k].needed_radius)
-        error = rows[i].error
+        error = rows[i].failure
         assert error is not None
         raise type(error)(f"scene {i}: {error}") from error
 
 
-def _batch_of(rows: list[_Row]) -> Batch:
-    """The batch of these rows."""
+def _many(rows: list[_Row]) -> Many:
+    """The results of these rows."""
 
-    def column(name: str) -> Array:
-        return np.array([getattr(row, name) for row in rows], dtype=float)
+    def columns(*names: str) -> dict[str, Array]:
+        return {n: np.array([getattr(row, n) for row in rows], dtype=float) for n in names}
 
-    return Batch(
-        peak_force=column("peak_force"),
-        impulse=column("impulse"),
-        contact_time=column("contact_time"),
-        restitution=column("restitution"),
-        contacts=np.array([row.contacts for row in rows], dtype=np.intp),
-        step=column("step"),
-        error=column("accuracy"),
-        status=np.array([row.result.status for row in rows], dtype=np.intp),
+    told = {i: row.result.message for i, row in enumerate(rows)}
+    facts = columns("step", "error")
+    facts["contacts"] = np.array([row.contacts for row in rows], dtype=np.intp)
+    facts["status"] = np.array([row.result.status for row in rows], dtype=np.intp)
+
+    return Many(
+        values=columns("peak_force", "impulse", "contact_time", "restitution"),
+        failures={i: str(row.failure) for i, row in enumerate(rows) if row.failure is not None},
+        facts=facts,
+        messages={i: message for i, message in told.items() if message != ALL_WELL},
         force=[row.force for row in rows],
-        message=[row.result.message for row in rows],
+        what="impacts",
+        note=NOT_CHECKED,
     )

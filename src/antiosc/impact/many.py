@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 CONFIDENCE = 0.95
 #: Shares of the results below the quantiles that are told, unless others are asked for.
 QUANTILES = (0.05, 0.5, 0.95)
-#: Note on runs that failed: their number, and of how many.
-FAILED = "{} {} failed and count as larger than all others"
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,7 @@ class Many(Result):
         [s], "error" of the force (NaN: step given) and "status" as in `History`, 2 of one that
         failed. Of falls: number of "impacts", whether a contact "yields", and whether forces have
         "missed" the tolerance.
-    messages : number of each run that did not end as asked -> its message.
+    messages : number of each run that did not end as asked, or never touched -> its message.
     force : of impacts, the pairs (time, force) of each: nodes of its contacts, linear between.
     what : "impacts", "falls" or "runs".
     note : what holds of all runs, as a sentence without its full stop.
@@ -222,9 +220,10 @@ class Many(Result):
         """The quantile with notes on the runs that failed or lack the quantity."""
         lacking = len(self) - counted
         of = f"of {len(self)} {self.what}"
+        failed = f"{len(self.failures)} {of} failed and count as larger than all others"
         notes = [
             estimate.note,
-            FAILED.format(len(self.failures), of) if self.failures else "",
+            failed if self.failures else "",
             f"{lacking} {of} have no {quantity} and are left out" if lacking else "",
         ]
         return replace(estimate, note="; ".join(filter(None, notes)))
@@ -283,7 +282,8 @@ class Many(Result):
     def _facts(self) -> list[tuple[str, str]]:
         """Number of runs and quantiles of the first three quantities."""
         varied = f" of {', '.join(self.inputs)}" if self.inputs else ""
-        rows = [(self.what, f"{len(self)}{varied}; {len(self.failures)} failed")]
+        counted = " and count as the largest" if self.failures else ""
+        rows = [(self.what, f"{len(self)}{varied}; {len(self.failures)} failed{counted}")]
         levels = " and ".join(f"{100 * q:g}" for q in self.quantiles[-2:])
         levels = ", ".join([*(f"{100 * q:g}" for q in self.quantiles[:-2]), levels])
 
@@ -293,6 +293,9 @@ class Many(Result):
             lacks = f", without {lacking} {self.what}" if lacking else ""
             rows.append((name, f"{values} at {levels} %{lacks}"))
 
+        flags = {name: values for name, values in self.facts.items() if values.dtype == bool}
+        counts = {name: int(flag.sum()) for name, flag in flags.items()}
+        rows += [(name, f"{count} of {len(self)}") for name, count in counts.items() if count]
         others = {text: i for i, text in self.messages.items() if i not in self.failures}
         rows += [("message", text) for text in others]
         return rows + ([("note", self.note)] if self.note else [])

@@ -559,8 +559,9 @@ def simulate_impact(
     """Simulate one impact; returns the history and the check result before warnings."""
 
     def integrated(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
-        assembly = assemble_pair(scene._replace(model=model), stretch=True)
-        kind = partial(History, source=Blow(scene._replace(model=model), settings))
+        impact = scene if model is scene.model else scene._replace(model=model)
+        assembly = assemble_pair(impact, stretch=True)
+        kind = partial(History, source=Blow(impact, settings))
         return integrate(kind, assembly, scene.duration, settings)
 
     def rerun(model: AntiOscillators, tol: float) -> History:

@@ -33,7 +33,7 @@ from antiosc_app.scene_file.schema import KIND, parameters
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from antiosc import Batch, History, PeakField, Structure
+    from antiosc import History, Many, PeakField, Structure
     from antiosc.extension import Tradeoff
 
 
@@ -189,7 +189,7 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
 MOST_BARS = 50
 
 
-def budgets_of_rows(batch: Batch, arguments: Table) -> list[ErrorBudget | None]:
+def budgets_of_rows(batch: Many, arguments: Table) -> list[ErrorBudget | None]:
     """The error budget of each impact, None where it has none."""
     if len(batch) > MOST_BARS:
         return [None] * len(batch)
@@ -197,7 +197,7 @@ def budgets_of_rows(batch: Batch, arguments: Table) -> list[ErrorBudget | None]:
     lists = {name for name, values in arguments.items() if isinstance(values, list)}
     budgets: list[ErrorBudget | None] = []
     with progress.counting("error bars of the sweep", len(batch)) as report:
-        for i, status in enumerate(batch.status):
+        for i, status in enumerate(batch.facts["status"]):
             row = {name: x[i] if name in lists else x for name, x in arguments.items()}
             impact = {_SINGULAR.get(name, name): value for name, value in row.items()}
             budgets.append(None if status == STOPPED else _budget(impact))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import ImpactMap, simulate_many
+from antiosc import ImpactMap, Many, simulate_many
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import (
@@ -19,8 +19,7 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.base.progress import counting
-from antiosc.base.texts import STOPPED
-from antiosc_studies.chance.sample import FAILED, QUANTILES, Sample, checked_levels
+from antiosc.extension import QUANTILES, checked_levels
 
 #: Runs that are simulated together as one batch.
 TOGETHER = 100
@@ -156,7 +155,7 @@ def monte_carlo(
     *,
     seed: int = 0,
     quantiles: Sequence[float] = QUANTILES,
-) -> Sample:
+) -> Many:
     """Repeat a run with independent random inputs: the distribution of its results.
 
     Parameters
@@ -180,7 +179,7 @@ def monte_carlo(
 
     Returns
     -------
-    Sample
+    Many
 
     Warns
     -----
@@ -264,9 +263,7 @@ def _simulated(scenes: list[tuple[object, ...]]) -> list[Row]:
             return [str(error)]
         return [r for s in scenes for r in _simulated([s])]
     return [
-        {name: float(getattr(batch, name)[i]) for name in QUANTITIES}
-        if batch.status[i] != STOPPED
-        else batch.message[i]
+        batch.failures.get(i) or {name: float(batch.values[name][i]) for name in QUANTITIES}
         for i in range(len(scenes))
     ]
 
@@ -288,20 +285,19 @@ def _result(name: str, value: object) -> float:
     return checks.number(name, value)
 
 
-def sample_of(what: str, drawn: dict[str, Array], rows: list[Row]) -> Sample:
+def sample_of(what: str, drawn: dict[str, Array], rows: list[Row]) -> Many:
     """The sample of all runs (or falls: `what`); warns of failures, AntioscError if all failed."""
     failed = {i: row for i, row in enumerate(rows) if isinstance(row, str)}
     if len(failed) == len(rows):
         raise AntioscError(f"all {len(rows)} {what} failed, the first one so: {failed[0]}")
     if failed:
-        warn(
-            f"{FAILED.format(len(failed), f'of {len(rows)} {what}')} (see .failed); the first one:"
-            f" {next(iter(failed.values()))}",
-            AccuracyWarning,
-        )
+        told = f"{len(failed)} of {len(rows)} {what} failed and count as larger than all others"
+        first = next(iter(failed.values()))
+        warn(f"{told} (see .failures); the first one: {first}", AccuracyWarning)
+
     names = list(dict.fromkeys(name for row in rows if not isinstance(row, str) for name in row))
     values = {
         name: np.array([np.nan if isinstance(r, str) else r.get(name, np.nan) for r in rows])
         for name in names
     }
-    return Sample(drawn, values, failed)
+    return Many(values, failed, drawn, what=what)

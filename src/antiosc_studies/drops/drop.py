@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from antiosc import Many
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
@@ -16,7 +17,7 @@ from antiosc.base.process import one_thread
 from antiosc.base.progress import doing
 from antiosc.base.texts import engineering
 from antiosc_studies.drops.body import MODES, MOST_MODES, free_body
-from antiosc_studies.drops.ensemble import Drops, Tilts, tumbles
+from antiosc_studies.drops.ensemble import Tilts, tumbles
 from antiosc_studies.drops.fall import Fall, fall_of
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
 from antiosc_studies.drops.free_body import FreeBody
@@ -54,7 +55,7 @@ def drop(
     ensemble: Tilts | None = None,
     n: int = 100,
     seed: int = 0,
-) -> Fall | Drops:
+) -> Fall | Many:
     """Drop a part from a height and follow its flights and impacts until it rests.
 
     Parameters
@@ -95,13 +96,13 @@ def drop(
     tol : float
         Relative error of the contact forces in an impact, all contacts together.
     ensemble : Tilts, optional
-        Random variation: n falls are computed, and `Drops` are returned.
+        Random variation: n falls are computed, and `Many` is returned.
     n, seed
         For an ensemble: number of falls, seed of the draws.
 
     Returns
     -------
-    Fall, or Drops with `ensemble`.
+    Fall, or Many with `ensemble`.
 
     Raises
     ------

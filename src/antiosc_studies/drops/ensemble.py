@@ -1,39 +1,26 @@
-"""Ensembles of falls: `Tilts` of their starts, `Drops` with the distributions of results."""
+"""Ensembles of falls with random starts: `Tilts`."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from antiosc import Many
 from antiosc.base import checks
-from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.progress import counting
-from antiosc.base.texts import FieldsRepr, Result
+from antiosc.base.texts import FieldsRepr
 from antiosc_studies.chance.monte_carlo import rows_of_runs, sample_of
-from antiosc_studies.chance.sample import (
-    QUANTILES,
-    Quantile,
-    Sample,
-    finite_or_none,
-    levels_text,
-    quantile,
-)
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.trajectory import initial_state
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Results of each impact that are kept.
 QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
@@ -70,102 +57,6 @@ class Tilts(FieldsRepr):
             raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Drops(Result):
-    """The falls of an ensemble.
-
-    Attributes
-    ----------
-    values : name -> (n, k) results of each fall's impacts, NaN after its last impact: "peak_force"
-        [N], "impulse" [N s], "contact_time" [s], "lost" [J].
-    orientations : (n, 3, 3) rotations of the part at the start.
-    impacts : (n,) numbers of impacts.
-    failed : number of each fall that failed -> its message.
-    yields, missed : (n,) whether a contact yields, by Hertz's law and the yield strength of the
-        part; whether contact forces miss `tol`.
-    quantiles : as of `Sample`.
-    """
-
-    values: dict[str, Array]
-    orientations: Array
-    impacts: Array
-    failed: dict[int, str]
-    yields: BoolArray
-    missed: BoolArray
-    quantiles: tuple[float, ...] = QUANTILES
-
-    def __len__(self) -> int:
-        return len(self.impacts)
-
-    @property
-    def status(self) -> int:
-        """1 if falls failed or do not reach `tol`, else 0."""
-        return int(bool(self.failed) or bool(self.missed.any()))
-
-    @property
-    def message(self) -> str:
-        """How many falls failed, and how many do not reach `tol`."""
-        failed = len(self.failed)
-        missed_count = int(self.missed.sum())
-        return f"Of {len(self)} falls {failed} failed and {missed_count} do not reach tol."
-
-    def numbers(self) -> dict[str, object]:
-        """Quantiles of the largest values of the falls: name -> JSON value."""
-        levels = {f"{100 * share:g} %": share for share in self.quantiles}
-        return {
-            "falls": len(self),
-            **{
-                name: {text: finite_or_none(self.quantile(name, q)) for text, q in levels.items()}
-                for name in self.values
-            },
-            "status": self.status,
-            "message": self.message,
-        }
-
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """The distribution of the falls' largest forces; with `path` the picture is written."""
-        falls = {"fall": np.arange(float(len(self)))}
-        return Sample(falls, {"largest force of a fall (N)": self.largest()}, {}).plot(path)
-
-    def largest(self, quantity: str = "peak_force", impact: int | None = None) -> Array:
-        """Largest value (n,) of each fall, or its value in the impact of this number, from 0."""
-        checks.choice("quantity", quantity, tuple(self.values))
-        table = self.values[quantity]
-        if impact is not None:
-            last_impact = table.shape[1] - 1
-            return table[:, checks.whole("impact", impact, least=0, most=last_impact)]
-        return np.nanmax(np.where(np.isnan(table), -np.inf, table), axis=1)
-
-    def quantile(
-        self,
-        quantity: str,
-        q: float,
-        impact: int | None = None,
-        confidence: float = 0.95,
-    ) -> Quantile:
-        """The quantile q of the falls' largest values, with its confidence interval.
-
-        The interval is that between order statistics, for any distribution (binomial). A fall that
-        failed counts as larger than all others.
-        """
-        values = self.largest(quantity, impact)
-        values = values[np.isfinite(values)]
-        if not len(values):
-            raise InputError("no fall has such an impact.")
-        values = np.append(values, np.full(len(self.failed), np.inf))
-        return quantile(values, q, confidence)
-
-    def _facts(self) -> list[tuple[str, str]]:
-        q = [f"{self.quantile('peak_force', s).value:.4g}" for s in self.quantiles]
-        remarks = [f"{len(self.failed)} of them failed"]
-        remarks += [f"{self.yields.sum()} yield in contact"] if self.yields.any() else []
-        remarks += [f"{self.missed.sum()} do not reach tol"] if self.missed.any() else []
-        return [
-            ("falls", ", ".join([f"{len(self)}", *remarks])),
-            ("peak force", f"{', '.join(q)} N at {levels_text(self.quantiles)}"),
-        ]
-
-
 def tumbles(
     body: FreeBody,
     start: State,
@@ -173,7 +64,7 @@ def tumbles(
     ensemble: Tilts,
     n: int,
     seed: int,
-) -> Drops:
+) -> Many:
     """The falls of an ensemble, each drawn from a seed that depends on its number alone."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
     draw = partial(_random_fall, body.alone(), start, setting, ensemble)
@@ -185,20 +76,34 @@ def tumbles(
             report(len(rows))
 
     sample = sample_of("falls", {}, rows)
-    table = {
+    values = {
         name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
         for name in QUANTITIES
     }
-    count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
-    yields, missed = (sample.values[n] > 0 for n in ("yields", "missed"))
+    yields, missed = (sample.values[name] > 0 for name in ("yields", "missed"))
+    not_reached = f"have contact forces that do not reach tol = {setting.tol:g}"
+
     for flags, text in (
         (yields, "yield in contact, where Hertz's force is too high: see the notes of one fall"),
-        (missed, f"have contact forces that do not reach tol = {setting.tol:g}"),
+        (missed, not_reached),
     ):
         if flags.any():
             warn(f"{flags.sum()} of {n} falls {text}.", AccuracyWarning)
-    starts = np.array([draw(s)[1].R for s in seeds])
-    return Drops(table, starts, count, sample.failed, yields, missed)
+
+    facts = {
+        "impacts": np.sum(~np.isnan(values["peak_force"]), axis=1),
+        "yields": yields,
+        "missed": missed,
+    }
+    messages = dict.fromkeys(np.flatnonzero(missed).tolist(), f"Some falls {not_reached}.")
+
+    return replace(
+        sample,
+        values=values,
+        inputs={"orientation": np.array([draw(one)[1].R for one in seeds])},
+        facts=facts,
+        messages={**messages, **sample.failures},
+    )
 
 
 def _random_fall(

@@ -188,7 +188,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
             braked[inner_nodes] = work[inner_nodes] - contact_work - stored_change
         elif a.system.damped:
             braked[inner_nodes] = _damping_losses(a, part, q, v)
-    external_forces = a.pushes(run.time)
+    external_forces = a.external_forces(run.time)
     felt = external_forces - run.force @ a.G
     residual = felt @ a.r
     work, braked = _work_and_losses(a, run, kinetic + modal, work, braked)

@@ -271,12 +271,12 @@ class RunHistory(OneContact):
             nodes = slice(2 * first, 2 * last + 1)
             motion[::2, nodes] = (q @ (a.B @ rows)).T
             motion[1::2, nodes] = (v @ (a.B @ rows)).T
-        motion[::2] += ((a.pushes(run.time) - run.force @ a.G) @ (a.r @ rows)).T
+        motion[::2] += ((a.external_forces(run.time) - run.force @ a.G) @ (a.r @ rows)).T
         return motion
 
     def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
         a = self.assembly
-        f = self.assembly.pushes(time) - force @ a.G
+        f = self.assembly.external_forces(time) - force @ a.G
         columns = q @ a.B + f @ a.r
         kinetic = 0.5 * v**2
         strain = 0.5 * (a.system.omega * q) ** 2

@@ -84,21 +84,25 @@ def check_result(
     """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: spurious gain of
     energy.
     """
-    failure = stopped(ended.answer, ended.time, *limits)
-    ringing = "" if assembly.system.damped else UNDAMPED
-    if failure:
+    if failure := stopped(ended.answer, ended.time, *limits):
         reason = failure[0].upper() + failure[1:] + "."
-        return CheckResult(STOPPED, reason + ringing * (ended.answer == library.TOO_MANY_STEPS))
+        ringing = _ringing(assembly) if ended.answer == library.TOO_MANY_STEPS else ""
+        return CheckResult(STOPPED, reason + ringing)
 
     message = cut_short_message(assembly, ended)
     if doubt := inexact_message(ended, tol, limits[1], gain):
-        steps = ringing if needs_steps(ended, tol) else ""
+        steps = _ringing(assembly) if needs_steps(ended, tol) else ""
         return CheckResult(INEXACT, f"{doubt}{steps} {message}".rstrip())
     if untouched := no_contact_message(assembly, ended):
         return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
     if message:
         return CheckResult(TOUCHING, message)
     return CheckResult(COMPLETED, "Completed.")
+
+
+def _ringing(assembly: Assembly) -> str:
+    """Remedy for the many steps of bodies that ring on; "" if they are damped."""
+    return "" if assembly.system.damped else UNDAMPED
 
 
 def inexact_message(
