@@ -27,6 +27,7 @@ COMMANDS = {
     "map": "simulate the impact at every point of the section [map]",
     "tradeoff": "error against seconds and memory of the impact of a scene file",
     "export": "write the impact of a scene file for another program: FMU or C",
+    "mcp": "answer the calls of an assistant (Model Context Protocol): antiosc mcp FOLDER",
 }
 
 
@@ -153,6 +154,11 @@ ARGUMENTS: dict[str, list[Argument]] = {
         FILE,
         _argument("out", "the file to write, .fmu or .c", "OUT"),
         _argument("--fmi", "version of an FMU", type=int, choices=(2, 3), default=2),
+    ],
+    "mcp": [
+        _argument("folder", "files are read and written below it alone", "FOLDER"),
+        _argument("--seconds", "longest call", "SECONDS", type=float, default=600.0),
+        _argument("--gigabytes", "largest memory of a call", "GB", type=float, default=8.0),
     ],
 }
 

@@ -25,7 +25,7 @@ from antiosc_app.scene_file.scene import STUDIES, CompiledScene, place_of
 from antiosc_app.scene_file.settled import Settled, settled
 
 if TYPE_CHECKING:
-    from antiosc.extension import TradeoffMember
+    from antiosc.extension import Tradeoff, TradeoffMember
 
 
 def guarded(options: Namespace) -> int:
@@ -128,20 +128,9 @@ def _tradeoff(options: Namespace) -> int:
     """`antiosc tradeoff`: print error against seconds and memory of an impact, and draw it."""
     start = time.perf_counter()
     page = _page(options)
-    scene = compiled(to_a_tolerance(settled(read(options.file)).scene.document))
-    arguments = {**one_impact(scene, options.file)}
     given = {name: getattr(options, name) for name in ("tol", "compare", "limit")}
-    arguments |= {name: value for name, value in given.items() if value is not None}
-    from antiosc.extension import line_of  # needs dolfinx
-
-    print_text(f"As they are computed:\n{line_of()}")
-
-    def ready(member: TradeoffMember) -> None:
-        print_text(line_of(member.cells()))
-
-    arguments["ready"] = ready
-    with run.collected_warnings(scene.warnings):
-        tradeoff = Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
+    given = {name: value for name, value in given.items() if value is not None}
+    scene, tradeoff = compared(read(options.file), True, **given)
     print_text(f"\n{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
     for sentence in scene.warnings:
         print_text(labelled(sentence), sys.stderr)
@@ -153,6 +142,24 @@ def _tradeoff(options: Namespace) -> int:
     whole = plain(time.perf_counter() - start, 3)
     print_text(f"In all {whole} s, of which the methods took {plain(methods, 3)} s.")
     return 0
+
+
+def compared(
+    document: Document, told: bool = False, **given: object
+) -> tuple[CompiledScene, Tradeoff]:
+    """(scene, methods that compute its impact); `told`: each is printed once it has run."""
+    scene = compiled(to_a_tolerance(settled(document).scene.document))
+    arguments = {**one_impact(scene, str(document.path)), **given}
+    from antiosc.extension import line_of  # needs dolfinx
+
+    def ready(member: TradeoffMember) -> None:
+        print_text(line_of(member.cells()))
+
+    if told:
+        print_text(f"As they are computed:\n{line_of()}")
+        arguments["ready"] = ready
+    with run.collected_warnings(scene.warnings):
+        return scene, Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
 
 
 def to_a_tolerance(document: Document) -> Document:
@@ -207,24 +214,35 @@ def _check_probes(begun: Settled) -> None:
         evaluate(Call(check_point, given, call.place))
 
 
-def _study(options: Namespace) -> int:
-    """`antiosc run`, `sweep`, `map`, …: compute, print and write."""
-    document = read(options.file)
+def of_study(document: Document, command: str) -> CompiledScene:
+    """The calls of a document that has what a command computes; else InputError."""
     scene = compiled(document)
-    study = STUDIES[options.command]
+    study = STUDIES[command]
     if getattr(scene, study.result) is None:
-        raise InputError(f"{options.file} has {study.lacking}.")
-    page = _page(options)
-    # --out, or a folder named after a scene that has [output]
-    target = f"{Path(options.file).stem}_out" if scene.output is not None else None
-    target = target if options.out is None else options.out
-    folder = None if target is None else report.folder(target)
+        raise InputError(f"{document.path} has {study.lacking}.")
+    return scene
+
+
+def made(document: Document, scene: CompiledScene, command: str) -> run.SceneResults:
+    """The results of a study of a document."""
     begun = Settled(scene, Evaluation(scene.document))
     first = run.results(scene, ("structure",), begun.evaluate)
     scene.warnings[:] = first.warnings
     _check_probes(begun)
     scene, evaluate = settled(document, begun)
-    computed = run.results(scene, study.makes, evaluate)
+    return run.results(scene, STUDIES[command].makes, evaluate)
+
+
+def _study(options: Namespace) -> int:
+    """`antiosc run`, `sweep`, `map`, …: compute, print and write."""
+    document = read(options.file)
+    scene = of_study(document, options.command)
+    page = _page(options)
+    # --out, or a folder named after a scene that has [output]
+    target = f"{Path(options.file).stem}_out" if scene.output is not None else None
+    target = target if options.out is None else options.out
+    folder = None if target is None else report.folder(target)
+    computed = made(document, scene, options.command)
     # what structures hold is asked on every rank, and written on the first
     parts = results.presentations(computed)
     is_brief = not options.verbose and any(part.answers for part in parts)
@@ -246,4 +264,15 @@ def _stopped_early(computed: run.SceneResults) -> bool:
     return STOPPED in (getattr(computed.history, "status", 0), *statuses)
 
 
-_OTHERS = {"new": _new, "open": _open, "check": _check, "tradeoff": _tradeoff, "export": _export}
+def _mcp(options: Namespace) -> int:
+    """Run `antiosc mcp`; returns the exit code."""
+    from antiosc_app.agents import serve
+
+    serve(options.folder, options.seconds, options.gigabytes)
+    return 0
+
+
+_OTHERS = {
+    **{"new": _new, "open": _open, "check": _check, "tradeoff": _tradeoff, "export": _export},
+    "mcp": _mcp,
+}

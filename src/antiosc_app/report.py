@@ -198,11 +198,17 @@ def write_report(
 
 def write_report_of(scene: CompiledScene, compared: Tradeoff, path: Path) -> Path:
     """Write the report of a trade-off of a scene, with its text and its warnings."""
+    page_results = results_of(scene, compared)
+    return write_page(page_results, presentations(page_results), path)[0]
+
+
+def results_of(scene: CompiledScene, compared: Tradeoff) -> SceneResults:
+    """The results of a trade-off of a scene."""
     title = str(scene.document.data.get("title") or scene.document.path.stem)
     page_results = _results_of(compared, None, title)
     page_results.compiled = scene
     page_results.warnings = list(scene.warnings)
-    return write_page(page_results, presentations(page_results), path)[0]
+    return page_results
 
 
 def _results_of(reported: Any, structure: Structure | None, title: str) -> SceneResults:
@@ -258,10 +264,9 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     names = [program, f"Python {platform.python_version()}, NumPy {np.__version__}", date]
     source = ""
     if results.compiled is not None:
-        path = results.compiled.document.path
-        names.insert(0, path.name)
-        with contextlib.suppress(OSError):  # the file may have gone since it was read
-            source = _uncommented(path.read_text(encoding="utf-8"))
+        document = results.compiled.document
+        names.insert(0, document.path.name)
+        source = _uncommented(document.problems.text)
 
     script = "" if data is None else live.script()
     views = (picture for part in (*parts, model) for picture in part.pictures)

@@ -111,9 +111,15 @@ class Sources:
         self._open.pop()
 
 
+#: Variable with the folder above which no file is read: that of `antiosc mcp`.
+LIMIT = "ANTIOSC_FOLDER"
+
+
 def _root(path: Path) -> Path:
     """Folder of all files that a deck may include: its own, or its parent if the user owns both."""
     folder = path.resolve().parent
+    if LIMIT in os.environ and not folder.parent.is_relative_to(os.environ[LIMIT]):
+        return folder
     try:
         own = all(item.stat().st_uid == os.getuid() for item in (path, folder, folder.parent))
     except OSError:

@@ -39,7 +39,7 @@ MEMORY_PER_BYTE = 100
 #: Share of the machine's memory that no reader exceeds.
 READER_MEMORY_SHARE = 0.9
 #: The only environment variables that the reading process gets.
-ENVIRONMENT = ("PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
+ENVIRONMENT = ("PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS", "ANTIOSC_FOLDER")
 #: Folders of files that are no data: reading them may never end.
 SYSTEM = ("/proc", "/sys", "/dev")
 

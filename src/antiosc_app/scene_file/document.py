@@ -28,6 +28,7 @@ Table: TypeAlias = Mapping[str, Any]
 LARGEST_FILE = 4_000_000
 #: Deepest brackets within each other.
 DEEPEST = 32
+TOO_DEEP = f"{{}}:1: brackets are nested deeper than {DEEPEST} levels."
 #: Most sentences of one report, and mistakes after which no further ones are looked for.
 MOST_SHOWN, MOST_FOUND = 100, 1000
 #: Control characters, line ends among them.
@@ -97,7 +98,7 @@ def read(path: str | os.PathLike[str]) -> Document:
     """Read a scene file; SceneFileError for a text that is not TOML, InputError for no file."""
     source = checks.path("the scene file", path)
     text = _text(source)
-    too_deep = f"{source}:1: brackets are nested deeper than {DEEPEST} levels."
+    too_deep = TOO_DEEP.format(source)
     if checks.nests_deeper(text, 4 * DEEPEST):  # brackets of strings over several lines count too
         raise SceneFileError(too_deep)
     try:
@@ -108,12 +109,17 @@ def read(path: str | os.PathLike[str]) -> Document:
         raise SceneFileError(too_deep) from None
     except ValueError as error:
         raise SceneFileError(f"{source}:1: this is not a TOML file: {error}.") from None
+    return checked(source, data, text)
+
+
+def checked(source: Path, data: dict[str, Any], text: str) -> Document:
+    """The document of tables, whose depth and texts are checked; `text` has their lines."""
     problems = Problems(str(source), text)
     level: list[tuple[Place, object]] = [((), data)]  # level by level, without recursion
     for _ in range(DEEPEST):
         level = [inner for place, value in level for inner in _inner(place, value, problems)]
     if any(isinstance(value, dict | list) for _, value in level):
-        raise SceneFileError(too_deep)
+        raise SceneFileError(TOO_DEEP.format(source))
     problems.raise_if_any()
     return Document(source, data, problems)
 
