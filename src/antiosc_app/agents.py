@@ -45,27 +45,32 @@ PAGES = {"glossary": "What the terms mean", "limits": "What the numbers leave ou
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 ELSEWHERE = "https://github.com/antiosc/antiosc/tree/main/docs"
 
-# -- schemas, from the sections of scenes
-
-
-def scene_schema(whole: bool) -> Table:
-    """The JSON schema of a scene: its sections, and their keys if it is the `whole` one."""
-    sections = {}
-    for name, section in SECTIONS.items():
-        sections[name] = {"description": section.about}
-        keys = (
-            dict.fromkeys(key for one in section.makes for key in parameters(one)) if whole else {}
-        )
-        table: Table = {"properties": {key: {} for key in keys if key not in section.given.split()}}
-        if len(section.makes) > 1:
-            table["properties"][KIND] = {"enum": list(section.makes)}
-        if whole and section.form == "named":
-            sections[name]["additionalProperties"] = table
-        elif whole:
-            sections[name] |= {"items": table} if section.form == "list" else table
-    return {"type": ["object", "string"], "description": SCENE, "properties": sections}
-
-
+#: Tool -> its arguments, and what it does.
+ABOUT = {
+    "look": ("file unit piece", "Look at a part (mesh, CAD, deck): pieces, faces with the support"
+        " that fixes each, size, guessed unit, a draft of a scene, and a picture."),
+    "materials": ("query", "Materials whose name contains the query: constants and sources."),
+    "check": ("scene", "Look for mistakes in a scene, without meshing."),
+    "strike": ("scene pictures", "Compute the impact of a scene."),
+    "drop": ("scene pictures", "Compute the fall of a part: a scene with the section drop."),
+    "map": ("scene pictures", "Compute an impact at many points: a scene with the section map."),
+    "sweep": ("scene pictures", "Compute an impact for several values: the section sweep."),
+    "tradeoff": ("scene pictures", "Error against seconds and memory of an impact."),
+    "report": ("scene path pictures", "Compute a scene and write its report, a new .html file."),
+    "explain": ("result quantity", "The causes of a number's bar, and what narrows each."),
+}  # fmt: skip
+#: Argument of a tool -> its schema, and those that may be left out.
+ARGUMENTS: dict[str, Table] = {
+    "file": {"type": "string", "description": "a path below the folder of this server"},
+    "path": {"type": "string", "description": "a new file below the folder of this server"},
+    "result": {"type": "string", "description": "the hash of an answer"},
+    "quantity": {"type": "string", "description": "the name of a number of that answer"},
+    "query": {"type": "string", "maxLength": 100},
+    "unit": {"type": "string", "description": "of the file, as mm, in or m"},
+    "piece": {"type": "integer", "minimum": 1},
+    "pictures": {"type": "integer", "minimum": 0, "maximum": 8, "description": "1 by default"},
+}
+OPTIONAL = {"query", "unit", "piece", "pictures"}
 SCENE = (
     "The sections of a scene in SI units, or the path of a scene file (.toml). An impact is"
     ' {"geometry": {"source": "part.step"}, "material": "steel S235", "supports": [{"plane":'
@@ -74,34 +79,6 @@ SCENE = (
     ' "Sphere", "radius": 0.01, "material": "bearing steel 100Cr6", "velocity": 1.0}, "simulate":'
     ' {"duration": "auto"}}. Keys of all sections: the resource antiosc://scene.'
 )
-FILE = {"type": "string", "description": "path below the folder of this server"}
-PICTURES = {"type": "integer", "minimum": 0, "maximum": 8, "description": "how many, 1 by default"}
-#: Tool -> what it does, its arguments, and those that may be left out.
-ABOUT: dict[str, tuple[str, Table, Table]] = {
-    "look": (
-        "Look at a part (mesh, CAD file or deck): pieces, faces with the support that fixes each,"
-        " size, guessed unit, a draft of a scene, and a picture.",
-        {"file": FILE},
-        {"unit": {"type": "string"}, "piece": {"type": "integer", "minimum": 1}},
-    ),
-    "materials": (
-        "Materials whose name contains the query, with constants and sources.",
-        {},
-        {"query": {"type": "string", "maxLength": 100}},
-    ),
-    "check": ("Look for mistakes in a scene, without meshing.", {"scene": {}}, {}),
-    "strike": ("Compute the impact of a scene.", {"scene": {}}, {"pictures": PICTURES}),
-    "drop": ("Compute the fall of a part: a scene with drop.", {"scene": {}}, {"pictures": PICTURES}),
-    "map": ("Compute the impact at many points: a scene with map.", {"scene": {}}, {"pictures": PICTURES}),
-    "sweep": ("Compute an impact for several values: a scene with sweep.", {"scene": {}}, {"pictures": PICTURES}),
-    "tradeoff": ("Error against seconds of an impact.", {"scene": {}}, {"pictures": PICTURES}),
-    "report": ("Compute a scene and write its report, a new .html file.", {"scene": {}, "path": FILE}, {"pictures": PICTURES}),
-    "explain": (
-        "The causes of the bar of a number, and what narrows each.",
-        {"result": {"type": "string", "description": "hash of an answer"}, "quantity": {"type": "string"}},
-        {},
-    ),
-}  # fmt: skip
 #: What every answer has.
 ANSWER = {
     "type": "object",
@@ -116,15 +93,30 @@ ANSWER = {
 }
 
 
+# -- schemas
+
+
+def scene_schema(whole: bool) -> Table:
+    """The JSON schema of a scene: its sections, and their keys if it is the `whole` one."""
+    sections: Table = {name: {"description": one.about} for name, one in SECTIONS.items()}
+    for name, section in SECTIONS.items() if whole else ():
+        keys = dict.fromkeys(key for one in section.makes for key in parameters(one))
+        table: Table = {"properties": {key: {} for key in keys if key not in section.given.split()}}
+        if len(section.makes) > 1:
+            table["properties"][KIND] = {"enum": list(section.makes)}
+        key = {"named": "additionalProperties", "list": "items"}.get(section.form)
+        sections[name] |= table if key is None else {key: table}
+    return {"type": ["object", "string"], "description": SCENE, "properties": sections}
+
+
 def input_schema(name: str) -> Table:
     """The JSON schema of the arguments of a tool."""
-    _, needed, optional = ABOUT[name]
-    properties = {key: table or scene_schema(whole=False) for key, table in needed.items()}
-    properties |= optional
+    known = {**ARGUMENTS, "scene": scene_schema(whole=False)}
+    names = ABOUT[name][0].split()
     return {
         "type": "object",
-        "properties": properties,
-        "required": list(needed),
+        "properties": {key: known[key] for key in names},
+        "required": [key for key in names if key not in OPTIONAL],
         "additionalProperties": False,
     }
 
@@ -145,14 +137,10 @@ class Tools:
 
     async def listed(self, _context: Any, _params: Any) -> types.ListToolsResult:
         """The tools."""
+        schemas = {"output_schema": ANSWER}
         tools = [
-            types.Tool(
-                name=name,
-                description=about,
-                input_schema=input_schema(name),
-                output_schema=ANSWER,
-            )
-            for name, (about, *_) in ABOUT.items()
+            types.Tool(name=name, description=text, input_schema=input_schema(name), **schemas)
+            for name, (_, text) in ABOUT.items()
         ]
         return types.ListToolsResult(tools=tools)
 
@@ -214,7 +202,8 @@ class Tools:
         began = anyio.current_time()
         request = {"tool": name, "arguments": arguments, "folder": str(self.folder)}
         try:
-            assert process.stdin and process.stdout
+            assert process.stdin
+            assert process.stdout
             await process.stdin.send(f"{json.dumps(request | {'memory': self.memory})}\n".encode())
             lines = BufferedByteReceiveStream(process.stdout)
             while True:

@@ -1,4 +1,4 @@
-"""One tool call of `antiosc mcp`, in a process of its own: the road of `antiosc run`.
+"""One tool call of `antiosc mcp` in a process of its own: the road of `antiosc run`.
 
 The process reads a request as JSON and writes lines of JSON: what it does, then the answer. A
 request holds data; nothing in it is executed, and files are read and written only below one folder.
@@ -33,7 +33,6 @@ from antiosc_app.scene_file import schema
 from antiosc_app.scene_file.build import Evaluation, calls_in
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, Place, checked, label, read
-from antiosc_app.scene_file.scene import STUDIES
 
 if TYPE_CHECKING:
     from antiosc_app.scene_file.scene import CompiledScene
@@ -46,7 +45,7 @@ STATUS = ("completed", "completed: tol is not met", "stopped early", "completed:
 #: Why numbers of files and of materials have no bar.
 AS_READ, ONE_VALUE = "it is read from the file", "its sources give one value"
 #: Objects of a scene whose defaults are told.
-OBJECTS = ("structure", "model", "impactor", "contact", "scene", "history", "fall", "map", "batch")
+OBJECTS = ("structure", "model", "impactor", "contact", "scene", "history", "fall", "map")
 
 
 class Refusal(InputError):
@@ -60,7 +59,7 @@ class Refusal(InputError):
 def refused(sentence: str, **told: Any) -> Table:
     """The answer of a refusal: its first sentence, and all mistakes."""
     lines = sentence.splitlines() or ["refused."]
-    refusal = {"message": lines[0], "mistakes": lines, "key": "", "choices": [], **told}
+    refusal = {"mistakes": lines, "key": "", "choices": [], **told}
     return {"status": "refused", "text": lines[0], "quantities": [], "refusal": refusal}
 
 
@@ -73,28 +72,15 @@ def hash_of(inputs: object) -> str:
 
 
 def within(root: Path, name: str, base: Path | None = None) -> Path:
-    """The path of a file below the folder, links resolved; else Refusal."""
+    """The path of a file below the folder `root`, links resolved; else Refusal."""
     try:
         path = ((base or root) / name).resolve()
-    except (OSError, ValueError, RuntimeError):
+        path.exists()
+    except (OSError, ValueError, RuntimeError):  # a name that no system takes
         raise Refusal("path", f"{checks.shown(name)} is no path of a file.") from None
     if not path.is_relative_to(root):
         raise Refusal("path", f"{checks.shown(name)} lies outside of the folder of this server.")
     return path
-
-
-def document_of(scene: Table | str, root: Path) -> Document:
-    """The scene of a call, as its file is read, or from its sections."""
-    if isinstance(scene, str):
-        document = read(within(root, scene))
-    else:
-        document = checked(root / "scene.json", scene, json.dumps(scene, indent=1))
-    for place, value in values_in(document.data):
-        if value is None or (isinstance(value, float) and not math.isfinite(value)):
-            raise Refusal("scene", f"{label(place)} is no finite number.", label(place))
-        if isinstance(value, str):
-            within(root, value, document.path.parent)
-    return document
 
 
 def values_in(data: object, place: Place = ()) -> Iterator[tuple[Place, object]]:
@@ -106,31 +92,53 @@ def values_in(data: object, place: Place = ()) -> Iterator[tuple[Place, object]]
         yield from values_in(value, (*place, key))
 
 
+def document_of(scene: Table | str, root: Path) -> Document:
+    """The scene of a call: a file, or sections."""
+    if isinstance(scene, str):
+        document = read(within(root, scene))
+    else:
+        document = checked(root / "scene.json", scene, json.dumps(scene, indent=1))
+    for place, value in values_in(document.data):
+        if value is None or (isinstance(value, float) and not math.isfinite(value)):
+            raise Refusal("scene", f"{label(place)} is no finite number.", label(place))
+    return document
+
+
+def files_of(base: Path, data: Table, root: Path) -> Table:
+    """Name -> hash of each file that a text names; Refusal of one outside of the folder."""
+    hashes = {}
+    for _, name in values_in(data):
+        path = within(root, name, base) if isinstance(name, str) else root
+        if path.is_file():
+            with path.open("rb") as stream:
+                digest = hashlib.file_digest(stream, "sha256").hexdigest()
+            hashes[str(path.relative_to(root))] = digest
+    return hashes
+
+
 def require_decided(document: Document, root: Path) -> None:
     """Refusal if a material, a support or the unit of a file is missing, with the choices."""
     from antiosc.io.cad import STATES_UNIT
     from antiosc.io.neutral import SYSTEMS
 
-    data = document.data
-    parts = data["parts"] if isinstance(data.get("parts"), dict) else {"": data}
-    free = "drop" in data or (parts is not data and "supports" in data)
-    for name, part in parts.items():
-        sections = part if isinstance(part, dict) else {}
-        section = "deck" if "deck" in sections else "geometry"
-        table = sections.get(section)
+    parts = document.data.get("parts", {"": document.data})
+    free = "drop" in document.data or ("parts" in document.data and "supports" in document.data)
+    for name, part in parts.items() if isinstance(parts, dict) else ():
+        section = "deck" if isinstance(part, dict) and "deck" in part else "geometry"
+        table: Any = part.get(section) if isinstance(part, dict) else None
         file = table.get("path", table.get("source")) if isinstance(table, dict) else None
         if not isinstance(file, str):
-            continue
+            continue  # the scene itself has the sentence for it
         at = f"parts.{name}." if name else ""
         path = within(root, file, document.path.parent)
 
-        if "unit" not in table and (path.suffix.lower() not in STATES_UNIT):
+        if "unit" not in table and path.suffix.lower() not in STATES_UNIT:
             sentence = f"{path.name} states no unit: give {at}{section}.unit."
             raise Refusal("unit", sentence, f"{at}{section}.unit", SYSTEMS)
-        if section == "geometry" and "material" not in sections:
+        if section == "geometry" and "material" not in part:
             sentence = f"the material decides the answer: give {at}material."
             raise Refusal("material", sentence, f"{at}material", materials.names())
-        if section == "geometry" and "supports" not in sections and not free:
+        if section == "geometry" and "supports" not in part and not free:
             choices = [*seen(path, table.get("unit"))[2].values(), []]
             sentence = f"the supports decide the answer: give {at}supports, [] of a free part."
             raise Refusal("support", sentence, f"{at}supports", choices)
@@ -139,131 +147,124 @@ def require_decided(document: Document, root: Path) -> None:
 # -- the tools
 
 
-def seen(path: Path, unit: str | None, piece: int | None = None) -> tuple[Any, Any, Table, Table]:
+def seen(path: Path, unit: str | None, piece: int | None = None) -> tuple[Any, Table, Table, Table]:
     """(look at a part, its first scene, name of a face -> its support, name -> where it lies)."""
     from antiosc_app.edited import EditedScene
     from antiosc_app.inspecting import inspect_part
     from antiosc_app.skin import places, skin
 
     if not path.is_file():
-        raise Refusal("path", f"there is no file {checks.shown(path.name)} in its folder.")
-    look = inspect_part(path, unit=unit, piece=piece)
-    scene = EditedScene(path, look, {}, ())
+        raise Refusal("path", f"there is no file {checks.shown(path.name)}.")
+    part = inspect_part(path, unit=unit, piece=piece)
+    scene = EditedScene(path, part, {}, ())
     calls = compiled(scene.document())
-    shape, faces, _ = skin(Evaluation(calls.document)(calls.structure), look)
-    return look, scene.sections, dict(faces), places(shape, list(faces))
+    shape, faces, _ = skin(Evaluation(calls.document)(calls.structure), part)
+    return part, scene.sections, dict(faces), places(shape, list(faces))
 
 
 def look(root: Path, file: str, unit: str | None = None, piece: int | None = None) -> Answer:
     """A part: pieces, faces, size, and a scene that lacks what the file does not decide."""
     path = within(root, file)
-    part, scene, faces, where = seen(path, unit, piece)
-    known = {"geometry", "deck", "sites", "extract", "impactor", "contact", "simulate"}
-    draft = {name: dict(table) for name, table in scene.items() if name in known}
+    part, draft, faces, where = seen(path, unit, piece)
     section, key = ("deck", "path") if part.of_deck else ("geometry", "source")
-    draft[section][key] = str(path.relative_to(root))
     guessed = "unit" in part.read and unit is None
+    missing = [f"{section}.unit"] * guessed + ["material", "supports"] * (not part.of_deck)
+    left_out = {"title", "output", *missing}
+    draft = {name: x for name, x in draft.items() if name not in left_out}
+    draft[section] = {**draft[section], key: str(path.relative_to(root))}
     if guessed:
         del draft[section]["unit"]
 
-    sides = zip("xyz", (part.high - part.low).tolist(), strict=True)
-    missing = [f"{section}.unit"] * guessed + ["material", "supports"] * (not part.of_deck)
+    sizes = zip("xyz", (part.high - part.low).tolist(), strict=True)
     drawing = partial(new.draw, replace(part, held=np.zeros_like(part.held)))
     return {
         "text": "\n".join([f"{path.name}: {part.cells}, {part.sides_text()}.", *part.notes]),
-        "quantities": [quantity(f"size {axis}", size, "m", AS_READ) for axis, size in sides],
+        "quantities": [quantity(f"size {axis}", size, "m", AS_READ) for axis, size in sizes],
         "pieces": [{"low": one.low.tolist(), "high": one.high.tolist()} for one in part.pieces],
         "faces": [{"name": n, "at": where.get(n, ""), "support": t} for n, t in faces.items()],
         "guessed_unit": part.unit_text() if guessed else None,
         "draft": draft,
-        "decide": missing,
-    }, [Picture("The part", "The part; red: where it may be struck.", drawing)]
+        "give": missing,
+    }, [Picture("The part", "Red: where it may be struck.", drawing)]
 
 
-def materials_named(root: Path, query: str = "") -> Answer:
+def materials_named(_root: Path, query: str = "") -> Answer:
     """The materials whose name contains a text, with their sources."""
-    names = materials.names()
-    records = [materials.record(name) for name in names if query.lower() in name.lower()]
-    if not records:
+    names = [name for name in materials.names() if query.lower() in name.lower()]
+    if not names:
         sentence = f"no material is named {checks.shown(query)}."
-        raise Refusal("material", sentence, "query", names)
-    told = []
-    for one in records:
-        for key, unit in (("E", "Pa"), ("nu", "1"), ("rho", "kg/m³")):
-            told.append(quantity(f"{one.name}: {key}", getattr(one, key), unit, ONE_VALUE))
-        if one.yield_strength is not None:
-            bar = one.yield_range or ONE_VALUE
-            told.append(quantity(f"{one.name}: yield_strength", one.yield_strength, "Pa", bar))
-    text = "\n".join(f"{one.name}: {one.line}; {one.source}" for one in records)
-    return {"text": text, "quantities": told}, []
+        raise Refusal("material", sentence, "query", materials.names())
+    told, lines = [], []
+    for one in map(materials.record, names):
+        lines.append(f"{one.name}: {one.line}; {one.source}")
+        for key, unit in (("E", "Pa"), ("nu", "1"), ("rho", "kg/m³"), ("yield_strength", "Pa")):
+            value = getattr(one, key)
+            known = key == "yield_strength" and one.yield_range
+            bar = (value - known[0], known[1] - value) if known else ONE_VALUE
+            if value is not None:
+                told.append(quantity(f"{one.name}: {key}", value, unit, bar))
+    return {"text": "\n".join(lines), "quantities": told}, []
 
 
 def check(root: Path, scene: Document) -> Answer:
     """The mistakes of a scene, and what can run it."""
     require_decided(scene, root)
     calls = compiled(scene)
-    can = ", ".join(calls.does()) or "nothing to run"
-    told = {"text": f"no mistakes found; for {can}.", "assumed": assumed(scene, calls)}
+    text = f"no mistakes found; for {', '.join(calls.does()) or 'nothing to run'}."
+    told = {"text": text, "quantities": [], "assumed": assumed(scene, calls)}
     return {**told, "cautions": list(map(str, calls.warnings))}, []
 
 
 def study(command: str, root: Path, scene: Document, path: str | None = None) -> Answer:
     """A scene as `antiosc run` computes it; `path`: of its report, of the first study it has."""
     require_decided(scene, root)
-    page = None if path is None else free_page(root, path)
+    page = None if path is None else within(root, path)
+    if page is not None and page.exists():
+        raise Refusal("path", f"{checks.shown(path)} exists already, and is left as it is.")
+    page = None if page is None else report.checked(str(page))
     if command == "tradeoff":
         made = report.results_of(*commands.compared(scene))
     else:
-        calls = compiled(scene)
-        has = (name for name, one in STUDIES.items() if getattr(calls, one.result) is not None)
+        has = (one.removeprefix("antiosc ") for one in compiled(scene).does())
         command = command or next(has, "run")
         made = commands.made(scene, commands.of_study(scene, command), command)
-    shown = summary(made)
+
+    shown, parts = summary(made), results.presentations(made)
     hit = made.history or made.fall or (made.tradeoff and made.tradeoff.hit)
     told = {
         "text": shown["text"],
-        "cards": [{"name": one[0], "text": one[1]} for one in shown["cards"]],
+        "cards": [{"name": card[0], "text": card[1]} for card in shown["cards"]],
         "quantities": quantities(made),
         "assumed": assumed(scene, made.compiled),
         "cautions": [*shown["cautions"], *shown["more"]],
         "status": STATUS[getattr(hit, "status", 0)],
     }
-    parts = results.presentations(made)
     if page is not None:
         report.write_page(made, parts, page)
         told["written"] = str(page.relative_to(root))
     return told, [picture for part in parts[1:] for picture in part.pictures]
 
 
-def free_page(root: Path, path: str) -> Path:
-    """The path of a report that is not there yet."""
-    page = within(root, path)
-    if page.exists():
-        raise Refusal("path", f"{checks.shown(path)} exists already, and is left as it is.")
-    return report.checked(str(page))
-
-
 def assumed(document: Document, scene: CompiledScene) -> list[Table]:
-    """What was not given: each key with the value that it has, and by what."""
+    """What was not given: each key with its value, and by what it has it."""
     given = dict(values_in(document.data))
-    told = [
-        {"key": label(place), "value": value, "by": "the rule of auto"}
+    chosen = {
+        label(place): {"value": value, "by": "the rule of auto"}
         for place, value in values_in(scene.document.data)
-        if given.get(place) != value and place[0] != "strike"
-    ]
+        if given.get(place) != value
+    }
     for call in calls_in([getattr(scene, name) for name in OBJECTS]):
-        section = schema.SECTIONS.get(str(call.place[0])) if call.place else None
+        section = schema.SECTIONS.get(str(call.place[0]) if call.place else "")
         kinds = () if section is None else section.makes
-        function = call.name if call.name in kinds else "".join(kinds[:1])
-        if not function or (len(kinds) > 1 and call.name not in kinds):
+        function = call.name if call.name in kinds else kinds[0] if len(kinds) == 1 else ""
+        if section is None or not function:
             continue
         defaults = inspect.signature(schema.resolved(function)).parameters
-        for name in schema.parameters(function).keys() - call.arguments.keys():
-            if name in defaults and name not in section.given.split():
-                value = live.plain(defaults[name].default)
-                key = label((*call.place, name))
-                told.append({"key": key, "value": value, "by": "default"})
-    return sorted({one["key"]: one for one in told}.values(), key=lambda one: one["key"])
+        keys = schema.parameters(function).keys() & defaults.keys()
+        for name in keys - call.arguments.keys() - set(section.given.split()):
+            value = live.plain(defaults[name].default)
+            chosen[label((*call.place, name))] = {"value": value, "by": "default"}
+    return [{"key": key, **one} for key, one in sorted(chosen.items())]
 
 
 #: Tool -> what answers its call.
@@ -284,33 +285,21 @@ def answer(root: Path, tool: str, arguments: Table) -> tuple[Table, list[str]]:
     count = values.pop("pictures", 1)
     drawn: list[str] = []
     try:
+        named, base = values, root
         if "scene" in values:
-            values["scene"] = document_of(values["scene"], root)
-        inputs["files"] = files_of(values, root)
+            scene = values["scene"] = document_of(values["scene"], root)
+            named, base = scene.data, scene.path.parent
+        inputs["files"] = files_of(base, named, root)
         told, views = TOOLS[tool](root, **values)
         pngs = (view._replace(ending=".png") for view in views[:count])
-        drawn = [one.data.partition(",")[2] for one in drawn_pictures(pngs)]
+        drawn = [one.data.partition(",")[2] for one in drawn_pictures(pngs) if one.data]
     except Refusal as error:
         told = refused(str(error), **error.told)
     except (AntioscError, MemoryError) as error:
         sentence = getattr(error, "sentence", "") or str(error) or "the memory was not enough."
         told = refused(sentence, kind=type(error).__name__)
     common = {"tool": tool, "version": info.version(), "hash": hash_of(inputs)}
-    return {"status": "completed", **told, **common}, [one for one in drawn if one]
-
-
-def files_of(values: Table, root: Path) -> Table:
-    """Name -> hash of each file below the folder that is named."""
-    scene = values.get("scene")
-    base, data = (root, values) if scene is None else (scene.path.parent, scene.data)
-    hashes = {}
-    for _, name in values_in(data):
-        path = within(root, name, base) if isinstance(name, str) else root
-        if path.is_file():
-            with path.open("rb") as stream:
-                digest = hashlib.file_digest(stream, "sha256").hexdigest()
-            hashes[str(path.relative_to(root))] = digest
-    return hashes
+    return {"status": "completed", **told, **common}, drawn
 
 
 def main() -> None:

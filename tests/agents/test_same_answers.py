@@ -1,0 +1,56 @@
+"""A scene has the same numbers and words in Python, on the terminal, on the page and by a tool."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from agent_calls import answers, filled, number, told
+from antiosc_app import commands
+from antiosc_app.cli import main
+from antiosc_app.edited import toml
+from antiosc_app.headline import force_bar
+from antiosc_app.opened import Opened
+from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.run import error_budget
+
+pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
+
+
+def test_python_command_page_and_tool_agree_to_the_last_digit(tmp_path, capsys):
+    folder = filled(tmp_path)
+    page = Opened(folder / "bracket.msh", unit="m")
+    page.calls["look"]({})
+    turn = page.calls["edit"]({"set": {"impactor.velocity": 1.5}})["turn"]
+    shown = page.calls["show"]({"turn": turn})["summary"]
+    sections = page._edited.sections
+    page.close()
+
+    path = folder / "scene.toml"
+    path.write_text(toml(sections), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["run", str(path), "--verbose", "--out", str(folder / "out")]) == 0
+    printed = capsys.readouterr().out
+    written = json.loads((folder / "out/result.json").read_text(encoding="utf-8"))["result"]
+    document = read(path)
+    hit = commands.made(document, commands.of_study(document, "run"), "run").history
+    results = answers(folder, [("strike", {"scene": one}) for one in ("scene.toml", sections)])
+    by_file, by_sections = map(told, results)
+
+    for answer in (by_file, by_sections):
+        assert answer["text"] == shown["text"]
+        assert [(card["name"], card["text"]) for card in answer["cards"]] == [
+            tuple(card[:2]) for card in shown["cards"]
+        ]
+        for name in ("peak_force", "impulse", "contact_time", "restitution"):
+            assert number(answer, name)["value"] == written[name] == getattr(hit, name)
+        assert answer["quantities"] == by_file["quantities"]
+    assert shown["text"] in printed
+    budget = error_budget(hit)
+    below, above = budget.sides("peak_force")
+    low, high = number(by_file, "peak_force")["bar"]
+    assert (low, high) == pytest.approx(
+        ((1 - below) * hit.peak_force, (1 + above) * hit.peak_force), rel=1e-12
+    )
+    assert force_bar(budget) is not None

@@ -1,0 +1,214 @@
+"""The tools of `antiosc mcp`, called by the client of the SDK over standard streams."""
+
+from __future__ import annotations
+
+import base64
+import json
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from agent_calls import (
+    BEAM,
+    BRACKET,
+    MASS,
+    SWEPT,
+    answers,
+    anyio,
+    filled,
+    number,
+    served,
+    told,
+)
+from antiosc_app import info
+
+TOOLS = ["check", "drop", "explain", "look", "map", "materials", "report", "strike", "sweep"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return filled(tmp_path_factory.mktemp("agents"))
+
+
+def test_tools_and_resources_are_listed(folder):
+    async def work(client):
+        tools = (await client.list_tools()).tools
+        resources = (await client.list_resources()).resources
+        pages = [(await client.read_resource(one.uri)).contents[0].text for one in resources]
+        return tools, dict(zip([one.name for one in resources], pages, strict=True))
+
+    tools, pages = served(folder, work)
+    assert sorted(tool.name for tool in tools) == [*TOOLS, "tradeoff"]
+    assert all(tool.input_schema["type"] == "object" and tool.description for tool in tools)
+    assert pages["glossary"].startswith("# Glossary")
+    assert "## Sizes" in pages["limits"]
+    schema = json.loads(pages["scene"])["properties"]
+    assert "Sphere" in schema["impactor"]["properties"]["kind"]["enum"]
+    assert {"point", "direction", "radius"} <= set(
+        schema["sites"]["additionalProperties"]["properties"]
+    )
+
+
+def test_a_strike_is_the_same_each_time_and_another_scene_has_another_hash(folder):
+    softer = {**BEAM, "contact": {"kind": "Hertz", "stiffness": 4e8}}
+    calls = [("strike", {"scene": scene}) for scene in (BEAM, BEAM, softer)]
+    first, again, other = map(told, answers(folder, calls))
+    assert first == again
+    assert first["status"] == "completed"
+    assert first["version"] == info.version()
+    assert len({first["hash"], other["hash"]}) == 2
+    assert number(other, "peak_force")["value"] < number(first, "peak_force")["value"]
+    for one in first["quantities"]:
+        assert isinstance(one["bar"], list) or one["bar"].startswith("none: ")
+    assert {"key": "extract.damping", "value": None, "by": "default"} in first["assumed"]
+
+
+def test_the_hash_is_also_that_of_the_files(folder, tmp_path):
+    filled(tmp_path)
+    (here,) = answers(folder, [("check", {"scene": BEAM})])
+    (same,) = answers(tmp_path, [("check", {"scene": BEAM})])
+    with (tmp_path / "beam_M.mtx").open("a") as stream:
+        stream.write("\n")
+    (changed,) = answers(tmp_path, [("check", {"scene": BEAM})])
+    assert told(here)["hash"] == told(same)["hash"] != told(changed)["hash"]
+
+
+def test_a_sweep_tells_each_impact(folder):
+    scene = {**BEAM, "sweep": {"impactor": {"velocity": SWEPT}}}
+    answer = told(*answers(folder, [("sweep", {"scene": scene})]))
+    forces = [one for one in answer["quantities"] if one["name"] == "peak_force"]
+    assert [one["at"]["impactor.velocity"] for one in forces] == SWEPT
+    assert forces[0]["value"] < forces[1]["value"] < forces[2]["value"]
+
+
+@pytest.mark.fem
+def test_a_number_has_its_bar_by_cause_and_each_is_explained(folder):
+    async def work(client):
+        answer = told(await client.call_tool("strike", {"scene": BRACKET, "pictures": 2}))
+        asked = {"result": answer["hash"], "quantity": "peak_force"}
+        again = await client.call_tool("strike", {"scene": BRACKET, "pictures": 2})
+        return answer, told(await client.call_tool("explain", asked)), again
+
+    answer, why, again = served(folder, work)
+    force = number(answer, "peak_force")
+    low, high = force["bar"]
+    assert 0 < low < force["value"] < high
+    below = sum(cause["below"] for cause in force["causes"])
+    assert below == pytest.approx(force["value"] - low, rel=1e-9)
+    assert {cause["cause"] for cause in force["causes"]} >= {"mesh", "truncation", "law"}
+    assert all(cause["narrowed_by"] in why["text"] for cause in force["causes"])
+    assert answer["cards"][1]["text"].split(" ±")[0] in answer["text"]
+    assert any(one["key"] == "simulate.gravity" for one in answer["assumed"])
+    images = [content for content in again.content if content.type == "image"]
+    assert len(images) == 2
+    for image in images:
+        assert image.mime_type == "image/png"
+        assert base64.b64decode(image.data).startswith(b"\x89PNG\r\n\x1a\n")
+
+
+@pytest.mark.fem
+def test_a_part_is_looked_at_and_its_draft_runs_once_it_is_decided(folder):
+    (looked,) = answers(folder, [("look", {"file": "bracket.step"})])
+    part = told(looked)
+    assert looked.content[1].type == "image"
+    assert number(part, "size x")["value"] == pytest.approx(0.08, rel=0.2)
+    assert part["give"] == ["material", "supports"]
+    below = next(face["support"] for face in part["faces"] if face["at"] == "z = 0 mm")
+    decided = {**part["draft"], "material": "aluminium 6061-T6", "supports": [below]}
+    refused, fine = answers(folder, [("check", {"scene": one}) for one in (part["draft"], decided)])
+    assert refused.is_error
+    assert refused.structured_content["refusal"]["key"] == "material"
+    assert "antiosc run" in told(fine)["text"]
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_fall_a_map_and_a_tradeoff_are_told_with_bars_or_reasons(folder):
+    part = {name: BRACKET[name] for name in ("geometry", "material")}
+    drop = {"height": 0.3, "tilt": [10, 5, 0], "until": 1, "floor": {"material": "concrete C30/37"}}
+    surface = {**part, "supports": BRACKET["supports"], "impactor": BRACKET["impactor"]}
+    surface["map"] = {"duration": 1e-3, "most_sites": 8, "n": 6, "radius": 5e-3}
+    calls = [
+        ("drop", {"scene": {**part, "drop": drop}}),
+        ("report", {"scene": surface, "path": "map.html"}),
+        ("report", {"scene": surface, "path": "map.html"}),
+        ("tradeoff", {"scene": BRACKET}),
+    ]
+    fall, page, twice, compared = answers(folder, calls)
+    for answer in map(told, (fall, page, compared)):
+        assert answer["quantities"]
+        for one in answer["quantities"]:
+            assert isinstance(one["bar"], list) or one["bar"].startswith("none: ")
+    assert told(page)["written"] == "map.html"
+    assert "<html" in (folder / "map.html").read_text(encoding="utf-8")
+    assert twice.is_error
+    assert "exists already" in twice.structured_content["text"]
+    assert isinstance(number(told(compared), "peak_force")["bar"], list)
+
+
+@pytest.mark.fem
+def test_progress_is_told_and_a_cancelled_call_ends_its_process(folder):
+    """The sites of this map would take minutes."""
+    scene = {**BRACKET, "map": {"duration": 1e-2, "most_sites": 3000, "n": 60}}
+    del scene["sites"], scene["extract"], scene["simulate"]
+
+    async def work(client):
+        told_texts = []
+        running = anyio.Event()
+
+        async def progress(_done, _total, text):
+            told_texts.append(text)
+            if len(told_texts) > 3:
+                running.set()
+
+        async with anyio.create_task_group() as group:
+            call = partial(client.call_tool, progress_callback=progress)
+            group.start_soon(call, "map", {"scene": scene})
+            with anyio.fail_after(120):
+                await running.wait()
+            assert workers(folder)
+            group.cancel_scope.cancel()
+        with anyio.CancelScope(shield=True), anyio.fail_after(20):
+            while workers(folder):
+                await anyio.sleep(0.1)
+            return told_texts, await client.call_tool("materials", {"query": "S235"})
+
+    texts, after = served(folder, work)
+    assert any(texts)
+    told(after)
+
+
+def workers(folder: Path) -> list[int]:
+    """The processes of calls to the server of a folder."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (process / "cmdline").read_bytes().split(b"\0")
+            known = (process / "environ").read_bytes().split(b"\0")
+        except OSError:  # it has ended
+            continue
+        if b"antiosc_app.agents_work" in words and f"ANTIOSC_FOLDER={folder}".encode() in known:
+            found.append(int(process.name))
+    return found
+
+
+def test_two_calls_run_at_once(folder):
+    async def work(client):
+        found = {}
+
+        async def call(k):
+            scene = {**BEAM, "impactor": {**MASS, "velocity": SWEPT[k]}}
+            found[k] = told(await client.call_tool("strike", {"scene": scene, "pictures": 0}))
+
+        start = time.monotonic()
+        async with anyio.create_task_group() as group:
+            for k in range(3):
+                group.start_soon(call, k)
+        return found, time.monotonic() - start
+
+    found, _ = served(folder, work)
+    forces = [number(found[k], "peak_force")["value"] for k in range(3)]
+    assert forces == sorted(forces)
+    assert len({one["hash"] for one in found.values()}) == 3
