@@ -15,6 +15,7 @@ import resource
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -298,6 +299,10 @@ def answer(root: Path, tool: str, arguments: Table) -> tuple[Table, list[str]]:
     except (AntioscError, MemoryError) as error:
         sentence = getattr(error, "sentence", "") or str(error) or "the memory was not enough."
         told = refused(sentence, kind=type(error).__name__)
+    except Exception as error:
+        traceback.print_exc()
+        fault = f"{type(error).__name__}: {error}".splitlines()[0]
+        told = refused(f"the call failed by a fault of antiosc: {fault}", kind="fault")
     common = {"tool": tool, "version": info.version(), "hash": hash_of(inputs)}
     return {"status": "completed", **told, **common}, drawn
 
