@@ -136,6 +136,10 @@ from antiosc.strikes.second_order import (
     simulated as simulated,
     stretching as stretching,
 )
+from antiosc.strikes.stress import (
+    closed as closed,
+    fields_by_strength as fields_by_strength,
+)
 from antiosc.strikes.tradeoff import (
     Tradeoff as Tradeoff,
     TradeoffMember as TradeoffMember,

@@ -143,9 +143,8 @@ def stress_text(margins: Sequence[Margin], *, has_bar: bool) -> str:
     if not stresses:
         return "not known"
     worst = max(stresses, key=lambda margin: margin.exposure)
-    place = "beside the contact" if worst.at_edge else f"at {point_text(worst.point)}"
     bar = range_of(worst) if has_bar else "no error bar"
-    return f"{engineering(worst.value, 'Pa')} ({bar}) {place}"
+    return f"{engineering(worst.value, 'Pa')} ({bar}) at {point_text(worst.point)}"
 
 
 def deflection_text(hit: History, budget: ErrorBudget | None) -> str:

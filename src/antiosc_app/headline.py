@@ -134,6 +134,7 @@ def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> li
             told = with_force(peak.worst_point, force).sentence
             told += "" if bar is None else f" (that stress {plus_minus(bar)})"
         sentences += [_sentence(text) for text in (told, peak.doubt) if text]
+        sentences += [_sentence(f"the stress took {peak.rounds}")] if peak.rounds else []
     return sentences
 
 
@@ -159,8 +160,11 @@ def largest_stress(fields: Mapping[str, PeakField]) -> dict[str, Any]:
     worst = next((one for one in margins if one is not None and one.is_mises), None)
     if worst is None:
         return {}
-    place = None if worst.at_edge else worst.point.tolist()
-    return {"stress": worst.value, "stress_time": worst.time, "stress_place": place}
+    return {
+        "stress": worst.value,
+        "stress_time": worst.time,
+        "stress_place": worst.point.tolist(),
+    }
 
 
 def striker_text(body: LinearBody | None) -> str:

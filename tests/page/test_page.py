@@ -157,7 +157,7 @@ def test_a_slider_through_yield_moves_numbers_and_keeps_sentences(browser, plate
     cards = """return [...document.querySelectorAll("#cards dd")].map((one) =>
       [one.textContent, one.classList.contains("before")]);"""
     first = browser.run(cards)
-    peaks = {"von_mises": ao.peak_field(part, hit, sharp_edges=False)}
+    peaks = {"von_mises": ao.peak_field(part, hit)}
     answers = cards_of_history(hit, hit.error_budget, peaks)
     assert [text for text, _ in first] == [card.text for card in answers]
     assert before["cells"]["dent"] == pytest.approx(hit.dent.depth, rel=1e-4)

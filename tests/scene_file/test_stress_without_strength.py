@@ -61,8 +61,7 @@ def test_the_zone_of_a_contact_that_may_yield_is_left_out_of_a_solid():
     worst = fields["von_mises"].worst_point
     radius = np.sqrt(BALL.radius * (hit.peak_force / stiffness()) ** (2 / 3))
     assert f"3 radii of the contact ({engineering(3 * radius, 'm', 2)})" in worst.scope
-    assert worst.at_edge
-    assert not worst.has_bar
+    assert worst.errors[1] > 2 * worst.value  # its patch is larger than the contact
 
 
 def stiffness():

@@ -21,7 +21,6 @@ from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.stresses import Strengths, Tensile
 from antiosc.base.texts import (
-    PATCH_RADIUS,
     SMALLER_CELLS,
     ReprMixin,
     capitalised,
@@ -33,8 +32,6 @@ from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
 from antiosc.recovery import source
 from antiosc.recovery.place import Place, layers_of, strength_of
 
-#: Contacts whose stresses differ by less are equal but for rounding; the first of them counts.
-TIE = 1e-6
 #: Criterion -> event at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
     "yield": ("yield", "von Mises"),
@@ -53,15 +50,6 @@ STRESSES = {
 }
 #: Jumps of the stress over itself from which it has no bar.
 UNRESOLVED = 0.5
-#: Largest size of cells, or radius of a patch, over the radius of a contact that they resolve.
-RESOLVED = 2.0
-#: Stress over that of the mesh beside a contact that it does not resolve, at most: plates that are
-#: held at the rim had 0.35 of the right one and more under a patch (measured).
-UNKNOWN = 3.0
-#: Relative error beside a contact whose patch is not larger than that.
-SPREAD = 0.2
-#: Distance from a contact over the size of the cells or the patch, within which these decide.
-NEAR = 2.0
 #: Where sharp edges and supports are not judged.
 EDGES, SUPPORTS = "sharp inner edges", "rigidly held faces"
 #: No balls are left out.
@@ -93,8 +81,6 @@ class Margin(ReprMixin):
     remedy : the cells that would give a bar, and where; "" if there is one.
     layer : of a laminate: "layer 2 (top)", counted from the bottom.
     contact : whether the contact itself yields, which the values do not include.
-    at_edge : whether the value is Hertz's stress on a half-space at the edge of what is left out
-        about a contact, which is larger than that of the mesh.
     impact : number of the impact of a fall, from 1, in which it occurs; 0: of another run.
     """
 
@@ -111,7 +97,6 @@ class Margin(ReprMixin):
     remedy: str = ""
     layer: str = ""
     contact: bool = False
-    at_edge: bool = False
     impact: int = 0
 
     @property
@@ -176,8 +161,6 @@ class Margin(ReprMixin):
         place = f"{place} {point_text(self.point)}, {engineering(self.time, 's')}"
         if self.impact:
             place += f", by impact {self.impact}"
-        if self.at_edge:
-            place = f"by Hertz's pressure on a half-space, {place}"
 
         if self.criterion == UNJUDGED:
             largest = f"the largest von Mises stress {self.scope}".rstrip()
@@ -251,25 +234,19 @@ def _range_of(*ends: float) -> str:
 
 
 class Zones(NamedTuple):
-    """Balls (n, 4) that a margin leaves out, and the contacts of the part.
-
-    `asked`: balls that were asked for; `edges`, `supports`: about sharp inner edges and rigid
-    supports.
+    """What a margin of a solid leaves out: contacts, balls (n, 4) that were `asked` for, and what
+    lies closer than `distance` [m] to points (n, 3) of sharp inner `edges` or of rigid `supports`.
     """
 
     contacts: Sequence[ContactZone] = ()
     asked: Array = NOTHING
     edges: Array = NOTHING
     supports: Array = NOTHING
+    distance: float = 0.0
 
     def and_balls(self, leave_out: ArrayLike) -> Zones:
         """The zones with balls (n, 4) that were asked for."""
         return self._replace(asked=checks.floats("leave_out", leave_out, (None, 4)))
-
-    @property
-    def about_contacts(self) -> Array:
-        """Balls about the contacts that yield."""
-        return np.reshape([zone.ball for zone in self.contacts if zone.yields], (-1, 4))
 
     def judged(self, points: Array, known: BoolArray) -> tuple[BoolArray, BoolArray, str]:
         """(points (P, 3) that are judged, those at sharp edges alone, the scope in words).
@@ -278,24 +255,30 @@ class Zones(NamedTuple):
         """
         places = []
         outside = np.ones(len(points), dtype=bool)
+        solid = [zone.ball for zone in self.contacts if not zone.thickness]
+        of_contacts = np.reshape(solid, (-1, 4))
         for balls, told in (
             (self.asked, "the balls of leave_out"),
-            (self.about_contacts, f"{CONTACT_RADII:g} radii of the contact"),
+            (of_contacts, f"{CONTACT_RADII:g} radii of the contact"),
         ):
             beyond = outside & ~is_within(points, balls)
             if len(balls) and (beyond & known).any():
                 outside = beyond
                 places.append(told if balls is self.asked else f"{told} ({_lengths(balls)})")
 
-        sharp = is_within(points, np.concatenate([self.edges, self.supports]))
+        sharp = self._at_edges(points)
         away = outside & ~sharp
         if not sharp.any() or not (away & known).any():
             return outside, np.zeros_like(outside), _scope(places)
-        return away, outside & sharp, _scope([*places, f"{self._radius} of {self.of_edges}"])
+        distance = engineering(self.distance, "m", 2)
+        return away, outside & sharp, _scope([*places, f"{distance} of {self.of_edges}"])
 
-    @property
-    def _radius(self) -> str:
-        return _lengths(np.concatenate([self.edges, self.supports]))
+    def _at_edges(self, points: Array) -> BoolArray:
+        """Whether points lie at sharp inner edges or rigid supports."""
+        sharp = np.concatenate([self.edges[:, :3], self.supports[:, :3]])
+        if not len(sharp) or not self.distance:
+            return np.zeros(len(points), dtype=bool)
+        return np.asarray(cKDTree(sharp).query(points)[0] <= self.distance)
 
     @property
     def of_edges(self) -> str:
@@ -341,80 +324,52 @@ class Nodal(NamedTuple):
 def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     """The margin of the worst node; None if no exposure is above zero.
 
-    Where the worst node, or that with the largest upper bound, has jumps of half the stress, or
-    lies at a contact that cells or patch do not resolve, there is no bar.
+    Where the stress of the worst node, or of that with the largest upper bound, differs by half of
+    it between cells, there is no bar.
     """
-    values = nodes.exposure * nodes.strength
-    if not (values > 0).any():
+    known = nodes.exposure > 0
+    if not known.any():
         return None
-    is_judged, sharp, scope = zones.judged(nodes.points, values > 0)
+    is_judged, sharp, scope = zones.judged(nodes.points, known)
     exposure = np.where(is_judged, nodes.exposure, 0.0)
     k = int(exposure.argmax())
-    worst = float(exposure[k])
-    point, strength, at_edge = nodes.points[k], float(nodes.strength[k]), False
-    time = float(nodes.time[k])
+    strength = float(nodes.strength[k])
 
-    # what the mesh does not resolve
-    coarse = nodes.error > UNRESOLVED
-    needed = np.where(coarse, nodes.sizes / 2, inf)
-    at_contacts = np.zeros(len(values), dtype=bool)
-    error = nodes.error
+    # what a patch or cells larger than the contact hide, over the strength
+    hidden = np.zeros(len(exposure))
     for zone in zones.contacts:
         distance = np.linalg.norm(nodes.points - zone.point, axis=1)
-        nearest = int(distance.argmin())
-        size = max(float(nodes.sizes[nearest]), zone.patch)
-        near = distance <= max(CONTACT_RADII * zone.radius, NEAR * size)
-        if size <= RESOLVED * zone.radius:
-            error = error + SPREAD * near
-            continue
-        needed[near] = np.minimum(needed[near], zone.radius)
-        at_contacts |= near
-        is_known = criterion in ("yield", UNJUDGED) and values[nearest] > 0
-        at_contact = zone.edge_stress / nodes.strength[nearest] if is_known else 0.0
-        if at_contact > worst * (1 + TIE):
-            worst, k, at_edge = float(at_contact), nearest, True
-            point, strength = zone.point, float(nodes.strength[nearest])
-            time = zone.time
-            at_contacts[nearest] = True
-            needed[nearest] = zone.radius
-    coarse |= at_contacts
+        patch = max(zone.patch, float(nodes.sizes[distance.argmin()]) / 2)
+        spread = zone.spread(patch, distance)
+        hidden += np.divide(spread, nodes.strength, out=np.zeros_like(spread), where=is_judged)
 
     # bounds of all places
-    share = np.minimum(error, 1.0)
-    least = float((exposure * (1 - share))[~coarse].max(initial=0.0))
-    upper = exposure * np.where(at_contacts, UNKNOWN, 1 + share)
+    upper = exposure * (1 + nodes.error) + hidden
     most = int(upper.argmax())
-    unknown = next((j for j in (k, most) if coarse[j]), None)
+    least = float((exposure * (1 - np.minimum(nodes.error, 1.0)) - hidden).max(initial=0.0))
+    unknown = next((j for j in (k, most) if nodes.error[j] > UNRESOLVED), None)
     largest = float(upper[most]) if unknown is None else inf
 
-    notes = []
-    remedy = ""
-    if sharp.any() and (top := np.where(sharp, values, 0.0)).max() > worst * strength:
-        place = int(top.argmax())
-        at = f"{engineering(float(top[place]), 'Pa')} at {point_text(nodes.points[place])}"
+    notes, remedy = [], ""
+    if sharp.any() and (nodes.exposure * sharp).max() > 0:
+        place = int((nodes.exposure * sharp).argmax())
+        value = float(nodes.exposure[place] * nodes.strength[place])
+        shown = engineering(value, "Pa") if criterion in STRESSES else f"{value:.3g}"
         notes.append(
-            f"at {zones.of_edges} an elastic stress has no limit: here up to {at}, more with"
-            " smaller cells"
+            f"at {zones.of_edges} an elastic stress has no limit: here up to {shown} at"
+            f" {point_text(nodes.points[place])}, more with smaller cells"
         )
     if unknown is not None:
-        at, cells = point_text(nodes.points[unknown]), engineering(float(needed[unknown]), "m", 2)
-        why, what = (
-            "it differs by half or more between cells",
-            f"cells of {cells} ({SMALLER_CELLS})",
-        )
-        if at_contacts[unknown]:
-            why = "the cells or the patch are larger than the contact"
-            what = f"cells and a patch of {cells} ({SMALLER_CELLS}, {PATCH_RADIUS})"
-        remedy = f"{what} at {at} would give one"
-        notes.append(f"the stress has no bar: {why}; {remedy}")
-    note = ". ".join([*notes[:1], *map(capitalised, notes[1:])])
-    errors = strength * least, strength * largest
+        at, size = point_text(nodes.points[unknown]), float(nodes.sizes[unknown]) / 2
+        remedy = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS}) at {at} would give one"
+        notes.append(f"the stress has no bar: it differs by half or more between cells; {remedy}")
     return Margin(
-        *(criterion, worst * strength, strength, point, time, errors),
+        *(criterion, float(exposure[k]) * strength, strength, nodes.points[k]),
+        time=float(nodes.time[k]),
+        errors=(strength * least, strength * largest),
         scope=scope,
-        note=note,
+        note=". ".join([*notes[:1], *map(capitalised, notes[1:])]),
         remedy=remedy,
-        at_edge=at_edge,
     )
 
 
@@ -495,13 +450,6 @@ def has_strength(strength: object, criterion: str) -> bool:
         return getattr(strength, "interlaminar", None) is not None
     kinds = {"yield": float, "tension": Tensile}
     return isinstance(strength, kinds.get(criterion, Strengths))
-
-
-def balls_of_edges(structure: Structure, shapes: Array, part: str | None) -> tuple[Array, Array]:
-    """Balls (n, 4) about sharp inner edges and about rigid supports of the solids of a part."""
-    from antiosc.recovery.sharp_edges import sharp_edges  # needs dolfinx
-
-    return sharp_edges(structure, shapes, part)
 
 
 def sizes_at_nodes(points: Array, cells: Sequence[tuple[str, IntArray]]) -> Array:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc.base import checks, files
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import (
@@ -57,6 +57,7 @@ from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, place
 from antiosc.recovery.series import write_vtu
+from antiosc.recovery.sharp_edges import sharp_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -241,8 +242,6 @@ PEAK_QUANTITIES = {
 }
 #: Quantity -> scalar of its components; others are lengths of their equivalent parts.
 SCALARS = {"stress": extreme_principal, "strain": extreme_principal, "tension": tension}
-#: Radius over the thickness of a sheet of the circle on which a point force acts (Westergaard).
-OF_SHEET = 0.325
 #: Jumps of the stress over itself from which they are told.
 DOUBTFUL = 0.2
 #: Share of the largest value from which what the times may miss is told.
@@ -267,8 +266,9 @@ class PeakField(Completed):
     mesh_error : (P,) estimated mesh error of stresses of solids and sheets, in their unit: the
         deviation of the stresses of the cells around a node from their mean (Zienkiewicz and Zhu);
         0 in beams beside them, otherwise None.
-    doubt : why the judged stress is unreliable: a sharp edge, a support, cells that are too large;
-        "" otherwise.
+    counts : (P,) of stresses: whether the margin judges a node; None for other quantities.
+    doubt : that the cells at the judged stress are too large; "" otherwise.
+    rounds : rounds, cells and seconds by which the stress was brought to a tolerance; "": none.
     judged : node of the largest value; with a margin its worst point, outside the zones that
         it leaves out (`Margin.scope`).
     """
@@ -282,7 +282,9 @@ class PeakField(Completed):
     error: float | None = None
     exposure: Array | None = None
     mesh_error: Array | None = None
+    counts: BoolArray | None = None
     doubt: str = ""
+    rounds: str = ""
     _margin: Margin | None = field(default=None, repr=False)
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -310,8 +312,8 @@ class PeakField(Completed):
 
     @property
     def worst_point(self) -> Margin | None:
-        """The margin; where no strength is known, and `sharp_edges` was False, the largest von
-        Mises stress of the same places (its criterion is "stress"). None: neither.
+        """The margin; where no strength is known, the largest von Mises stress of the same places
+        (its criterion is "stress"). None: neither.
         """
         return self._margin
 
@@ -349,7 +351,7 @@ class PeakField(Completed):
         """
         if self.mesh_error is None:
             return None
-        if self._margin is not None and (self._margin.at_edge or not self._margin.has_bar):
+        if self._margin is not None and not self._margin.has_bar:
             return None
         return float(self.mesh_error[self.judged]) or None
 
@@ -437,7 +439,7 @@ def peak_field(
     layer: int | None = None,
     fibre: Sequence[float] | None = None,
     leave_out: ArrayLike | None = None,
-    sharp_edges: bool = True,
+    r0: float | None = None,
 ) -> PeakField:
     """The largest value of a quantity at every node over the run, and its time.
 
@@ -468,14 +470,14 @@ def peak_field(
         I do not have.
     leave_out : array_like (n, 4), optional
         For solids: balls whose stresses the margin does not judge, as rows x, y, z, radius [m],
-        besides three radii of each contact that yields. Near a contact that is smaller than its
-        patch, or than the cells, a stress has no bar.
-    sharp_edges : bool
-        Whether the margin of a solid judges sharp inner edges and rigid supports too, where an
-        elastic stress has no limit. False: points farther from them than half the mean thickness
-        of the part, so that the judged stress converges with the mesh; a note of the margin names
-        the worst of the others. A von Mises stress without a strength is sought there too
-        (`worst_point`).
+        besides three radii of each contact. Near a contact that is smaller than its patch, or than
+        the cells, the bar is wide.
+    r0 : float, optional
+        For solids: distance [m] from sharp inner edges (more than 215° within the material) and
+        rigid supports that the margin does not judge, since an elastic stress has no limit there.
+        Default: half the mean thickness of the part, its volume over its surface, so that the
+        judged stress converges with the mesh. 0: the margin judges all of it. A note of the margin
+        names the worst place that is left out.
 
     Notes
     -----
@@ -501,7 +503,8 @@ def peak_field(
     places = _places(surface, layer, fibre)
     if part is not None:
         checks.text("part", part)
-    judges_edges = checks.flag("sharp_edges", sharp_edges)
+    if r0 is not None:
+        r0 = checks.nonnegative("r0", r0, "m")
     shapes = shapes_of(structure, history, body)
     zones = leave_out if isinstance(leave_out, Zones) else _zones(history, body, leave_out)
     is_static = recovered != "motion" and structure.matrices.preload is not None
@@ -541,8 +544,8 @@ def peak_field(
         best = best._replace(mesh_error=structure.comm.bcast(errors, root=0))
     result, best = _peak_field_of(quantity, unit, points, cells, best)
     if recovered == "stress":
-        zones = _zones_on(structure, shapes, part, zones)
-        result = _with_margin(result, best, structure, zones, judges_edges)
+        zones = _zones_on(structure, shapes, part, zones, r0)
+        result = _with_margin(result, best, structure, zones)
     if result._margin is not None:
         at_ply = plies[int(best.ply[result.judged])]
         told = "" if at_ply is None else f"layer {at_ply.layer} ({at_ply.surface})"
@@ -628,7 +631,7 @@ def static_stress(structure: Structure) -> PeakField:
     best = _maxima_of("von_mises", len(points), tensors, search, 0)
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
     field, best = _peak_field_of("von_mises", "Pa", points, cells, best)
-    return _with_margin(field, best, structure, Zones(), True)
+    return _with_margin(field, best, structure, Zones())
 
 
 class Maxima(NamedTuple):
@@ -774,26 +777,29 @@ def _zones(history: AnyHistory, body: str, leave_out: ArrayLike | None) -> Zones
     return zones if leave_out is None else zones.and_balls(leave_out)
 
 
-def _zones_on(structure: Structure, shapes: Array, part: str | None, zones: Zones) -> Zones:
-    """The zones on a part: balls of solids alone, and no contacts on beams, which are exact."""
+def _zones_on(
+    structure: Structure, shapes: Array, part: str | None, zones: Zones, r0: float | None
+) -> Zones:
+    """The zones on a part: balls and edges of solids alone, and no contacts on beams, which are
+    exact.
+    """
     families = source(structure).families(structure, shapes, part)
-    edges, supports = margin.balls_of_edges(structure, shapes, part)
-    zones = zones._replace(edges=edges, supports=supports)
-    if families == {"solid"}:
-        return zones
-    materials = source(structure).materials_of(structure, part)
-    thickness = max(getattr(material, "thickness", 0.0) for material in materials)
-    contacts = [
-        zone._replace(yields=False, radius=max(zone.radius, OF_SHEET * thickness))
-        for zone in zones.contacts
-    ]
-    is_exact = not families & {"solid", "sheet"}
-    return zones._replace(contacts=() if is_exact else contacts, asked=margin.NOTHING)
+    if not families & {"solid", "sheet"}:
+        return Zones()
+    if "solid" not in families:
+        materials = source(structure).materials_of(structure, part)
+        thickness = max(getattr(material, "thickness", 0.0) for material in materials)
+        return Zones([zone._replace(thickness=thickness) for zone in zones.contacts])
+
+    points, cells, moved = source(structure).at_nodes(structure, shapes, part)
+    points, cells, held = structure.comm.bcast((points, cells, ~moved.any(axis=(1, 2))), root=0)
+    edges, distance = sharp_points(points, cells)
+    return zones._replace(
+        edges=edges, supports=points[held], distance=distance if r0 is None else r0
+    )
 
 
-def _with_margin(
-    field: PeakField, best: Maxima, structure: Structure, zones: Zones, judges_edges: bool
-) -> PeakField:
+def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zones) -> PeakField:
     """The field with its worst point, and with doubts in its largest stress."""
     criterion = {"von_mises": "yield"}.get(field.quantity, field.quantity)
     exposures, strength, times = best.exposure, best.strength, best.exposed
@@ -804,34 +810,24 @@ def _with_margin(
     if field.mesh_error is not None:
         share = field.mesh_error / np.where(field.values > 0, field.values, 1.0)
 
-    if field.exposure is not None or (field.quantity == "von_mises" and not judges_edges):
+    if field.exposure is not None or field.quantity == "von_mises":
         sizes = margin.sizes_at_nodes(field.points, field._cells)
-        seen = zones
-        if judges_edges:
-            seen = zones._replace(edges=margin.NOTHING, supports=margin.NOTHING)
         nodes = Nodal(field.points, exposures, strength, times, share, sizes)
-        worst = margin.judged(criterion, nodes, seen)
+        counts = zones.judged(field.points, exposures > 0)[0]
+        field = replace(field, counts=counts)
+        worst = margin.judged(criterion, nodes, zones)
         if worst is not None:
             known = margin.strength_range(structure, worst) if worst.is_stress else None
             field = replace(field, _margin=replace(worst, strength_range=known))
-    if field._margin is not None and (field._margin.at_edge or not field._margin.has_bar):
-        return field
 
     k = field.judged
-    sharp = np.concatenate([zones.edges, zones.supports])
-    doubt = ""
-    if judges_edges and margin.is_within(field.points[[k]], sharp).any():
-        doubt = (
-            f"the largest stress lies at {zones.of_edges}, where it grows with every refinement of"
-            " the mesh: model the fillet, or what holds the part, or judge it at a distance"
-            " (leave_out=[(x, y, z, radius)])"
-        )
-    elif share[k] >= DOUBTFUL:
-        place = ", ".join(f"{c:.4g}" for c in field.points[k])
-        doubt = (
-            f"the cells at the largest stress differ by {percent(share[k])} of it: make the cells"
-            f" there smaller (refine=[(({place}), size)], or size)"
-        )
+    if share[k] < DOUBTFUL or (field._margin is not None and not field._margin.has_bar):
+        return field
+    place = ", ".join(f"{c:.4g}" for c in field.points[k])
+    doubt = (
+        f"the cells at the largest stress differ by {percent(share[k])} of it: make the cells there"
+        f" smaller (refine=[(({place}), size)], or size)"
+    )
     return replace(field, doubt=doubt)
 
 

@@ -1,114 +1,140 @@
-"""Places of solids where an elastic stress has no limit: sharp inner edges and rigid supports.
+"""Sharp inner edges of a solid, where an elastic stress has no limit, and its mean thickness.
 
-In a corner of more than 180° it grows as r^-0.46 at 270° (M. L. Williams, J. Appl. Mech. 19 (1952)
-526); the value on a mesh grows with every refinement.
+In a corner of more than 180° the stress grows as r^-0.46 at 270° (M. L. Williams, J. Appl. Mech. 19
+(1952) 526); the value on a mesh grows with every refinement. A fillet has a limit: its curved faces
+are tangent, and are told from an edge by the directions of the quadratic faces.
 """
 
 from __future__ import annotations
 
-from itertools import chain
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem.assembly import with_parts
-from antiosc.fem.elements.solid import SOLID_EDGES
-from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import Faces, quadrature
-from antiosc.fem.platform import compat
-from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import Structure
-from antiosc.recovery.mesh_fields import displacements_of_rank
 
-#: Distance of equal points over the size of the part.
-SAME = 1e-9
-#: Angle (rad) that may lack of the full circle around an edge within the solid.
-WITHIN = 1e-3
-#: Interior angle in degrees from which a corner is re-entrant; fillets of three cells have 210.
-RE_ENTRANT = 215.0
-#: Points of an edge of a cell, of which both ends are two.
-POINTS = 5
+#: Interior angle in degrees from which an edge is sharp; straight fillets of three cells have 210.
+SHARP = 215.0
+#: Corners of the faces of cells, in cyclic order.
+FACES = {
+    "tetra": ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)),
+    "hexahedron": (
+        *((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4)),
+        *((1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+    ),
+}
+#: Middle nodes of the edges of a quadratic tetrahedron, in VTK's order.
+MIDDLES = {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9}
 
 
-def sharp_edges(
-    structure: Structure, shapes: Array, part: str | None = None
-) -> tuple[Array, Array]:
-    """Balls (n, 4) about re-entrant edges, and about nodes that are held rigidly, as rows x, y, z,
-    radius [m], of the solids of a part in space.
+class Skin(NamedTuple):
+    """The outer faces of a solid by their edges (E,); an edge between two faces has two rows.
 
-    The radius is half the mean thickness of the part, its volume over its surface. To be called on
-    all ranks.
+    `ends` (E, 2): nodes; `across` (E, 3): direction from the middle of the edge into the face;
+    `inward` (E, 3): from there to the middle of the cell. `volume` [m³], `area` [m²] of the solid.
     """
-    of_edges, of_supports = [np.zeros((0, 4))], [np.zeros((0, 4))]
-    for member, of_part in with_parts(structure).fields(shapes, part):
-        mesh = member.part.mesh
-        if member.part.kind.name != "solid" or mesh.tdim != 3:
-            continue
-        radius = half_thickness(mesh)
-        held = ~displacements_of_rank(member.part, of_part).any(axis=(1, 2))
-        supported = np.concatenate(mesh.comm.allgather(mesh.dolfinx.geometry.x[held]))
-        share = np.linspace(0.0, 1.0, POINTS)[:, None, None]
-        starts, ends = np.moveaxis(re_entrant(member.part), 1, 0)
-        on_edges = (starts + (ends - starts) * share).reshape(-1, 3)
 
-        for balls, points in ((of_edges, on_edges), (of_supports, supported)):
-            placed = member.at.placed(np.unique(points, axis=0))
-            balls.append(np.column_stack([placed, np.full(len(placed), radius)]))
-    return np.concatenate(of_edges), np.concatenate(of_supports)
+    ends: IntArray
+    across: Array
+    inward: Array
+    volume: float
+    area: float
 
 
-def half_thickness(mesh: Mesh) -> float:
-    """Volume over surface [m] of a solid: half the thickness of a plate."""
-    faces = Faces(mesh, sheet=False)
-    points = quadrature(mesh, 2, faces.facets, 2)
-    heights = np.einsum("qd,qd->q", points.x, faces.normals[points.entity])
-    sums = np.array([points.weight @ heights / 3, points.weight.sum()])
-    volume, surface = np.sum(mesh.comm.allgather(sums), axis=0)
-    return float(abs(volume) / surface)
+def sharp_points(points: Array, cells: Sequence[tuple[str, IntArray]]) -> tuple[Array, float]:
+    """(points (n, 3) along the sharp inner edges, volume over surface [m]) of the solids in cells.
+
+    The points lie closer than a quarter of that length, which is half the thickness of a plate; it
+    is 0 without solids.
+    """
+    solids = [(kind.rstrip("0123456789"), numbers) for kind, numbers in cells]
+    skins = [_skin(points, kind, numbers) for kind, numbers in solids if kind in FACES]
+    if not skins:
+        return np.zeros((0, 3)), 0.0
+
+    length = sum(skin.volume for skin in skins) / sum(skin.area for skin in skins)
+    found = [np.zeros((0, 3))]
+    for skin in skins:
+        start, end = np.moveaxis(points[_sharp(points, skin)], 1, 0)
+        longest = np.linalg.norm(end - start, axis=1).max(initial=0.0)
+        share = np.linspace(0.0, 1.0, 2 + int(4 * longest / length))[:, None, None]
+        found.append(np.unique((start + (end - start) * share).reshape(-1, 3), axis=0))
+    return np.concatenate(found), length
 
 
-def re_entrant(part: MeshedStructure) -> Array:
-    """Ends (E, 2, 3) of the re-entrant edges of the part, on every rank."""
-    geometry = part.mesh.geometry
-    owned = compat.cell_map(part.mesh.dolfinx).size_local
-    corners = geometry.nodes[:owned, : len(geometry.corners)]
-    ends, angles = _angles(part.mesh.cell, corners)
-    ends, joined = _joined(part, ends, angles)
-    return ends[(joined >= np.radians(RE_ENTRANT)) & (joined < 2 * np.pi - WITHIN)]
+def _skin(points: Array, kind: str, cells: IntArray) -> Skin:
+    """The outer faces of cells of one kind."""
+    faces = np.concatenate([cells[:, face] for face in FACES[kind]])
+    order = np.sort(faces, axis=1)
+    _, first, count = np.unique(order, axis=0, return_index=True, return_counts=True)
+    outer = first[count == 1]
+    number, cell = np.divmod(outer, len(cells))
+    centres = points[cells[cell]].mean(axis=1)
+
+    # volume by the divergence theorem
+    corners = points[faces[outer]]
+    middles = corners.mean(axis=1)
+    spans = np.cross(corners[:, 1:-1] - corners[:, :1], corners[:, 2:] - corners[:, :1])
+    normals = spans.sum(axis=1) / 2
+    outward = np.sign(np.einsum("fi,fi->f", normals, middles - centres))
+    volume = float(np.einsum("f,fi,fi->", outward, normals, middles)) / 3
+    area = float(np.linalg.norm(normals, axis=1).sum())
+
+    ends, across, inward = [], [], []
+    size = faces.shape[1]
+    for k, local in enumerate(FACES[kind]):
+        rows = np.flatnonzero(number == k)
+        nodes = cells[cell[rows]]
+        for i in range(size):
+            edge = local[i], local[(i + 1) % size]
+            others = [c for c in local if c not in edge]
+            start = _middle(points, nodes, edge)
+            ends.append(np.sort(nodes[:, list(edge)], axis=1))
+            across.append(_across(points, nodes, edge, others))
+            inward.append(centres[rows] - start)
+    return Skin(*map(np.concatenate, (ends, across, inward)), volume, area)
 
 
-def _joined(part: MeshedStructure, ends: Array, angles: Array) -> tuple[Array, Array]:
-    """(ends (E, 2, 3), sum of the angles (E,)) of different edges, of the cells of all ranks."""
-    tolerance = SAME * part.mesh.extent()
-
-    def summed(ends: Array, angles: Array) -> tuple[Array, Array]:
-        middles = np.round(ends.sum(axis=1) / tolerance).astype(np.int64)
-        order, starts = _runs(middles)
-        total = np.add.reduceat(angles[order], starts) if len(starts) else angles[:0]
-        return ends[order[starts]], total
-
-    of_ranks = part.mesh.comm.allgather(summed(ends, angles))
-    return summed(*(np.concatenate(rows) for rows in zip(*of_ranks, strict=True)))
+def _middle(points: Array, nodes: IntArray, edge: tuple[int, int]) -> Array:
+    """Middles (n, 3) of an edge of cells: their middle nodes if they have them."""
+    pair = (min(edge), max(edge))
+    if nodes.shape[1] == 10:
+        return points[nodes[:, MIDDLES[pair]]]
+    return points[nodes[:, list(pair)]].mean(axis=1)
 
 
-def _runs(rows: IntArray) -> tuple[IntArray, IntArray]:
-    """(order that brings equal rows together, starts of their runs in it)."""
-    order = np.lexsort(rows.T)
-    different = (np.diff(rows[order], axis=0) != 0).any(axis=1)
-    return order, np.flatnonzero(np.append(len(rows) > 0, different))
+def _across(points: Array, nodes: IntArray, edge: tuple[int, int], others: list[int]) -> Array:
+    """Derivatives (n, 3) of the place in a face, from the middle of an edge away from it."""
+    a, b = (points[nodes[:, end]] for end in edge)
+    if len(others) == 2:
+        return points[nodes[:, others]].mean(axis=1) - (a + b) / 2
+
+    c = points[nodes[:, others[0]]]
+    ab, bc, ca = (
+        _middle(points, nodes, pair) for pair in (edge, (edge[1], others[0]), (others[0], edge[0]))
+    )
+    return 2 * (bc + ca - ab) - c - (a + b) / 2
 
 
-def _angles(kind: str, x: Array) -> tuple[Array, Array]:
-    """(ends (E, 2, 3), angle (E,) [rad] of the cell around it) of all edges of cells (C, k, 3)."""
-    ends, angles = [], []
-    for a, b in SOLID_EDGES[kind]:
-        others = {*chain(*(edge for edge in SOLID_EDGES[kind] if a in edge))} - {a, b}
-        along = x[:, b] - x[:, a]
-        along /= np.linalg.norm(along, axis=1, keepdims=True)
-        rays = [x[:, k] - x[:, a] for k in sorted(others)]
-        one, other = (ray - (ray * along).sum(axis=1, keepdims=True) * along for ray in rays)
+def _sharp(points: Array, skin: Skin) -> IntArray:
+    """Nodes (E, 2) of the edges whose two faces stand at more than `SHARP` inside the solid."""
+    order = np.lexsort(skin.ends.T)
+    ends = skin.ends[order]
+    starts = np.flatnonzero(np.append(True, (np.diff(ends, axis=0) != 0).any(axis=1)))
+    starts = starts[np.diff(np.append(starts, len(ends))) == 2]
+    one, other = order[starts], order[starts + 1]
 
-        ends.append(x[:, [a, b]])
-        sines = np.linalg.norm(np.cross(one, other), axis=1)
-        angles.append(np.arctan2(sines, (one * other).sum(axis=1)))
-    return np.concatenate(ends), np.concatenate(angles)
+    along = points[skin.ends[one, 1]] - points[skin.ends[one, 0]]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    first, second, inner = (
+        rows - np.einsum("ei,ei->e", rows, along)[:, None] * along
+        for rows in (skin.across[one], skin.across[other], skin.inward[one])
+    )
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    inner -= np.einsum("ei,ei->e", inner, first)[:, None] * first
+    inner /= np.linalg.norm(inner, axis=1, keepdims=True)
+
+    sine, cosine = np.einsum("ei,ei->e", second, inner), np.einsum("ei,ei->e", second, first)
+    angle = np.degrees(np.arctan2(sine, cosine)) % 360.0
+    return skin.ends[one[angle > SHARP]]

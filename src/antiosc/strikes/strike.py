@@ -41,6 +41,7 @@ from antiosc.impact.error_budget import SAFETY, TRIANGLES, amplitudes
 from antiosc.impact.histories import History, with_model
 from antiosc.impact.histories.bars import ErrorBudget, changes, with_floor
 from antiosc.impact.scene import simulate
+from antiosc.io.request import Refinement
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import AUTO, AnyLaw
 from antiosc.models.body import LinearBody
@@ -50,7 +51,7 @@ from antiosc.reduce.error.model_errors import ModelErrors
 from antiosc.reduce.error.remeshing import MeshSource, source_of
 from antiosc.reduce.extraction.extract import extract
 from antiosc.reduce.site import Site
-from antiosc.strikes import second_order
+from antiosc.strikes import second_order, stress
 from antiosc.strikes.advice import advise
 
 #: Goal of the whole budget over the tolerance; below 1, since estimates of the next mesh may be
@@ -122,6 +123,7 @@ def strike(
     duration: float = checks.REQUIRED,
     *,
     tol: float,
+    stress_tol: float | None = None,
     material: Family | Mapping[str, Family] | None = None,
     supports: Sequence[Support] = (),
     prestress: Prestress | None = None,
@@ -146,6 +148,10 @@ def strike(
     impactor, contact, duration, initial_velocity, gravity, gap : as for `simulate`.
     tol : float
         Largest relative error of the three quantities, as the error budget promises it.
+    stress_tol : float, optional
+        Largest bar by the mesh of the largest stress, relative: `stresses` of the history are the
+        `PeakField`s by strength, on meshes that are refined where their bounds are wide. The law,
+        the patch and the number of anti-oscillators stay.
     material, supports, prestress : as for `Structure`, for a file or a mesh.
     order : 1 or 2
         Degree of the displacements, and of the faces of a geometry's cells.
@@ -171,9 +177,8 @@ def strike(
     """
     impact_options = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
     run = partial(simulated, impactor, contact, duration, impact_options)
-    return struck(
-        source, site, impactor, run, tol, material, supports, order, limit, prestress=prestress
-    )
+    options = {"prestress": prestress, "stress_tol": stress_tol}
+    return struck(source, site, impactor, run, tol, material, supports, order, limit, **options)
 
 
 def simulated(
@@ -201,6 +206,7 @@ def struck(
     report: Seen | None = None,
     prestress: Prestress | None = None,
     asked: float | None = None,
+    stress_tol: float | None = None,
 ) -> History:
     """The result of `strike`; `report` is called with the answer of every mesh and its site.
 
@@ -209,6 +215,8 @@ def struck(
     start_time = time.perf_counter()
     tol = checks.tolerance(tol)
     asked = tol if asked is None else asked
+    if stress_tol is not None:
+        stress_tol = checks.tolerance(stress_tol)
     order = checks.whole("order", order, least=1, most=2)
     if limit is not None:
         limit = checks.positive("limit", limit, "s")
@@ -224,7 +232,8 @@ def struck(
             else "The structure was used as it is: give its mesh, material and supports, and the "
             "mesh is refined."
         )
-        return _finished(result, tol, asked, [record(result)], reason)
+        hit = _finished(result, tol, asked, [record(result)], reason)
+        return hit if stress_tol is None else stress.on_given(hit, source, stress_tol)
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
     site, mesh = _first_mesh(place, site, impactor, material, order)
     before: Answer | None = None
@@ -252,10 +261,20 @@ def struck(
                     ratio, reason = _next(result, mesh, order, tol, *costs, asked)
             if reason or meets_tol:
                 structure.drop_factor()
-                return _finished(result, tol, asked, records, reason)
+                hit = _finished(result, tol, asked, records, reason)
+                break
             drop()
             n = min(2 * result.n, MOST_N) if mesh.tdim == 1 else result.n
             mesh = place.finer(mesh, ratio)
+    if stress_tol is None:
+        return hit
+
+    def reduced(refine: Sequence[Refinement]) -> tuple[Structure, AntiOscillators]:
+        finer = place.around(mesh, refine)
+        part = Structure(finer, material, supports, order=order, prestress=prestress)
+        return part, extract(part, site, n=result.n)
+
+    return replace(hit, stresses=stress.closed(hit, structure, reduced, stress_tol).fields)
 
 
 def _material_of(

@@ -18,12 +18,18 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
-import antiosc
 from antiosc import History
 from antiosc.base._types import Array
-from antiosc.base.errors import AntioscError, finite_element_packages
+from antiosc.base.errors import AntioscError, InputError, finite_element_packages
 from antiosc.models.auto_contact import AUTO
-from antiosc_app.scene_file.build import Builder, Call, Mistake
+from antiosc_app.scene_file.build import (
+    Builder,
+    Call,
+    Evaluation,
+    Mistake,
+    calls_in,
+    replaced,
+)
 from antiosc_app.scene_file.document import GEOMETRIES, Document, Place, Table, label
 from antiosc_app.scene_file.schema import KIND, SECTIONS, SOURCES, parameters
 from antiosc_app.scene_file.shock import Shock, shock_of
@@ -434,11 +440,63 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
     compiled.probes, compiled.spectra = probes, spectra
     meshed = compiled.history is not None and source(build) in MESHED.split()
     if "stress" in build.data:
-        asked = build.table("stress", given=arguments)
-        if asked is not None:
-            compiled.stresses = Call(lambda peak: {peak.quantity: peak}, {"peak": asked})
+        _set_stress(build, compiled, arguments)
     elif meshed:
         compiled.stresses = Call(by_strengths, arguments)
+
+
+def _set_stress(build: Builder, compiled: CompiledScene, arguments: Table) -> None:
+    """Set the call of [stress], whose key tol is the bar to which it is brought."""
+    table = build.part("stress")
+    keys = {key: value for key, value in table.items() if key != "tol"}
+    asked = build.call(SECTIONS["stress"], keys, ("stress",), arguments)
+    if asked is None:
+        return
+    if "tol" not in table:
+        compiled.stresses = Call(lambda peak: {peak.quantity: peak}, {"peak": asked})
+        return
+
+    tol = table["tol"]
+    if type(tol) is not float or not 0 < tol < 1:
+        build.note(("stress", "tol"), f"stress.tol must lie between 0 and 1, as 0.25; got {tol}.")
+    elif compiled.history is not None and compiled.striking:
+        striking = {**compiled.history.arguments, "stress_tol": tol}
+        compiled.history = replace(compiled.history, arguments=striking)
+        compiled.stresses = Call(lambda history: history.stresses, {"history": compiled.history})
+    else:
+        reduced = functools.partial(_with_smaller_cells, build, compiled)
+        options = {key: value for key, value in asked.arguments.items() if key not in arguments}
+        known = {**arguments, "reduced": reduced, "tol": tol, **options}
+        compiled.stresses = Call(_closed, known, ("stress",))
+
+
+def _closed(structure: Structure, history: History, **options: Any) -> dict[str, PeakField]:
+    """The stress fields of an impact, to a tolerance."""
+    with finite_element_packages():
+        from antiosc.extension import closed
+    return closed(history, structure, **options).fields
+
+
+def _with_smaller_cells(
+    build: Builder, compiled: CompiledScene, places: Sequence[tuple[Sequence[float], float]]
+) -> tuple[Structure, AntiOscillators]:
+    """The structure and its model with cells of given sizes at places of its geometry."""
+    if not any(call.place == ("geometry",) for call in calls_in(compiled.structure)):
+        raise InputError("the cells of a deck or an assembly stay as they are")
+
+    @functools.cache
+    def exchanged(call: Call) -> Call:
+        if call.made is not None:
+            return call
+        arguments = {key: replaced(value, exchanged) for key, value in call.arguments.items()}
+        if call.place == ("geometry",):
+            arguments["refine"] = (*arguments.get("refine", ()), *places)
+        if call.place == ("extract",):
+            arguments.pop("error", None)
+        return replace(call, arguments=arguments)
+
+    evaluate = Evaluation(build.document)
+    return evaluate(exchanged(compiled.structure)), evaluate(exchanged(compiled.model))
 
 
 def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey) -> None:
@@ -459,18 +517,8 @@ def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey)
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
     """Criterion -> stress field, or the von Mises stress where no strength is known."""
     with finite_element_packages():
-        from antiosc.extension import criteria_of
-    if history.assembly.hopeless:
-        return {}
-
-    def field(name: str) -> PeakField:
-        return antiosc.peak_field(structure, history, name, sharp_edges=False)
-
-    if criteria := criteria_of(structure):
-        return {name: field(name) for name in criteria}
-    with contextlib.suppress(AntioscError):  # beams whose sections have no outline have no stress
-        return {"von_mises": field("von_mises")}
-    return {}
+        from antiosc.extension import fields_by_strength
+    return fields_by_strength(structure, history)
 
 
 def worst_by_strengths(self: Fall) -> WorstField | None:
@@ -478,9 +526,9 @@ def worst_by_strengths(self: Fall) -> WorstField | None:
     with finite_element_packages():
         from antiosc.extension import criteria_of
     structure: Any = self.body.structure
-    fields = [self.worst(name, sharp_edges=False) for name in criteria_of(structure)]
+    fields = [self.worst(name) for name in criteria_of(structure)]
     if fields:
         return max(fields, key=lambda field: field.margin().exposure)
     with contextlib.suppress(AntioscError):  # beams whose sections have no outline have no stress
-        return self.worst(sharp_edges=False)
+        return self.worst()
     return None

@@ -94,7 +94,7 @@ class PointContact(NamedTuple):
     def zone(self) -> ContactZone:
         """The zone outside the margin, in the axes of the mesh."""
         nu = float(self.body.materials[self.which][1])
-        return ContactZone(self.place, self.radius, 0.0, self.force, self.time, nu)
+        return ContactZone(self.place, self.radius, 0.0, self.force, nu)
 
     @property
     def error(self) -> float | None:
@@ -265,7 +265,7 @@ def deepest_dent(floor: Floor, episodes: Sequence[Episode]) -> float:
 
 def yielding_zones(floor: Floor, episodes: Sequence[Episode]) -> list[ContactZone]:
     """The zones about the points that yield, in the axes of the mesh."""
-    return [one.zone for one in point_contacts(floor, episodes) if one.yields]
+    return [one.zone for one in point_contacts(floor, episodes)]
 
 
 def cracking(floor: Floor, episodes: Sequence[Episode]) -> str:

@@ -14,7 +14,7 @@ import parts
 import sheets
 from antiosc.base.stresses import extreme_principal
 from antiosc.base.texts import engineering
-from antiosc.engine.contact.half_space import hertz_stresses
+from antiosc.engine.contact.half_space import hertz_stresses, von_mises
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
@@ -188,7 +188,7 @@ def test_a_re_entrant_corner_is_told_and_its_stress_grows_with_the_mesh():
     for n in (3, 6):
         part, hit = held(ell(n), ao.Site((2.0, 0.5), (0, -1), radius=0.4), 1e3)
         peak = ao.peak_field(part, hit, body="part")
-        assert "make the cells there smaller" in peak.doubt
+        assert "would give one" in peak.summary()
         largest.append(peak.values.max())
     assert largest[1] > 1.2 * largest[0]
 
@@ -669,7 +669,7 @@ def test_a_stress_that_the_mesh_does_not_resolve_has_no_bar():
     for errors, has_bar in (
         ([0.6, 0.02, 0.02], False),
         ([0.02, 0.6, 0.02], False),  # 0.64 at most
-        ([0.02, 0.02, 5.0], True),  # 0.4 at most: twice the value
+        ([0.02, 0.02, 1.0], True),  # 0.4 at most: twice the value
     ):
         nodes = row_of_nodes(exposures)._replace(error=np.array(errors))
         found = judged("yield", nodes, Zones())
@@ -678,27 +678,27 @@ def test_a_stress_that_the_mesh_does_not_resolve_has_no_bar():
         assert has_bar or "500 µm" in found.note  # half the size of the cells
 
 
-@pytest.mark.parametrize(
-    ("size", "patch", "resolved"), [(1e-3, 1e-3, True), (4e-3, 1e-3, False), (1e-3, 4e-3, False)]
-)
-def test_a_contact_that_is_not_resolved_has_no_bar_beside_it(size, patch, resolved):
-    """Three radii of it are left out; Hertz's stress there stands in for the mesh's."""
-    point = np.array([0.0, 0.0, 0.0])
-    zone = ContactZone(point, 1e-3, patch, 5000.0, 1e-4, 0.3)
-    near = row_of_nodes([0.9, 0.3, 0.1], size=size)
-    near = near._replace(points=near.points * np.array([0.4, 1, 1]))  # 4 mm apart
+def test_a_patch_larger_than_the_contact_widens_the_bar_beside_it():
+    """By Hertz's stress on the contact less that on the patch; three radii are left out."""
+    zone = ContactZone(np.zeros(3), 1e-3, 1e-3, 5000.0, 0.3)
+    near = row_of_nodes([0.9, 0.3, 0.1])._replace(points=np.diag([0.0, 4e-3, 50e-3])[:, [1, 0, 2]])
     found = judged("yield", near, Zones([zone]))
-    assert "outside 3 radii" in found.scope
-    assert found.has_bar == resolved
-    assert found.at_edge == (not resolved)
-    if not resolved:
-        assert found.value == pytest.approx(zone.edge_stress)
-        assert found.time == zone.time
-        assert "1.0 mm" in found.note
-    for beside, has_bar in ((0.1, True), (0.4, resolved)):  # there it may be three times as much
-        points = np.array([[0.0, 0, 0], [0.004, 0, 0], [0.05, 0, 0]])
-        far = near._replace(exposure=np.array([0.9, beside, 0.9]), points=points)
-        weak = zone._replace(force=1.0)
-        found = judged("yield", far, Zones([weak]))
-        assert found.value == pytest.approx(0.9 * YIELD)
-        assert found.has_bar == has_bar
+    assert found.scope == "outside 3 radii of the contact (3.0 mm)"
+    assert found.errors == pytest.approx((0.294 * YIELD, 0.306 * YIELD))
+
+    wide = judged("yield", near, Zones([zone._replace(patch=4e-3)]))
+    r, z = (
+        4e-3 * np.sin(np.linspace(0, np.pi / 2, 50)),
+        4e-3 * np.cos(np.linspace(0, np.pi / 2, 50)),
+    )
+    one, other = (hertz_stresses(5000.0, radius, 0.3, r, z) for radius in (1e-3, 4e-3))
+    assert wide.errors[1] == pytest.approx(0.306 * YIELD + von_mises(one - other).max(), rel=0.02)
+    assert wide.has_bar
+
+
+def test_a_patch_on_a_sheet_hides_bending():
+    """3 F (1 + nu) / (2 pi h^2) ln(patch / r) under it (Westergaard), nothing beside it."""
+    zone = ContactZone(np.zeros(3), 1e-4, 5e-3, 100.0, 0.3, thickness=2e-3)
+    hidden = zone.spread(5e-3, np.array([0.0, 2e-3, 6e-3]))
+    unit = 1.5 * 100.0 * 1.3 / (np.pi * 4e-6)
+    assert hidden == pytest.approx([unit * np.log(5 / 0.65), unit * np.log(2.5), 0.0])

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from antiosc.fields.peaks import PeakField
     from antiosc.models.body import LinearBody
 
 
@@ -70,10 +71,12 @@ class History(RunHistory, Results):
     source : the scene or impact with its options, by which `again` repeats it.
     budget : the `error_budget` of `strike`.
     enclosures : proved bounds on the force of each contact, with proof=True.
+    stresses : the stress fields of `strike(…, stress_tol=…)`, quantity -> `PeakField`; else None.
     """
 
     source: Source | None = None
     budget: ErrorBudget | None = None
+    stresses: Mapping[str, PeakField] | None = None
 
     @cached_property
     def error_budget(self) -> ErrorBudget:

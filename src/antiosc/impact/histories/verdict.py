@@ -22,12 +22,16 @@ from antiosc.impact.scene_parts import find_site
 from antiosc.models.auto_contact import choice_at_sites
 from antiosc.models.body import site_points
 
-#: Radii of a contact that yields which the margin of a solid leaves out about it. There Hertz's
-#: von Mises stress is 4 % of its largest on the surface and 17 % below the contact (nu = 0.3;
-#: Johnson, *Contact Mechanics*, 3.4), and the plastic zone of a full dent has 2 to 3 radii (6.3).
+#: Radii of a contact that the margin of a solid leaves out about it. There Hertz's von Mises stress
+#: is 4 % of its largest on the surface and 17 % below the contact (nu = 0.3; Johnson, *Contact
+#: Mechanics*, 3.4), and the plastic zone of a full dent has 2 to 3 radii (6.3).
 CONTACT_RADII = 3.0
-#: Directions from a contact into the part in which Hertz's stress is evaluated.
-ANGLES = 19
+#: Directions from a contact, and distances over the radius of a patch, at which Hertz's stress is
+#: evaluated: beyond the farthest the size of the patch changes 2e-4 of its pressure.
+ANGLES, DISTANCES = 19, 40
+NEAR, FAR = 0.02, 20.0
+#: Radius over the thickness of a sheet of the circle on which a point force acts (Westergaard).
+OF_SHEET = 0.325
 
 
 def choice_at(contact: OneContact) -> Choice | None:
@@ -77,51 +81,54 @@ class ContactZone(NamedTuple):
     """The surroundings of a contact on one body.
 
     `point` (3,) [m]; `radius` [m] of the contact and of the `patch` that carries its force in the
-    model; `force` [N]: the largest, at `time` [s]; `yields`: whether it yields, or may for want
-    of a strength.
+    model; `force` [N]: the largest; `nu`; `thickness` [m] of a sheet, 0 of a solid.
     """
 
     point: Array
     radius: float
     patch: float
     force: float
-    time: float
     nu: float
-    yields: bool = True
+    thickness: float = 0.0
 
     @property
     def ball(self) -> Array:
         """Row x, y, z, radius [m] of what the margin of a solid leaves out."""
         return np.append(self.point, CONTACT_RADII * self.radius)
 
-    @property
-    def edge_stress(self) -> float:
-        """Largest von Mises stress [Pa] on the surface of the ball, by Hertz's pressure on a
-        half-space; 0 of a contact that stays elastic.
+    def spread(self, patch: float, distance: Array) -> Array:
+        """Largest von Mises stress [Pa] at distances (n,) [m] by which a force on the contact and
+        on a larger circle of radius `patch` [m] differ: by Hertz's pressure on a half-space; in a
+        sheet by bending, where a point acts like a circle of 0.325 of its thickness (Westergaard).
         """
-        if not self.yields:
-            return 0.0
-        distance = CONTACT_RADII * self.radius
+        if self.thickness:
+            least = max(self.radius, OF_SHEET * self.thickness)
+            bending = 1.5 * self.force * (1 + self.nu) / (np.pi * self.thickness**2)
+            return bending * np.log(np.maximum(patch / np.maximum(distance, least), 1.0))
+        if patch <= self.radius:
+            return np.zeros(len(distance))
+
         angles = np.linspace(0.0, np.pi / 2, ANGLES)
-        r, z = distance * np.sin(angles), distance * np.cos(angles)
-        return float(von_mises(hertz_stresses(self.force, self.radius, self.nu, r, z)).max())
+        rho = patch * np.geomspace(NEAR, FAR, DISTANCES)[:, None]
+        r, z = rho * np.sin(angles), rho * np.cos(angles)
+        contact, circle = (
+            hertz_stresses(self.force, radius, self.nu, r, z) for radius in (self.radius, patch)
+        )
+        largest = von_mises(contact - circle).max(axis=1)
+        return np.interp(distance, rho[:, 0], largest, right=0.0)
 
 
 def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone]:
     """The surroundings of the contacts of a body whose radius is known."""
     zones = []
     for contact in contacts:
-        yielding = _yielding_size(contact)
-        size = yielding or _elastic_size(contact)
+        size = _yielding_size(contact) or _elastic_size(contact)
         if size is None:
             continue
         radius, nu = size
-        choice = choice_at(contact)
-        is_unknown = choice is not None and lacks_strength(choice)
-        time = float(contact.time[np.argmax(contact.force)])
-        facts = contact.peak_force, time, nu, yielding is not None or is_unknown
         zones += [
-            ContactZone(point, radius, patch, *facts) for point, patch in _places(contact, body)
+            ContactZone(point, radius, patch, contact.peak_force, nu)
+            for point, patch in _places(contact, body)
         ]
     return zones
 

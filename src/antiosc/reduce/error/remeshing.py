@@ -16,13 +16,14 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, MeshError
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.bisection import (
     KIND_OF,
     divisible,
     edge_lengths,
     gathered,
+    graded_sizes,
     near,
     refined,
 )
@@ -69,6 +70,12 @@ class MeshSource(ABC):
     @abstractmethod
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
         """A mesh whose cell sizes are about `ratio` (cells of this rank) times those of `mesh`."""
+
+    def around(self, mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
+        """The mesh with smaller cells around points; MeshError if its cells stay as they are."""
+        if self.fixed:
+            raise MeshError(self.fixed)
+        return self.finer(mesh, np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0))
 
 
 def source_of(source: str | Path | Mesh, order: int = 2) -> MeshSource:

@@ -1,0 +1,194 @@
+"""The largest stress of a blow to a tolerance: smaller cells where its bounds are wide.
+
+The force has its bar from the mesh at hand. The stress has its own places: in each round the cells
+become smaller where a node's upper bound lies above the largest stress's lower one, and the blow is
+struck again with the same number of anti-oscillators, patch and law. It ends when the bar of the
+largest stress by the mesh is within the tolerance.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NoReturn
+
+import numpy as np
+
+from antiosc.base.errors import AntioscError, InputError, MeshError, without_warnings
+from antiosc.base.texts import percent, plain
+from antiosc.fem.platform import on_root
+from antiosc.fem.structure.structure import Structure
+from antiosc.fields.margin import criteria_of, sizes_at_nodes
+from antiosc.fields.peaks import PeakField, peak_field
+from antiosc.impact.histories import History
+from antiosc.io.request import Refinement
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.recovery.sharp_edges import sharp_points
+from antiosc.strikes import second_order
+
+#: Most rounds of smaller cells, and most places of a round.
+MOST_ROUNDS, MOST_PLACES = 4, 5
+#: Least and largest ratio of new to old sizes of cells, and the share of the tolerance aimed at.
+FINEST, COARSEST, AIM = 0.2, 0.5, 0.6
+#: Power of the size by which the jumps of the stress fall, at least, beside a fillet.
+POWER = 1.5
+#: Most dofs of a refined mesh over those of the mesh of the force, or this number if it is larger.
+MOST_GROWTH, MOST_DOFS = 3.0, 150_000
+
+#: Makes the part, and its model, with smaller cells at places.
+Reduction = Callable[[Sequence[Refinement]], tuple[Structure, AntiOscillators]]
+
+
+@dataclass(frozen=True)
+class Stressed:
+    """The stress fields of a blow by their quantity, the part and the history that they are of.
+
+    `rounds`: number of meshes after the first; `seconds`; `why` the bar is wider than the
+    tolerance, "" if it is not.
+    """
+
+    fields: dict[str, PeakField]
+    structure: Structure
+    hit: History
+    rounds: int = 0
+    seconds: float = 0.0
+    why: str = ""
+
+
+def fields_by_strength(structure: Structure, hit: History, **options: Any) -> dict[str, PeakField]:
+    """Criterion -> stress field, or the von Mises stress where no strength is known; `options` as
+    for `peak_field`.
+    """
+    if "quantity" in options:
+        return {options["quantity"]: peak_field(structure, hit, **options)}
+    if hit.assembly.hopeless:
+        return {}
+    if criteria := criteria_of(structure):
+        return {name: peak_field(structure, hit, name, **options) for name in criteria}
+    with suppress(AntioscError):  # beams whose sections have no outline have no stress
+        return {"von_mises": peak_field(structure, hit, **options)}
+    return {}
+
+
+def closed(
+    hit: History, structure: Structure, reduced: Reduction, tol: float, **options: Any
+) -> Stressed:
+    """The stress fields with a bar by the mesh of at most `tol`, or with the reason for a larger
+    one; `options` as for `peak_field`.
+    """
+    started = time.perf_counter()
+    known = Stressed(fields_by_strength(structure, hit, **options), structure, hit)
+    most = max(MOST_GROWTH * structure.dofs, MOST_DOFS)
+    refine: list[Refinement] = []
+    why = ""
+
+    for rounds in range(MOST_ROUNDS + 1):
+        wanted = on_root(structure.comm, partial(_wanted, known.fields, tol))
+        if not wanted:
+            break
+        if rounds == MOST_ROUNDS:
+            why = f"{MOST_ROUNDS} rounds of smaller cells leave it wider"
+            break
+        refine += wanted
+
+        with without_warnings():
+            try:
+                finer, model = reduced(refine)
+            except (InputError, MeshError) as error:
+                why = str(error)
+                break
+            if finer.dofs > most:
+                why = f"the next mesh has {plain(finer.dofs)} dofs, more than {plain(most)}"
+                break
+            again = second_order.simulated(finer, model, partial(_again, hit))
+            fields = fields_by_strength(finer, again, **options)
+            known = Stressed(fields, finer, again, rounds + 1)
+
+    spent = time.perf_counter() - started
+    return _told(replace(known, seconds=spent, why=why), hit, tol)
+
+
+def on_given(hit: History, structure: Structure, tol: float) -> History:
+    """The history with its stresses on a structure whose cells stay."""
+
+    def reduced(refine: Sequence[Refinement]) -> NoReturn:
+        raise InputError("the Structure was used as it is: give its mesh, material and supports")
+
+    return replace(hit, stresses=closed(hit, structure, reduced, tol).fields)
+
+
+def _again(hit: History, model: AntiOscillators) -> History:
+    """The same blow on another model, by the same law."""
+    if hit.named:
+        return hit.again(model={"structure": model})
+    return hit.again(model=model, law=hit.law)
+
+
+def bar(field: PeakField) -> tuple[float, float]:
+    """How far the largest stress that counts may lie below and above its value, by the mesh."""
+    values, errors, counts = _counted(field)
+    largest = float(values[counts].max(initial=0.0))
+    if not largest:
+        return 0.0, 0.0
+    below = float((values - errors)[counts].max())
+    above = float((values + errors)[counts].max())
+    return 1 - max(below, 0.0) / largest, above / largest - 1
+
+
+def _counted(field: PeakField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(values, their errors by the mesh, which nodes count)."""
+    errors = np.zeros_like(field.values) if field.mesh_error is None else field.mesh_error
+    counts = np.ones(len(errors), dtype=bool) if field.counts is None else field.counts
+    return field.values, errors, counts
+
+
+def _wanted(fields: dict[str, PeakField], tol: float) -> list[Refinement]:
+    """Where the cells must become smaller, and to which size [m], the widest bounds first."""
+    wanted: list[Refinement] = []
+    for field in fields.values():
+        if max(bar(field)) > tol:
+            wanted += _places(field, tol)
+    return wanted
+
+
+def _places(field: PeakField, tol: float) -> list[Refinement]:
+    """The places of one field whose upper bounds are above the lower bound of the largest."""
+    values, errors, counts = _counted(field)
+    lower = float((values - errors)[counts].max())
+    upper = np.where(counts, values + errors, 0.0)
+    open_to = counts & (upper > lower) & (errors > AIM * tol * values)
+
+    sizes = sizes_at_nodes(field.points, field._cells)
+    wall = 2 * sharp_points(field.points, field._cells)[1]
+    places: list[Refinement] = []
+    while open_to.any() and len(places) < MOST_PLACES:
+        k = int(np.argmax(np.where(open_to, upper, 0.0)))
+        ratio = (AIM * tol * values[k] / errors[k]) ** (1 / POWER)
+        size = float(sizes[k] * np.clip(ratio, FINEST, COARSEST))
+        places.append((tuple(field.points[k].tolist()), size))
+        distance = np.linalg.norm(field.points - field.points[k], axis=1)
+        open_to &= distance > max(wall, sizes[k])
+    return places
+
+
+def _told(stressed: Stressed, hit: History, tol: float) -> Stressed:
+    """With the sentence on rounds, cells and seconds in its fields."""
+    told = ""
+    change = 0.0 if hit.named else abs(stressed.hit.peak_force / hit.peak_force - 1)
+    if change > tol:
+        told = f"; the force differs by {percent(change)}"
+    fields = {}
+    for name, field in stressed.fields.items():
+        low, high = bar(field)
+        cells = sum(len(numbers) for _, numbers in field._cells)
+        sentence = (
+            f"{stressed.rounds} rounds of smaller cells, {cells} cells, {stressed.seconds:.0f} s:"
+            f" +{percent(high)} −{percent(low)} by the mesh{told}"
+        )
+        if max(low, high) > tol and stressed.why:
+            sentence += f"; wider than {percent(tol)}, since {stressed.why}"
+        fields[name] = replace(field, rounds=sentence)
+    return replace(stressed, fields=fields)

@@ -1,0 +1,87 @@
+"""The largest stress of a blow is brought to a tolerance by smaller cells where it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.fields.peaks import PeakField
+from antiosc.strikes import stress
+
+pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
+STEEL = ao.Solid(210e9, 0.3, 7850.0, yield_strength=250e6)
+#: A stepped bar of 20 and 10 mm with a fillet of 2 mm on the upper side.
+STEPPED = """\
+SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 0.04, 0.02, 0.01};
+Box(2) = {0.04, 0, 0, 0.05, 0.01, 0.01};
+BooleanUnion{ Volume{1}; Delete; }{ Volume{2}; Delete; }
+e() = Curve In BoundingBox{0.039, 0.009, -1, 0.041, 0.011, 1};
+Fillet{1}{e()}{0.002}
+"""
+SITE = ao.Site((0.08, 0.01, 0.005), (0, -1, 0), radius=3e-3)
+BALL = ao.RigidMass(0.05, 0.5)
+
+
+def field(values, errors, counts=True) -> PeakField:
+    """A field of nodes 10 mm apart."""
+    x = 0.01 * np.arange(len(values))
+    points = np.column_stack([x, 0 * x, 0 * x])
+    line = np.column_stack([np.arange(len(x) - 1), np.arange(1, len(x))])
+    known = {"mesh_error": np.array(errors), "counts": np.full(len(x), counts)}
+    return PeakField("von_mises", "Pa", points, np.array(values), 0 * x, [("line", line)], **known)
+
+
+def test_the_place_of_the_largest_bound_is_refined_too():
+    told = field([100.0, 10.0, 60.0, 99.0], [10.0, 20.0, 60.0, 1.0])
+    assert stress.bar(told) == pytest.approx((0.02, 0.2))  # of 99 − 1, and of 60 + 60
+    places = stress._places(told, 0.15)
+    assert [point[0] for point, _ in places] == [0.02, 0.0]
+    assert places[0][1] < places[1][1] == pytest.approx(0.5 * 0.01)
+
+
+@pytest.fixture(scope="module")
+def stepped(tmp_path_factory):
+    path = tmp_path_factory.mktemp("stepped") / "stepped.geo"
+    path.write_text(STEPPED, encoding="utf-8")
+    return path
+
+
+@pytest.mark.slow
+def test_a_blow_ends_with_a_stress_to_a_tolerance(stepped):
+    """At the fillet, where bending is largest; a mesh of half its cells is within the bar."""
+    held = [ao.Support(plane=((0, 0, 0), (1, 0, 0)))]
+    asked = {"tol": 0.2, "material": STEEL, "supports": held}
+    hit = ao.strike(stepped, SITE, BALL, ao.Linear(1e7), 1e-3, stress_tol=0.12, **asked)
+    (closed,) = hit.stresses.values()
+    assert max(stress.bar(closed)) <= 0.12
+    assert "rounds of smaller cells" in closed.rounds
+    assert max(stress.bar(ao.peak_field(hit.structure, hit))) > 0.12
+
+    point = closed.margin().point
+    assert 0.036 < point[0] < 0.045
+    fine = ao.read_mesh(stepped, size=4e-3, refine=[(tuple(point), 3e-4)])
+    part = ao.Structure(fine, STEEL, held)
+    again = hit.again(model=ao.extract(part, SITE, n=hit.model.n), law=hit.law)
+    low, high = closed.margin().stresses
+    assert low <= ao.peak_field(part, again).margin().value <= high
+
+
+@pytest.mark.slow
+def test_straight_cells_are_bisected():
+    """On a cantilever without a fillet, of cells of twice its thickness."""
+    mesh = ao.box_mesh((0.1, 0.02, 0.01), size=0.02)
+    held = [ao.Support("-x")]
+    site = ao.Site((0.09, 0.01, 0.01), (0, 0, -1), radius=8e-3)
+    asked = {"tol": 0.5, "material": STEEL, "supports": held}
+    hit = ao.strike(mesh, site, BALL, ao.Linear(1e6), 2e-3, stress_tol=0.2, **asked)
+    (closed,) = hit.stresses.values()
+    assert max(stress.bar(closed)) <= 0.2 < max(stress.bar(ao.peak_field(hit.structure, hit)))
+
+
+def test_cells_that_stay_are_told():
+    part = ao.Structure(ao.box_mesh((0.06, 0.02, 0.01), 0.01), STEEL, [ao.Support("-x")])
+    site = ao.Site((0.05, 0.01, 0.01), (0, 0, -1), radius=8e-3)
+    hit = ao.strike(part, site, BALL, ao.Linear(1e7), 1e-3, tol=0.5, stress_tol=1e-3)
+    assert "since the Structure was used as it is" in hit.stresses["von_mises"].rounds
