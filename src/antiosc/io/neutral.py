@@ -261,26 +261,22 @@ def kind_of(label: str) -> CellKind:
 
 #: Fields of a `FileMesh` that are values of JSON.
 _PLAIN = ("convention", "of_gmsh", "aids", "remarks", "model")
-#: Fields that are dicts of arrays of rows.
-_SETS = ("groups", "node_sets", "fixed")
 
 
 def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[Any]]]:
-    """The mesh as (JSON values, arrays); groups, maybe thousands, are concatenated."""
-    rows = [np.zeros(0, dtype=np.int64)]
-
-    def shapes(value: Any) -> Any:
-        """Dicts as lists of pairs, arrays as their shapes."""
-        if isinstance(value, dict):
-            return [[key, shapes(entry)] for key, entry in value.items()]
-        rows.append(value.ravel())
-        return {"shape": value.shape}
+    """The mesh as (JSON values, arrays); the rows of groups, maybe thousands, are concatenated."""
+    sets: list[tuple[str, str, str | int | None, IntArray]] = []
+    for field_name, groups in (("groups", mesh.groups), ("fixed", mesh.fixed)):
+        sets += [(field_name, name, key, e) for name, of in groups.items() for key, e in of.items()]
+    sets += [("node_sets", name, None, nodes) for name, nodes in mesh.node_sets.items()]
 
     header = {name: getattr(mesh, name) for name in _PLAIN}
     header["cells"] = list(mesh.cells)
-    header["sets"] = [shapes(getattr(mesh, name)) for name in _SETS]
+    header["names"] = {"groups": list(mesh.groups), "fixed": list(mesh.fixed)}
+    header["sets"] = [(*where, rows.shape) for *where, rows in sets]
     header["pieces"] = [(name, list(low), list(high)) for name, low, high in mesh.pieces]
-    return header, [np.concatenate(rows), mesh.points, mesh.labels, *mesh.cells.values()]
+    rows = np.concatenate([np.zeros(0, dtype=np.int64), *(rows.ravel() for *_, rows in sets)])
+    return header, [rows, mesh.points, mesh.labels, *mesh.cells.values()]
 
 
 def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
@@ -295,31 +291,26 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
         if block.ndim != 2 or block.shape[1] != kind_of(label).nodes:
             raise ValueError(f"{label} cells of shape {block.shape}")
         _check_indices(block, len(points), f"the {label} cells name nodes")
+
+    sets: Json = {field_name: {n: {} for n in names} for field_name, names in head["names"].items()}
+    node_sets = {}
     start = 0
-
-    def values(content: Any) -> Any:
-        """The inverse of `shapes`."""
-        nonlocal start
-        if isinstance(content, list):
-            return {key: values(entry) for key, entry in content}
-        end = start + int(np.prod(content["shape"]))
-        part = rows[start:end].reshape(content["shape"])
+    for field_name, name, key, shape in head["sets"]:
+        end = start + int(np.prod(shape))
+        part = rows[start:end].reshape(shape)
         start = end
-        return part
-
-    sets = dict(zip(_SETS, map(values, head["sets"]), strict=True))
-    for name, parts in sets["groups"].items():
-        for label, part in parts.items():
-            _check_indices(part, len(cells[label]), f"group {name!r} names {label} cells")
-    for part in [
-        *sets["node_sets"].values(),
-        *(e for d in sets["fixed"].values() for e in d.values()),
-    ]:
-        _check_indices(part, len(points), "a node set names nodes")
+        most = len(cells[key]) if field_name == "groups" else len(points)
+        _check_indices(part, most, f"{name!r} names nodes or cells")
+        if key is None:
+            node_sets[name] = part
+        else:
+            sets[field_name][name][key] = part
 
     pieces = [Piece(str(name), *np.array(box, float)) for name, *box in head["pieces"]]
     plain = {name: head[name] for name in _PLAIN}
-    return FileMesh(points, cells, labels=labels, pieces=pieces, **plain, **sets)
+    return FileMesh(
+        points, cells, labels=labels, pieces=pieces, node_sets=node_sets, **plain, **sets
+    )
 
 
 def _check_indices(rows: IntArray, most: int, what: str) -> None:

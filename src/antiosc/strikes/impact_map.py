@@ -392,7 +392,7 @@ def _refined(
         elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
         model = at_one_site(static, elastic, n)
         assert remainder is not None  # there is a band
-        bound, _ = error_bound(structure, known, remainder, elastic, band, model.omega)
+        bound, _ = error_bound(known, remainder, elastic, band, model.omega)
         if bound < error[i]:
             error[i] = bound
             missing = n - len(model.m)

@@ -80,7 +80,7 @@ class Division:
             raise InputError("the error 'estimate' of beams and shells runs on one rank.")
         self._matrices = with_parts(structure)
 
-    def energies(self, model: AntiOscillators, _: str | None) -> tuple[Array, Array | None]:
+    def energies(self, model: AntiOscillators) -> tuple[Array, Array | None]:
         """(energies and products (N + 1, N + 1) that the mesh lacks in the shapes of a model, those
         that it has in excess, or None).
         """

@@ -47,11 +47,8 @@ def _solids(matrices: MeshedParts) -> bool:
     return all(member.part.kind.outside for member in matrices.members())
 
 
-def refusal(structure: Structure) -> str:
+def refusal(matrices: MeshedParts) -> str:
     """Why the mesh's error of a structure is not estimated; "" if it is."""
-    if not (structure.matrices.meshed or structure.matrices.assembled):
-        return ""
-    matrices = with_parts(structure)
     if not matrices.assembled and matrices.members()[0].part.kind.name == "truss":
         return TRUSS
     if _solids(matrices) and not (matrices.assembled and matrices.preload):
@@ -76,7 +73,7 @@ class ModelErrors:
             )
         self._structure = structure
         self._matrices = with_parts(structure, NO_MESH)
-        self.skipped = refusal(structure)
+        self.skipped = refusal(self._matrices)
         if self.skipped == TRUSS:
             raise InputError(f"the error 'estimate' is of solids, beams and shells: {TRUSS}")
         if not self.skipped:
@@ -88,9 +85,9 @@ class ModelErrors:
         if self.skipped:
             return replace(model, info=replace(model.info, no_estimate=self.skipped))
         start_time = time.perf_counter()
-        energies, misfit = self._estimator.energies(model, site.part)
-        (member,) = self._matrices.members(site.part if self._matrices.assembled else None)
-        part = member.part
+        energies, misfit = self._estimator.energies(model)
+        struck = self._matrices.members()[0] if site.place is None else site.place.member
+        part = struck.part
         spent = model.info.get("seconds", {})
         info = model.info.having(
             divided=part.mesh.cell if self._estimator.divided else None,

@@ -15,7 +15,6 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import PatchData
 from antiosc.reduce.site import Functional
 from antiosc.reduce.site.doubts import WHOLE_PATCH
-from antiosc.reduce.site.place import place_at
 from antiosc.reduce.site.sites import Sites, located
 
 #: The second radius over the first, and the ratio used instead if the larger patch leaves the face.
@@ -31,10 +30,10 @@ def patch_of(structure: Structure, site: Functional) -> PatchData | None:
     on a half-space, "radius" is that of a second patch [m], and "compliance" the change of the
     part's compliance beyond the half-space [m/N].
     """
-    if site.radius is None or site.point is None or site.direction is None:
+    place = site.place
+    if site.radius is None or place is None:
         return None
     matrices = with_parts(structure)
-    place = place_at(matrices, site.point, site.direction, site.part)
     member = place.member
 
     def of_radius(radius: float) -> Sites:

@@ -50,7 +50,7 @@ class Recovery:
         for member in self._matrices.members():
             _refuse(member.part)
 
-    def energies(self, model: AntiOscillators, part: str | None) -> tuple[Array, None]:
+    def energies(self, model: AntiOscillators) -> tuple[Array, None]:
         """Energies and products (N + 1, N + 1) of the errors of the shapes of a model."""
         fields = self._matrices.fields(np.asarray(model.shapes))
         grams = [gram(member.part, u) for member, u in fields]

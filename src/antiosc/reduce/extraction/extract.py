@@ -137,7 +137,7 @@ def models_of(
         band: dict[str, float] | None = None
         if options.band is not None and remainder is not None:
             omega = selected.omega if at_site is None else at_site.omega
-            bound, lowest = error_bound(structure, known, remainder, selected, options.band, omega)
+            bound, lowest = error_bound(known, remainder, selected, options.band, omega)
             ends = lowest / (2 * np.pi), options.band / (2 * np.pi)
             band = {"bottom": ends[0], "top": ends[1], "error_bound": bound}
         seconds = {

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from antiosc.base._types import Array
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -67,10 +68,10 @@ def _thickness_at(
     """The thickness of a sheet at its sites, whose deflection it judges; of others the `least`."""
     if least is None:
         return None
-    from antiosc.reduce.site.surface import material_at  # given matrices do without meshes
+    from antiosc.reduce.site.surface import material_of  # given matrices do without meshes
 
-    places = [(site.point, site.direction) for site in sites.values()]
-    materials = [material_at(structure, x, along) for x, along in places if x is not None]
+    places = [site.place for site in sites.values()]
+    materials = [material_of(place) for place in places if place is not None]
     found = [getattr(getattr(one, "section", None), "thickness", least) for one in materials]
     return min(found, default=least)
 
@@ -81,7 +82,7 @@ def _no_estimate(structure: Structure) -> str | None:
         return None
     from antiosc.reduce.error.model_errors import refusal  # needs dolfinx
 
-    return refusal(structure) or None
+    return refusal(with_parts(structure)) or None
 
 
 def model_of(

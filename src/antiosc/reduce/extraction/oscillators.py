@@ -276,9 +276,7 @@ def by_modes(
             or not constraint_modes.m0.any()
         )
         if not sufficient and remainder is not None and band is not None:
-            sufficient = (
-                error_bound(structure, constraint_modes, remainder, selected, band)[0] <= accuracy
-            )
+            sufficient = error_bound(constraint_modes, remainder, selected, band)[0] <= accuracy
         if sufficient:
             return modes, remainder
         count = min(limit, len(modes.omega) + max(8, len(modes.omega) // 2))
@@ -315,7 +313,6 @@ def at_one_site(static: SiteShapes, selected: Selection, n: int) -> OneSite:
 
 
 def error_bound(
-    structure: Structure,
     known: ConstraintModes,
     remainder: Remainder,
     selected: Selection,

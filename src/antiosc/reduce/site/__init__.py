@@ -72,13 +72,16 @@ def surfaces(
     """`ModelInfo.surfaces` of sites, from which contact laws follow; None for matrices."""
     if not (structure.matrices.meshed or structure.matrices.assembled):
         return None
-    from antiosc.reduce.site.surface import surface_at  # given matrices do without meshes
+    from antiosc.reduce.site.surface import NO_POINT, surface_of  # given matrices have no mesh
 
     surfaces_found: dict[str, dict[str, object]] = {}
     for name, functional in sites.items():
-        place = functional.point, functional.direction, functional.radius, functional.part
+        if functional.place is None:
+            surfaces_found[name] = {NOT_KNOWN: NO_POINT}
+            continue
         try:
-            surfaces_found[name] = surface_at(structure, *place).as_dict()
+            surface = surface_of(structure, functional.place, functional.radius)
+            surfaces_found[name] = surface.as_dict()
         except InputError as error:
             surfaces_found[name] = {NOT_KNOWN: str(error)}
     return surfaces_found

@@ -27,7 +27,7 @@ from antiosc.fem.reach import Reach
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.doubts import ALONG_SURFACE, surface_below, warn_of_doubts
-from antiosc.reduce.site.place import Place, motion_of, place_of
+from antiosc.reduce.site.place import Place, motion_of, place_at, place_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
 from antiosc.reduce.site.sites import (
     Sites,
@@ -118,8 +118,8 @@ def _on_whole(structure: MeshedParts, member: Member, functional: Functional) ->
     x = member.at.placed(functional.point[None])[0]
     d = member.at.rotation @ functional.direction
     tangential = tuple(_on_whole(structure, member, side) for side in functional.across)
-    name = member.name or None
-    return replace(functional, b=b, point=x, direction=d, across=tangential, part=name)
+    place = Place(member, functional.point, functional.direction)
+    return replace(functional, b=b, point=x, direction=d, across=tangential, place=place)
 
 
 def _without_mesh(structure: AssembledMatrices, site: Site, end: EndMotion) -> Functional:
@@ -146,10 +146,13 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: EndMotion) -> F
             "impact: extract its model with a tangential site."
         )
     b = np.asarray(end.displacements.T @ direction)
+    place = place_at(structure, end.point, direction) if structure.members() else None
+    functional = Functional(b, point=end.point, direction=direction, place=place)
     if not name:
-        return Functional(b, point=end.point, direction=direction)
+        return functional
     interface = layout.condensed[part].ends[name]
-    return Functional(b, interface.radius, interface.local_compliance, end.point, direction)
+    radius, compliance = interface.radius, interface.local_compliance
+    return replace(functional, radius=radius, local_compliance=compliance)
 
 
 # -- on one mesh

@@ -27,6 +27,7 @@ from antiosc.models.body import Body
 from antiosc.reduce.site.place import Place, place_at
 
 NO_SURFACE = "matrices have no surface: give the law of the contact."
+NO_POINT = "the site is no point of a surface."
 #: Default radius [m] of an edge or a corner, at most a quarter of the least dimension.
 CORNER = 1e-3
 #: Indentation from which graphite and epoxy are damaged [m]; Yang and Sun (1982).
@@ -38,34 +39,33 @@ def surface_at(
     point: Array | None,
     direction: Array | None = None,
     radius: float | None = None,
-    part: str | None = None,
 ) -> Surface:
-    """The surface of a structure at a point (3,), struck along a direction.
+    """The surface of a structure at its point nearest to `point` (3,), as `surface_of`."""
+    if point is None:
+        raise InputError(NO_POINT)
+    place = place_at(with_parts(structure, NO_SURFACE), point, direction)
+    return surface_of(structure, place, radius)
 
-    `radius`: of the patch [m]. `part`: name of the part of an assembly that is struck, by default
-    the nearest one.
+
+def surface_of(structure: Structure, place: Place, radius: float | None) -> Surface:
+    """The surface of a structure at a place, under a patch of this radius [m]; None: a point.
 
     Raises
     ------
     InputError
-        The surface is unknown: matrices, plane parts, anisotropic materials, too few nodes.
+        The surface is unknown: plane parts, anisotropic materials, too few nodes.
     """
-    if point is None:
-        raise InputError("the site is no point of a surface.")
-    matrices = with_parts(structure, NO_SURFACE)
-    corner = corner_radius(structure)
-    place = place_at(matrices, point, direction, part)
-    material = _material(place)
+    material = material_of(place)
     matter = _contact_material(material)
     if matter is None:
         raise InputError("a plane part has no surface in space.")
     if isinstance(material, Beam):
         return _bar_surface(material, matter, radius)
-    curved = _curvature(place, direction)
-    surface = placed(curved, matter, corner, radius)
+    curved = _curvature(place)
+    surface = placed(curved, matter, corner_radius(structure), radius)
     if curved.kind in SHARP:
         return surface
-    ball_radius, second_contact = _room(matrices, curved, radius or 0.0)
+    ball_radius, second_contact = _room(with_parts(structure), curved, radius or 0.0)
     return replace(surface, largest_ball=ball_radius, meets=second_contact)
 
 
@@ -121,32 +121,32 @@ def curvature_at(
         unit_direction = in_space(checks.coordinates("direction", direction, ""))
         if not unit_direction.any():
             raise InputError("direction must not be the zero vector.")
-    return _curvature(place_at(matrices, x, unit_direction), unit_direction)
+    return _curvature(place_at(matrices, x, unit_direction))
 
 
 def material_at(structure: Structure, point: Array, direction: Array | None = None) -> Any:
     """The material of a meshed structure at its point nearest to `point` [m]."""
     matrices = with_parts(structure, NO_SURFACE)
-    return _material(place_at(matrices, point, direction))
+    return material_of(place_at(matrices, point, direction))
 
 
-def _material(place: Place) -> Any:
+def material_of(place: Place) -> Any:
     """The material of the part at the place."""
     part = place.member.part
     return part.material_at(closest(part.mesh, place.point))
 
 
-def _curvature(place: Place, along: Array | None) -> Curvature:
+def _curvature(place: Place) -> Curvature:
     """Curvature of the outer surface, in the axes of the structure; see `curvature_at`."""
     part = place.member.part
     at = place.member.at
-    along = None if along is None else place.direction
+    along = place.direction if place.direction.any() else None
     if part.kind.sheet and part.mesh.gdim == 2:
         curved = _flat(place.point, along)
     else:
         curved = curvature(part.mesh, part.faces, place.point, along)
     if part.kind.sheet:
-        curved = curved.beyond(_material(place).section.thickness / 2)
+        curved = curved.beyond(material_of(place).section.thickness / 2)
     return curved.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
 
 
