@@ -9,10 +9,9 @@ elements. A factorization needs all entries and assembles them (`with_entries`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from ctypes import byref
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,18 +89,12 @@ class Tetrahedra:
         self.carries = False
         cells = np.arange(compat.cell_map(mesh.dolfinx).size_local)
         nodes = compat.cell_dofs(form.space, (0,), cells) // 3
-        # first the cells that meet ghosts: what the others give is computed while these travel
-        has_ghosts = (nodes >= self.rows // 3).any(axis=1)
-        self._take(nodes, np.argsort(~has_ghosts, kind="stable"))
-        count, ghost_groups = (-(-int(n) // LANES) for n in (len(cells), has_ghosts.sum()))
-        middle = (ghost_groups + count) // 2
-        #: groups of cells: half of those of this rank alone, those that meet ghosts, the other half
-        self._groups = [(ghost_groups, middle), (0, ghost_groups), (middle, count)]
+        self._nodes = _in_lanes(nodes.astype(np.int32))
+        self._data = _in_lanes(self._data_of(len(nodes)))
 
-    def _take(self, nodes: IntArray, order: IntArray) -> None:
-        """Prepare the cells, in this order; `nodes` (cells, 10) are numbers of this rank."""
+    def _data_of(self, count: int) -> Array:
+        """Gradients, and constants times volume, of the cells: (count, DATA)."""
         mesh = self._mesh.dolfinx
-        count = len(nodes)
         x = mesh.geometry.x[compat.geometry_nodes(mesh)[:count]]
         edges = x[:, 1:] - x[:, :1]
         volume = np.abs(np.linalg.det(edges)) / 6
@@ -111,33 +104,23 @@ class Tetrahedra:
         for material, cells in self._parts:
             data[cells[cells < count], 9:] = _constants(material)
         data[:, 9:] *= volume[:, None]
-        self._nodes = _in_lanes(nodes[order].astype(np.int32))
-        self._data = _in_lanes(data[order])
+        return data
 
-    def _add(self, group: int, k: float, m: float, u: Array, out: Array) -> None:
-        """Add (k K + m M) u of a group of cells to `out`, both on all dofs of this rank."""
-        product, groups = self._in_single if u.dtype == np.float32 else self._in_double
-        product(byref(groups[group]), k, m, library.address(u), library.address(out))
+    def _add(self, k: float, m: float, u: Array, out: Array) -> None:
+        """Add (k K + m M) u of the cells to `out`, both on all dofs of this rank."""
+        single = u.dtype == np.float32
+        functions = kernels.functions
+        product = (
+            functions.afe_tetra_product_float if single else functions.afe_tetra_product_double
+        )
+        data = self._single if single else self._data
+        cells = kernels.Tetra(len(data), library.address(self._nodes), library.address(data))
+        product(byref(cells), k, m, library.address(u), library.address(out))
 
     @cached_property
-    def _in_double(self) -> tuple[Callable[..., None], list[kernels.Tetra]]:
-        """(product function of the C library, groups of cells) in double precision."""
-        return kernels.functions.afe_tetra_product_double, self._given(self._data)
-
-    @cached_property
-    def _in_single(self) -> tuple[Callable[..., None], list[kernels.Tetra]]:
-        """(product function of the C library, groups of cells) in single precision."""
-        self._single = self._data.astype(np.float32)
-        return kernels.functions.afe_tetra_product_float, self._given(self._single)
-
-    def _given(self, data: NDArray[Any]) -> list[kernels.Tetra]:
-        """The groups of cells for the C library, with `data` in single or double precision."""
-        return [
-            kernels.Tetra(
-                end - start, *(library.address(array[start:end]) for array in (self._nodes, data))
-            )
-            for start, end in self._groups
-        ]
+    def _single(self) -> NDArray[np.float32]:
+        """The data of the cells in single precision."""
+        return self._data.astype(np.float32)
 
     def _node_blocks(self, k: float, m: float) -> Array:
         """The diagonal 3×3 blocks of k K + m M summed over the cells of this rank: (dofs, 3)."""
@@ -178,13 +161,9 @@ class Tetrahedra:
         u[: self.rows] = x
         u[self._held] = 0.0
         product = np.zeros(self._dofs + BEYOND, x.dtype)[: self._dofs]
-        arrived = self._exchange.fetch(u)
-        self._add(0, k, m, u, product)
-        arrived()
-        self._add(1, k, m, u, product)
-        arrived = self._exchange.add(product)
-        self._add(2, k, m, u, product)
-        arrived()
+        self._exchange.fetch(u)
+        self._add(k, m, u, product)
+        self._exchange.add(product)
         result = product[: self.rows]
         for factor, matrix in zip((k, m), self.added, strict=True):
             if factor and self.carries:

@@ -38,24 +38,23 @@ class Products:
     aggregated : bytes where the coarse level is not factored, with its products while they are
         made.
     seconds : time of an iteration.
-    set_up : seconds of the set-up, beside the factor of the coarse level.
-    finer : entries of the factor for quadratic elements over those for linear ones on the same
-        cells.
     """
 
     row: float
     bytes: float
     aggregated: float
     seconds: float
-    set_up: float = 4e-8
-    finer: float = 15.0
 
 
 #: From the entries; their number is that of A.
 ENTRIES = Products(math.nan, 6.0, 20.0, 8e-9)
-#: From straight isotropic tetrahedra (by aggregation a trace at 2.25 million dofs). Finer: 12 to
-#: 19 from plates to compact blocks, 43 000 to 340 000 dofs; 10 to 13 of hexahedra.
+#: From straight isotropic tetrahedra (by aggregation a trace at 2.25 million dofs).
 TETRAHEDRA = Products(80.0, 4.5, 8.0, 1.1e-9)
+#: Entries of a factor of quadratic elements over those of linear ones on the same cells: 12 to 19
+#: from plates to compact blocks of tetrahedra, 43 000 to 340 000 dofs; 10 to 13 of hexahedra.
+FINER = 15.0
+#: Seconds of the set-up of two levels for each entry, beside the factor of the coarse level.
+SET_UP = 4e-8
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,7 @@ class LevelSizes:
     @property
     def coarse(self) -> float:
         """Number of entries in the factor of the coarse level."""
-        return self.factor / self.products.finer
+        return self.factor / FINER
 
     @property
     def bytes(self) -> float:
@@ -141,7 +140,7 @@ class LevelSizes:
     @property
     def set_up(self) -> float:
         """Seconds of the set-up of the levels."""
-        return self.products.set_up * self.stored + _factored(self.coarse)
+        return SET_UP * self.stored + _factored(self.coarse)
 
     @property
     def iteration(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse
@@ -14,8 +14,10 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.linalg.forecast import Products
 from antiosc.fem.platform import alike
+
+if TYPE_CHECKING:
+    from antiosc.fem.elements.tetrahedra import Tetrahedra
 
 #: Vectors from which a product of matrices is faster than one by one.
 BLOCK_PRODUCT_FROM = 4
@@ -25,31 +27,11 @@ PRODUCT = "antiosc_product"
 CELLS = "antiosc_cells"
 
 
-class Cells(Protocol):
-    """The cells of a mesh, which form matrices kK + mM."""
-
-    rows: int  # of this rank
-    comm: MPI.Comm
-    products: Products
-
-    def product(self, x: Array, k: float, m: float) -> Array:
-        """(kK + mM) x for a vector or a block of vectors (rows of this rank, columns)."""
-
-    def blocks(self, k: float, m: float) -> Array:
-        """The diagonal blocks of the nodes, (rows of this rank, dofs of a node)."""
-
-    def entries(self, k: float, m: float) -> PETSc.Mat:
-        """The matrix, assembled."""
-
-    def coarse(self, k: float, m: float, P: PETSc.Mat) -> PETSc.Mat:
-        """Pᵀ(kK + mM)P of the interpolation P from linear elements."""
-
-
 @dataclass(frozen=True)
 class CellProduct:
     """A matrix kK + mM without stored entries, multiplied cell by cell."""
 
-    cells: Cells
+    cells: Tetrahedra
     k: float
     m: float
 
@@ -77,7 +59,7 @@ class CellProduct:
 NODE = 3
 
 
-def of_cells(cells: Cells, k: float, m: float) -> PETSc.Mat:
+def of_cells(cells: Tetrahedra, k: float, m: float) -> PETSc.Mat:
     """kK + mM as a PETSc matrix of type python."""
     product = CellProduct(cells, k, m)
     rows = (cells.rows, None)

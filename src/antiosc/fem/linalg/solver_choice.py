@@ -43,6 +43,7 @@ from antiosc.fem.linalg.forecast import (
     BYTES,
     ENTRIES,
     FEWEST,
+    FINER,
     Cost,
     LevelSizes,
     Products,
@@ -391,7 +392,7 @@ def forecast_of(A: PETSc.Mat, coarser: PETSc.Mat | None = None) -> Forecast:
     `coarser`: the interpolation from linear elements, whose analysis takes a tenth of the memory.
     """
     matrix = A if coarser is None else coarse_of(A, coarser)
-    finer = 1.0 if coarser is None else _products_of(A).finer
+    finer = 1.0 if coarser is None else FINER
     comm = A.getComm().tompi4py()
     if comm.size > 1 or cholmod_refused(comm):
         return Forecast(finer * entries_by_mumps(matrix), matrix)

@@ -709,8 +709,7 @@ GHOSTS = 4801
 class Exchange:
     """Exchange of values of a space between the owner of a dof and the ranks where it is a ghost.
 
-    A rank talks to its neighbours alone, and may compute between the start of an exchange and its
-    end.
+    A rank talks to its neighbours alone.
     """
 
     def __init__(self, space: fem.FunctionSpace) -> None:
@@ -732,38 +731,20 @@ class Exchange:
             for of_ranks in (owned_dofs, ghost_dofs)
         )
 
-    def fetch(self, values: Array) -> Callable[[], None]:
-        """Start to copy the owners' values to the ghosts; the returned function waits for the
-        end.
-        """
-        received, end = self._sent(values, self._here, self._there)
+    def fetch(self, values: Array) -> None:
+        """Copy the owners' values to the ghosts."""
+        for dofs, received in self._sent(values, self._here, self._there):
+            values[dofs] = received
 
-        def finish() -> None:
-            end()
-            for dofs, buffer in received:
-                values[dofs] = buffer
-
-        return finish
-
-    def add(self, values: Array) -> Callable[[], None]:
-        """Start to add the values at the ghosts to those of their owners; the returned function
-        ends it.
-        """
-        received, end = self._sent(values, self._there, self._here)
-
-        def finish() -> None:
-            end()
-            for dofs, buffer in received:
-                values[dofs] += buffer
-
-        return finish
+    def add(self, values: Array) -> None:
+        """Add the values at the ghosts to those of their owners."""
+        for dofs, received in self._sent(values, self._there, self._here):
+            values[dofs] += received
 
     def _sent(
         self, values: Array, sent: Mapping[int, IntArray], received: Mapping[int, IntArray]
-    ) -> tuple[list[tuple[IntArray, Array]], Callable[[], object]]:
-        """Start to send and receive; return ([(dofs, buffer for the values of these dofs)],
-        function that waits).
-        """
+    ) -> list[tuple[IntArray, Array]]:
+        """Send and receive; return [(dofs, the values received for them)]."""
         arrivals = []
         requests = []
         for rank, dofs in received.items():
@@ -771,7 +752,8 @@ class Exchange:
             requests.append(self._comm.Irecv(arrivals[-1][1], rank, GHOSTS))
         for rank, dofs in sent.items():
             requests.append(self._comm.Isend(np.ascontiguousarray(values[dofs]), rank, GHOSTS))
-        return arrivals, lambda: MPI.Request.Waitall(requests)
+        MPI.Request.Waitall(requests)
+        return arrivals
 
     def with_ghosts(self, block: Array) -> Array:
         """Columns on the owned dofs of this rank, extended by the values of the ghosts."""
@@ -779,7 +761,7 @@ class Exchange:
             return block
         result = np.empty((self._dofs, block.shape[1]), order="F")
         result[: self._rows] = block
-        self.fetch(result)()
+        self.fetch(result)
         return result
 
     def ghosts_added(self, block: Array) -> Array:
@@ -789,7 +771,7 @@ class Exchange:
         if self._comm.size == 1:
             return block
         result = np.array(block, dtype=float, order="F")
-        self.add(result)()
+        self.add(result)
         return result[: self._rows]
 
 
