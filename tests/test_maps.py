@@ -547,18 +547,6 @@ def test_the_reasons_of_doubtful_sites_add_up_to_their_number(steel):
     assert told == "3 doubtful sites: 2 where it is cut, 1 where it is held"
 
 
-def with_bar(share, **shares):
-    """An impact whose peak force has errors, the largest of them by truncation."""
-    bar = ErrorBar(2.0, **{"mesh": 0.02, "time": 0.0, "patch": 0.0, "truncation": share, **shares})
-    budget = ErrorBudget(dict.fromkeys(("peak_force", "impulse", "contact_time"), bar), 0.0)
-    return known_only_by(budget)
-
-
-def known_only_by(budget):
-    """An impact without a contact, with a budget."""
-    return SimpleNamespace(error_budget=budget, run=SimpleNamespace(touches=False))
-
-
 @pytest.mark.slow
 def test_what_reduces_the_error_of_a_map_is_told(steel):
     with pytest.warns(ao.AccuracyWarning, match="Z may be off") as told:

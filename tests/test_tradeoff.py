@@ -41,7 +41,6 @@ pytestmark = [
 ]
 SHEET = ao.Solid(**STEEL, plane="stress", thickness=0.01)
 HELD = [ao.Support("left")]
-HELD_BOX = [ao.Support("-z")]
 SITE = ao.Site((0.25, 0.1), (0, -1), radius=0.012)
 IMPACT = (ao.RigidMass(0.5, 1.0), ao.Hertz(1e10), 1e-3)
 TOL = 0.02

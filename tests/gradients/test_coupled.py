@@ -122,18 +122,6 @@ def test_differences_of_another_integrator(goal: str, ends: dict[str, list[ao.Hi
 
 
 @pytest.mark.slow
-def test_function_of_x() -> None:
-    """By the argument of a function that makes the model, as by its parameter."""
-    hit = struck(VALUES)
-
-    def build(x: np.ndarray) -> ao.AntiOscillators:
-        return model(VALUES | {"k0": x[0]})
-
-    g = ao.gradient(hit, "impulse", part=build, x=[VALUES["k0"]])
-    assert g.x[0] == pytest.approx(g.k0, rel=1e-6)
-
-
-@pytest.mark.slow
 def test_free_model_and_massless_site() -> None:
     """A free body with a damped site that has no mass: a fast pole; by differences of runs."""
     C = np.array([[900.0, -2e3], [-2e3, 5e3]])

@@ -71,14 +71,6 @@ def struck() -> tuple[ao.Structure, ao.History]:
 
 
 @pytest.mark.slow
-def test_thickness_against_extracting_again(struck: tuple[ao.Structure, ao.History]) -> None:
-    part, hit = struck
-    g = ao.gradient(hit, "peak_force", part=part)
-    again = ao.gradient(hit, "peak_force", part=lambda x: plate(2e-3 * x[0]), x=[1.0])
-    assert g.thickness * 2e-3 == pytest.approx(again.x[0], rel=0, abs=2e-3 * g.value)
-
-
-@pytest.mark.slow
 def test_shape_against_impacts_on_other_shapes(struck: tuple[ao.Structure, ao.History]) -> None:
     _, hit = struck
     g = ao.gradient(hit, "peak_force", part=lambda x: plate(wider=x[0]), x=[0.0])

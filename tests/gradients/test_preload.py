@@ -69,22 +69,6 @@ def test_a_machine_that_rests_on_what_is_struck(
     assert slope == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=0, abs=1e-5 * g.value)
 
 
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:The run ends during contact")
-@pytest.mark.parametrize("stiffness", [3e8, 3e5])
-def test_a_contact_closed_at_rest_is_damped_from_its_next_touch_on(stiffness: float) -> None:
-    """Until then there is no closing speed; in soft contact the machine does not leave."""
-    pair, law, h = ("part", "machine"), ao.HuntCrossley(stiffness, 0.8), 1e-4
-    soft = {"stiffness": stiffness / 3e8 - 1}
-    g = ao.gradient(impulse(law, 0.04, False, 1e-7, soft), "impulse", contact=pair)
-    ends = [
-        impulse(ao.HuntCrossley(stiffness, 0.8 + s * h), 0.04, False, 1e-9, soft)[pair].impulse
-        for s in (-1, 1)
-    ]
-    expected = (ends[1] - ends[0]) / (2 * h)
-    assert g.contacts[pair]["restitution"] == pytest.approx(expected, abs=1e-4 * g.value)
-
-
 def test_a_load_that_presses_a_massless_site_at_once() -> None:
     """Without preload: a share of the load, s/(1 + s) with s = k r, which nothing else feels."""
     compliance, load = 1e-4, 50.0

@@ -19,7 +19,6 @@ from paths import ROOT
 
 OK, NO = b"200", b"403"
 SOURCE = ROOT / "src"
-PAGE_FILES = ("open.js", "open.html")
 
 
 def answered(values):

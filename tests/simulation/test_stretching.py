@@ -138,17 +138,6 @@ def test_modes_whose_energy_has_no_bound_do_not_count(monkeypatch):
     assert hit.error["stretch peak_force"] < 0.2
 
 
-def run_of(count, well=0.0):
-    """A run with the first motions; a well is a quadratic force that pulls the first away."""
-    body = model("auto", size=5)
-    forces = body.stretch.turned(np.eye(5)[:, :count], body.modal().omega)
-    quadratic = forces.quadratic.copy()
-    quadratic[0, 0, 0] += well * np.abs(quadratic).max()
-    return ao.simulate(
-        replace(body, stretch=replace(forces, quadratic=quadratic)), BALL, LAW, DURATION
-    )
-
-
 def test_too_few_anti_oscillators_are_in_the_bar_without_an_estimate_of_the_mesh():
     body = model("auto", size=5)
     body = replace(body, info=replace(body.info, method="krylov", converged=2))

@@ -90,20 +90,6 @@ def line(text: str, card: str) -> str:
     return f"line {number} of part.inp"
 
 
-def tied_cell(ends: dict[int, tuple[float, float]], across: tuple[float, float], elset: str) -> str:
-    """A shell element whose first two nodes are tied, in their place, to two nodes of a deck.
-
-    `ends`: number of a node -> its place; `across`: from them to the other nodes of the element.
-    """
-    (first, a), (second, b) = ends.items()
-    c, d = ((x + across[0], y + across[1]) for x, y in (b, a))
-    nodes = [f"{9001 + k}, {x}, {y}, 0." for k, (x, y) in enumerate((a, b, c, d))]
-    tied = ((9001, first), (9002, second))
-    ties = [f"2\n{new}, {dof}, 1., {old}, {dof}, -1." for new, old in tied for dof in range(1, 7)]
-    element = [f"*ELEMENT, TYPE=S4, ELSET={elset}", "9001, 9001, 9002, 9003, 9004"]
-    return "\n".join(["*NODE", *nodes, *element, "*EQUATION", *ties])
-
-
 def plate_deck(n: int) -> str:
     """A plate of 1 m and 2 mm, of n × n quadrilaterals, held at its edges, with a load."""
     number = {(i, j): 1 + i + (n + 1) * j for j in range(n + 1) for i in range(n + 1)}

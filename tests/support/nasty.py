@@ -283,11 +283,6 @@ def square(x: float) -> float:
     return x * x
 
 
-def two_masses(k: float) -> Any:
-    K = 1e6 * np.array([[k + 1.0, -1.0], [-1.0, 1.0]])
-    return ao.Structure.from_matrices(K, np.eye(2), backend="scipy")
-
-
 def spread() -> Any:
     return ao.monte_carlo(square, {"x": ao.normal(0.0, 1.0)}, 60)
 

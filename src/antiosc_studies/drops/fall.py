@@ -25,9 +25,9 @@ from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.flight import Flight, ringing
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.impacts import Peak
+from antiosc_studies.drops.impacts import Impacts, Peak, impact_of
 from antiosc_studies.drops.touching import BODY, LIMITS
-from antiosc_studies.drops.trajectory import NO_IMPACT, Trajectory, trajectory
+from antiosc_studies.drops.trajectory import trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,10 +70,11 @@ class WorstField(PeakField):
 
 #: `Fall.status` of a fall that has not come to rest.
 UNSETTLED = 3
+NO_IMPACT = "the fall has no impact; let it last longer (until)."
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fall(Trajectory, Result):
+class Fall(Result):
     """A fall from its start to its end: flights and episodes of contact in turn.
 
     Attributes
@@ -89,6 +90,41 @@ class Fall(Trajectory, Result):
         the largest number of contacts.
     message : why the fall ended.
     """
+
+    body: FreeBody
+    setting: Setting
+    start: State
+    end: State
+    episodes: list[Episode]
+    flights: list[Flight]
+    groups: list[list[int]]
+    message: str
+
+    @cached_property
+    def impacts(self) -> Impacts:
+        """The impacts, as a table."""
+        numbers = range(len(self.groups))
+        return Impacts(impact_of(self.body, self.setting, self._episodes(k)) for k in numbers)
+
+    def energy(self) -> tuple[Array, Array]:
+        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
+
+        The columns: rigid motion, vibration, height of the centre, contacts.
+        """
+        rows = [(self.start, 0.0)]
+        for contact in self.episodes:
+            rows += [(contact.start, rows[-1][1]), (contact.end, contact.stored)]
+        rows.append((self.end, rows[-1][1]))
+        gravity = self.setting.gravity
+        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
+        return np.array([s.time for s, _ in rows]), np.array(energies)
+
+    def _episodes(self, impact: int) -> list[Episode]:
+        """The episodes of an impact."""
+        if not self.groups:
+            raise InputError(NO_IMPACT)
+        k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
+        return [self.episodes[i] for i in self.groups[k]]
 
     @property
     def status(self) -> int:

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc_studies.drops.episode import Episode, episode
 from antiosc_studies.drops.flight import SIDES, Flight
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.impacts import Impacts, impact_of
 from antiosc_studies.drops.touching import AXES, TINY, OngoingContact
 
 #: A part is at rest if its speed would lift it by at most REST times the height, …
@@ -33,7 +29,6 @@ MOST_IMPACTS = 200
 #: Largest number of contacts over that of impacts: on a soft floor without losses successive ones
 #: merge into one.
 CONTACTS = 3
-NO_IMPACT = "the fall has no impact; let it last longer (until)."
 
 
 def initial_state(
@@ -200,52 +195,3 @@ def _contains_origin(points: Array, close: float) -> bool:
         return True
     gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
     return bool(gaps.max(initial=2 * np.pi if len(points) < 2 else 0.0) <= np.pi + 1e-9)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Trajectory:
-    """The flights and the episodes of contact of a body from its start to its end.
-
-    Attributes
-    ----------
-    body, setting : the falling body, and the conditions of the fall.
-    start, end : position, orientation, velocity and spin at the start and at the end.
-    episodes, flights : in the order of time.
-    groups : for each impact the indices of its episodes.
-    message : why it ended.
-    """
-
-    body: FreeBody
-    setting: Setting
-    start: State
-    end: State
-    episodes: list[Episode]
-    flights: list[Flight]
-    groups: list[list[int]]
-    message: str
-
-    @cached_property
-    def impacts(self) -> Impacts:
-        """The impacts, as a table."""
-        numbers = range(len(self.groups))
-        return Impacts(impact_of(self.body, self.setting, self._episodes(k)) for k in numbers)
-
-    def energy(self) -> tuple[Array, Array]:
-        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
-
-        The columns: rigid motion, vibration, height of the centre, contacts.
-        """
-        rows = [(self.start, 0.0)]
-        for contact in self.episodes:
-            rows += [(contact.start, rows[-1][1]), (contact.end, contact.stored)]
-        rows.append((self.end, rows[-1][1]))
-        gravity = self.setting.gravity
-        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
-        return np.array([s.time for s, _ in rows]), np.array(energies)
-
-    def _episodes(self, impact: int) -> list[Episode]:
-        """The episodes of an impact."""
-        if not self.groups:
-            raise InputError(NO_IMPACT)
-        k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
-        return [self.episodes[i] for i in self.groups[k]]

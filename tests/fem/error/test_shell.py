@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.fem.platform import compat
 from antiosc.impact.histories.bars import QUANTITIES, differences
 from sheets import (
     NU,
@@ -17,20 +16,11 @@ from sheets import (
     E,
     at,
     edges,
-    flipped,
     plate,
     rectangle,
     sheet,
     stack,
-    unsymmetric,
 )
-
-
-def _normals(mesh) -> np.ndarray:
-    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-    n = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    return n / np.linalg.norm(n, axis=1, keepdims=True)
-
 
 pytestmark = [
     pytest.mark.slow,
@@ -38,47 +28,12 @@ pytestmark = [
 ]
 
 CLAMPED = [ao.Support(edges(0, 1))]
-NO_TURN = ao.Support(lambda x: x[0] < 1e9, ("rx", "ry", "rz"))
-CONTRACTING = ao.Shell(E, NU, RHO, 0.004)
 TILT = np.linalg.qr(np.array([[2.0, 1, 0], [1, 3, 1], [-1, 0.5, 2]]))[0]
 
 
 def tilted(n: int):
     """A unit square in a plane that no axis lies in."""
     return sheet(n, lambda s, t: tuple(np.tensordot(TILT[:, :2], np.stack([s, t]), axes=1)))
-
-
-def two_thicknesses(n: int, mesh=None) -> ao.Structure:
-    """A plate whose half x > 0.5 is half as thick."""
-    mesh = mesh or rectangle(n, 1.0, 1.0)
-    middles = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)].mean(axis=1)
-    thin = middles[:, 0] > 0.5
-    groups = {
-        name: {2: np.flatnonzero(own).astype(np.int32)}
-        for name, own in (("thick", ~thin), ("thin", thin))
-    }
-    shells = {"thick": ao.Shell(E, NU, RHO, 0.06), "thin": ao.Shell(E, NU, RHO, 0.03)}
-    return ao.Structure(ao.Mesh(mesh.dolfinx, groups), shells, [])
-
-
-STRUCTURES = {
-    "plate": lambda: plate(3, 0.02),
-    "cells turned over": lambda: ao.Structure(flipped(rectangle(3, 1.0, 1.0), [1, 4, 9]), SHEET),
-    "layers": lambda: ao.Structure(
-        flipped(rectangle(3, 1.0, 1.0), [2, 3]),
-        ao.Laminate(unsymmetric(0.03), axis=(1, 2, 0), top=(0, 0, -1), offset=0.004),
-    ),
-}
-
-
-#: In the planes of the axes, askew, and with cells turned over.
-SQUARES = [
-    rectangle(3, 1.0, 1.0),
-    sheet(2, lambda s, t: (0 * s, s, t)),
-    flipped(sheet(2, lambda s, t: (t, 0 * s, s)), [1, 2]),
-    tilted(3),
-    flipped(tilted(3), [0, 5, 7]),
-]
 
 
 def fold(s, t):

@@ -169,15 +169,6 @@ for first, at in ((1, 0), (11, 30)):
     for k, (x, y, z) in enumerate(np.ndindex(2, 2, 2)):
         TWO_CUBES += f"{first + k},{at + 10 * x},{10 * y},{10 * z}\n"
 TWO_CUBES += "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,5,7,3,2,6,8,4\n2,11,15,17,13,12,16,18,14\n"
-AS_SPRING = "*ELEMENT,TYPE=SPRING2,ELSET=G\n9,5,11\n*SPRING,ELSET=G\n1,1\n7.\n"
-AS_EQUATION = "*EQUATION\n2\n5,1,-1.,11,1,1.\n"
-
-
-def up_to_sign(row: list) -> list:
-    """The terms of an equation, or of a spring with its stiffness, the first one positive."""
-    terms, stiffness = row if isinstance(row[-1], float) else (row, 0.0)
-    terms = sorted(terms)
-    return [[n, m, c * np.sign(terms[0][2])] for n, m, c in terms] + [stiffness]
 
 
 def test_a_membrane_is_a_shell_of_its_thickness_and_this_is_told(tmp_path):
