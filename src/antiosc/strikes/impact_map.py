@@ -328,7 +328,7 @@ def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
     assert struck.contact_time is not None
     i = hardest(struck)
     radius = np.nan if struck.radius is None else float(struck.radius[i])
-    of_site = _surface(structure, struck.points[i], struck.directions[i], radius, True)
+    of_site = _surface(structure, struck.points[i], struck.directions[i], radius)
     try:
         choice = choice_at_sites(PlaneOf(structure, of_site), struck.impactor)
     except InputError:

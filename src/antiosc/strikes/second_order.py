@@ -85,7 +85,10 @@ def _of_either_order(
     if HOPELESS < energy < inf:
         why = f"second-order strain would take {plain(energy)} times the energy of linear strain"
     else:
-        stretched, told_stretched = _with_warnings(run, stretching(structure, model))
+        try:
+            stretched, told_stretched = _with_warnings(run, stretching(structure, model))
+        except InputError:  # of a given step or another method: the linear run tells
+            return linear, told
         why = _run_away(stretched)
         if not why:
             return (stretched, told_stretched) if stretched.assembly.stretched else (linear, told)

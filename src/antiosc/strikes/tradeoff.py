@@ -358,8 +358,9 @@ def tradeoff(
             most = min(answer.n, answer.structure.dofs) / FEWER
             fewer = [_of_few(own, run, accuracy, n) for n in FEW if n <= most]
             meshes.append([*(one for one in fewer if one is not None), own])
-            for one in meshes[-1] if ready is not None else ():
-                ready(replace(one.member, difference=math.nan))
+            if ready is not None:
+                for one in meshes[-1]:
+                    ready(replace(one.member, difference=math.nan))
 
         hit = struck(
             source, site, impactor, run, BRACKET * tol, material, supports, order, limit, seen,
