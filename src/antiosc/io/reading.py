@@ -2,9 +2,9 @@
 
 `read` lets the reader of the file type (`table`) read one file in a separate process (`isolation`,
 `child`), and selects the cells that form the mesh: those of one kind and of the highest dimension.
-Cells of lower dimension are groups of its faces, edges and points, and are told. Those that are in
-no group, or not on the mesh, may be beams and shells: the file is refused unless the caller selects
-the cells.
+Cells of lower dimension are its faces, edges and points, and are told with their number. Those that
+are not on the mesh may be beams and shells: the file is refused unless the caller selects the
+cells.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ NumberedElements = Mapping[str, Sequence[int]]
 
 _NOUNS = {1: "lines", 2: "faces", 3: "volumes"}
 #: Words of what is told of elements that are not those of the mesh.
-AS_GROUPS, LEFT_OUT = "are read as groups, not as elements", "are left out"
+AS_SIDES, LEFT_OUT = "are read as sides, not as elements", "are left out"
 #: Words of remarks on how a mesh was made that has the shape of its file.
 CLOSELY = "is meshed with elements that follow the curvature"
 HOW_MADE = CLOSELY, BY_FTETWILD
@@ -164,86 +164,54 @@ def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str
     Raises
     ------
     MeshError
-        Some are not sides of the mesh, or are in no group: they may be beams and shells. Curves and
-        loose faces of a CAD file are told: they may be sketches, axes or construction planes.
+        Some are not sides of the mesh: they may be beams and shells. Curves and loose faces of a
+        CAD file are told: they may be sketches, axes or construction planes.
     """
     made_here = mesh.of_gmsh and not name.lower().endswith(".msh")
-    of_cad = name.lower().endswith(CAD)
     top = raw.kind.dim
+    grouped = _grouped(mesh, list(mesh.cells))
     if aids and not made_here:
-        ungrouped = {label: len(block) for label, block in mesh.cells.items() if kind_of(label).dim}
-        for label, rows in _grouped(mesh, list(ungrouped)).items():
-            ungrouped[label] -= len(rows)
+        counts = {label: len(block) for label, block in mesh.cells.items() if kind_of(label).dim}
+        ungrouped = {label: n - len(grouped.get(label, ())) for label, n in counts.items()}
         if any(ungrouped.values()):
-            counts = _counted(ungrouped)
-            yield f"{name}: {counts} in no group {LEFT_OUT}, as gmsh's construction aids."
+            counted = _counted(ungrouped)
+            yield f"{name}: {counted} in no group {LEFT_OUT}, as gmsh's construction aids."
 
     loose: dict[str, int] = {}
-    unnamed: dict[str, int] = {}
-    named: dict[str, int] = {}
+    on_sides: dict[str, int] = {}
     for label, block in mesh.cells.items():
         kind = kind_of(label)
         if not 0 < kind.dim < top or not len(block):
             continue
         in_group = np.zeros(len(block), dtype=bool)
-        in_group[_of_sides(mesh, label, top)] = True
+        in_group[grouped.get(label, [])] = True
         sides = (FACETS if kind.dim == top - 1 else EDGES_OF_KIND)[raw.kind.shape]
         corners = np.vstack([raw.cells[:, list(side)] for side in sides])
         on_mesh = np.isin(keys(block[:, : kind.vertices]), keys(corners))
-        if aids:  # the others are told
-            on_mesh, in_group = on_mesh[in_group], in_group[in_group]
-        loose[label] = int((~on_mesh).sum())
-        named[label] = int((on_mesh & in_group).sum())
-        unnamed[label] = int((on_mesh & ~in_group).sum())
 
-    cells = f"{name} holds {len(raw.cells)} {_NOUNS[top]} and besides "
-    remedy = (
-        f"say which elements make the mesh by cells, as {top} (their dimension) or the name of a "
-        "group; read_model reads a deck with all of them."
-    )
-    if any(loose.values()) and of_cad:
+        counted_here = in_group if aids else np.ones(len(block), dtype=bool)
+        loose[label] = int((counted_here & ~on_mesh).sum())
+        told = ~in_group if mesh.of_gmsh else counted_here  # gmsh's groups hold sides by nature
+        on_sides[label] = int((counted_here & on_mesh & told).sum())
+
+    if any(loose.values()) and name.lower().endswith(CAD):
         yield (
             f"{name}: {_counted(loose)} that are not on its {_NOUNS[top]} {LEFT_OUT}, as sketches, "
             "axes or construction planes."
         )
     elif any(loose.values()):
-        raise MeshError(f"{cells}{_counted(loose)} that are not sides of them: {remedy}")
-    if made_here or raw.model is not None:
-        return
-
-    if any(unnamed.values()) and not (mesh.of_gmsh and _is_boundary(raw, mesh, unnamed)):
         raise MeshError(
-            f"{cells}{_counted(unnamed)} on their sides, in no group of their own, which may be "
-            f"beams or shells: {remedy}"
+            f"{name} holds {len(raw.cells)} {_NOUNS[top]} and besides {_counted(loose)} that are "
+            f"not sides of them: say which elements make the mesh by cells, as {top} (their "
+            "dimension) or the name of a group; read_model reads a deck with all of them."
         )
-    told = unnamed if mesh.of_gmsh else {k: unnamed[k] + named[k] for k in named}
-    if any(told.values()):
-        yield f"{name}: {_counted(told)} on the sides of its {_NOUNS[top]} {AS_GROUPS}."
+    if any(on_sides.values()) and not made_here and raw.model is None:
+        yield f"{name}: {_counted(on_sides)} on the sides of its {_NOUNS[top]} {AS_SIDES}."
 
 
 def _counted(counts: Mapping[str, int]) -> str:
     """Numbers of elements by kind, in words."""
     return " and ".join(f"{n} {_NOUNS[kind_of(k).dim]} ({k})" for k, n in counts.items() if n)
-
-
-def _of_sides(mesh: FileMesh, label: str, top: int) -> IntArray:
-    """Rows of the cells of one kind in groups that hold no cells of the dimension `top`."""
-    groups = (
-        group
-        for group in mesh.groups.values()
-        if not any(kind_of(k).dim == top and len(rows) for k, rows in group.items())
-    )
-    rows = [group[label] for group in groups if label in group]
-    return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *rows]))
-
-
-def _is_boundary(raw: RawMesh, mesh: FileMesh, counts: Mapping[str, int]) -> bool:
-    """Whether these cells are the whole boundary, which gmsh writes where it has no groups."""
-    facets = [label for label in mesh.cells if kind_of(label).dim == raw.kind.dim - 1]
-    blocks = [keys(mesh.cells[label][:, : kind_of(label).vertices]) for label in facets]
-    if not blocks or not any(counts.values()):
-        return False
-    return bool(np.isin(keys(outer_facets(raw)), np.concatenate(blocks)).all())
 
 
 def keys(rows: IntArray) -> NDArray[np.uint64]:
