@@ -134,6 +134,7 @@ from antiosc.impact.bodies import (
     Sphere as Sphere,
     named_impactor as named_impactor,
 )
+from antiosc.impact.enclosure import Enclosure as Enclosure
 from antiosc.impact.histories import (
     History as History,
     SceneHistory as SceneHistory,

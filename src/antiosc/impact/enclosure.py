@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from ctypes import byref
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,13 +27,12 @@ from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import Hertz
 from antiosc.engine.law_tables import packed
+from antiosc.engine.march import Run
 from antiosc.engine.system import side_by_side
+from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import Obstacle, RigidBody, RigidMass, SceneBody, Sphere
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.recurrence import ReferenceModes
-
-if TYPE_CHECKING:
-    from antiosc.impact.histories.motion import RunHistory
 
 #: Width of the bounds over the largest force from which the model predicts nothing.
 UNPREDICTED = 0.2
@@ -101,25 +100,25 @@ class _Body(NamedTuple):
     scale: Array | None = None
 
 
-def enclosures(hit: RunHistory) -> tuple[Enclosure, ...]:
+def enclosures(assembly: Assembly, run: Run) -> tuple[Enclosure, ...]:
     """The narrowest bounds on the forces of a run, one for each contact.
 
     InputError names what is outside the assumptions of the proof.
     """
-    _check_run(hit)
-    bodies = hit.assembly.bodies.values()
+    _check_run(assembly, run)
+    bodies = assembly.bodies.values()
     sizes = side_by_side([body.omega.size for body in bodies])
-    laws = [_law(law) for law in hit.assembly.laws]
+    laws = [_law(law) for law in assembly.laws]
     most = [_most_vectors(body) for body in bodies]
 
     best: tuple[Enclosure, ...] = ()
     for shortening in range(SHORTENED):
         counts = [max(n - shortening, 1) for n in most]
         parts = [
-            _reference(hit, body, span, n)
+            _reference(assembly, body, span, n)
             for body, span, n in zip(bodies, sizes, counts, strict=True)
         ]
-        found = _enclosed(hit, parts, [law for law, _ in laws], max(counts))
+        found = _enclosed(assembly, run, parts, [law for law, _ in laws], max(counts))
         if not best or _width(found) < _width(best):
             best = found
         if shortening + 1 >= max(most):
@@ -150,21 +149,20 @@ def _refused(assumption: str) -> InputError:
     return InputError(f"the proof assumes {assumption}")
 
 
-def _check_run(hit: RunHistory) -> None:
+def _check_run(assembly: Assembly, run: Run) -> None:
     """InputError for a run whose bodies, loads or contacts are outside the assumptions."""
-    a = hit.assembly
-    system = a.system
-    if a.stretches:
+    system = assembly.system
+    if assembly.stretches:
         raise _refused("linear bodies, and one of these stretches: extract it without stretch.")
     if system.damped:
         raise _refused("bodies without damping, and one of these has some: leave it out.")
     if system.breaks.size > 1:
         raise _refused("loads that do not change, and this scene has some that do.")
-    if len(system.R) > len(a.laws):
+    if len(system.R) > len(assembly.laws):
         raise _refused("contacts without friction, and this scene has some with it.")
-    if system.closed.any() or system.q.any() or hit.run.force[0].any():
+    if system.closed.any() or system.q.any() or run.force[0].any():
         raise _refused("contacts that are open at the start, and bodies without deformation.")
-    halves = np.diff(hit.run.time)
+    halves = np.diff(run.time)
     if halves.size < 2 or halves.size % 2 or not np.allclose(halves[::2], halves[1::2], 1e-6, 0.0):
         raise _refused('steps with a force in their middle: take the method "exact".')
 
@@ -221,9 +219,9 @@ def _most_vectors(body: SceneBody) -> int:
     )
 
 
-def _reference(hit: RunHistory, body: SceneBody, span: slice, n: int) -> _Body:
+def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _Body:
     """A body of the run in its reference modes; rigid bodies as they are."""
-    system = hit.assembly.system
+    system = assembly.system
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
     inner = getattr(body.body, "model", body.body)
     if not isinstance(inner, AntiOscillators):
@@ -272,10 +270,9 @@ def _kappa(bodies: Sequence[_Body], spans: Array) -> Array:
 
 
 def _enclosed(
-    hit: RunHistory, bodies: Sequence[_Body], laws: Sequence[ContactLaw], n: int
+    assembly: Assembly, run: Run, bodies: Sequence[_Body], laws: Sequence[ContactLaw], n: int
 ) -> tuple[Enclosure, ...]:
     """The bounds of a run by the reference modes of its bodies."""
-    run = hit.run
     m = len(laws)
     omega, load, v = (
         np.concatenate([getattr(body, name) for body in bodies]) for name in ("omega", "load", "v")
@@ -299,12 +296,12 @@ def _enclosed(
     upper = np.full((nodes, m), np.inf)
     time, peak, impulse = np.array(run.time), np.zeros((m, 2)), np.zeros((m, 2))
     energy, reached = np.zeros(1), np.zeros(1, dtype=np.int64)
-    inputs = [omega, load, np.zeros_like(omega), v, beta, hit.assembly.system.offsets[0, :m].copy()]
+    inputs = [omega, load, np.zeros_like(omega), v, beta, assembly.system.offsets[0, :m].copy()]
     inputs += [np.array(rows).reshape(-1, omega.size), np.array(shifts)]
     times, forces = np.ascontiguousarray(run.time), np.ascontiguousarray(run.force[:, :m])
     outputs = [time, lower, upper, peak, impulse, energy, reached]
 
-    longest = hit.assembly.contact_time_estimate / PIECES
+    longest = assembly.contact_time_estimate / PIECES
     problem = library.CEnclosure(
         omega.size,
         len(rows),

@@ -216,7 +216,7 @@ class SceneSource(Source):
 
 def proved(history: H) -> H:
     """The history with proved bounds on its forces; InputError outside their assumptions."""
-    return replace(history, enclosures=enclosures(history))
+    return replace(history, enclosures=enclosures(history.assembly, history.run))
 
 
 def with_warning(history: H, sentence: str) -> H:
