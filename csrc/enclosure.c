@@ -132,8 +132,9 @@ static void bound_piece(const aom_law *law, double h, piece *x) {
     x->drift = smaller(x->drift, h * (0.5 * sum + 0.25 * h * range));
 }
 
-/* The integral of R delta'+ over a piece. */
-static double growth(const aom_law *law, double h, const piece *x, double far, double near) {
+/* The integral of R delta'+ over a piece; or, where R <= E g''/g', 0 and the factor on E. */
+static double growth(const aom_law *law, double h, const piece *x, double far, double near,
+                     double energy, double *factor) {
     if (x->fastest <= 0.0 || x->high + far <= 0.0)
         return 0.0;
     double most = larger(far, near), d0 = x->delta[0], d1 = x->delta[1];
@@ -146,7 +147,12 @@ static double growth(const aom_law *law, double h, const piece *x, double far, d
         if (!rises)
             return half * h * x->fastest *
                    larger(convex_at(law, x->low - near).bend, convex_at(law, x->high + far).bend);
-        return a1.bend >= b1.bend ? a : b0.bend >= a0.bend ? b : a + b;
+        if (a1.bend < b1.bend)
+            return b0.bend >= a0.bend ? b : a + b;
+        if (energy * (a1.slope - a0.slope) >= a * a0.slope)
+            return a;
+        *factor *= a1.slope / a0.slope;
+        return 0.0;
     }
     if (rises) {
         double on = relative_energy(law, d1, far) - relative_energy(law, d0, far);
@@ -371,7 +377,7 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
             double assumed = larger(bound, energy), after = INFINITY, offset = 0.0;
             int tries = 0;
             for (; tries < TRIES; tries++) {
-                double grown = 0.0;
+                double grown = 0.0, factor = 1.0;
                 offset = 0.0;
                 double root = sqrt(2.0 * assumed);
                 for (int c = 0; c < m; c++) {
@@ -382,10 +388,10 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
                     near[c] = nearer(law, x->low, assumed, reach[c]);
                     if (x->high + far[c] > convex_end(law))
                         grown = INFINITY;
-                    grown += growth(law, h, x, far[c], near[c]) + x->drift * larger(far[c], near[c]);
+                    grown += growth(law, h, x, far[c], near[c], assumed, &factor) + x->drift * larger(far[c], near[c]);
                     offset += (x->defect + x->drift) * larger(far[c], near[c]);
                 }
-                root = sqrt(2.0 * (energy + offset + grown)) + source;
+                root = sqrt(factor) * (sqrt(2.0 * (energy + offset + grown)) + source);
                 after = 0.5 * root * root;
                 if (!isfinite(after) || (tries > 0 && after <= assumed))
                     break;

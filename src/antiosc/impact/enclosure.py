@@ -38,8 +38,9 @@ from antiosc.models.recurrence import ReferenceModes
 UNPREDICTED = 0.2
 #: Share of the largest force by which rounding may move a bound.
 ROUNDING = 1e-8
-#: Pieces of time in a contact, at least.
-PIECES = 100
+#: Pieces of time in a contact, at least and at most, and phase of the fastest mode in one.
+PIECES = 100, 500
+PHASE = 2.0
 #: Times, over that of the run, at which the largest difference of indentations is known.
 HALVES = 2.0 ** np.arange(-16, 0.25, 0.25)
 #: Error of k0 and of the mass that tells a recurrence of another structure.
@@ -193,7 +194,7 @@ def _doubles(kernel: library.CLaw) -> object:
 def _most_vectors(body: SceneBody) -> int:
     """Largest number of Krylov vectors of a body, 0 for a rigid one; InputError without any."""
     model = body.body
-    inner = getattr(model, "model", model)  # of an `Impactor`
+    inner = getattr(model, "body", model)  # of an `Impactor`
     if isinstance(inner, AntiOscillators):
         known = inner.recurrence
         if known is None:
@@ -223,7 +224,7 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _Bod
     """A body of the run in its reference modes; rigid bodies as they are."""
     system = assembly.system
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
-    inner = getattr(body.body, "model", body.body)
+    inner = getattr(body.body, "body", body.body)
     if not isinstance(inner, AntiOscillators):
         return _Body(body.omega, beta, load, v)
 
@@ -301,7 +302,8 @@ def _enclosed(
     times, forces = np.ascontiguousarray(run.time), np.ascontiguousarray(run.force[:, :m])
     outputs = [time, lower, upper, peak, impulse, energy, reached]
 
-    longest = assembly.contact_time_estimate / PIECES
+    fastest = PHASE / omega.max()
+    longest = np.clip(fastest, *assembly.contact_time_estimate / np.array(PIECES[::-1]))
     problem = library.CEnclosure(
         omega.size,
         len(rows),

@@ -1,0 +1,213 @@
+"""Whether proved bounds hold: random structures and impacts against every mode of the structure.
+
+    python benchmarks/proof.py [--runs 300] [--largest 4000] [--seed 1] [--wrong coupling|projection]
+
+The structures are solids of hexahedra and beams of 200 to 4000 dofs with random supports and stiffness.
+The truth is integrated here in all their modes, the force linear in steps of 1/40 000 of the run.
+With `--wrong` the residual is made smaller than it is, and runs outside their bounds are expected.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+
+import antiosc as ao
+from antiosc.errors import AntioscError
+
+STEPS = 40_000
+#: Error of the truth over the largest force, 1e-8 but for a touch between two of its steps.
+SLACK = 1e-6
+
+
+def hexahedron(sides, E, nu, rho):
+    """Stiffness and mass (24, 24) of a linear brick."""
+    corners = np.array(list(product((-1, 1), repeat=3)))
+    mu, lam = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
+    D = np.diag([2 * mu] * 3 + [mu] * 3)
+    D[:3, :3] += lam
+    K, M = np.zeros((24, 24)), np.zeros((24, 24))
+    for point in corners / np.sqrt(3):
+        factors = (1 + corners * point) / 2
+        N = factors.prod(axis=1)
+        dN = np.stack([corners[:, i] / sides[i] * np.delete(factors, i, 1).prod(1) for i in range(3)])
+        B = np.zeros((6, 24))
+        for i in range(3):
+            B[i, i::3] = dN[i]
+            j, k = (i + 1) % 3, (i + 2) % 3
+            B[3 + i, j::3], B[3 + i, k::3] = dN[k], dN[j]
+        weight = np.prod(sides) / 8
+        K += weight * B.T @ D @ B
+        M += weight * rho * np.kron(np.outer(N, N), np.eye(3))
+    return K, M
+
+
+def solid(rng, dofs):
+    """(K, M, loads of three patches) of a steel block, plate or lever of random stiffness."""
+    shape = rng.uniform(0.15, 1.0, 3)
+    cells = np.maximum(np.round(shape * (dofs / 3 / shape.prod()) ** (1 / 3)), 2).astype(int)
+    sides = 0.01 * rng.uniform(0.5, 1.5, 3)
+    Ke, Me = hexahedron(sides, 210e9, 0.3, 7850.0)
+    number = np.arange((cells + 1).prod()).reshape(cells + 1)
+    blocks = [
+        number[tuple(slice(o, o + c) for o, c in zip(corner, cells, strict=True))].ravel()
+        for corner in product((0, 1), repeat=3)
+    ]
+    nodes = np.stack(blocks, axis=1)
+    dof = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 24)
+    soft = rng.uniform(0.3, 1.0, len(nodes))
+    K, M = (
+        sp.csr_matrix(((w[:, None, None] * A).ravel(), (np.repeat(dof, 24, 1).ravel(), np.tile(dof, (1, 24)).ravel())))
+        for w, A in ((soft, Ke), (np.sqrt(soft), Me))
+    )
+    x = np.stack(np.unravel_index(np.arange(number.size), cells + 1), axis=1) * sides
+    held = x[:, rng.integers(3)] == 0 if rng.random() < 0.6 else np.zeros(len(x), bool)
+    top = np.isclose(x[:, 2], x[:, 2].max()) & ~held
+    loads = []
+    for centre in x[rng.choice(np.flatnonzero(top), 3)]:
+        far = np.linalg.norm(x - centre, axis=1) / (1.6 * sides.max())
+        weights = np.where(top, np.sqrt(np.clip(1 - far**2, 0, None)), 0.0)
+        loads.append(np.kron(weights / weights.sum(), [0, 0, -1.0]))
+    free = np.repeat(~held, 3)
+    return K[free][:, free], M[free][:, free], [b[free] for b in loads]
+
+
+def beam(rng, dofs):
+    """(K, M, loads of three nodes) of a bending beam of random stiffness."""
+    n, h, EI, m = dofs // 2, 1.0 / (dofs // 2), 10 ** rng.uniform(2, 5), 10 ** rng.uniform(-1, 1)
+    Ke = EI / h**3 * np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
+                               [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]])  # fmt: skip
+    Me = m * h / 420 * np.array([[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h],
+                                 [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]])  # fmt: skip
+    dof = 2 * np.arange(n)[:, None] + np.arange(4)
+    place = np.repeat(dof, 4, 1).ravel(), np.tile(dof, (1, 4)).ravel()
+    soft = rng.uniform(0.5, 1.0, n)
+    K = sp.csr_matrix(((soft[:, None, None] * Ke).ravel(), place))
+    M = sp.csr_matrix((np.tile(Me.ravel(), n), place))
+    ends = [[0, 1], [0, 2 * n], [0, 1, 2 * n, 2 * n + 1], []][rng.integers(4)]
+    kept = np.setdiff1d(np.arange(2 * n + 2), ends)
+    loads = [np.eye(1, 2 * n + 2, 2 * i)[0][kept] for i in rng.integers(n // 10, n - 1, 3)]
+    return K[kept][:, kept], M[kept][:, kept], loads
+
+
+def true_depth(omega, beta, v, k, p, c, duration):
+    """Indentations at the steps of the truth; F = k (indentation + c F)^p."""
+    h = duration / STEPS
+    z = np.maximum(omega * h, 1e-4)
+    sine = np.where(omega * h > 1e-4, np.sin(z) / z, 1 - (omega * h) ** 2 / 6)
+    half = np.where(omega * h > 1e-4, 2 * np.sin(z / 2) ** 2 / z**2, 0.5 - (omega * h) ** 2 / 24)
+    late = np.where(omega * h > 1e-2, (1 - sine) / z**2, 1 / 6 - (omega * h) ** 2 / 120)
+    C, S, one, ramp = np.cos(omega * h), sine * h, half * h**2, late * h**2
+    give = beta @ (beta * ramp) - c
+    q, F, force, depths = np.zeros_like(v), 0.0, 0.0, [0.0]
+    first, second, own = beta * (one - ramp), beta * (S - half * h), -(omega**2) * S
+    for _ in range(STEPS):
+        free = C * q + S * v - F * first
+        reach = float(beta @ free)
+        new = F
+        for _ in range(60):
+            gap = max(reach - give * new, 0.0)
+            change = (new - k * gap**p) / (1 + p * k * give * gap ** (p - 1))
+            new = max(new - change, 0.0)
+            if abs(change) <= 1e-13 * force:
+                break
+        v = own * q + C * v - F * second - (new * half * h) * beta
+        q = free - new * ramp * beta
+        F, force = new, max(force, new)
+        depths.append(float(beta @ q))
+    return np.array(depths)
+
+
+def scene(rng, one, other):
+    """(model, impactor, law, duration, truth) of a random impact; one: (K, M, b, omega, modes b)."""
+    K, M, b, omega, shares = one
+    weight = M.diagonal().sum() / (3 if len(b) % 3 == 0 else 2)
+    mass, speed = weight * 10 ** rng.uniform(-2.5, 0.5), 10 ** rng.uniform(-1, 0.5)
+    p = rng.choice([1.5, 1.5, 1.0, rng.uniform(1.0, 2.5)])
+    lowest = omega[omega > 0][0] / (2 * np.pi)
+    contact = 10 ** rng.uniform(-1.7, 0.3) / lowest
+    deep = speed * contact / 3
+    k = mass * speed**2 / deep ** (p + 1)
+    n = int(rng.integers(4, 50))
+    options = {"n": n, "proof": True if rng.random() < 0.3 else contact}
+    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), **options)
+    rigid = ao.RigidMass(mass, speed)
+    sets = [(omega, -shares, 0 * omega), (np.zeros(1), np.ones(1) / np.sqrt(mass), np.array([speed * np.sqrt(mass)]))]
+    if other is not None:
+        K2, M2, b2, omega2, shares2 = other
+        second = ao.extract(ao.Structure.from_matrices(K2, M2), ao.Site(vector=b2), **options)
+        rigid = ao.Impactor(second, speed)
+        v = np.where(omega2 == 0, shares2 / (shares2[omega2 == 0] @ shares2[omega2 == 0]), 0) * speed
+        sets[1] = (omega2, shares2, v)
+    law = ao.Linear(k) if p == 1 else ao.Hertz(k) if p == 1.5 else ao.laws.Power(k, p)
+    c = 0.0
+    if p == 1.5 and rng.random() < 0.3:
+        c = 0.2 * deep / (k * deep**1.5)
+        law = ao.Hertz(k, c)
+    duration = contact * rng.uniform(0.5, 3)
+    parts = [np.concatenate(x) for x in zip(*sets, strict=True)]
+    return model, rigid, law, duration, lambda: true_depth(*parts, k, p, c, duration)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    for name, value in (("runs", 300), ("largest", 4000), ("seed", 1)):
+        parser.add_argument(f"--{name}", type=int, default=value)
+    parser.add_argument("--wrong", choices=["coupling", "projection"])
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
+    warnings.simplefilter("ignore")
+    inside, refused, widths, seconds, free = 0, 0, [], [], None
+    pool = []
+    while inside + (outside := 0) >= 0 and len(widths) < arguments.runs:
+        if len(widths) % 10 == 0 or not pool:
+            dofs = int(np.exp(rng.uniform(np.log(200), np.log(arguments.largest))))
+            K, M, loads = (solid if rng.random() < 0.7 else beam)(rng, dofs)
+            x, U = scipy.linalg.eigh(K.toarray(), M.toarray(), overwrite_a=True, overwrite_b=True)
+            omega = np.sqrt(np.where(x > 1e-7 * x[8], x, 0.0))
+            pool = [(K, M, b, omega, U.T @ b) for b in loads]
+            free = pool[0] if not omega[0] and (free is None or rng.random() < 0.5) else free
+        one = pool[rng.integers(3)]
+        model, impactor, law, duration, truth = scene(rng, one, free if rng.random() < 0.1 else None)
+        if arguments.wrong:
+            model = replace(model, recurrence=spoiled(model.recurrence, arguments.wrong))
+        try:
+            start = time.perf_counter()
+            hit = ao.simulate(model, impactor, law, duration)
+            middle = time.perf_counter()
+            hit = ao.simulate(model, impactor, law, duration, proof=True)
+            seconds.append((time.perf_counter() - middle) / (middle - start))
+        except AntioscError as error:
+            refused += 1
+            print("refused:", error)
+            continue
+        e = hit.enclosure
+        grid = np.linspace(0, duration, STEPS + 1)
+        F = np.array([law.force(max(d, 0.0), 0.0, law.touch(1.0)) for d in np.interp(e.time, grid, truth())])
+        peak = F.max()
+        good = bool(np.all(e.lower - SLACK * peak <= F) and np.all(e.upper + SLACK * peak >= F))
+        inside += good
+        widths.append((e.peak[1] - e.peak[0]) / peak)
+        print(f"{len(widths)}: {len(one[2])} dofs, n {model.n}, {type(law).__name__}, {type(impactor).__name__}, width {100 * widths[-1]:.3g} %, error {abs(hit.peak_force / peak - 1):.1e}, {'inside' if good else 'OUTSIDE'}", flush=True)
+    print(f"{inside} of {len(widths)} inside, {refused} refused; width quartiles {np.nanpercentile(widths, [25, 50, 75])}; with the proof {np.median(seconds):.2f} times the run")
+
+
+def spoiled(known, how):
+    """The recurrence with a residual that is too small."""
+    factor = 0.01 if how == "coupling" else 1.0
+    coupling = known.coupling.copy()
+    coupling[-1] *= factor
+    diagonal = known.diagonal.copy()
+    diagonal[-1] *= 1.0 if how == "coupling" else 1e-4
+    return replace(known, coupling=coupling, diagonal=diagonal)
+
+
+if __name__ == "__main__":
+    main()
