@@ -1,10 +1,10 @@
 """Whether proved bounds hold: random structures and impacts against every mode of the structure.
 
-    python benchmarks/proof.py [--runs 300] [--largest 4000] [--seed 1] [--wrong coupling|projection]
+    python benchmarks/proof.py [--runs 300] [--largest 4000] [--seed 1] [--wrong coupling|inertia]
 
-The structures are solids of hexahedra and beams of 200 to 4000 dofs with random supports and stiffness.
-The truth is integrated here in all their modes, the force linear in steps of 1/40 000 of the run.
-With `--wrong` the residual is made smaller than it is, and runs outside their bounds are expected.
+The structures are solids of hexahedra and beams of 200 to 4000 dofs, free or held, of random
+stiffness. The truth is integrated here in all their modes, the force linear in steps of 1/40 000 of
+the run. With `--wrong` the residual is made smaller than it is, and runs fall outside.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import scipy.sparse as sp
 
 import antiosc as ao
 from antiosc.errors import AntioscError
+from antiosc.impact.enclosure import enclosures
 
 STEPS = 40_000
 #: Error of the truth over the largest force, 1e-8 but for a touch between two of its steps.
@@ -37,7 +38,8 @@ def hexahedron(sides, E, nu, rho):
     for point in corners / np.sqrt(3):
         factors = (1 + corners * point) / 2
         N = factors.prod(axis=1)
-        dN = np.stack([corners[:, i] / sides[i] * np.delete(factors, i, 1).prod(1) for i in range(3)])
+        others = [np.delete(factors, i, 1).prod(1) for i in range(3)]
+        dN = [corners[:, i] / sides[i] * others[i] for i in range(3)]
         B = np.zeros((6, 24))
         for i in range(3):
             B[i, i::3] = dN[i]
@@ -63,10 +65,9 @@ def solid(rng, dofs):
     nodes = np.stack(blocks, axis=1)
     dof = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 24)
     soft = rng.uniform(0.3, 1.0, len(nodes))
-    K, M = (
-        sp.csr_matrix(((w[:, None, None] * A).ravel(), (np.repeat(dof, 24, 1).ravel(), np.tile(dof, (1, 24)).ravel())))
-        for w, A in ((soft, Ke), (np.sqrt(soft), Me))
-    )
+    place = np.repeat(dof, 24, 1).ravel(), np.tile(dof, (1, 24)).ravel()
+    factors = (soft, Ke), (np.sqrt(soft), Me)
+    K, M = (sp.csr_matrix(((w[:, None, None] * A).ravel(), place)) for w, A in factors)
     x = np.stack(np.unravel_index(np.arange(number.size), cells + 1), axis=1) * sides
     held = x[:, rng.integers(3)] == 0 if rng.random() < 0.6 else np.zeros(len(x), bool)
     top = np.isclose(x[:, 2], x[:, 2].max()) & ~held
@@ -81,11 +82,13 @@ def solid(rng, dofs):
 
 def beam(rng, dofs):
     """(K, M, loads of three nodes) of a bending beam of random stiffness."""
-    n, h, EI, m = dofs // 2, 1.0 / (dofs // 2), 10 ** rng.uniform(2, 5), 10 ** rng.uniform(-1, 1)
-    Ke = EI / h**3 * np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
-                               [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]])  # fmt: skip
-    Me = m * h / 420 * np.array([[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h],
-                                 [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]])  # fmt: skip
+    n, h = dofs // 2, 1.0 / (dofs // 2)
+    EI, m = 10 ** rng.uniform(2, 5), 10 ** rng.uniform(-1, 1)
+    scale = np.array([1, h, 1, h])
+    bending = [[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]
+    inertia = [[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]
+    Ke = EI / h**3 * scale[:, None] * bending * scale
+    Me = m * h / 420 * scale[:, None] * inertia * scale
     dof = 2 * np.arange(n)[:, None] + np.arange(4)
     place = np.repeat(dof, 4, 1).ravel(), np.tile(dof, (1, 4)).ravel()
     soft = rng.uniform(0.5, 1.0, n)
@@ -126,7 +129,7 @@ def true_depth(omega, beta, v, k, p, c, duration):
 
 
 def scene(rng, one, other):
-    """(model, impactor, law, duration, truth) of a random impact; one: (K, M, b, omega, modes b)."""
+    """(model, impactor, law, duration, truth) of a random impact; one: (K, M, b, omega, UᵀB)."""
     K, M, b, omega, shares = one
     weight = M.diagonal().sum() / (3 if len(b) % 3 == 0 else 2)
     mass, speed = weight * 10 ** rng.uniform(-2.5, 0.5), 10 ** rng.uniform(-1, 0.5)
@@ -139,12 +142,14 @@ def scene(rng, one, other):
     options = {"n": n, "proof": True if rng.random() < 0.3 else contact}
     model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), **options)
     rigid = ao.RigidMass(mass, speed)
-    sets = [(omega, -shares, 0 * omega), (np.zeros(1), np.ones(1) / np.sqrt(mass), np.array([speed * np.sqrt(mass)]))]
+    root = np.array([np.sqrt(mass)])
+    sets = [(omega, -shares, 0 * omega), (np.zeros(1), 1 / root, speed * root)]
     if other is not None:
         K2, M2, b2, omega2, shares2 = other
         second = ao.extract(ao.Structure.from_matrices(K2, M2), ao.Site(vector=b2), **options)
         rigid = ao.Impactor(second, speed)
-        v = np.where(omega2 == 0, shares2 / (shares2[omega2 == 0] @ shares2[omega2 == 0]), 0) * speed
+        moved = np.where(omega2 == 0, shares2, 0.0)
+        v = speed * moved / (moved @ moved)
         sets[1] = (omega2, shares2, v)
     law = ao.Linear(k) if p == 1 else ao.Hertz(k) if p == 1.5 else ao.laws.Power(k, p)
     c = 0.0
@@ -156,57 +161,77 @@ def scene(rng, one, other):
     return model, rigid, law, duration, lambda: true_depth(*parts, k, p, c, duration)
 
 
+def spoiled(known, how):
+    """The recurrence with a residual that is smaller than it is."""
+    factors = {"coupling": (0.01, 1.0), "inertia": (1.0, 1e-4)}[how]
+    values = known.coupling.copy(), known.diagonal.copy()
+    for value, factor in zip(values, factors, strict=True):
+        value[-1] *= factor
+    return replace(known, coupling=values[0], diagonal=values[1])
+
+
+def structures(rng, largest):
+    """Random structures with all their modes, ten impacts on each; a free one for the impactor."""
+    free = None
+    while True:
+        dofs = int(np.exp(rng.uniform(np.log(200), np.log(largest))))
+        K, M, loads = (solid if rng.random() < 0.7 else beam)(rng, dofs)
+        x, U = scipy.linalg.eigh(K.toarray(), M.toarray(), overwrite_a=True, overwrite_b=True)
+        omega = np.sqrt(np.where(x > 1e-7 * x[8], x, 0.0))
+        sites = [(K, M, b, omega, U.T @ b) for b in loads]
+        if not omega[0]:
+            free = sites[0]
+        for _ in range(10):
+            yield sites[rng.integers(3)], free if rng.random() < 0.1 else None
+
+
+def checked(blow, wrong):
+    """(whether the true force is inside, relative width of the peak, cost over the run's)."""
+    model, impactor, law, duration, truth = blow
+    if wrong:
+        model = replace(model, recurrence=spoiled(model.recurrence, wrong))
+    start = time.perf_counter()
+    hit = ao.simulate(model, impactor, law, duration)
+    middle = time.perf_counter()
+    (bounds,) = enclosures(hit.assembly, hit.run)
+    cost = (time.perf_counter() - middle) / (middle - start)
+    depth = np.interp(bounds.time, np.linspace(0, duration, STEPS + 1), truth())
+    F = np.array([law.force(max(d, 0.0), 0.0, law.touch(1.0)) for d in depth])
+    slack = SLACK * F.max()
+    inside = np.all(bounds.lower - slack <= F) and np.all(bounds.upper + slack >= F)
+    return bool(inside), (bounds.peak[1] - bounds.peak[0]) / F.max(), cost
+
+
 def main():
     parser = argparse.ArgumentParser()
     for name, value in (("runs", 300), ("largest", 4000), ("seed", 1)):
         parser.add_argument(f"--{name}", type=int, default=value)
-    parser.add_argument("--wrong", choices=["coupling", "projection"])
+    parser.add_argument("--wrong", choices=["coupling", "inertia"])
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     warnings.simplefilter("ignore")
-    inside, refused, widths, seconds, free = 0, 0, [], [], None
-    pool = []
-    while inside + (outside := 0) >= 0 and len(widths) < arguments.runs:
-        if len(widths) % 10 == 0 or not pool:
-            dofs = int(np.exp(rng.uniform(np.log(200), np.log(arguments.largest))))
-            K, M, loads = (solid if rng.random() < 0.7 else beam)(rng, dofs)
-            x, U = scipy.linalg.eigh(K.toarray(), M.toarray(), overwrite_a=True, overwrite_b=True)
-            omega = np.sqrt(np.where(x > 1e-7 * x[8], x, 0.0))
-            pool = [(K, M, b, omega, U.T @ b) for b in loads]
-            free = pool[0] if not omega[0] and (free is None or rng.random() < 0.5) else free
-        one = pool[rng.integers(3)]
-        model, impactor, law, duration, truth = scene(rng, one, free if rng.random() < 0.1 else None)
-        if arguments.wrong:
-            model = replace(model, recurrence=spoiled(model.recurrence, arguments.wrong))
+
+    rows = []
+    refused = 0
+    for one, other in structures(rng, arguments.largest):
         try:
-            start = time.perf_counter()
-            hit = ao.simulate(model, impactor, law, duration)
-            middle = time.perf_counter()
-            hit = ao.simulate(model, impactor, law, duration, proof=True)
-            seconds.append((time.perf_counter() - middle) / (middle - start))
+            blow = scene(rng, one, other)
+            rows.append(checked(blow, arguments.wrong))
         except AntioscError as error:
             refused += 1
             print("refused:", error)
             continue
-        e = hit.enclosure
-        grid = np.linspace(0, duration, STEPS + 1)
-        F = np.array([law.force(max(d, 0.0), 0.0, law.touch(1.0)) for d in np.interp(e.time, grid, truth())])
-        peak = F.max()
-        good = bool(np.all(e.lower - SLACK * peak <= F) and np.all(e.upper + SLACK * peak >= F))
-        inside += good
-        widths.append((e.peak[1] - e.peak[0]) / peak)
-        print(f"{len(widths)}: {len(one[2])} dofs, n {model.n}, {type(law).__name__}, {type(impactor).__name__}, width {100 * widths[-1]:.3g} %, error {abs(hit.peak_force / peak - 1):.1e}, {'inside' if good else 'OUTSIDE'}", flush=True)
-    print(f"{inside} of {len(widths)} inside, {refused} refused; width quartiles {np.nanpercentile(widths, [25, 50, 75])}; with the proof {np.median(seconds):.2f} times the run")
+        inside, width, _ = rows[-1]
+        kinds = f"{type(blow[2]).__name__}, {type(blow[1]).__name__}, n {blow[0].n}"
+        told = "inside" if inside else "OUTSIDE"
+        print(f"{len(rows)}: {len(one[2])} dofs, {kinds}: {100 * width:.3g} %, {told}", flush=True)
+        if len(rows) == arguments.runs:
+            break
 
-
-def spoiled(known, how):
-    """The recurrence with a residual that is too small."""
-    factor = 0.01 if how == "coupling" else 1.0
-    coupling = known.coupling.copy()
-    coupling[-1] *= factor
-    diagonal = known.diagonal.copy()
-    diagonal[-1] *= 1.0 if how == "coupling" else 1e-4
-    return replace(known, coupling=coupling, diagonal=diagonal)
+    inside, widths, costs = np.array(rows, float).T
+    print(f"{inside.sum():.0f} of {len(rows)} inside their bounds, {refused} refused")
+    print(f"width of the peak, quartiles: {np.percentile(100 * widths, [25, 50, 75]).round(2)} %")
+    print(f"the bounds take {np.median(costs):.2f} of the time of simulate")
 
 
 if __name__ == "__main__":

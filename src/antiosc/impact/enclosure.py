@@ -101,9 +101,10 @@ class _Body(NamedTuple):
     scale: Array | None = None
 
 
-def enclosures(assembly: Assembly, run: Run) -> tuple[Enclosure, ...]:
+def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosure, ...]:
     """The narrowest bounds on the forces of a run, one for each contact.
 
+    With `tol` those of the fewest vectors that are as narrow, relative to the peak, if any are.
     InputError names what is outside the assumptions of the proof.
     """
     _check_run(assembly, run)
@@ -112,17 +113,21 @@ def enclosures(assembly: Assembly, run: Run) -> tuple[Enclosure, ...]:
     laws = [_law(law) for law in assembly.laws]
     most = [_most_vectors(body) for body in bodies]
 
+    longest = max(most)
+    counts = [max(longest - less, 1) for less in range(SHORTENED)]
+    if tol:
+        counts = [n for n in GROWING if n < longest] + counts
+
     best: tuple[Enclosure, ...] = ()
-    for shortening in range(SHORTENED):
-        counts = [max(n - shortening, 1) for n in most]
+    for count in counts:
         parts = [
-            _reference(assembly, body, span, n)
-            for body, span, n in zip(bodies, sizes, counts, strict=True)
+            _reference(assembly, body, span, min(count, n))
+            for body, span, n in zip(bodies, sizes, most, strict=True)
         ]
-        found = _enclosed(assembly, run, parts, [law for law, _ in laws], max(counts))
-        if not best or _width(found) < _width(best):
+        found = _enclosed(assembly, run, parts, [law for law, _ in laws], count)
+        if not best or width_of_peaks(found) < width_of_peaks(best):
             best = found
-        if shortening + 1 >= max(most):
+        if width_of_peaks(best) <= tol:
             break
 
     for one, (law, limit) in zip(best, laws, strict=True):
@@ -135,11 +140,12 @@ def enclosures(assembly: Assembly, run: Run) -> tuple[Enclosure, ...]:
     return best
 
 
-#: Numbers of vectors that are tried, from all of them down.
+#: Numbers of vectors that are tried, from all of them down, and up to a tolerance.
 SHORTENED = 3
+GROWING = (4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 85, 113, 150, 200, 266)
 
 
-def _width(found: Sequence[Enclosure]) -> float:
+def width_of_peaks(found: Sequence[Enclosure]) -> float:
     """Largest width of the peaks' bounds over the largest force."""
     peak = max(one.peak[0] for one in found)
     return max(one.peak[1] - one.peak[0] for one in found) / max(peak, 1e-300)
@@ -200,7 +206,8 @@ def _most_vectors(body: SceneBody) -> int:
         if known is None:
             raise _refused(
                 f"a model whose residual is known, and that of {body.name!r} is not: extract it"
-                " with proof=True, by Krylov's method at one site."
+                " with proof=True, by Krylov's method at one site (matrices that are too"
+                " ill-conditioned have none)."
             )
         errors = (
             abs(inner.k0 - known.k0) > OTHER * known.k0,

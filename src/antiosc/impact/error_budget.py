@@ -233,7 +233,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     finer = None if hit.assembly.stretched else raw  # that is linear
     shares = {
         "mesh": of_mesh.mesh,
-        "truncation": of_mesh.truncation,
+        "truncation": {**of_mesh.truncation, **_proved(hit)},
         "time": _time(hit, finer, tol),
         "patch": patch,
         "noise": measured_errors(impact),
@@ -268,6 +268,17 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         rebound_of(hit),
         None if motion is None else bar(DEFLECTION, motion.largest),
     )
+
+
+def _proved(hit: History) -> Shares:
+    """Proved relative errors of the peak force and the impulse by what the model leaves out."""
+    found = {}
+    for one in hit.enclosures[:1]:
+        for name in ("peak_force", "impulse"):
+            low, high = getattr(one, name.removesuffix("_force"))
+            value = getattr(hit, name)
+            found[name] = max(high - value, value - low) / value
+    return found
 
 
 def _unknown_mesh(

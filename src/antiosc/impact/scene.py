@@ -26,14 +26,14 @@ from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn, without_warnings
 from antiosc.base.process import within_memory
-from antiosc.base.texts import COMPLETED, INEXACT, TOUCHING
+from antiosc.base.texts import COMPLETED, INEXACT, TOUCHING, percent
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.equilibrium import initial_forces, settle
 from antiosc.engine.march import Converged, converge, with_step
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle
-from antiosc.impact.enclosure import enclosures
+from antiosc.impact.enclosure import enclosures, width_of_peaks
 from antiosc.impact.error_budget import error_budget, warn_low_band
 from antiosc.impact.histories import History, SceneHistory, Source
 from antiosc.impact.histories.bars import ErrorBudget
@@ -214,9 +214,19 @@ class SceneSource(Source):
         return other.run(changes.get("duration", self.duration), **options)
 
 
-def proved(history: H) -> H:
+def proved(history: H, tol: float = 0.0) -> H:
     """The history with proved bounds on its forces; InputError outside their assumptions."""
-    return replace(history, enclosures=enclosures(history.assembly, history.run))
+    found = enclosures(history.assembly, history.run, tol)
+    history = replace(history, enclosures=found)
+    width = width_of_peaks(found)
+    if not tol or width <= tol:
+        return history
+    return with_warning(
+        history,
+        f"{found[0].n} Krylov vectors prove the peak force to {percent(width)}, not to"
+        f" {percent(tol)}: extract more anti-oscillators, with proof={history.contact_time:.2g},"
+        " the contact time.",
+    )
 
 
 def with_warning(history: H, sentence: str) -> H:
@@ -465,10 +475,11 @@ def simulate(
         "exact"; to compare with, "newmark" and "leapfrog" in equal steps, or a method of
         `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory, which runs once, to
         tol/100, and states no error.
-    n : int or "auto", optional
+    n : int, "auto" or "proved", optional
         Number of anti-oscillators of the model to use; default all. "auto" takes the smallest
         number whose estimated truncation error of peak force, impulse and contact time meets
-        `tol` (see `antiosc.impact.truncation`).
+        `tol` (see `antiosc.impact.truncation`). "proved": bounds, as by `proof`, of the fewest
+        Krylov vectors of the model that prove the peak force to `tol`; a warning if none do.
     step : float, optional
         Time step during contact [s] (solve_ivp: largest step). By default the step is refined until
         the force history has converged.
@@ -517,6 +528,9 @@ def simulate(
         raise InputError(f"the third argument is the contact: give duration={contact:g}.")
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else tol
+    goal = accuracy if n == "proved" else 0.0
+    if goal:
+        n, accuracy, proof = None, min(accuracy, DEFAULT_TOL), True
     settings = Settings(accuracy, method, step, max_contacts, max_steps)
     law = law_of(contact, model, impactor)
     doubts = plausible.warn_each([plausible.impact_doubt(model, [impactor], initial_velocity)])
@@ -537,7 +551,7 @@ def simulate(
     if info.measured is not None:
         warn_low_band(history)
 
-    return proved(history) if proof else history
+    return proved(history, goal) if proof else history
 
 
 def _too_few(model: LinearBody, hit: History, tol: float) -> str:

@@ -382,7 +382,8 @@ def of_number(
     """The answer with a given number of anti-oscillators, whatever the truncation error is."""
     structure.factorize()
     start_time = clock() - structure.seconds["factorization"]
-    model = extract(structure, site, n=n, error="estimate")
+    proof = not structure.matrices.dissipation()
+    model = extract(structure, site, n=n, error="estimate", proof=proof)
     raw = second_order.simulated(structure, model, partial(run, error=accuracy))
 
     hit, budget = raw, raw.error_budget

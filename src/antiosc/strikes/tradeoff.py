@@ -33,6 +33,7 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
+from antiosc.impact.enclosure import enclosures
 from antiosc.impact.histories import History
 from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.models.auto_contact import AUTO, AnyLaw
@@ -88,6 +89,8 @@ class TradeoffMember:
     difference : largest relative difference of the three quantities from the finest member; NaN
         before that is known.
     impulse, contact_time : those of the corrected model [N s], [s].
+    proved : proved relative error of the peak force of this mesh by what the model leaves out; NaN
+        outside the assumptions of the proof.
     method : "antiosc"; of `Tradeoff.others` "unreduced", which has no bar (inf), no
         anti-oscillators (0) and no correction of the mesh's error.
     """
@@ -108,6 +111,7 @@ class TradeoffMember:
     method: str = "antiosc"
     bars: dict[str, float] = field(default_factory=dict)
     whole: float | None = None
+    proved: float = math.nan
 
     @property
     def force_bar(self) -> float:
@@ -121,6 +125,7 @@ class TradeoffMember:
             *(f"{self.dofs}", f"{self.n or '–'}", engineering(self.step, "s")),
             *(plain(self.seconds, 3), plain(self.gigabytes), plain(self.peak_force, 4)),
             *map(_percents, (self.force_bar, self.bar, self.difference)),
+            "–" if math.isnan(self.proved) else _percents(self.proved),
         )
 
 
@@ -135,6 +140,7 @@ AXES = {"seconds": "time (s)", "gigabytes": "memory (GB)"}
 COLUMNS = {
     "method": -10, "family": -6, "mean cell": 11, "order": 6, "dofs": 9, "N": 5, "step": 9,
     "seconds": 9, "GB": 9, "peak N": 11, "force ± %": 11, "all ± %": 9, "to finest %": 12,
+    "proved %": 10,
 }  # fmt: skip
 
 
@@ -275,6 +281,9 @@ class Tradeoff(Result):
         ax.loglog(*points(self.table, "bar"), "o", mfc="none", label="error bar")
         apart = [member for member in self.table if member.difference]
         ax.loglog(*points(apart, "difference"), ".", label="difference to the finest")
+        proved = [member for member in self.table if math.isfinite(member.proved)]
+        if proved:
+            ax.loglog(*points(proved, "proved"), "x", label="proved, without the mesh")
         ax.axhline(100 * self.tol, color="0.6", lw=0.8, label="tol")
         if self.status == 0:
             best = [self.best(tol=self.tol)]
@@ -419,6 +428,7 @@ class Made:
             self.member,
             method=UNREDUCED,
             n=0,
+            proved=math.nan,
             step=float(outcome.curve.time[1]),
             seconds=outcome.seconds,
             gigabytes=(stored_bytes + outcome.bytes) / 1e9,
@@ -462,6 +472,15 @@ def _kept(structure: Structure) -> float:
     return 0.0 if by_cells(structure.K) else MATRIX_BYTES * stored(structure.K)
 
 
+def _proved(hit: History) -> float:
+    """Proved relative error of the peak force of a run; NaN outside the assumptions."""
+    try:
+        (one,) = enclosures(hit.assembly, hit.run)
+    except InputError:
+        return math.nan
+    return max(one.peak[1] - hit.peak_force, hit.peak_force - one.peak[0]) / hit.peak_force
+
+
 def member_of(answer: Answer) -> TradeoffMember:
     """The member of the trade-off for a result on one mesh."""
     structure = answer.structure
@@ -478,6 +497,7 @@ def member_of(answer: Answer) -> TradeoffMember:
         order=matrices.form.degree,
         dofs=structure.dofs,
         n=answer.n,
+        proved=_proved(answer.raw),
         step=answer.hit.step,
         seconds=max(structure.comm.allgather(seconds)),
         gigabytes=(_kept(structure) + cost.bytes) / 1e9,
