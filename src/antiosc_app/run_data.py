@@ -242,7 +242,7 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
     ):
         warn(message, AccuracyWarning)
     names, modes, columns = _sites(assembly, without_body)
-    shift = assembly.pushes(assembly.system.breaks) @ assembly.r
+    shift = assembly.external_forces(assembly.system.breaks) @ assembly.r
     ends = [(c.a, c.b) for c in scene.contacts]
     contacts, contact_variables = _contact_outputs(ends, without_body)
     sites, site_variables = _site_outputs(names)
