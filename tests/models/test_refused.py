@@ -20,7 +20,6 @@ from antiosc.models.closed_form import (
     UniformBeam,
     cantilever,
     pinned_pinned,
-    plate_patch,
     zener,
 )  # fmt: skip
 from antiosc.models.free_modes import error_bound, from_free_modes, site_models as at_sites_of
@@ -176,7 +175,6 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ao.impact_band(ao.Obstacle(), ao.Hertz(1e9)), "velocity > 0"),
     # closed forms and laws
     (lambda: Tabulated([0, 1], [0, 1], 3.0), "unloading"),
-    (lambda: plate_patch(210e9, 0.0, 6e-3), "radius"),
     (lambda: zener.restitution(1e9), "lam"),
     (lambda: zener.inelasticity(0.0, 2.0, 1e9, 50.0, 8.0), "mass"),
     (lambda: UniformBeam(1, 1, 1, kGA=0), "kGA"),

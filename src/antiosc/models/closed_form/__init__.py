@@ -1,4 +1,4 @@
-"""Structures whose solutions are exact to rounding: beams, Zener's impact, the patch of a plate.
+"""Structures whose solutions are exact to rounding: beams, Zener's impact.
 
 >>> beam = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 >>> pinned_free(beam).anti_oscillators(50)  # the article's falling beam, (24)-(27)
@@ -7,7 +7,6 @@
 from antiosc.base import checks
 from antiosc.models.closed_form import zener
 from antiosc.models.closed_form.beams import StruckBeam, UniformBeam
-from antiosc.models.closed_form.plates import plate_patch
 
 __all__ = [
     "StruckBeam",
@@ -17,7 +16,6 @@ __all__ = [
     "free_free",
     "pinned_free",
     "pinned_pinned",
-    "plate_patch",
     "zener",
 ]
 
