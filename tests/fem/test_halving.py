@@ -39,7 +39,7 @@ def one_cell(shape: str, order: int, bend: float = 0.0) -> RawMesh:
     facets = facets[:, np.argsort(compat.node_order(of_side, facets.shape[1], "vtk"))]
     groups = {"skin": {kind.dim - 1: facets}, "all": {kind.dim: cells[:, : kind.vertices]}}
     groups["corner"] = {0: np.array([[0]])}
-    return RawMesh(points, cells, kind, "vtk", groups, numbers=np.arange(len(points)))
+    return RawMesh(points, cells, kind, "vtk", groups)
 
 
 def measure(raw: RawMesh) -> float:
@@ -59,7 +59,7 @@ def test_halves_fill_their_cell_and_groups_follow(shape, order):
     raw = one_cell(shape, order, 0.2 * (order - 1))
     fine = raw
     for count in (1, 2):
-        (fine,) = halved([fine])
+        fine = halved(fine)
         assert len(fine.cells) == 2 ** (raw.kind.dim * count)
         assert measure(fine) == pytest.approx(measure(raw), rel=1e-12)  # bent sides stay
         sound(fine, "cells", made_here=False)  # no cracks, no overlaps
@@ -78,10 +78,10 @@ def test_halves_fill_their_cell_and_groups_follow(shape, order):
 
 
 def test_repeated_halves_of_a_tetrahedron_have_three_shapes_at_most():
-    raws = [one_cell("tetrahedron", 1)]
+    raw = one_cell("tetrahedron", 1)
     for _ in range(3):
-        raws = halved(raws)
-    x = raws[0].points[raws[0].cells]
+        raw = halved(raw)
+    x = raw.points[raw.cells]
     pairs = np.triu_indices(4, 1)
     edges = np.sort(np.linalg.norm(x[:, pairs[0]] - x[:, pairs[1]], axis=2), axis=1)
     assert len(np.unique(np.round(edges, 9), axis=0)) <= 3
@@ -94,7 +94,7 @@ def test_weights_of_a_cell_are_those_of_its_corners():
 
 def test_too_many_cells_are_refused():
     with pytest.raises(MeshError, match="choose a larger size"):
-        with_cells_of(1e-4, [one_cell("hexahedron", 1)], "a")
+        with_cells_of(1e-4, one_cell("hexahedron", 1), "a")
 
 
 # -- smaller cells around a point

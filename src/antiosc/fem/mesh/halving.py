@@ -8,7 +8,6 @@ three shapes at most. Second-order cells keep their curved sides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -87,117 +86,67 @@ def weights_at(shape: str, degree: int, places: Array) -> Array:
     return np.asarray(element.tabulate(0, flat)[0, :, :, 0]).reshape(*places.shape[:-1], -1)
 
 
-def with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMesh]:
-    """Meshes with common numbers of nodes, halved until no cell is longer than `size` [m].
+def with_cells_of(size: float, raw: RawMesh, name: str) -> RawMesh:
+    """The mesh, halved until no cell is longer than `size` [m].
 
     Raises
     ------
     MeshError
         There would be too many cells.
     """
-    raws = list(raws)
-    longest = max(longest_cell(raw.points[raw.cells[:, : raw.kind.vertices]]) for raw in raws)
+    longest = longest_cell(raw.points[raw.cells[:, : raw.kind.vertices]])
     if longest <= size:
         told = f"{name}: its cells measure {longest:.3g} m at most, so that size changes nothing."
-        raws[0].remarks = [*raws[0].remarks, told]
-    rounds = halvings(longest, size)
-    count = sum(len(raw.cells) * 2.0 ** (rounds * raw.kind.dim) for raw in raws)
+        return replace(raw, remarks=[*raw.remarks, told])
+
+    rounds = max(0, int(np.ceil(np.log2(longest / size) - ROUNDING)))
+    count = len(raw.cells) * 2.0 ** (rounds * raw.kind.dim)
     if count > MOST_CELLS:
         raise MeshError(
             f"{name} has cells of up to {longest:.3g} m: halved to {size:g} m they would be "
             f"{count:.1e}, more than {MOST_CELLS:.0e}; choose a larger size."
         )
     for _ in range(rounds):
-        raws = halved(raws)
-    return raws
-
-
-def halvings(longest: float, size: float) -> int:
-    """How often cells of up to `longest` [m] are halved until none is longer than `size` [m]."""
-    return max(0, int(np.ceil(np.log2(longest / size) - ROUNDING)))
+        raw = halved(raw)
+    return raw
 
 
 def longest_cell(corners: Array) -> float:
     """Largest distance [m] between two corners of one of the cells (cells, corners, dim)."""
-    return float(lengths(corners).max())
-
-
-def lengths(corners: Array) -> Array:
-    """Largest distance (cells,) [m] between two corners of each cell (cells, corners, dim)."""
     a, b = np.triu_indices(corners.shape[1], 1)
-    return np.asarray(np.linalg.norm(corners[:, a] - corners[:, b], axis=2).max(axis=1))
+    return float(np.linalg.norm(corners[:, a] - corners[:, b], axis=2).max())
 
 
-def halved(raws: Sequence[RawMesh]) -> list[RawMesh]:
-    """Meshes with all cells halved once; nodes of common edges and faces keep common numbers."""
-    halves = [_halved(raw) for raw in raws]
-    first = 1 + max(int(raw.numbers.max()) for raw in raws)
-    return numbered(halves, common_numbers([half.parents for half in halves], first))
-
-
-def common_numbers(parents: Sequence[IntArray], first: int) -> list[IntArray]:
-    """Numbers, from `first` on, of the new nodes of meshes: the same between the same parents."""
-    _, index = np.unique(keys(np.vstack(parents)), return_inverse=True)
-    return np.split(first + index.ravel(), np.cumsum([len(rows) for rows in parents])[:-1])
-
-
-def numbered(divided: Sequence[Divided], numbers: Sequence[IntArray]) -> list[RawMesh]:
-    """The divided meshes with the numbers of their new nodes."""
-    return [
-        replace(one.mesh, numbers=np.concatenate([one.mesh.numbers, new]))
-        for one, new in zip(divided, numbers, strict=True)
-    ]
-
-
-class Divided(NamedTuple):
-    """A mesh with divided cells.
-
-    Attributes
-    ----------
-    mesh : without the numbers of its new nodes.
-    parents : (n, 8) numbers of the nodes between which each new node lies, -1: fewer; twice that
-        which is nearer.
-    """
-
-    mesh: RawMesh
-    parents: IntArray
-
-
-def _halved(raw: RawMesh) -> Divided:
-    """A mesh with all cells halved once."""
+def halved(raw: RawMesh) -> RawMesh:
+    """A mesh with all cells halved once; its new nodes have no labels."""
     kind = raw.kind
     shape = scheme(kind.shape)
     order = compat.node_order(kind.shape, kind.nodes, raw.convention)
     nodes = raw.cells[:, order]
     old_corners = nodes[:, : kind.vertices]
     if kind.order == 1:
-        middles, first, rows = _middles(old_corners, shape, len(raw.points))
+        middles, first = _middles(old_corners, shape, len(raw.points))
         lattice = np.hstack([nodes, middles])
         cells = _of_halves(lattice, shape)
     else:
         lattice = nodes
         corners = _of_halves(lattice, shape)
-        middles, first, rows = _middles(corners, shape, len(raw.points))
+        middles, first = _middles(corners, shape, len(raw.points))
         cells = np.hstack([corners, middles])
-    weights = shape.weights[kind.order - 1]
-    places = np.einsum("hmk,cki->chmi", weights, raw.points[nodes])
+
+    places = np.einsum("hmk,cki->chmi", shape.weights[kind.order - 1], raw.points[nodes])
     x = places.reshape(-1, raw.points.shape[1])[first]
-    result = with_nodes(
-        raw,
-        x,
-        cells=cells[:, np.argsort(order)].astype(np.int64),
-        groups=_groups(raw, old_corners, lattice),
-    )
-    padded = np.where(rows >= 0, raw.numbers[rows], -1)
-    return Divided(result, padded)
-
-
-def with_nodes(raw: RawMesh, x: Array, **changes: Any) -> RawMesh:
-    """A mesh with new nodes at x (n, dim), which have no labels, and other changes."""
     labels = raw.labels
     if len(labels):
         labels = np.concatenate([labels, np.full(len(x), -1)])
-    return replace(raw, points=np.vstack([raw.points, x]), labels=labels, **changes)
+    return replace(
+        raw,
+        points=np.vstack([raw.points, x]),
+        cells=cells[:, np.argsort(order)].astype(np.int64),
+        groups=_groups(raw, old_corners, lattice),
+        numbers=np.zeros(0, dtype=np.int64),
+        labels=labels,
+    )
 
 
 def _of_halves(lattice: IntArray, shape: Scheme) -> IntArray:
@@ -205,18 +154,17 @@ def _of_halves(lattice: IntArray, shape: Scheme) -> IntArray:
     return lattice[:, shape.halves].reshape(-1, shape.halves.shape[1])
 
 
-def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, IntArray, IntArray]:
+def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, IntArray]:
     """New nodes in the middles of cells with these corners, numbered from `start` on.
 
     Returns the middles (cells, middles) of each cell, and of each new node its first place in this
-    table and the corners (8) between which it lies, -1 where there are fewer.
+    table.
     """
     rows = np.full((len(corners), len(shape.members), 8), -1, dtype=np.int64)
     for k, vertices in enumerate(shape.members):
         rows[:, k, : len(vertices)] = corners[:, vertices]
-    flat = rows.reshape(-1, 8)
-    _, first, index = np.unique(keys(flat), return_index=True, return_inverse=True)
-    return start + index.reshape(len(corners), -1), first, flat[first]
+    _, first, index = np.unique(keys(rows.reshape(-1, 8)), return_index=True, return_inverse=True)
+    return start + index.reshape(len(corners), -1), first
 
 
 def _groups(

@@ -192,7 +192,7 @@ def read_mesh(
         mesh = sound(flattened(raw, gdim, name), name, made_here, by=BY_PIECE)
         if made_here or size is None:
             return mesh
-        return with_cells_of(size, [mesh], name)[0]
+        return with_cells_of(size, mesh, name)
 
     def work() -> RawMesh:
         return read(

@@ -445,40 +445,32 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
 
 def _shared_dofs(structure: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> PETSc.Mat:
     """Matrix T of beam dofs = T · shell dofs; the rows of fixed dofs are empty."""
-    size = line.extent()
+    sheet = structure.form.space
+    block = len(form.components)  # dofs of a node, of the beam and of the sheet
+    components = np.arange(block)
+
+    first = compat.subspace(sheet, structure.form.components["x"])
+    nodes = np.asarray(dolfinx.fem.locate_dofs_topological(first, 1, edges)) // block
+    dofs = block * nodes[:, None] + components
+    numbers = compat.global_dofs(sheet, dofs.ravel()).reshape(dofs.shape)
+    x = sheet.tabulate_dof_coordinates()[nodes]
+    of_ranks = structure.mesh.comm.allgather((x, numbers, np.isin(dofs, structure.fixed)))
+    x, numbers, fixed = map(np.concatenate, zip(*of_ranks, strict=True))
+
     rows = compat.local_size(form.space)
-    first = form.space.dofmap.index_map.local_range[0]
-    first *= form.space.dofmap.index_map_bs
-    T = PETSc.Mat().createAIJ(
-        ((rows, None), (compat.local_size(structure.form.space), None)),
-        nnz=1,
-        comm=structure.mesh.comm,
-    )
+    points = form.space.tabulate_dof_coordinates()[: rows // block]
+    distance, nearest = scipy.spatial.cKDTree(x).query(points)
     error = None
-    for component, path in form.components.items():
-        sheet = compat.subspace(structure.form.space, structure.form.components[component])
-        all_dofs, all_x = compat.dof_coordinates(
-            structure.form.space, structure.form.components[component]
-        )
-        on_edges = np.asarray(dolfinx.fem.locate_dofs_topological(sheet, 1, edges))
-        order = np.argsort(all_dofs)
-        x = all_x[order[np.searchsorted(all_dofs, on_edges, sorter=order)]]
-        numbers = compat.global_dofs(structure.form.space, on_edges)
-        fixed = np.isin(on_edges, structure.fixed)
-        of_ranks = structure.mesh.comm.allgather((x, numbers, fixed))
-        x, numbers, fixed = (np.concatenate([of_rank[k] for of_rank in of_ranks]) for k in range(3))
-        beam_dofs, points = compat.dof_coordinates(form.space, path)
-        points = points[beam_dofs < rows]
-        beam_dofs = beam_dofs[beam_dofs < rows]
-        if not len(beam_dofs):
-            continue
-        distance, nearest = scipy.spatial.cKDTree(x).query(points)
-        if distance.max() > SAME_DOF * size:
-            error = InputError(f"{line.name} do not carry the dofs of the sheet.")
-            continue
-        for dof, k in zip(beam_dofs, nearest, strict=True):
-            if not fixed[k]:
-                T.setValue(first + dof, numbers[k], 1.0)
+    if distance.max(initial=0.0) > SAME_DOF * line.extent():
+        error = InputError(f"{line.name} do not carry the dofs of the sheet.")
     agree(structure.mesh.comm, error)
+
+    T = PETSc.Mat().createAIJ(
+        ((rows, None), (compat.local_size(sheet), None)), nnz=1, comm=structure.mesh.comm
+    )
+    first_row, _ = T.getOwnershipRange()
+    for node, k in enumerate(nearest):
+        for component in components[~fixed[k]]:
+            T.setValue(first_row + block * node + component, numbers[k, component], 1.0)
     T.assemble()
     return T

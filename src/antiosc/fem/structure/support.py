@@ -415,20 +415,13 @@ def _field(component: int, powers: tuple[int, ...]) -> Field:
     """u_component = Π s_j over `powers`, with half its curl as rotation."""
 
     def value(s: Array) -> tuple[Array, Array]:
-        displacement = np.zeros((3, len(s)))
-        rotation = np.zeros((3, len(s)))
-        displacement[component] = np.prod(s[:, list(powers)], axis=1)
-        for axis in range(3):
-            if axis == component or axis not in powers:
-                continue
-            reduced_powers = list(powers)
-            reduced_powers.remove(axis)
-            slope = powers.count(axis) * np.prod(s[:, reduced_powers], axis=1)
-            # curl of u e_c: component k gets ε_{k,axis,c} ∂u/∂axis
-            k = 3 - axis - component
-            sign = 1.0 if (k, axis, component) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
-            rotation[k] += 0.5 * sign * slope
-        return displacement, rotation
+        direction = np.eye(3)[component]
+        gradient = np.zeros((len(s), 3))
+        for place, axis in enumerate(powers):
+            others = [*powers[:place], *powers[place + 1 :]]
+            gradient[:, axis] += np.prod(s[:, others], axis=1)
+        displacement = np.outer(direction, np.prod(s[:, list(powers)], axis=1))
+        return displacement, np.cross(gradient, direction).T / 2
 
     return value
 

@@ -192,7 +192,7 @@ def finer(mesh: Mesh) -> Mesh:
     """The mesh on one rank with each cell c divided into h cells with the input numbers h c to
     h c + h - 1.
     """
-    return distributed(halved([_raw(mesh)])[0], mesh.name, mesh.comm)
+    return distributed(halved(_raw(mesh)), mesh.name, mesh.comm)
 
 
 def _raw(mesh: Mesh) -> RawMesh:
@@ -206,8 +206,7 @@ def _raw(mesh: Mesh) -> RawMesh:
         for name, parts in pieces.groups.items()
     }
     cells = pieces.cells[:, order].astype(np.int64)
-    numbers = np.arange(len(pieces.points))
-    return RawMesh(pieces.points, cells, kind, "gmsh", groups, numbers=numbers)
+    return RawMesh(pieces.points, cells, kind, "gmsh", groups)
 
 
 def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
