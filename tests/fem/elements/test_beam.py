@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import dolfinx
@@ -254,44 +253,6 @@ def test_axial_forces_and_stresses(truss):
         np.testing.assert_allclose(strain, exact, rtol=1e-9, atol=1e-15)
     with pytest.raises(ao.InputError, match="rotation"):
         ao.probe(truss, hit, tuple(POINTS[1]), "rotation", times)
-
-
-def seventy_two_bars() -> Iterator[str]:
-    """The 72-bar truss as a deck in inches: four storeys of 60 on a square of 120."""
-    yield "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n"
-    yield "MAT1,101,1.+7,3759398.,.33,2.59-4\nPROD,1,101,.5,999.\n"
-    corners = [(0, 0), (120, 0), (120, 120), (0, 120)]
-    for k in range(20):
-        x, y = corners[k % 4]
-        yield f"GRID,{k + 1},,{x}.,{y}.,{240 - 60 * (k // 4)}.\n"
-        yield f"SPC1,1,{123456 if k >= 16 else 456},{k + 1}\n"
-    pairs = []
-    for top in range(0, 16, 4):
-        for k in range(4):
-            a, b = top + k, top + (k + 1) % 4
-            pairs += [(a, a + 4), (a, b + 4), (b, a + 4), (a, b)]
-        pairs += [(top, top + 2), (top + 1, top + 3)]
-    for number, (a, b) in enumerate(pairs, 1):
-        yield f"CROD,{number},1,{a + 1},{b + 1}\n"
-    yield "ENDDATA\n"
-
-
-#: rad/s: Simcenter Nastran, testing/system_verification/004_72_bar_truss of NASTRAN_CoFE (A.
-#: Ricciardi), seven digits as printed.
-NASTRAN = (
-    *(159.9429, 159.9429, 244.6728, 430.7459, 463.1034),
-    *(463.1034, 697.5760, 801.8895, 858.6545, 858.6545),
-)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:of truss.bdf are not taken. the torsion of rods")
-def test_seventy_two_bars_have_the_frequencies_of_nastran(tmp_path):
-    path = tmp_path / "truss.bdf"
-    path.write_text("".join(seventy_two_bars()))
-    part = ao.read_model(path, unit="in")
-    assert part.dofs == 48
-    np.testing.assert_allclose(ao.natural_modes(part, 10).omega, NASTRAN, rtol=3e-7)
 
 
 @pytest.mark.slow

@@ -92,25 +92,6 @@ def test_a_beam_along_its_own_axis_is_a_rod():
 
 
 @pytest.mark.slow
-def test_a_solid_bar_becomes_the_beam():
-    """Two-dimensional elasticity at a tenth in thickness: Timoshenko's k0 and first frequencies."""
-    L, h, t = 1.0, 0.1, 0.02
-    mesh = parts.plate((40, 4), (L, h))
-    solid = ao.Solid(E=67e9, nu=0.3, rho=2400.0, plane="stress", thickness=t)
-    structure = ao.Structure(mesh, solid, [ao.Support("left")])
-    with pytest.warns(ao.AntioscWarning, match="point"):
-        model = ao.extract(structure, ao.Site((L, h / 2), (0, -1)), n=3, method="modes")
-    exact = closed_form.cantilever(
-        closed_form.UniformBeam.timoshenko(
-            E=67e9, nu=0.3, rho=2400.0, area=h * t, inertia=t * h**3 / 12, length=L
-        )
-    ).anti_oscillators(3)
-    np.testing.assert_allclose(model.omega[:2], exact.omega[:2], rtol=0.01)
-    assert model.k0 == pytest.approx(exact.k0, rel=0.01)
-    assert model.m_st == pytest.approx(exact.m_st, rel=0.01)
-
-
-@pytest.mark.slow
 def test_a_beam_beside_its_line_is_the_same_beam():
     """Its modes and what the ground moves; at the line twist adds e²L/(GJ) to what gives way."""
     section, L, e = ao.Section.rectangle(0.03, 0.01), 0.5, 0.05

@@ -12,7 +12,6 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 import antiosc as ao
-import parts
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
 from antiosc.base.texts import STOPPED
@@ -320,35 +319,6 @@ def test_a_thin_solid_on_one_edge_and_a_block_count_as_bending_alone():
     block = ao.Structure(ao.box_mesh((0.1, 0.1, 0.1), 0.05), steel, [ao.Support("-x")])
     assert cantilever.matrices.thickness is None
     assert block.matrices.thickness is None
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_many_impacts_stretch_as_each_alone():
-    """What is linear is solved together, and is that of a linear model to the last bit."""
-    part, site = plate()
-    model = ao.extract(part, site, n=24, stretch="auto")
-    balls = [ao.RigidMass(0.2, velocity=speed) for speed in (1e-3, 2e-3, 0.3, 1.5)]
-    blow = ao.Power(1e6, 1.5), 4e-3
-    found = ao.simulate_many(model, balls, *blow)
-    linear = ao.simulate_many(replace(model, stretch=None), balls, *blow)
-    assert np.array_equal(found.peak_force[:2], linear.peak_force[:2])
-    assert found.peak_force[3] > 1.05 * linear.peak_force[3]
-    for ball, force in zip(balls[2:], found.peak_force[2:], strict=True):
-        assert force == ao.simulate(model, ball, *blow).peak_force
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_fields_have_the_displacements_of_second_order():
-    part, site = plate()
-    model = ao.extract(part, site, n=24, stretch=4)
-    hit = ao.simulate(model, ao.RigidMass(0.2, velocity=1.5), ao.Power(1e6, 1.5), 3e-3)
-    at = float(hit.time[np.argmax(np.abs(hit.displacement))])
-    u = hit.field(at).reshape(-1, 6)
-    assert np.abs(u[:, 2]).max() > 5e-4
-    assert np.abs(u[:, :2]).max() > 1e-7  # a flat sheet has none to first order
-    assert np.abs(ao.probe(part, hit, (0.1, 0.05, 0), times=[at])[0, :2]).max() > 1e-7
 
 
 @pytest.mark.slow
@@ -665,16 +635,3 @@ def test_second_order_forces_that_run_away_are_no_answer(share, monkeypatch):
     assert sum(why in str(one.message) for one in told) == 1
     assert hit.error_budget.no_bar
     assert by_strengths(part, hit) == {}
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_a_strip_that_bends_far_and_hardly_stretches_is_not_refused():
-    """It is held at two places of one end: not along a line, and free to bend."""
-    strip = parts.box((50, 5, 1), (0.2, 0.02, 0.5e-3))
-    held = [ao.Support(near=((0.0, y, 0.0), 6e-3)) for y in (0.0, 0.02)]
-    part = ao.Structure(strip, ao.Solid(**STEEL), [*held, ao.Support(near=((0.01, 0.01, 0), 4e-3))])
-    site = ao.Site((0.19, 0.01, 0.5e-3), (0, 0, -1), radius=5e-3, snap=True)
-    hit = ao.simulate(ao.extract(part, site, n=8), ao.RigidMass(0.05, 1.0), ao.Hertz(1e6), 0.03)
-    assert linear_theory.deflection(hit, "structure") > 20 * 0.5e-3
-    assert second_order.energy_of_second_order(part, hit) < second_order.HOPELESS / 10

@@ -12,8 +12,6 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.base.texts import percent
-from antiosc.fem.mesh.closest import closest
-from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.doubts import warn_of_doubts
@@ -319,41 +317,6 @@ def test_curved_cells(tmp_path, cell):
     for point in (parts.bend if space else parts.bend_plane)(straight):
         expected = linear(point[:, None])[:, 0] @ d
         assert at(structure, point, d) @ u == pytest.approx(expected, rel=1e-10)
-
-
-@pytest.mark.sample(-1)
-@pytest.mark.parametrize(
-    "part", ["lever", "arch", "frame", pytest.param("bracket", marks=pytest.mark.slow)]
-)
-def test_the_nearest_point_is_the_nearest(part):
-    """Against brute force: no sample of any cell lies nearer, on curved and concave parts."""
-    mesh = ao.read_mesh(
-        f"meshes/{part}.msh" if part != "bracket" else "meshes/bracket.step",
-        size=None if part != "bracket" else 0.01,
-    )
-    nodes = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-    rng = np.random.default_rng(5)
-    X = rng.dirichlet(np.ones(mesh.tdim + 1), 40)[:, 1:]
-    if mesh.cell == "quadrilateral":
-        X = rng.uniform(0, 1, (40, 2))
-    cmap = compat.coordinate_map(mesh.dolfinx)
-    samples = np.concatenate([
-        cmap.push_forward(X, np.ascontiguousarray(n[:, : mesh.gdim])) for n in nodes
-    ])  # fmt: skip
-    low, high = nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1))
-    points = rng.uniform(low - 0.2 * (high - low), high + 0.2 * (high - low), (25, 3))
-    points[:, mesh.gdim :] = 0
-    spacing = np.ptp(nodes, axis=1).max()
-    for point in points:
-        place = closest(mesh, point)
-        assert np.linalg.norm(place.x - point) == pytest.approx(place.distance, abs=1e-12)
-        brute = np.linalg.norm(samples - point[: mesh.gdim], axis=1).min()
-        assert place.distance <= brute + 1e-9
-        assert place.distance >= brute - spacing
-        again = cmap.push_forward(
-            place.X.reshape(1, -1), np.ascontiguousarray(nodes[place.cell][:, : mesh.gdim])
-        )[0]
-        np.testing.assert_allclose(again, place.x[: mesh.gdim], atol=1e-9)
 
 
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])

@@ -153,11 +153,11 @@ def _check_cells(mesh: Mesh, order: int) -> None:
 def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     """Weak form of solids, some of which may have directions."""
     _check_cells(mesh, order)
-    directed = any(not isinstance(material, Solid) for material, _ in parts)
+    directed = any(isinstance(material, AnisotropicSolid) for material, _ in parts)
     if directed and mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
     for material, _ in parts:
-        if isinstance(material, Solid):
+        if not isinstance(material, AnisotropicSolid):
             _check_plane(material, mesh)
 
     space = compat.lagrange(mesh.dolfinx, order, mesh.gdim)

@@ -169,10 +169,8 @@ LEVEL = 1e-6
 #: Reference coordinates may lie this far outside a face that still holds the point (rounding).
 OUTSIDE_FACE = 1e-8
 #: A point of a curved face, projected on the face's tangent plane, may lie outside the face by this
-#: times the face's bend (reference lengths).
-NEARLY = 5.0
-#: A face is flat if it bends by less than this share of its size.
-STRAIGHT = 1e-9
+#: (reference lengths).
+NEARLY = 0.5
 #: Of equal faces, the one whose normal points most along this is taken, the same on all ranks.
 OBLIQUE = np.array([0.43, 0.59, 0.68])
 
@@ -341,19 +339,19 @@ class Faces(Entities):
             affine=True,
             along=normals[point],
         )
-        rise_of_face = self.bend[item]
-        is_near = excess(xi_found, self.simplex) <= OUTSIDE_FACE + NEARLY * rise_of_face
+        margin = OUTSIDE_FACE if self.affine else NEARLY
+        is_near = excess(xi_found, self.simplex) <= margin
         item = item[is_near]
         point = point[is_near]
         xi_found = xi_found[is_near]
-        curved = np.flatnonzero(rise_of_face[is_near] > 0)
-        xi_found[curved] = projected(
-            lambda k, xi: self.at(item[curved[k]], xi),
-            points[point[curved]],
-            xi_found[curved],
-            affine=False,
-            along=normals[point[curved]],
-        )
+        if not self.affine:
+            xi_found = projected(
+                lambda k, xi: self.at(item[k], xi),
+                points[point],
+                xi_found,
+                affine=False,
+                along=normals[point],
+            )
         on_face = excess(xi_found, self.simplex) <= OUTSIDE_FACE
         item = item[on_face]
         point = point[on_face]
@@ -391,29 +389,6 @@ class Faces(Entities):
     def tangents(self) -> tuple[Array, Array]:
         """(points (F, 3), derivatives (F, 3, d)) at the middles of the faces."""
         return self.at(np.arange(len(self.facets)), self.middle)
-
-    @cached_property
-    def bend(self) -> Array:
-        """Largest distance (F,) of a face from the tangent plane at its middle, relative to its
-        size.
-        """
-        all_faces = np.arange(len(self.facets))
-        rises = np.zeros(len(all_faces))
-        if self.affine:
-            return rises
-        x, J = self.tangents
-        for corner in self._lattice():
-            xi = np.tile(corner, (len(all_faces), 1))
-            straight = x + np.einsum("nxd,nd->nx", J, xi - self.middle)
-            distance = np.linalg.norm(self.at(all_faces, xi)[0] - straight, axis=1)
-            rises = np.maximum(rises, distance / self.sizes)
-        return np.where(rises > STRAIGHT, rises, 0.0)
-
-    def _lattice(self) -> Array:
-        """ξ (n, d) of the corners and mid-sides of the reference face, and of a square's centre."""
-        steps = np.array([0.0, 0.5, 1.0])
-        grid = np.stack(np.meshgrid(*[steps] * self.dim), axis=-1).reshape(-1, self.dim)
-        return np.asarray(grid[grid.sum(axis=1) <= 1] if self.simplex else grid)
 
 
 def face_tags(faces: Faces) -> tuple[list[str], IntArray]:
