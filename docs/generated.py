@@ -31,6 +31,7 @@ PICTURES = {
         "impact_map": ["bracket_map.png"],
         "machine_guard": ["machine_guard_part.png", "machine_guard.png"],
         "guard_thickness": ["guard_thickness.png"],
+        "robot_contact": ["robot_contact.png"],
         "oblique_blow": ["oblique_blow_part.png", "oblique_blow.png"],
         "roof_hail": ["roof_hail.png"],
         "flow": ["flow.png"],

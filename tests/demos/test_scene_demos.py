@@ -57,6 +57,27 @@ def test_board_on_spacers(pictured: Path) -> None:
         assert springs[name] == pytest.approx(solid[name], rel=share)
 
 
+@pytest.mark.filterwarnings("ignore:.*free to move as a rigid body")
+def test_robot_contact(tmp_path: Path) -> None:
+    """The arm is as a rigid one on a pivot, but for its bending; a faster tip strikes harder."""
+    script = demo("robot_contact")
+    numbers, faster = (script.main(velocity=v, out=tmp_path) for v in (0.125, 0.25))
+    area = np.pi / 4 * (script.DIAMETER**2 - (script.DIAMETER - 2 * script.WALL) ** 2)
+    link = 2700.0 * area * np.hypot(script.ELBOW[0], script.ELBOW[2])
+    turned = link * sum((x + 0.2) ** 2 + 0.4**2 / 12 for x in (0.0, 0.4))  # about the vertical axis
+    at_tip = (turned + script.JOINT * 0.4**2 + script.WRIST * 0.8**2) / 0.8**2
+    for region, row in numbers.items():
+        stiffness, mass, lasting = script.BODY[region]
+        spring = 1 / (1 / stiffness + 1 / 40e3)
+        rigid = script.by_standard(0.125, spring, mass, at_tip)
+        assert row["force"] == pytest.approx(rigid, rel=5e-3)
+        assert row["force"] < row["standard"]
+        assert row["limit"] == 2 * lasting
+        assert faster[region]["force"] == pytest.approx(2 * row["force"], rel=1e-3)
+        assert faster[region]["allowed"] == pytest.approx(row["allowed"], rel=1e-3)
+    assert (tmp_path / "robot_contact.png").stat().st_size > 0
+
+
 @pytest.mark.filterwarnings("ignore:.*deflects by")  # by more than half its thickness
 def test_machine_guard(tmp_path: Path) -> None:
     script = demo("machine_guard")
