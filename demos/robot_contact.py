@@ -1,11 +1,11 @@
-"""A robot's arm meets a person: the force beside the limits of ISO/TS 15066, and the speeds allowed.
+"""A robot's arm meets a person: the force beside the limits of ISO/TS 15066, and speeds allowed.
 
 All joints of the arm are locked while the contact lasts, but the one that turns it: two tubes as
 beams with the masses of the joints. The person is the standard's, a mass on a spring; the tip has
 a soft cover. In the frame of the arm the person comes with the speed of the tip.
 
 The stiffnesses, masses and limits are those of ISO/TS 15066:2016, Annex A (tables A.2 and A.3), as
-they are published in papers and guides on it; whoever assesses a robot takes them from the standard.
+papers and guides repeat them; whoever assesses a robot takes them from the standard itself.
 
     .venv/bin/python demos/robot_contact.py --help
 """
