@@ -57,7 +57,10 @@ from antiosc.impact.bodies import (
     scene_body as scene_body,
 )
 from antiosc.impact.error_budget import SAFETY as SAFETY
-from antiosc.impact.histories import error_scope as error_scope
+from antiosc.impact.histories import (
+    budget_of as budget_of,
+    error_scope as error_scope,
+)
 from antiosc.impact.histories.bars import (
     DEFLECTION as DEFLECTION,
     OF_ALL_CONTACTS as OF_ALL_CONTACTS,
@@ -71,6 +74,12 @@ from antiosc.impact.histories.energy import (
 from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,
     open_contacts as open_contacts,
+)
+
+# Defaults.
+from antiosc.impact.histories.site_motion import (
+    LONGER as LONGER,
+    parted as parted,
 )
 from antiosc.impact.histories.verdict import (
     ContactZone as ContactZone,
@@ -109,13 +118,9 @@ from antiosc.recovery.place import (
 # Sites and extraction.
 from antiosc.reduce.error.model_errors import ModelErrors as ModelErrors
 from antiosc.reduce.extraction.eigenmodes import ModeSolver as ModeSolver
-
-# Defaults.
 from antiosc.strikes.defaults import (
-    LONGER as LONGER,
     expansion_of as expansion_of,
     next_count as next_count,
-    parted as parted,
     patch_radius as patch_radius,
     usual_ball as usual_ball,
     usual_cell as usual_cell,

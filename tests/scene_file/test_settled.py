@@ -9,7 +9,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.errors import NOTE, weight
-from antiosc.strikes.defaults import DURATION, LONGER, next_count
+from antiosc.impact.histories.site_motion import DURATION, LONGER
+from antiosc.strikes.defaults import next_count
 from antiosc_app.scene_file.compiled import Choice
 from antiosc_app.scene_file.document import SceneFileError, read
 from antiosc_app.scene_file.settled import enough, settled

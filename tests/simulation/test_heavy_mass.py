@@ -90,15 +90,3 @@ def test_the_force_is_that_of_an_integrator_that_resolves_all(name: str) -> None
     assert hit.peak_force == pytest.approx(other.peak_force, rel=2 * TOL)
     np.testing.assert_allclose(hit.displacement[-1], other.displacement[-1], rtol=5e-3)
     assert hit.run.attempts < other.run.attempts / 3  # of which each takes twelve evaluations
-
-
-@pytest.mark.slow
-def test_a_derivative_of_long_steps_is_that_of_a_mass_laid_on() -> None:
-    """Its peak force is in proportion to its mass."""
-    model = beam(8, 0.05)
-    mass = 1e4 * model.m_st
-    half = np.pi * np.sqrt(mass / model.k0)
-    striker = ao.RigidMass(mass, 0.0)
-    hit = ao.simulate(model, striker, LAWS["linear"], 1.2 * half, gravity=9.81)
-    slope = ao.gradient(hit, "peak_force")
-    assert slope.mass == pytest.approx(hit.peak_force / mass, rel=2e-3)

@@ -9,18 +9,6 @@ import antiosc as ao
 from scenes import hertz_impact
 
 STEPS = ["newmark", "leapfrog"]
-X = np.linspace(0, 1e-3, 9)
-FORCE = 1e8 * X**1.3
-LAWS = [
-    ao.Linear(1e7),
-    ao.Hertz(1e10, 2e-9),
-    ao.Power(1e9, 2.0),
-    ao.HuntCrossley(1e10, 0.7),
-    ao.Gonthier(1e7, 0.5, exponent=1.0),
-    ao.Thornton(1e10, 1e-5),
-    ao.YangSun(1e10, 1e-6),
-    ao.Tabulated(X, FORCE, (np.linspace(3e-4, 1e-3, 9), FORCE[-1] * np.linspace(0, 1, 9) ** 1.6)),
-]
 
 
 def several(law: ao.ContactLaw) -> ao.Scene:
@@ -32,34 +20,6 @@ def several(law: ao.ContactLaw) -> ao.Scene:
     ]
     bodies = {"body": body, "mass": ao.RigidMass(0.3, 2.0), "wall": ao.Obstacle()}
     return ao.Scene(bodies, contacts)
-
-
-@pytest.mark.parametrize(
-    ("law", "method"),
-    [
-        pytest.param(
-            law,
-            method,
-            id=f"{type(law).__name__}-{method}",
-            marks=[] if method == "newmark" and i % 3 == 0 else [pytest.mark.slow],
-        )
-        for i, law in enumerate(LAWS)
-        for method in (*STEPS, "DOP853")
-        if method in STEPS or not law.has_memory
-    ],
-)
-def test_every_law(law: ao.ContactLaw, method: str) -> None:
-    """The laws' own methods against the march's functions of them."""
-    scene = several(law)
-    exact, hit = scene.run(1e-3), scene.run(1e-3, method=method, tol=1e-2)
-    assert exact.run.touches == hit.run.touches >= 1
-    for pair in (("body:front", "mass"), ("wall", "body:back")):
-        one, other = exact[pair], hit[pair]
-        assert other.impulse == pytest.approx(one.impulse, rel=3e-3)
-        assert other.peak_force == pytest.approx(one.peak_force, rel=3e-3)
-        # without events a contact's ends are known to a step
-        h = np.diff(hit.time).max() if method in STEPS else 0.0
-        np.testing.assert_allclose(other.contacts, one.contacts, rtol=0, atol=h + 2e-6)
 
 
 def test_a_step_beyond_the_limit_of_stability_is_refused() -> None:

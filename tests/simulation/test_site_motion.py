@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.impact.histories.site_motion import out_of_reach
+from antiosc.impact.histories.site_motion import out_of_reach, parted
 
 LAW = ao.Hertz(1e8)
 ONE = ao.AntiOscillators(m0=0.5, k0=1e6, m=[], omega=[])
@@ -55,3 +55,15 @@ def test_what_is_free_or_loaded_has_no_such_bound() -> None:
     assert out_of_reach(struck(free, LIGHT, 1e-3)) is None
     falling = ao.simulate(ONE, LIGHT, LAW, 1e-3, gravity=9.81)
     assert out_of_reach(falling) is None
+
+
+def test_an_impact_whose_duration_is_auto_lasts_until_its_bodies_have_parted():
+    """A soft contact needs longer than the first duration, and twice its last one is not tried."""
+    model, ball = ao.AntiOscillators(m0=0.1, k0=1e6, m=[], omega=[]), ao.RigidMass(0.3, 1.0)
+    hit = ao.simulate(model, ball, ao.Linear(1e5), "auto")
+    duration = float(hit.run.time[-1])
+    assert duration == 8e-3
+    assert hit.contacts[-1][1] < duration
+    half = ao.simulate(model, ball, ao.Linear(1e5), duration / 2)
+    assert not parted(half)
+    assert hit.peak_force == ao.simulate(model, ball, ao.Linear(1e5), duration).peak_force

@@ -112,7 +112,7 @@ def test_an_automatic_number_states_its_error():
     assert bar.stretch == pytest.approx(stretching.STRETCH_SAFETY * max(force, max(others) / 2))
     told = str(hit.error_budget)
     assert f"There is no error bar. {hit.error_budget.unknown['mesh']}" in told
-    assert " not known: extract with stretch" in hit.error_budget.unknown["mesh"]
+    assert " not known: extract the model" in hit.error_budget.unknown["mesh"]
     assert "mesh 0 %" not in told  # nobody has estimated it
     whole = ao.simulate(model(5, size=5), BALL, LAW, DURATION)
     assert abs(hit.peak_force / whole.peak_force - 1) <= bar.stretch + bar.time

@@ -60,7 +60,7 @@ from antiosc.models.body import (
     wide_patch,
 )
 from antiosc.models.modal import ModalBody
-from antiosc.models.parameters import energy_error, has_bars, no_estimate
+from antiosc.models.parameters import energy_error
 
 Shares = dict[str, float]
 T = TypeVar("T")
@@ -206,8 +206,9 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     by the exact method with a step that meets the tolerance.
     """
     model = hit.model
-    if not isinstance(model, AntiOscillators) or not has_bars(model):
-        raise InputError(no_estimate(model))
+    if not isinstance(model, AntiOscillators):
+        kind = type(model).__name__
+        raise InputError(f"only impacts on AntiOscillators have an error budget; this is a {kind}.")
 
     runs: list[History] = []
     rerun, by_law = _kept(rerun, runs), _kept(by_law, runs)
@@ -401,7 +402,7 @@ CUT_ON_THIN = (
 #: The laws of contacts at a point, whose patch is that of no flat face.
 AT_POINT = (Hertz, Gonthier, ElasticPlastic, YangSun)
 #: What estimates what no estimate was asked for.
-ESTIMATED_WITH = "extract with stretch and the error 'estimate' has all of them"
+ESTIMATED_WITH = "extract the model from its mesh with the error 'estimate'"
 COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"
 
 

@@ -26,7 +26,7 @@ from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn, without_warnings
 from antiosc.base.process import within_memory
-from antiosc.base.texts import COMPLETED, INEXACT, TOUCHING, percent
+from antiosc.base.texts import COMPLETED, INEXACT, STOPPED, TOUCHING, percent
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.equilibrium import initial_forces, settle
 from antiosc.engine.march import Converged, converge, with_step
@@ -40,6 +40,7 @@ from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
 from antiosc.impact.histories.run_end import CheckResult, RunEnd, check_result, open_contacts
+from antiosc.impact.histories.site_motion import DURATION, LONGER, parted
 from antiosc.impact.reference import (
     IVP_METHODS,
     MAX_CONTACTS,
@@ -59,7 +60,7 @@ from antiosc.impact.truncation import (
 )
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.auto_contact import AUTO, AnyLaw, law_of
+from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.models.body import LinearBody, coarse_cell, info_of
 from antiosc.models.motion import ModalState, Motion
 
@@ -443,7 +444,7 @@ def simulate(
     model: LinearBody,
     impactor: LinearBody,
     contact: AnyLaw = AUTO,
-    duration: float = checks.REQUIRED,
+    duration: float | str = checks.REQUIRED,
     method: str = "exact",
     *,
     n: int | str | None = None,
@@ -469,8 +470,8 @@ def simulate(
         (`antiosc.engine.contact.choice`). The half-space compliance of the model's patch, if it
         contains one (`local_compliance`), is subtracted from Hertz's law and those made from it,
         which count it too; `history.details` says so. Any other law is taken as given.
-    duration : float
-        Time to simulate [s].
+    duration : float or "auto"
+        Time to simulate [s]; "auto": 1 ms, doubled up to 32 ms until the bodies have parted.
     method : str
         "exact"; to compare with, "newmark" and "leapfrog" in equal steps, or a method of
         `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory, which runs once, to
@@ -526,7 +527,6 @@ def simulate(
     """
     if isinstance(contact, float | int):
         raise InputError(f"the third argument is the contact: give duration={contact:g}.")
-    duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else tol
     goal = accuracy if n == "proved" else 0.0
     if goal:
@@ -534,7 +534,8 @@ def simulate(
     settings = Settings(accuracy, method, step, max_contacts, max_steps)
     law = law_of(contact, model, impactor)
     doubts = plausible.warn_each([plausible.impact_doubt(model, [impactor], initial_velocity)])
-    scene = Impact(model, impactor, law, duration, initial_velocity, gravity, gap)
+    scene = Impact(model, impactor, law, DURATION, initial_velocity, gravity, gap)
+    scene = scene._replace(duration=_duration(duration, scene, settings))
     history, check = simulate_impact(scene, settings, n)
     check.warn()
     if n != "auto" and history.run.touches:
@@ -552,6 +553,22 @@ def simulate(
         warn_low_band(history)
 
     return proved(history, goal) if proof else history
+
+
+def _duration(given: float | str, scene: Impact, settings: Settings) -> float:
+    """The duration [s] of an impact, for "auto" doubled until the bodies have parted."""
+    if not is_auto(given):
+        return checks.positive("duration", given, "s")
+
+    duration = DURATION
+    with without_warnings():
+        while duration < LONGER * DURATION:
+            hit, _ = simulate_impact(scene._replace(duration=duration), settings)
+            if hit.status == STOPPED or parted(hit):
+                break
+            duration *= 2
+
+    return duration
 
 
 def _too_few(model: LinearBody, hit: History, tol: float) -> str:

@@ -20,7 +20,6 @@ from antiosc.base.errors import AntioscError, without_warnings
 from antiosc.base.texts import rounded_up
 from antiosc.fem.assembly import with_parts
 from antiosc.impact.bodies import Obstacle
-from antiosc.impact.histories.site_motion import out_of_reach
 from antiosc.impact.scene import simulate
 from antiosc.impact.truncation import truncation_error
 from antiosc.impact.two_bodies import BAND_OVER_PULSE, impact_band
@@ -49,8 +48,6 @@ MOST_WORK = 8e7
 #: 1 mm of aluminium under a ball for 41 µs the force was 120 and 36 % off with 60 and 150
 #: anti-oscillators about the static point, 2.5 and 0.2 % with a share of 0.67.
 EXPANSION = 0.7
-#: First duration of an impact [s], and the largest one over it.
-DURATION, LONGER = 1e-3, 32
 #: Duration of the run on a rigid wall over the contact time.
 WALL = 4.0
 
@@ -121,14 +118,3 @@ def expansion_of(hit: History) -> float:
     of two, so that blows that are alike share a factor.
     """
     return float(2.0 ** floor(log2(EXPANSION / hit.assembly.contact_time_estimate)))
-
-
-def parted(hit: History) -> bool:
-    """Whether striker and part neither touch nor approach at the end, nor meet again as far as is
-    known.
-    """
-    end = float(hit.run.time[-1])
-    touching = bool(hit.contacts) and hit.contacts[-1][1] >= end
-    if touching or (hit.restitution is not None and hit.restitution < 0):
-        return False
-    return (out_of_reach(hit) or end) <= end

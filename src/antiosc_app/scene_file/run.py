@@ -22,7 +22,7 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.base.texts import STOPPED
-from antiosc.extension import ErrorBudget
+from antiosc.extension import ErrorBudget, budget_of
 from antiosc.models.body import coarse_cell, info_of
 from antiosc_app.scene_file import schema
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
@@ -216,13 +216,9 @@ def _budget(arguments: Table) -> ErrorBudget | None:
 
 def error_budget(history: Any) -> ErrorBudget | None:
     """The error budget of a history."""
-    if coarse_cells(history):
+    if not isinstance(history, antiosc.History) or coarse_cells(history):
         return None
-    try:
-        budget = getattr(history, "error_budget", None)
-    except AntioscError:  # the model was not extracted for it
-        return None
-    return budget if isinstance(budget, ErrorBudget) else None
+    return budget_of(history)
 
 
 def coarse_cells(hit: History | None) -> str:

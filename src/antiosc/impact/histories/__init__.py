@@ -83,9 +83,9 @@ class History(RunHistory, Results):
         """Error bars of peak force, impulse and contact time: mesh, truncation, time, patch, total.
 
         Relative errors, as `hit.error_budget["peak_force"].total`; printed, they are a table. At
-        the first use the impact is simulated up to eight times more; the result is kept. InputError
-        for a model that was extracted without `error="estimate"`; of parts that this refuses the
-        budget has all other causes, and "mesh" is among its `unknown`.
+        the first use the impact is simulated up to eight times more; the result is kept. Of a model
+        that was extracted without `error="estimate"`, or of a part that this refuses, it has all
+        other causes, and "mesh" is among its `unknown`. InputError for a scene.
         """
         if self.budget is not None:
             return self.budget

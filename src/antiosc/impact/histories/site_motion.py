@@ -7,7 +7,7 @@ site never moves further than Σ |b| A.
 from __future__ import annotations
 
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from antiosc.models.modal import ModalBody
 #: Times of a run, and of its contacts, at which the displacement is looked for first; times that
 #: are then looked at beside each of the largest of these.
 TIMES, LARGEST, BESIDE = 2000, 8, 60
+#: First duration of an impact [s] that lasts until its bodies have parted, and the largest one over
+#: it.
+DURATION, LONGER = 1e-3, 32
 
 
 class SiteMotion(NamedTuple):
@@ -97,3 +100,14 @@ def _reach(hit: RunHistory, b: Array) -> float:
     q, v = (state[-1, span] for state in hit.states([float(hit.run.time[-1])]))
 
     return float(np.abs(b) @ np.hypot(q, v / a.bodies["structure"].omega))
+
+
+def parted(hit: Any) -> bool:
+    """Whether striker and part of an impact neither touch nor approach at the end, nor meet again
+    as far as is known.
+    """
+    end = float(hit.run.time[-1])
+    touching = bool(hit.contacts) and hit.contacts[-1][1] >= end
+    if touching or (hit.restitution is not None and hit.restitution < 0):
+        return False
+    return (out_of_reach(hit) or end) <= end
