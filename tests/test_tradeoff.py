@@ -295,14 +295,15 @@ def test_a_method_that_does_not_fit_is_told():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
-@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
-def test_the_memory_is_that_of_what_is_kept(cell, solver, monkeypatch):
+def test_the_memory_is_that_of_what_is_kept(solver, monkeypatch):
     """K and M from the cells have no entries."""
     held = [ao.Support("left")]
     counted = []
     for fewest in (0, 10**9):
         monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", fewest)
-        part = ao.Structure(box((4, 2, 2), cell=cell), ao.Solid(**STEEL), held, solver=solver)
+        part = ao.Structure(
+            box((4, 2, 2), cell="tetrahedron"), ao.Solid(**STEEL), held, solver=solver
+        )
         site = ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.01)
         found = ao.tradeoff(part, site, *IMPACT, tol=0.5)
         counted.append(found.table[-1].gigabytes * 1e9 - part.factorize().cost.bytes)
