@@ -97,6 +97,6 @@ def number(answer: dict[str, Any], name: str) -> dict[str, Any]:
 
 def filled(folder: Path) -> Path:
     """A folder with the matrices of the beam, and the bracket as mesh and as CAD file."""
-    for source in (*SCENES.glob("beam_*"), MESHES / "bracket.msh", MESHES / "bracket.step"):
+    for source in (*SCENES.glob("beam_*"), *MESHES.glob("b*.msh"), MESHES / "bracket.step"):
         shutil.copy(source, folder)
     return folder.resolve()
