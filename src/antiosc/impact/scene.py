@@ -534,8 +534,10 @@ def simulate(
     settings = Settings(accuracy, method, step, max_contacts, max_steps)
     law = law_of(contact, model, impactor)
     doubts = plausible.warn_each([plausible.impact_doubt(model, [impactor], initial_velocity)])
-    scene = Impact(model, impactor, law, DURATION, initial_velocity, gravity, gap)
-    scene = scene._replace(duration=_duration(duration, scene, settings))
+    first = DURATION if is_auto(duration) else checks.positive("duration", duration, "s")
+    scene = Impact(model, impactor, law, first, initial_velocity, gravity, gap)
+    if is_auto(duration):
+        scene = _until_parted(scene, settings)
     history, check = simulate_impact(scene, settings, n)
     check.warn()
     if n != "auto" and history.run.touches:
@@ -555,20 +557,16 @@ def simulate(
     return proved(history, goal) if proof else history
 
 
-def _duration(given: float | str, scene: Impact, settings: Settings) -> float:
-    """The duration [s] of an impact, for "auto" doubled until the bodies have parted."""
-    if not is_auto(given):
-        return checks.positive("duration", given, "s")
-
-    duration = DURATION
+def _until_parted(scene: Impact, settings: Settings) -> Impact:
+    """The impact with its duration doubled until the bodies have parted."""
     with without_warnings():
-        while duration < LONGER * DURATION:
-            hit, _ = simulate_impact(scene._replace(duration=duration), settings)
+        while scene.duration < LONGER * DURATION:
+            hit, _ = simulate_impact(scene, settings)
             if hit.status == STOPPED or parted(hit):
                 break
-            duration *= 2
+            scene = scene._replace(duration=2 * scene.duration)
 
-    return duration
+    return scene
 
 
 def _too_few(model: LinearBody, hit: History, tol: float) -> str:
