@@ -37,6 +37,7 @@ from antiosc.fields.fields import (
     shapes_of as shapes_of,
 )
 from antiosc.fields.margin import (
+    ELASTIC as ELASTIC,
     Zones as Zones,
     criteria_of as criteria_of,
 )

@@ -18,7 +18,14 @@ from antiosc.base.texts import (
     point_text,
     restitution_text,
 )
-from antiosc.extension import DEFLECTION, QUANTITIES, ErrorBudget, unknown_dent, yield_share
+from antiosc.extension import (
+    DEFLECTION,
+    ELASTIC,
+    QUANTITIES,
+    ErrorBudget,
+    unknown_dent,
+    yield_share,
+)
 from antiosc_app.headline import force_bar, with_force
 from antiosc_app.presentation import Card, Rows
 
@@ -28,9 +35,6 @@ if TYPE_CHECKING:
 
 #: What a verdict is, from which its colour follows.
 SAFE, DENT, BENDS, UNKNOWN = "safe", "dent", "bends", "unknown"
-#: What happens beyond a strength, for certain and perhaps; BREAKING of all others than yield.
-FAILS = {"yield": ("bends for good", "bend for good")}
-BREAKING = "breaks", "break"
 #: The questions in the order in which they are answered.
 BREAKS = "does it break"
 FORCE = "largest force"
@@ -100,22 +104,20 @@ def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> 
         return Card(BREAKS, "Cannot say: no strength or no stress of the part is known.", UNKNOWN)
     worst = max(margins, key=lambda margin: margin.bounds[1])
     told = judged_text(worst, has_bar=has_bar)
-    certain, possible = FAILS.get(worst.criterion, BREAKING)
-    if worst.bounds[0] >= 1:
-        return Card(BREAKS, f"It {certain}: {told}.", BENDS)
-    if not worst.has_bar and worst.exposure < 1:
-        return Card(BREAKS, f"Cannot say: {told}; {worst.remedy}.", UNKNOWN)
-    if worst.bounds[1] >= 1:
-        return Card(BREAKS, f"It may {possible}: {told}.", BENDS)
+    answer = capitalised(worst.answer)
+    if worst.answer == "cannot say":
+        return Card(BREAKS, f"{answer}: {told}; {worst.remedy}.", UNKNOWN)
+    if worst.answer != ELASTIC:
+        return Card(BREAKS, f"{answer}: {told}.", BENDS)
     if not has_bar:
         return Card(BREAKS, f"Cannot say: the stress has no error bar, {told}.", UNKNOWN)
     if dent is None:
-        text = f"It stays elastic away from the contact, {told}; of a dent nothing is known."
+        text = f"{answer} away from the contact, {told}; of a dent nothing is known."
         return Card(BREAKS, text, UNKNOWN)
     if dent > 0:
-        text = f"A dent of {engineering(dent, 'm')} remains; elsewhere it stays elastic, {told}."
+        text = f"A dent of {engineering(dent, 'm')} remains; elsewhere {worst.answer}, {told}."
         return Card(BREAKS, text, DENT)
-    return Card(BREAKS, f"It stays elastic: {told}.", SAFE)
+    return Card(BREAKS, f"{answer}: {told}.", SAFE)
 
 
 def judged_text(margin: Margin, *, has_bar: bool) -> str:

@@ -32,14 +32,18 @@ from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
 from antiosc.recovery import source
 from antiosc.recovery.place import Place, layers_of, strength_of
 
-#: Criterion -> event at an exposure of 1, and the name of the criterion.
+#: Criterion -> what happens beyond the strength, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
-    "yield": ("yield", "von Mises"),
-    "tension": ("the strength in tension", "tension"),
-    "tsai_hill": ("failure of a ply", "Tsai–Hill"),
-    "tsai_wu": ("failure of a ply", "Tsai–Wu"),
-    "delamination": ("delamination", "interlaminar shear"),
+    "yield": ("bend for good", "von Mises"),
+    "tension": ("break", "tension"),
+    "tsai_hill": ("break", "Tsai–Hill"),
+    "tsai_wu": ("break", "Tsai–Wu"),
+    "delamination": ("delaminate", "interlaminar shear"),
 }
+#: What happens for certain.
+CERTAINLY = {"bend for good": "bends for good", "break": "breaks", "delaminate": "delaminates"}
+#: The answer of a stress whose bounds lie below the strength.
+ELASTIC = "it stays elastic"
 #: Criterion of a largest stress that no strength judges.
 UNJUDGED = "stress"
 #: Criteria whose value is a stress -> its name, and that of the strength.
@@ -175,16 +179,28 @@ class Margin(ReprMixin):
         return ". ".join([sentences[0], *map(capitalised, sentences[1:])])
 
     @property
-    def _verdict(self) -> str:
-        """Whether yield or failure is reached, and where this holds."""
-        noun = CRITERIA[self.criterion][0]
+    def answer(self) -> str:
+        """What becomes of the part where it is judged: "it stays elastic", "it bends for good", "it
+        may bend for good"; "cannot say" if a stress below the strength has no bar.
+        """
+        event = CRITERIA[self.criterion][0]
         least, largest = self.bounds
-        told = f"{noun} is {'reached' if self.reached else 'not reached'}"
+        if least >= 1:
+            return f"it {CERTAINLY[event]}"
+        if not self.has_bar and not self.reached:
+            return "cannot say"
+        return f"it may {event}" if largest >= 1 else ELASTIC
+
+    @property
+    def _verdict(self) -> str:
+        """The answer, and where it holds."""
+        least, largest = self.bounds
+        told = self.answer
         if least < 1 <= largest:
-            told = f"{noun} may be reached ({self._range})"
+            told = f"{told} ({self._range})"
         if not self.contact:
             return f"{told} {self.scope}".rstrip()
-        return f"{told} {self.scope or 'apart from the contact'}, which itself yields"
+        return f"{told} {self.scope or 'apart from the contact'}, where a dent remains"
 
     @property
     def _range(self) -> str:
