@@ -80,8 +80,7 @@ def sound(
     ------
     MeshError
         Repeated cells, two cells with two common sides, cells without length, area or volume,
-        cells that cross themselves, unconnected pieces, nodes inside sides that neighbours do not
-        share.
+        cells that cross themselves, unconnected pieces.
 
     Warns
     -----
