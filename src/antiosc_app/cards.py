@@ -157,7 +157,9 @@ def deflection_text(hit: History, budget: ErrorBudget | None) -> str:
     return "the part moves on" if motion is None else f"{engineering(motion.largest, 'm')} (no bar)"
 
 
-def rows_of_history(hit: History, budget: ErrorBudget | None) -> Rows:
+def rows_of_history(
+    hit: History, budget: ErrorBudget | None, fields: Mapping[str, PeakField] | None = None
+) -> Rows:
     """The rows below the answers of an impact."""
     e = hit.restitution
     rebound = "not defined" if e is None else restitution_text(e)
@@ -169,7 +171,8 @@ def rows_of_history(hit: History, budget: ErrorBudget | None) -> Rows:
     ]
     if dent := dent_of(hit):
         rows.append(("dent", engineering(dent, "m")))
-    return rows
+    told = dict.fromkeys(field.rounds for field in (fields or {}).values() if field.rounds)
+    return rows + [("stress mesh", rounds) for rounds in told]
 
 
 def rows_of_fall(fall: Fall) -> Rows:

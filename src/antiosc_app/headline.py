@@ -134,7 +134,6 @@ def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> li
             told = with_force(peak.worst_point, force).sentence
             told += "" if bar is None else f" (that stress {plus_minus(bar)})"
         sentences += [_sentence(text) for text in (told, peak.doubt) if text]
-        sentences += [_sentence(f"the stress took {peak.rounds}")] if peak.rounds else []
     return sentences
 
 

@@ -153,7 +153,7 @@ def _impact(results: SceneResults) -> Presentation:
     return Presentation(
         cards=cards.cards_of_history(hit, budget, peaks) if single else [],
         asked=[probe.fact() for probe in probes],
-        rows=cards.rows_of_history(hit, budget) if single else [],
+        rows=cards.rows_of_history(hit, budget, peaks) if single else [],
         caution=headline.caution_of(hit, budget),
         sentences=headline.sentences_of_history(hit, budget, peaks),
         tables={"history.csv": columns, **files_of(probes)},

@@ -34,6 +34,22 @@ def test_the_verdict_has_one_colour(changed, dent, has_bar, tone):
     assert " to " in card.text or "no bar" in card.text or not has_bar
 
 
+@pytest.mark.parametrize(
+    ("value", "largest", "answer"),
+    [
+        (1e8, 1.5e8, "it stays elastic"),
+        (1e8, 2.5e8, "it may bend for good"),
+        (1e8, np.inf, "cannot say"),
+        (4e8, 5e8, "it bends for good"),
+    ],
+)
+def test_the_margin_and_the_card_give_the_same_answer(value, largest, answer):
+    margin = replace(MARGIN, value=value, errors=(value, largest))
+    assert margin.answer == answer
+    assert margin.sentence.startswith(answer)
+    assert verdict([margin], 0.0, has_bar=True).text.lower().startswith(answer)
+
+
 def test_without_a_strength_nothing_is_said():
     assert verdict([], 0.0, has_bar=True).tone == UNKNOWN
 
