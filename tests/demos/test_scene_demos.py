@@ -67,12 +67,12 @@ def test_robot_contact(tmp_path: Path) -> None:
     turned = link * sum((x + 0.2) ** 2 + 0.4**2 / 12 for x in (0.0, 0.4))  # about the vertical axis
     at_tip = (turned + script.JOINT * 0.4**2 + script.WRIST * 0.8**2) / 0.8**2
     for region, row in numbers.items():
-        stiffness, mass, lasting = script.BODY[region]
+        stiffness, mass, limit = script.BODY[region]
         spring = 1 / (1 / stiffness + 1 / 40e3)
         rigid = script.by_standard(0.125, spring, mass, at_tip)
         assert row["force"] == pytest.approx(rigid, rel=5e-3)
         assert row["force"] < row["standard"]
-        assert row["limit"] == 2 * lasting
+        assert row["allowed"] * row["force"] == pytest.approx(0.125 * limit)
         assert faster[region]["force"] == pytest.approx(2 * row["force"], rel=1e-3)
         assert faster[region]["allowed"] == pytest.approx(row["allowed"], rel=1e-3)
     assert (tmp_path / "robot_contact.png").stat().st_size > 0
