@@ -105,19 +105,15 @@ def test_nobody_else_may_write_there(place):
 
 
 @pytest.mark.parametrize("of", ["another user", "a link"])
-def test_a_folder_of_somebody_else_is_left_alone(place, tmp_path, monkeypatch, of):
+def test_a_folder_of_somebody_else_is_refused(place, tmp_path, monkeypatch, of):
     if of == "a link":
         place.rename(tmp_path / "elsewhere")
         place.symlink_to(tmp_path / "elsewhere")
     else:
         another = os.geteuid() + 1
         monkeypatch.setattr(os, "geteuid", lambda: another)
-    with pytest.warns(ao.AntioscWarning, match="XDG_CACHE_HOME"):
-        found = compiled_forms.place()
-    assert found != place
-    assert stat.S_IMODE(found.stat().st_mode) == 0o700
-    assert compiled_forms.place() == found
-    found.rmdir()
+    with pytest.raises(ao.InputError, match=r"another user.*set XDG_CACHE_HOME"), compiler():
+        pass
 
 
 def test_no_configuration_is_read(place):

@@ -246,12 +246,6 @@ def threads() -> int:
     return free_cores()
 
 
-def processor_features() -> set[str]:
-    """Instruction sets of the processor ("avx2"), as Linux lists them; empty elsewhere."""
-    lines = _text("/proc/cpuinfo").splitlines()
-    return set(next((line.split() for line in lines if line.startswith("flags")), []))
-
-
 def _text(path: str | Path) -> str:
     try:
         return Path(path).read_text()

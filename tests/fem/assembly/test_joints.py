@@ -155,7 +155,6 @@ def test_a_bolt_is_a_beam():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*.Bolt. spans")
 def test_every_joint_against_dense_matrices():
     """Tie, Rigid, Mean, Weld, Hinge, Ball, Slider, Bolt, Bushing, Equation, superelement, mass."""
     part = every_joint.assembly()

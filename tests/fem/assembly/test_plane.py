@@ -93,7 +93,6 @@ def check_alike(flat: ao.AntiOscillators, deep: ao.AntiOscillators) -> None:
     assert Z[0] == pytest.approx(Z[1], rel=1e-7)
 
 
-@pytest.mark.filterwarnings("ignore:.*.Bolt. spans")
 def test_every_joint_in_the_plane_is_the_one_in_space():
     """Z(ω), and in a run the motions of parts and points, and the reactions."""
     found: list = []

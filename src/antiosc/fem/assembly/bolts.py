@@ -11,7 +11,7 @@ import scipy.sparse
 from antiosc.base._types import Array
 from antiosc.base.checks import checked_by, instance
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.ends import end_text, motion, warn_of_gap
+from antiosc.fem.assembly.ends import end_text, motion
 from antiosc.fem.assembly.joint import NAME, Stiffness, TwoEnds
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.elements.beam import Beam, heights
@@ -55,7 +55,6 @@ class Bolt(TwoEnds):
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """Stiffness and mass of the beam."""
         ends = [motion(layout, end) for end in (self.a, self.b)]
-        warn_of_gap(layout, label, list(zip((self.a, self.b), ends, strict=True)))
         line = ends[1].point - ends[0].point
         length = float(np.linalg.norm(line))
         if length <= 1e-9 * layout.size:

@@ -20,7 +20,7 @@ import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import checked_by, floats, point_text, positive, shown
-from antiosc.base.errors import InputError, name_list, warn
+from antiosc.base.errors import InputError, name_list
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.surface import WeightedPoints, quadrature
 from antiosc.fem.structure import in_space, skew
@@ -207,20 +207,6 @@ def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> EndMot
         return None
     space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
     return EndMotion(layout.units(layout.of_point(end)), space, layout.points[end])
-
-
-def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, EndMotion]]) -> None:
-    """Warn of a joint whose ends are farther apart than the smaller of its two parts is long."""
-    gap = float(np.linalg.norm(ends[1][1].point - ends[0][1].point))
-    names = [end[0] if isinstance(end, tuple) else end.partition(":")[0] for end, _ in ends]
-    sizes = [layout.members[name].part.mesh.extent() for name in names if name in layout.members]
-    if gap > min(sizes, default=np.inf):
-        a, b = (end_text(end) for end, _ in ends)
-        warn(
-            f"{label} spans {gap:.3g} m from {a} to {b}, and the smaller part measures "
-            f"{min(sizes):.3g} m: check the ends and at=, in m, or model what lies between as a "
-            "part."
-        )
 
 
 def _superelement_motion(layout: Layout, part: str, end: End, allow_partial: bool) -> EndMotion:

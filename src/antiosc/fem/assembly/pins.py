@@ -20,7 +20,6 @@ from antiosc.fem.assembly.ends import (
     checked_end,
     end_text,
     motion,
-    warn_of_gap,
 )
 from antiosc.fem.assembly.joint import NAME, HeldDofs, Joint, Rows, Stiffness, TwoEnds
 from antiosc.fem.assembly.layout import Layout, Sparse
@@ -42,7 +41,6 @@ class _Pin(TwoEnds):
     def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """Equal displacements and rotations of both ends, in the constrained directions."""
         ends = [(end, motion(layout, end)) for end in (self.a, self.b)]
-        warn_of_gap(layout, label, ends)
         directions = self._constrained()
         if layout.plane:
             directions = directions * IN_PLANE

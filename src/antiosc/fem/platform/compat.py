@@ -7,16 +7,13 @@ of it is in one file, so that a new version needs changes here only.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from ctypes import addressof
 from typing import TYPE_CHECKING, TypeAlias
 
 import dolfinx
 import numpy as np
 import scipy.sparse
 import ufl
-from cffi import FFI  # type: ignore[import-untyped]
 from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -24,9 +21,6 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import MeshError
-from antiosc.base.process import processor_features, threads
-from antiosc.engine import library
-from antiosc.fem.platform import kernels
 from antiosc.fem.platform.compiled_forms import compiler
 
 if TYPE_CHECKING:
@@ -328,20 +322,10 @@ def _space_of(mesh: dolfinx.mesh.Mesh, element: object) -> fem.FunctionSpace:
         return (fem.FunctionSpace if DOLFINX < (0, 8) else fem.functionspace)(mesh, element)
 
 
-#: Compiler flags that halve the time of kernels with few numbers per cell; sums may be reordered.
-SUMS = (
-    "-O3", "-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math", "-fno-math-errno",
-)  # fmt: skip
-#: Vector instructions used if the processor has them.
-VECTOR = "avx2", "fma"
-
-
-def _compiled(form: ufl.Form, flags: Sequence[str] = ()) -> fem.Form:
+def _compiled(form: ufl.Form) -> fem.Form:
     """The compiled form."""
-    name = "jit_params" if DOLFINX < (0, 6) else "jit_options"
-    options = {name: {"cffi_extra_compile_args": list(flags)}} if flags else {}
     with compiler():
-        return fem.form(form, **options)
+        return fem.form(form)
 
 
 class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
@@ -559,8 +543,12 @@ def assemble_functional(form: ufl.Form, space: fem.FunctionSpace) -> Array:
     """A linear form as an array over this rank's dofs; ghost contributions are added at their
     owners.
     """
+    return _assembled(_compiled(form))
+
+
+def _assembled(form: fem.Form) -> Array:
     with _refusals():
-        vector = fem.petsc.assemble_vector(_compiled(form))
+        vector = fem.petsc.assemble_vector(form)
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     values = np.array(vector.array_r, dtype=float)
     vector.destroy()
@@ -588,89 +576,16 @@ def quadratic(
         metadata = {**integral.metadata(), "quadrature_degree": lower_degree}
         return integral.reconstruct(integrand=q * integral.integrand(), metadata=metadata)
 
-    def equal(a: fem.Function, b: fem.Function) -> bool:
-        equal_functions = a.ufl_element() == b.ufl_element() and np.array_equal(
-            a.x.array, b.x.array
-        )
-        return bool(communicator(space.mesh).allreduce(int(not equal_functions)) == 0)
-
-    # equal coefficients become one, so that their factors are computed once
-    equal_coefficient: dict[fem.Function, fem.Function] = {}
-    for coefficient in dict.fromkeys(
-        coefficient for form in forms for coefficient in form.coefficients()
-    ):
-        equal_coefficient[coefficient] = next(
-            (c for c in equal_coefficient if equal(c, coefficient)), coefficient
-        )
-    integrals = [form_integral for form in forms for form_integral in form.integrals()]
+    integrals = [of_cells(integral) for form in forms for integral in form.integrals()]
     replacements = {argument: x for form in forms for argument in form.arguments()}
-    form = ufl.replace(
-        ufl.Form([of_cells(form_integral) for form_integral in integrals]),
-        equal_coefficient | replacements,
-    )
+    compiled = _compiled(ufl.replace(ufl.Form(integrals), replacements))
+
     total = np.zeros(cell_map(space.mesh).size_local)
-    kernel = CellKernel(form, x)
-    vectors = np.ascontiguousarray(with_ghosts(space, vectors))
-    if not total.size:  # only now: all ranks compile and exchange together
-        return total
-    weights = np.ascontiguousarray(weights)
-    cells = kernel.cells(weights.size, vectors, weights)
-    work_size = kernel.room + weights.size * kernel.dofs
-
-    def summed(begin: int, end: int) -> None:
-        memory = np.empty(work_size)
-        places = library.address(memory), library.address(total)
-        kernels.functions.afe_cell_sums(addressof(cells), begin, end, *places)
-
-    ends = np.linspace(0, total.size, min(threads(), total.size) + 1).astype(int).tolist()
-    with ThreadPoolExecutor() as pool:
-        list(pool.map(summed, ends, ends[1:]))
+    for vector, weight in zip(vectors.T, weights, strict=True):
+        x.x.array[: len(vector)] = vector
+        x.x.scatter_forward()
+        total += weight * _assembled(compiled)
     return total
-
-
-class CellKernel:
-    """The kernel of a form with one integral, with the data that it reads for the cells of this
-    rank.
-
-    Parameters
-    ----------
-    x : the coefficient whose values the C library reads from vectors, by their dofs
-    """
-
-    def __init__(self, form: ufl.Form, x: fem.Function) -> None:
-        mesh = x.function_space.mesh
-        # the flags are in the name of what is compiled: another machine on this folder compiles
-        # its own
-        vector = [f"-m{name}" for name in VECTOR] if {*VECTOR} <= processor_features() else []
-        self._compiled = _compiled(form, (*SUMS, *vector))
-        in_cpp = getattr(self._compiled, "_cpp_object", self._compiled)
-
-        def packed(first: int) -> Array:
-            """Coefficients (cells, n) of the kernel; for x the numbers of its dofs from `first`."""
-            x.x.array[:] = np.arange(first, first + x.x.array.size)
-            (values,) = dolfinx.cpp.fem.pack_coefficients(in_cpp).values()
-            return np.ascontiguousarray(values)
-
-        ufcx = self._compiled.ufcx_form
-        of_form = ufcx.integrals(0) if DOLFINX < (0, 7) else ufcx.form_integrals
-        self._function = int(FFI().cast("uintptr_t", of_form[0].tabulate_tensor_float64))
-        self._points = np.ascontiguousarray(mesh.geometry.x)
-        self._constants = np.asarray(dolfinx.cpp.fem.pack_constants(in_cpp))
-        count = cell_map(mesh).size_local
-        self.nodes = np.ascontiguousarray(geometry_nodes(mesh)[:count], dtype=np.int32)
-        self.coefficients = packed(0)[:count]
-        places = np.flatnonzero((self.coefficients != packed(1)[:count]).any(axis=0))
-        self._first = int(places[0]) if places.size else 0
-        #: dofs of x in a cell; numbers of memory that the C library asks for, without vectors
-        self.dofs = places.size
-        self.room = self.coefficients.shape[1] + 3 * self.nodes.shape[1]
-
-    def cells(self, count: int = 0, *vectors: Array) -> kernels.Cells:
-        """The cells for the C library: `count` vectors (dofs, count), and weights."""
-        sizes = self.nodes.shape[1], self.coefficients.shape[1], self._first, self.dofs, count
-        arrays = self.nodes, self._points, self.coefficients, self._constants
-        places = [library.address(array) for array in (*arrays, *vectors)]
-        return kernels.Cells(self._function, *sizes, *places)
 
 
 def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:

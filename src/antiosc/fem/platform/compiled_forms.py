@@ -3,8 +3,7 @@
 FFCx loads the library of a form from its folder without any check, and one written by somebody else
 would run in the process: antiosc has its own folder, which only the user may write. While antiosc
 compiles, dolfinx and FFCx read no configuration files, since these name compilers, libraries and
-folders. Configuration files in the working folder, which may come from a stranger, are never read
-in a process with antiosc.
+folders.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import stat
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache, partial
+from errno import EPERM
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from types import ModuleType
@@ -26,8 +25,8 @@ import dolfinx.jit
 import ffcx
 
 from antiosc.base.clock import uncounted
-from antiosc.base.errors import InputError, warn
-from antiosc.base.process import own_folder, quiet, restored
+from antiosc.base.errors import InputError
+from antiosc.base.process import quiet, restored
 
 #: Time that a process waits for another one to compile the same form, s.
 PATIENCE = 600
@@ -35,18 +34,6 @@ PATIENCE = 600
 READERS = {"_load_options", "_load_parameters"}
 #: FFCx's own options
 SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
-
-
-def _of_the_user(read_settings: Callable[[], tuple[object, object]]) -> tuple[object, object]:
-    """The compiler settings from the file in the user's folder; those of the working folder are
-    ignored.
-    """
-    return read_settings()[0], {}
-
-
-for _module in (dolfinx.jit, SETTINGS):
-    for _name in READERS & vars(_module).keys():
-        setattr(_module, _name, partial(_of_the_user, getattr(_module, _name)))
 
 
 @contextmanager
@@ -117,7 +104,7 @@ def _replaced(
 
 
 def place() -> Path:
-    """The cache folder, created if missing; a private one of this process if unsafe."""
+    """The cache folder, created if missing; PermissionError for that of somebody else."""
     cache_home = os.environ.get("XDG_CACHE_HOME", "")
     users = Path(cache_home) if os.path.isabs(cache_home) else Path.home() / ".cache"
     build = EXTENSION_SUFFIXES[0].split(".")[1]
@@ -126,21 +113,11 @@ def place() -> Path:
     folder.mkdir(mode=0o700, exist_ok=True)
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid():
-        return _instead_of(folder)
+        raise PermissionError(EPERM, "a link, or a folder of another user", str(folder))
     if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):  # anybody may have put something there
         shutil.rmtree(folder)
         folder.mkdir(mode=0o700)
     return folder
-
-
-@cache
-def _instead_of(folder: Path) -> Path:
-    """A private folder of this process instead of an unsafe one, with a warning."""
-    warn(
-        f"{folder} is a link or belongs to another user: what was compiled there is not run, and "
-        "this run compiles its finite elements anew; set XDG_CACHE_HOME to a folder of your own."
-    )
-    return Path(own_folder())
 
 
 # -- Settings of FFCx while something is compiled, restored afterwards.

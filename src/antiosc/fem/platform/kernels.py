@@ -6,20 +6,9 @@ Other threads run during a call.
 from __future__ import annotations
 
 import ctypes
-from ctypes import Structure, c_double, c_float, c_int, c_int64, c_void_p
+from ctypes import Structure, c_double, c_float, c_int64, c_void_p
 
 from antiosc.engine import library
-
-
-class Cells(Structure):
-    """The C structure `afe_cells`."""
-
-    _fields_ = [
-        ("kernel", c_void_p),
-        *((name, c_int) for name in ("n_nodes", "n_coefficients", "first", "n_dofs", "n_vectors")),
-        *((name, c_void_p) for name in ("nodes", "points", "coefficients", "constants")),
-        *((name, c_void_p) for name in ("vectors", "weights")),
-    ]
 
 
 class Tetra(Structure):
@@ -29,7 +18,6 @@ class Tetra(Structure):
 
 
 _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
-    "afe_cell_sums": (None, c_void_p, c_int64, c_int64, c_void_p, c_void_p),
     "afe_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
     "afe_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
 }
