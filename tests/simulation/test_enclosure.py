@@ -126,6 +126,30 @@ def test_a_model_keeps_what_bounds_its_force(tmp_path: object) -> None:
     assert hits[0].enclosure.peak == hits[1].enclosure.peak
 
 
+def test_the_fewest_vectors_that_prove_the_peak_are_taken() -> None:
+    model, _ = model_of(False)
+    blow = (model, ao.RigidMass(0.3, 1.0), ao.Hertz(1e9), 1e-3)
+    rough, close = (ao.simulate(*blow, n="proved", tol=tol).enclosure for tol in (0.3, 0.04))
+    assert rough.n < close.n < model.n
+    for bounds, tol in ((rough, 0.3), (close, 0.04)):
+        assert bounds.peak[1] - bounds.peak[0] <= tol * bounds.peak[0]
+    with pytest.warns(ao.errors.AccuracyWarning, match="prove the peak force to"):
+        ao.simulate(*blow, n="proved", tol=1e-4)
+
+
+def test_a_ball_between_two_bars_has_bounds_of_both_forces() -> None:
+    ends = {"first": model_of(True)[0], "second": model_of(False)[0]}
+    contacts = [ao.Contact(a, b, ao.Hertz(1e9)) for a, b in (("first", "ball"), ("ball", "second"))]
+    bodies = {**ends, "ball": ao.RigidMass(0.3, 0.0)}
+    scene = ao.Scene(bodies, contacts, motion={"first": -1.0})
+    hit = scene.run(1e-3, proof=True)
+    exact = scene.run(1e-3, tol=1e-7)
+    for pair in (("first", "ball"), ("ball", "second")):
+        low, high = hit[pair].enclosure.peak
+        assert 0 < low < exact[pair].peak_force < high < 1.3 * low
+    assert hit.summary().count("proved between") == 2
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -172,6 +172,9 @@ def _check_run(assembly: Assembly, run: Run) -> None:
     halves = np.diff(run.time)
     if halves.size < 2 or halves.size % 2 or not np.allclose(halves[::2], halves[1::2], 1e-6, 0.0):
         raise _refused('steps with a force in their middle: take the method "exact".')
+    jumps = np.abs(np.diff(run.force, axis=0)).max(axis=1)[halves == 0]
+    if jumps.max(initial=0.0) > ROUNDING * run.force.max():
+        raise _refused("forces without jumps, and one of this run jumps.")
 
 
 def _law(law: ContactLaw) -> tuple[ContactLaw, float]:
@@ -206,8 +209,8 @@ def _most_vectors(body: SceneBody) -> int:
         if known is None:
             raise _refused(
                 f"a model whose residual is known, and that of {body.name!r} is not: extract it"
-                " with proof=True, by Krylov's method at one site (matrices that are too"
-                " ill-conditioned have none)."
+                " with proof=True, by Krylov's method at one site and a direct solver (matrices"
+                " that are too ill-conditioned have none)."
             )
         errors = (
             abs(inner.k0 - known.k0) > OTHER * known.k0,

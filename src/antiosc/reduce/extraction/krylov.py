@@ -56,7 +56,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.driving_point import samples
 from antiosc.models.free_modes import EXHAUSTED
 from antiosc.models.modal import Damping
-from antiosc.models.recurrence import recurrence_of
+from antiosc.models.recurrence import BROKEN, recurrence_of
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, polish
 from antiosc.reduce.extraction.oscillators import (
@@ -310,7 +310,12 @@ class Lanczos:
         return int(np.sum(shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def with_recurrence(self, modes: Modes) -> Modes:
-        """The modes of a space of one site with the recurrence, which takes one step more."""
+        """The modes of a space of one site with the recurrence, which takes one step more.
+
+        Iterative solves leave more than rounding in it: then there is none.
+        """
+        if self._solver.error > BROKEN:
+            return modes
         if not self.exhausted:
             self.advance(self._solver.solve_block(self.load))
         k0, mass = (float(x[0, 0]) for x in (self._static.k0, self._static.mass))
