@@ -14,7 +14,7 @@ The difference D of two indentations, of an energy below E and P = ∫√(2E) dt
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import byref
+from ctypes import addressof, byref
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -322,7 +322,7 @@ def _enclosed(
         spans.size,
         library.address(spans),
         library.address(kappa),
-        library.address(np.frombuffer(kernels, dtype=np.uint8)),
+        addressof(kernels),
         longest,
         nodes,
         *map(library.address, [times, forces, *outputs]),

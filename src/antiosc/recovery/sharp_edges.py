@@ -93,7 +93,8 @@ def _skin(points: Array, kind: str, cells: IntArray) -> Skin:
             ends.append(np.sort(nodes[:, list(edge)], axis=1))
             across.append(_across(points, nodes, edge, others))
             inward.append(centres[rows] - start)
-    return Skin(*map(np.concatenate, (ends, across, inward)), volume, area)
+    joined = np.concatenate(ends), np.concatenate(across), np.concatenate(inward)
+    return Skin(*joined, volume, area)
 
 
 def _middle(points: Array, nodes: IntArray, edge: tuple[int, int]) -> Array:

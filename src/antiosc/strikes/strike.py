@@ -177,8 +177,19 @@ def strike(
     """
     impact_options = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
     run = partial(simulated, impactor, contact, duration, impact_options)
-    options = {"prestress": prestress, "stress_tol": stress_tol}
-    return struck(source, site, impactor, run, tol, material, supports, order, limit, **options)
+    return struck(
+        source,
+        site,
+        impactor,
+        run,
+        tol,
+        material,
+        supports,
+        order,
+        limit,
+        prestress=prestress,
+        stress_tol=stress_tol,
+    )
 
 
 def simulated(
