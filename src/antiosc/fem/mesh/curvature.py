@@ -358,7 +358,8 @@ def _fit_within(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None
         fit = _fit(nodes, normal, radius)
         if fit is not None or radius >= distance[-1]:
             return fit
-        radius = min(max(1.1 * radius, float(distance[0])), float(distance[-1]) * 1.001)
+        nearest = float(distance[distance > 0].min(initial=distance[-1]))  # a site may be a node
+        radius = min(max(1.1 * radius, nearest), float(distance[-1]) * 1.001)
 
 
 def _fit(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
