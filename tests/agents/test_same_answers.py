@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
@@ -16,6 +17,11 @@ from antiosc_app.scene_file.document import read
 from antiosc_app.scene_file.run import error_budget
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
+
+
+def of_scene(text: str) -> str:
+    """A text without the seconds of the machine and the name of the file of the scene."""
+    return re.sub(r"\S+\.(toml|json):\d+: |\b[\d.]+ s\b", "", text)
 
 
 def test_python_command_page_and_tool_agree_to_the_last_digit(tmp_path, capsys):
@@ -39,14 +45,14 @@ def test_python_command_page_and_tool_agree_to_the_last_digit(tmp_path, capsys):
     by_file, by_sections = map(told, results)
 
     for answer in (by_file, by_sections):
-        assert answer["text"] == shown["text"]
+        assert of_scene(answer["text"]) == of_scene(shown["text"])
         assert [(card["name"], card["text"]) for card in answer["cards"]] == [
             tuple(card[:2]) for card in shown["cards"]
         ]
         for name in ("peak_force", "impulse", "contact_time", "restitution"):
             assert number(answer, name)["value"] == written[name] == getattr(hit, name)
         assert answer["quantities"] == by_file["quantities"]
-    assert shown["text"] in printed
+    assert of_scene(shown["text"]) in of_scene(printed)
     budget = error_budget(hit)
     below, above = budget.sides("peak_force")
     low, high = number(by_file, "peak_force")["bar"]
