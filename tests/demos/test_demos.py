@@ -45,7 +45,7 @@ def test_impact_map(tmp_path):
     flat = np.abs(found.directions).max(axis=1) > 1 - 1e-9  # in hollows the contact is stiffer
     away = flat & (near.min(axis=1) > 0.02)
     assert found.peak_force[away].max() < 1.02 * rigid
-    assert found.peak_force.min() < 0.7 * rigid
+    assert np.nanmin(found.peak_force) < 0.7 * rigid  # none where the patch is too small
     for name in ("bracket_map.vtu", "bracket_map.png"):
         assert (tmp_path / name).stat().st_size > 0
 
