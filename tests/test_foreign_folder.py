@@ -158,19 +158,3 @@ def test_no_family_is_compiled_as_the_folder_says(tmp_path, cache):
     assert not (tmp_path / "marker").exists()
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == (1 if families else 9)
-
-
-def test_the_folder_says_nothing_to_other_forms_of_the_process(tmp_path, monkeypatch):
-    """A program that uses antiosc and compiles forms of its own."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("dolfinx_jit_parameters.json", "dolfinx_jit_options.json"):
-        Path(name).write_text('{"cffi_extra_compile_args": ["-wrapper", "x"]}')
-    program = (
-        "import antiosc.fem.platform.compat, dolfinx.jit as jit\n"
-        "own = getattr(jit, 'get_options', None) or jit.get_parameters\n"
-        "print(own()['cffi_extra_compile_args'])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True
-    )
-    assert "wrapper" not in done.stdout

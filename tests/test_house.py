@@ -116,6 +116,7 @@ ROOMS = {
         "fem",
         "fields",
         "impact",
+        "io",
         "models",
         "plot",
         "recovery",

@@ -151,7 +151,7 @@ def test_points_of_a_map_are_drawn_by_their_areas():
     found = ao.ImpactMap(
         points=points, directions=-points, elements=np.array([[0, 1, 2], [0, 2, 3]]), models=sites,
         local_compliance=np.zeros(4), radius=None, band=1.0, error=np.zeros(4),
-        direct=np.zeros(4, bool), skipped=0, names=np.array([""] * 4),
+        skipped=0, names=np.array([""] * 4),
     )  # fmt: skip
     assert found.areas == pytest.approx([4 / 3, 1 / 3, 4 / 3, 1.0])
     many = ao.monte_carlo(lambda site: site.m_st, {"site": found}, 1000)

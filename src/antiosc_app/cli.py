@@ -176,7 +176,7 @@ def _parser() -> argparse.ArgumentParser:
 
     for name, about in COMMANDS.items():
         command = commands.add_parser(name, help=about, description=f"{about.capitalize()}.")
-        command.set_defaults(run=_on_scene_file, command=name)
+        command.set_defaults(run=_mcp if name == "mcp" else _on_scene_file, command=name)
         for argument, options in ARGUMENTS[name]:
             command.add_argument(argument, **options)
 
@@ -194,6 +194,14 @@ def _on_scene_file(options: argparse.Namespace) -> int:
     from antiosc_app.commands import guarded
 
     return guarded(options)
+
+
+def _mcp(options: argparse.Namespace) -> int:
+    """Answer the calls of an assistant until it ends."""
+    from antiosc_app.agents import serve
+
+    serve(options.folder, options.seconds, options.gigabytes)
+    return 0
 
 
 def _materials(options: argparse.Namespace) -> int:

@@ -264,15 +264,6 @@ def _stopped_early(computed: run.SceneResults) -> bool:
     return STOPPED in (getattr(computed.history, "status", 0), *statuses)
 
 
-def _mcp(options: Namespace) -> int:
-    """Run `antiosc mcp`; returns the exit code."""
-    from antiosc_app.agents import serve
-
-    serve(options.folder, options.seconds, options.gigabytes)
-    return 0
-
-
 _OTHERS = {
     **{"new": _new, "open": _open, "check": _check, "tradeoff": _tradeoff, "export": _export},
-    "mcp": _mcp,
 }

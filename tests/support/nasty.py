@@ -76,7 +76,7 @@ RESULTS = {
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Many"),
     *("ForceComparison", "FoundImpact", "Gradient", "Margin", "DesignMap"),
-    *("Quantile", "Peak", "View", "Dent"),
+    *("Quantile", "Peak", "View", "Dent", "Enclosure"),
     "Hysteretic",  # a base of laws
 }
 #: Where NaN stands for "no such number", as the documentation says.

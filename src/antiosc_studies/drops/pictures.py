@@ -17,7 +17,6 @@ from antiosc_studies.drops.free_body import State
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from antiosc_studies.drops.fall import Fall
 
 #: Number of times at which heights are drawn.
 DRAWN = 500
@@ -27,7 +26,7 @@ TRIANGLES = 6000
 COLOUR = (0.35, 0.55, 0.8)
 
 
-def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
+def overview(fall: Any, path: str | os.PathLike[str] | None) -> Figure | Path:
     """The part as it first hits, its height, the energies, and the forces of the impacts."""
     figure = new_figure((9.0, 6.0), shown=path is None)
     grid = figure.add_gridspec(2, 2)
@@ -58,7 +57,7 @@ def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     return figure_or_path(figure, path)
 
 
-def surface_of(fall: Fall) -> tuple[Array, IntArray]:
+def surface_of(fall: Any) -> tuple[Array, IntArray]:
     """Points (P, 3) from the centre of mass, and triangles (T, 3), of the surface or the hull."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -77,7 +76,7 @@ def surface_of(fall: Fall) -> tuple[Array, IntArray]:
         return points, np.zeros((0, 3), dtype=int)
 
 
-def _posed(axes: Any, fall: Fall, state: State, surface: tuple[Array, IntArray]) -> None:
+def _posed(axes: Any, fall: Any, state: State, surface: tuple[Array, IntArray]) -> None:
     """Draw the part above the floor as it is in a state."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
@@ -104,7 +103,7 @@ def _posed(axes: Any, fall: Fall, state: State, surface: tuple[Array, IntArray])
     axes.set_axis_off()
 
 
-def at(fall: Fall, time: float) -> State:
+def at(fall: Any, time: float) -> State:
     """The state at a time [s] of the fall; during a contact, the state at its start."""
     flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
     since = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -15,9 +15,6 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.platform import alike
-
-if TYPE_CHECKING:
-    from antiosc.fem.elements.tetrahedra import Tetrahedra
 
 #: Vectors from which a product of matrices is faster than one by one.
 BLOCK_PRODUCT_FROM = 4
@@ -29,9 +26,9 @@ CELLS = "antiosc_cells"
 
 @dataclass(frozen=True)
 class CellProduct:
-    """A matrix kK + mM without stored entries, multiplied cell by cell."""
+    """A matrix kK + mM without stored entries, multiplied cell by cell (`cells`: `Tetrahedra`)."""
 
-    cells: Tetrahedra
+    cells: Any
     k: float
     m: float
 
@@ -59,7 +56,7 @@ class CellProduct:
 NODE = 3
 
 
-def of_cells(cells: Tetrahedra, k: float, m: float) -> PETSc.Mat:
+def of_cells(cells: Any, k: float, m: float) -> PETSc.Mat:
     """kK + mM as a PETSc matrix of type python."""
     product = CellProduct(cells, k, m)
     rows = (cells.rows, None)

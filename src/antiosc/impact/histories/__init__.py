@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from antiosc.fields.peaks import PeakField
     from antiosc.models.body import LinearBody
 
 
@@ -76,7 +75,7 @@ class History(RunHistory, Results):
 
     source: Source | None = None
     budget: ErrorBudget | None = None
-    stresses: Mapping[str, PeakField] | None = None
+    stresses: Mapping[str, Any] | None = None
 
     @cached_property
     def error_budget(self) -> ErrorBudget:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from numbers import Real
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,9 +25,6 @@ from antiosc.base.checks import (
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.io.dof_map import component_of
-
-if TYPE_CHECKING:
-    from antiosc.reduce.site.place import Place
 
 #: The supports fix a site if less than this share of its load is on free dofs.
 LEAST_FREE_SHARE = 1e-9
@@ -159,8 +156,8 @@ class Functional:
     across: tuple[Functional, ...] = ()
     #: cell size and wave speeds at the site (`ModelInfo.cells`); None without a mesh
     cell: tuple[float, float, float] | None = None
-    #: where it acts on a mesh; None of rows and vectors
-    place: Place | None = None
+    #: where it acts on a mesh, a `Place`; None of rows and vectors
+    place: Any = None
 
 
 def tangents(directions: Array, plane: bool) -> list[Array]:
