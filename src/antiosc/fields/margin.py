@@ -351,12 +351,14 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     k = int(exposure.argmax())
     strength = float(nodes.strength[k])
 
-    # what a patch or cells larger than the contact hide, over the strength
+    # what a patch or cells larger than the contact hide anywhere in the cells of a node, over the
+    # strength
     hidden = np.zeros(len(exposure))
     for zone in zones.contacts:
         distance = np.linalg.norm(nodes.points - zone.point, axis=1)
         patch = max(zone.patch, float(nodes.sizes[distance.argmin()]) / 2)
-        spread = zone.spread(patch, distance)
+        edge = 0.0 if zone.thickness else CONTACT_RADII * zone.radius
+        spread = zone.spread(patch, np.maximum(distance - nodes.sizes, edge))
         hidden += np.divide(spread, nodes.strength, out=np.zeros_like(spread), where=is_judged)
 
     # bounds of all places

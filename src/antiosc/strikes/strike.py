@@ -149,9 +149,9 @@ def strike(
     tol : float
         Largest relative error of the three quantities, as the error budget promises it.
     stress_tol : float, optional
-        Largest bar by the mesh of the largest stress, relative: `stresses` of the history are the
-        `PeakField`s by strength, on meshes that are refined where their bounds are wide. The law,
-        the patch and the number of anti-oscillators stay.
+        Largest bar by the mesh of the largest stress, relative: `stresses` of the history has a
+        `PeakField` for each strength, on meshes that are refined where their bounds are wide. The
+        law, the patch and the number of anti-oscillators stay.
     material, supports, prestress : as for `Structure`, for a file or a mesh.
     order : 1 or 2
         Degree of the displacements, and of the faces of a geometry's cells.
