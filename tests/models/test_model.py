@@ -151,7 +151,7 @@ class TestFile:
             model.info.dofs = 13
         model.save(tmp_path / "m.npz")
         assert ao.AntiOscillators.load(tmp_path / "m.npz").info == model.info
-        wrong_records = [{"measured": {"top": 1.0}}, {"patch": {"faces": "x"}}, {"model": 3}]
+        wrong_records = [{"measured": {"top": 1.0}}, {"patch": {"faces": "x"}}]
         for wrong in ({"dofs": -1}, {"points": 3.0}, "none", {"doubts": 5}, *wrong_records):
             with pytest.raises(ao.InputError, match="info"):
                 ao.AntiOscillators(m0=0.5, k0=1e5, m=[], info=wrong)

@@ -48,7 +48,9 @@ def sharp_points(points: Array, cells: Sequence[tuple[str, IntArray]]) -> tuple[
     The points lie closer than a quarter of that length, which is half the thickness of a plate; it
     is 0 without solids.
     """
-    solids = [(kind.rstrip("0123456789"), numbers) for kind, numbers in cells]
+    # each rank has its own copy of the nodes that it shares
+    points, number = np.unique(points, axis=0, return_inverse=True)
+    solids = [(kind.rstrip("0123456789"), number.ravel()[nodes]) for kind, nodes in cells]
     skins = [_skin(points, kind, numbers) for kind, numbers in solids if kind in FACES]
     if not skins:
         return np.zeros((0, 3)), 0.0
