@@ -105,6 +105,11 @@ def quick(one, duration=2e-4, n=8):
     return edit(one, set={"simulate.duration": duration, "extract.n": n})
 
 
+def timeless(text: str) -> str:
+    """A text without the seconds that the machine took."""
+    return re.sub(r"\d+ s:", "", text.strip())
+
+
 def saved_and_run(one, capsys):
     """(text of the page, what `antiosc run` of the saved scene prints, the scene)."""
     text = answer(one)["summary"]["text"]
@@ -124,7 +129,7 @@ def test_a_solid_shows_what_a_run_of_its_saved_scene_prints(step, capsys):
         edit(one, set={"sites.point": [0.05, 0.03, 0.015], "impactor.velocity": 1.5})
         edit(one, hold="face 1")
         page, printed, scene = saved_and_run(one, capsys)
-        assert page.strip() == printed.strip()
+        assert timeless(page) == timeless(printed)
         assert scene["simulate"]["duration"] == scene["extract"]["n"] == "auto"
         assert len(scene["supports"]) == 2
         answers = page.split("\n\n")[1].splitlines()[:4]
@@ -147,7 +152,7 @@ def test_bars_and_decks_show_what_a_run_of_their_saved_scene_prints(name, tmp_pa
         one.calls["look"]({})
         quick(one, 1e-2, 10)
         page, printed, _ = saved_and_run(one, capsys)
-        assert page.strip() == printed.strip()
+        assert timeless(page) == timeless(printed)
     finally:
         one.close()
 
@@ -168,7 +173,7 @@ def test_a_fall_shows_what_a_run_of_its_saved_scene_prints(tmp_path, capsys):
         edit(one, set={"drop.toward": [1.0, 0.0, 0.0], "drop.height": 0.3}, onto="steel S235")
         assert answer(one, "settle") == {}
         page, printed, scene = saved_and_run(one, capsys)
-        assert page.strip() == printed.strip()
+        assert timeless(page) == timeless(printed)
         assert scene["drop"]["floor"]["material"] == "steel S235"
         shown = answer(one)
         assert len(shown["fall"]["impacts"]) == 3
