@@ -16,7 +16,11 @@ from antiosc_app.opened import Opened
 from antiosc_app.scene_file.document import read
 from antiosc_app.scene_file.run import error_budget
 
-pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
+pytestmark = [
+    pytest.mark.fem,
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning"),
+]
 
 
 def of_scene(text: str) -> str:
