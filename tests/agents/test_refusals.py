@@ -10,6 +10,8 @@ import pytest
 
 from agent_calls import BEAM, BRACKET, MASS, answers, anyio, filled, served, told
 
+pytestmark = pytest.mark.slow
+
 #: Writes beside itself when it is imported or run.
 EVIL = 'open("ran", "w").write("it ran")\n'
 

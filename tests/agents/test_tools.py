@@ -24,6 +24,8 @@ from agent_calls import (
 )
 from antiosc_app import info
 
+pytestmark = pytest.mark.slow
+
 TOOLS = ["check", "drop", "explain", "look", "map", "materials", "report", "strike", "sweep"]
 
 
