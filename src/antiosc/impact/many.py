@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Share of the samples within a confidence interval.
 CONFIDENCE = 0.95
+#: Least distance of a share from 0 and 1: closer ones have no finite number of samples.
+LEAST_SHARE = 1e-12
 #: Shares of the results below the quantiles that are told, unless others are asked for.
 QUANTILES = (0.05, 0.5, 0.95)
 
@@ -90,8 +92,9 @@ def probability(count: int, size: int, confidence: float = CONFIDENCE) -> Quanti
 
 
 def _share(name: str, value: float) -> float:
+    """A share that differs from 0 and 1 by more than their rounding."""
     share = checks.number(name, value)
-    if not 0 < share < 1:
+    if not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
         raise InputError(f"{name} must lie between 0 and 1; got {share:g}.")
     return share
 
