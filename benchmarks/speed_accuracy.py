@@ -31,7 +31,7 @@ import numpy as np
 import options
 from mpi4py import MPI
 from speed_cases import ROOT, Case, memory
-from speed_methods import STEPS, measured, peers, reduced, unreduced
+from speed_methods import STEPS, explicit, measured, peers, reduced, unreduced
 from speed_tables import plot, tables
 
 import antiosc as ao
@@ -53,6 +53,10 @@ COUNTS = {
     "superposition": (4, 8, 20, 60),
     "superposition, static correction": (4, 8, 20, 60),
 }
+#: mesh that tells the error of the coarsest mesh of a case
+FINER = {"bracket": SIZES[-1], "bracket, heavy mass": SIZES[1]}
+#: methods whose memory is measured
+REMEMBERED = ("Krylov", "superposition, static correction", "unreduced, Newmark")
 #: elements of the panel whose map is drawn, m; the finer one has more than 10 000 vertices
 PANELS = (20e-3, 9.1e-3)
 #: dofs up to which the unreduced model is run, and from which only every other count is
@@ -84,7 +88,9 @@ def chart(name: str, size: float | None, quick: bool) -> dict[str, Any]:
         rows.append(measured(case, label, model.n, made, spent, hit.time, hit.force))
         rows[-1] |= {"error Z": case.error_of_z(model), "error force": error}
     if case.part.dofs < SMALL:
-        rows += [unreduced(case, steps) for steps in STEPS[name][: 1 if quick else 2]]
+        rows += [unreduced(case, steps) for steps in STEPS[name][: 1 if quick else None]]
+        if name == "bracket" and not quick:
+            rows.append(explicit(case))
         rows += peers(case, name == "beam")
     return _chart(case, rows)
 
@@ -124,9 +130,33 @@ def heavy_mass(size: float) -> dict[str, Any]:
     """The longer contact: reduced and unreduced at equal error."""
     case = Case("bracket, heavy mass", size)
     case.prepare()
-    rows = [reduced(case, "Krylov", n, tol=1e-4) for n in (10, 20, 30, 50)]
+    rows = [reduced(case, "Krylov", n, tol=1e-4) for n in (4, 10, 20, 30, 50)]
+    for method in ("superposition", "superposition, static correction"):
+        rows += [reduced(case, method, n, tol=1e-4) for n in COUNTS[method]]
     rows += [unreduced(case, steps) for steps in STEPS[case.name]]
     return _chart(case, rows)
+
+
+def peak(name: str, size: float) -> float:
+    """Peak force of a case on another mesh, N."""
+    case = Case(name, size)
+    model = ao.extract(case.part, case.site, n=30, shapes=False)
+    return float(ao.simulate(model, *case.impact, tol=1e-4).peak_force)
+
+
+def memory_of(name: str, size: float, method: str) -> float:
+    """Peak memory of a process that makes the case and one run by a method, GB."""
+    case = Case(name, size)
+    case.reference = ao.extract(case.part, case.site, n=20, shapes=False)
+    case.hit = ao.simulate(case.reference, *case.impact)
+    case.time, case.force = case.hit.time, case.hit.force
+    if method == "Krylov":
+        return memory()
+    if method == "unreduced, Newmark":
+        unreduced(case, 6)
+    else:
+        ao.superposition(case.part, case.site, 20, static_correction=True)
+    return memory()
 
 
 def profile(size: float) -> dict[str, Any]:
@@ -244,6 +274,11 @@ def main(
         plot(result["charts"][-1], out)
         _report(result, out)
     result["charts"].append(_apart("heavy_mass", sizes[0]))
+    for found in result["charts"]:
+        if found["case"] in FINER and found["dofs"] < SMALL:
+            finer = _apart("peak", found["case"], FINER[found["case"]])
+            found["mesh error of the peak"] = abs(found["peak force"] / finer - 1)
+            found["GB"] = {m: _apart("memory_of", found["case"], sizes[0], m) for m in REMEMBERED}
     plot(result["charts"][-1], out)
     for size in sizes if quick else (*sizes, FINEST):
         result["growth"].append(_apart("growth", size))
@@ -271,7 +306,7 @@ def _task(text: str) -> None:
     logging.disable(logging.INFO)
     warnings.simplefilter("ignore")
     name, *arguments = json.loads(text)
-    tasks = (chart, heavy_mass, growth, profile, mapped)
+    tasks = (chart, heavy_mass, growth, peak, memory_of, profile, mapped)
     result = {task.__name__: task for task in tasks}[name](*arguments)
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps(result))

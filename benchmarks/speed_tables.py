@@ -18,6 +18,7 @@ STYLE = {
     "superposition": ("C7", "^-"),
     "superposition, static correction": ("C2", "v-"),
     "unreduced, Newmark": ("k", "D"),
+    "unreduced, explicit": ("C6", ">"),
     "unreduced, all modes": ("k", "*"),
     "SciPy: eigsh, solve_ivp": ("C1", "P"),
     "pyYeti: SolveNewmark": ("C4", "X"),
@@ -95,6 +96,13 @@ def tables(result: dict[str, Any]) -> str:
                 f" {r['total']:.3g} | {r['error force']:.1e} | {Z} |"
             )
         lines += ["", *(f"- {k}: {v:.3g}" for k, v in ratios(found).items()), ""]
+        if "GB" in found:
+            held = ", ".join(f"{method} {one:.2f}" for method, one in found["GB"].items())
+            lines[-1:] = [f"- peak memory, GB: {held}"]
+            lines += [
+                f"- error of the peak force by the mesh: {found['mesh error of the peak']:.1e}",
+                "",
+            ]
     lines += ["## Growth with the size: bracket, 20 anti-oscillators", ""]
     lines += [
         "The floor is one assembly and one factorization; the whole has no mesh.",
