@@ -202,8 +202,7 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     far = np.linalg.norm(stress.points - fall.impacts[0].place, axis=1) > zone
     assert not far.all()
     assert stress.margin().value >= stress.values[far].max()
-    # between the nodes, some 15 mm apart, Hertz's field at 4 mm adds more than the mesh shows
-    assert stress.margin().errors[1] > 2 * stress.margin().value
+    assert not stress.margin().has_bar
     damped = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(STEEL, restitution=0.8), until=1)
     hard = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(law.stiffness)), until=1)
     assert hard.peak_force > fall.peak_force

@@ -54,6 +54,8 @@ STRESSES = {
 }
 #: Jumps of the stress over itself from which it has no bar.
 UNRESOLVED = 0.5
+#: Largest size of cells over the radius of a contact that they resolve.
+RESOLVED = 2.0
 #: Where sharp edges and supports are not judged.
 EDGES, SUPPORTS = "sharp inner edges", "rigidly held faces"
 #: No balls are left out.
@@ -352,11 +354,16 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     strength = float(nodes.strength[k])
 
     # what a patch or cells larger than the contact hide anywhere in the cells of a node, over the
-    # strength
+    # strength; modes of the whole body show nothing of a contact that the cells do not resolve
     hidden = np.zeros(len(exposure))
+    unresolved = None
     for zone in zones.contacts:
         distance = np.linalg.norm(nodes.points - zone.point, axis=1)
-        patch = max(zone.patch, float(nodes.sizes[distance.argmin()]) / 2)
+        size = float(nodes.sizes[distance.argmin()])
+        if zone.patch == inf and size > RESOLVED * zone.radius:
+            unresolved = unresolved or zone
+            continue
+        patch = size / 2 if zone.patch == inf else max(zone.patch, size / 2)
         edge = 0.0 if zone.thickness else CONTACT_RADII * zone.radius
         spread = zone.spread(patch, np.maximum(distance - nodes.sizes, edge))
         hidden += np.divide(spread, nodes.strength, out=np.zeros_like(spread), where=is_judged)
@@ -366,7 +373,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     most = int(upper.argmax())
     least = float((exposure * (1 - np.minimum(nodes.error, 1.0)) - hidden).max(initial=0.0))
     unknown = next((j for j in (k, most) if nodes.error[j] > UNRESOLVED), None)
-    largest = float(upper[most]) if unknown is None else inf
+    largest = float(upper[most]) if unknown is None and unresolved is None else inf
 
     notes, remedy = [], ""
     if sharp.any() and (nodes.exposure * sharp).max() > 0:
@@ -377,10 +384,16 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
             f"at {zones.of_edges} an elastic stress has no limit: here up to {shown} at"
             f" {point_text(nodes.points[place])}, more with smaller cells"
         )
-    if unknown is not None:
-        at, size = point_text(nodes.points[unknown]), float(nodes.sizes[unknown]) / 2
-        remedy = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS}) at {at} would give one"
-        notes.append(f"the stress has no bar: it differs by half or more between cells; {remedy}")
+    if largest == inf:
+        if unresolved is not None:
+            place, size = unresolved.point, unresolved.radius
+            why = "the cells are larger than the contact"
+        else:
+            place, size = nodes.points[unknown], float(nodes.sizes[unknown]) / 2
+            why = "it differs by half or more between cells"
+        cells = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS})"
+        remedy = f"{cells} at {point_text(place)} would give one"
+        notes.append(f"the stress has no bar: {why}; {remedy}")
     return Margin(
         *(criterion, float(exposure[k]) * strength, strength, nodes.points[k]),
         time=float(nodes.time[k]),

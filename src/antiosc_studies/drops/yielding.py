@@ -8,7 +8,7 @@ says what helps.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import nan, pi, sqrt
+from math import inf, nan, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -94,7 +94,7 @@ class PointContact(NamedTuple):
     def zone(self) -> ContactZone:
         """The zone outside the margin, in the axes of the mesh."""
         nu = float(self.body.materials[self.which][1])
-        return ContactZone(self.place, self.radius, 0.0, self.force, nu)
+        return ContactZone(self.place, self.radius, inf, self.force, nu)
 
     @property
     def error(self) -> float | None:
