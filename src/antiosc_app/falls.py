@@ -78,14 +78,14 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
     """Points (P, 3) relative to the centre of mass and triangles (T, 3), the same on all ranks."""
     structure = fall.body.structure
     if structure is None:
-        return surface_of(fall)
+        return surface_of(fall.body)
     from antiosc.extension import source  # a rigid body does without meshes
 
     try:
         nodes, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
         outer = surface(nodes, cells)
     except AntioscError:  # given matrices have no cells
-        return surface_of(fall)
+        return surface_of(fall.body)
     outer = structure.comm.bcast(outer, root=0)
     used_nodes, faces = np.unique(outer.faces, return_inverse=True)
     return outer.points[used_nodes] - fall.body.centre, faces.reshape(-1, 3)

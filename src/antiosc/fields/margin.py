@@ -342,8 +342,8 @@ class Nodal(NamedTuple):
 def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     """The margin of the worst node; None if no exposure is above zero.
 
-    Where the stress of the worst node, or of that with the largest upper bound, differs by half of
-    it between cells, there is no bar.
+    There is no bar where the stress of the worst node, or of that with the largest upper bound,
+    differs by half of it between cells, and of modes whose cells do not resolve a contact.
     """
     known = nodes.exposure > 0
     if not known.any():
@@ -353,20 +353,8 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     k = int(exposure.argmax())
     strength = float(nodes.strength[k])
 
-    # what a patch or cells larger than the contact hide anywhere in the cells of a node, over the
-    # strength; modes of the whole body show nothing of a contact that the cells do not resolve
-    hidden = np.zeros(len(exposure))
-    unresolved = None
-    for zone in zones.contacts:
-        distance = np.linalg.norm(nodes.points - zone.point, axis=1)
-        size = float(nodes.sizes[distance.argmin()])
-        if zone.patch == inf and size > RESOLVED * zone.radius:
-            unresolved = unresolved or zone
-            continue
-        patch = size / 2 if zone.patch == inf else max(zone.patch, size / 2)
-        edge = 0.0 if zone.thickness else CONTACT_RADII * zone.radius
-        spread = zone.spread(patch, np.maximum(distance - nodes.sizes, edge))
-        hidden += np.divide(spread, nodes.strength, out=np.zeros_like(spread), where=is_judged)
+    stress, unresolved = _hidden(nodes, zones.contacts)
+    hidden = np.divide(stress, nodes.strength, out=np.zeros_like(stress), where=is_judged)
 
     # bounds of all places
     upper = exposure * (1 + nodes.error) + hidden
@@ -384,15 +372,13 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
             f"at {zones.of_edges} an elastic stress has no limit: here up to {shown} at"
             f" {point_text(nodes.points[place])}, more with smaller cells"
         )
-    if largest == inf:
-        if unresolved is not None:
-            place, size = unresolved.point, unresolved.radius
-            why = "the cells are larger than the contact"
-        else:
-            place, size = nodes.points[unknown], float(nodes.sizes[unknown]) / 2
-            why = "it differs by half or more between cells"
-        cells = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS})"
-        remedy = f"{cells} at {point_text(place)} would give one"
+    if unresolved is not None:
+        why = "the cells are larger than the contact"
+        remedy = _cells(unresolved.radius, unresolved.point)
+    elif unknown is not None:
+        why = "it differs by half or more between cells"
+        remedy = _cells(float(nodes.sizes[unknown]) / 2, nodes.points[unknown])
+    if remedy:
         notes.append(f"the stress has no bar: {why}; {remedy}")
     return Margin(
         *(criterion, float(exposure[k]) * strength, strength, nodes.points[k]),
@@ -402,6 +388,33 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
         note=". ".join([*notes[:1], *map(capitalised, notes[1:])]),
         remedy=remedy,
     )
+
+
+def _hidden(nodes: Nodal, contacts: Sequence[ContactZone]) -> tuple[Array, ContactZone | None]:
+    """(stress [Pa] (P,) that a patch or cells larger than a contact hide anywhere in the cells of a
+    node, the first contact of which nothing is known).
+
+    Modes of the whole body show nothing of a contact that the cells do not resolve.
+    """
+    hidden = np.zeros(len(nodes.points))
+    unresolved = None
+    for zone in contacts:
+        distance = np.linalg.norm(nodes.points - zone.point, axis=1)
+        size = float(nodes.sizes[distance.argmin()])
+        if zone.patch == inf and size > RESOLVED * zone.radius:
+            unresolved = unresolved or zone
+            continue
+
+        patch = size / 2 if zone.patch == inf else max(zone.patch, size / 2)
+        edge = 0.0 if zone.thickness else CONTACT_RADII * zone.radius
+        hidden += zone.spread(patch, np.maximum(distance - nodes.sizes, edge))
+    return hidden, unresolved
+
+
+def _cells(size: float, point: Array) -> str:
+    """The remedy of a stress without a bar: cells of a size [m] at a place."""
+    cells = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS})"
+    return f"{cells} at {point_text(point)} would give one"
 
 
 #: Surfaces of a ply at which a criterion can be largest: in-plane stresses are linear through a

@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.plot.charts import figure_or_path, new_figure
 from antiosc.plot.surfaces import LIGHT
-from antiosc_studies.drops.free_body import State
+from antiosc_studies.drops.episode import Episode
+from antiosc_studies.drops.flight import Flight
+from antiosc_studies.drops.free_body import FreeBody, State
+from antiosc_studies.drops.impacts import Impacts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,13 +29,29 @@ TRIANGLES = 6000
 COLOUR = (0.35, 0.55, 0.8)
 
 
-def overview(fall: Any, path: str | os.PathLike[str] | None) -> Figure | Path:
+class FallLike(Protocol):
+    """The attributes of a `Fall` that its picture uses."""
+
+    @property
+    def body(self) -> FreeBody: ...
+    @property
+    def end(self) -> State: ...
+    @property
+    def episodes(self) -> list[Episode]: ...
+    @property
+    def flights(self) -> list[Flight]: ...
+    @property
+    def impacts(self) -> Impacts: ...
+    def energy(self) -> tuple[Array, Array]: ...
+
+
+def overview(fall: FallLike, path: str | os.PathLike[str] | None) -> Figure | Path:
     """The part as it first hits, its height, the energies, and the forces of the impacts."""
     figure = new_figure((9.0, 6.0), shown=path is None)
     grid = figure.add_gridspec(2, 2)
     first = fall.episodes[0].start if fall.episodes else fall.end
     axes = figure.add_subplot(grid[0, 0], projection="3d", proj_type="ortho", computed_zorder=False)
-    _posed(axes, fall, first, surface_of(fall))
+    _posed(axes, fall.body, first)
     axes.set_title("at the first touch", fontsize=10)
     height = figure.add_subplot(grid[0, 1])
     touches = [episode.start.time for episode in fall.episodes]
@@ -57,11 +76,10 @@ def overview(fall: Any, path: str | os.PathLike[str] | None) -> Figure | Path:
     return figure_or_path(figure, path)
 
 
-def surface_of(fall: Any) -> tuple[Array, IntArray]:
+def surface_of(body: FreeBody) -> tuple[Array, IntArray]:
     """Points (P, 3) from the centre of mass, and triangles (T, 3), of the surface or the hull."""
     from scipy.spatial import ConvexHull, QhullError
 
-    body = fall.body
     skin = body.skin
     if skin is not None and 0 < len(skin.triangles) < TRIANGLES:
         return skin.points - body.centre, skin.triangles
@@ -76,14 +94,14 @@ def surface_of(fall: Any) -> tuple[Array, IntArray]:
         return points, np.zeros((0, 3), dtype=int)
 
 
-def _posed(axes: Any, fall: Any, state: State, surface: tuple[Array, IntArray]) -> None:
+def _posed(axes: Any, body: FreeBody, state: State) -> None:
     """Draw the part above the floor as it is in a state."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-    points, triangles = surface
+    points, triangles = surface_of(body)
     x = points @ state.R.T
     x[:, 2] += state.centre[2]
-    half = 0.6 * fall.body.extent
+    half = 0.6 * body.extent
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
     axes.add_collection3d(
         Poly3DCollection([np.column_stack((square, np.zeros(4)))], facecolors="0.85")
@@ -103,7 +121,7 @@ def _posed(axes: Any, fall: Any, state: State, surface: tuple[Array, IntArray]) 
     axes.set_axis_off()
 
 
-def at(fall: Any, time: float) -> State:
+def at(fall: FallLike, time: float) -> State:
     """The state at a time [s] of the fall; during a contact, the state at its start."""
     flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
     since = [

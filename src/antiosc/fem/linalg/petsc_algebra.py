@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse
@@ -24,11 +24,21 @@ PRODUCT = "antiosc_product"
 CELLS = "antiosc_cells"
 
 
+class Cells(Protocol):
+    """The cells of a part with products of their own: `Tetrahedra`."""
+
+    comm: MPI.Comm
+    rows: int
+
+    def product(self, x: Array, k: float, m: float) -> Array: ...
+    def blocks(self, k: float, m: float) -> Array: ...
+
+
 @dataclass(frozen=True)
 class CellProduct:
-    """A matrix kK + mM without stored entries, multiplied cell by cell (`cells`: `Tetrahedra`)."""
+    """A matrix kK + mM without stored entries, multiplied cell by cell."""
 
-    cells: Any
+    cells: Cells
     k: float
     m: float
 
@@ -56,7 +66,7 @@ class CellProduct:
 NODE = 3
 
 
-def of_cells(cells: Any, k: float, m: float) -> PETSc.Mat:
+def of_cells(cells: Cells, k: float, m: float) -> PETSc.Mat:
     """kK + mM as a PETSc matrix of type python."""
     product = CellProduct(cells, k, m)
     rows = (cells.rows, None)

@@ -13,8 +13,8 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import NOT_KNOWN
 from antiosc.reduce.site.on_matrices import algebraic, functional_on_nodes
-from antiosc.reduce.site.place import motions_without_mesh, point_of
-from antiosc.reduce.site.site import Functional, Site
+from antiosc.reduce.site.place import Functional, motions_without_mesh, point_of
+from antiosc.reduce.site.site import Site
 
 __all__ = [
     "Functional",

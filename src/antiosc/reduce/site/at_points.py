@@ -27,8 +27,8 @@ from antiosc.fem.reach import Reach
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.doubts import ALONG_SURFACE, surface_below, warn_of_doubts
-from antiosc.reduce.site.place import Place, motion_of, place_at, place_of
-from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
+from antiosc.reduce.site.place import Functional, Place, motion_of, place_at, place_of
+from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site, constrained, tangents
 from antiosc.reduce.site.sites import (
     Sites,
     loads,

@@ -16,7 +16,8 @@ from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.reach import Reach, check_reach
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
 from antiosc.fem.structure.structure import Structure
-from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
+from antiosc.reduce.site.place import Functional
+from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site, constrained, tangents
 
 #: Largest distance of a point from the node that it denotes, over the part's size.
 AT_NODE = 1e-6

@@ -47,6 +47,27 @@ class Place:
     exact: bool = False
 
 
+@dataclass(frozen=True)
+class Functional:
+    """The load vector of a site, and the properties of its patch."""
+
+    #: b on the rows of this rank, zero on fixed dofs
+    b: Array
+    #: radius of the patch, m; None for a point
+    radius: float | None = None
+    #: half-space compliance of the patch, m/N (0 for a point)
+    local_compliance: float = 0.0
+    #: actual point (3,), m, and unit vector of the direction of impact
+    point: Array | None = None
+    direction: Array | None = None
+    #: load vectors along the directions perpendicular to it, if requested
+    across: tuple[Functional, ...] = ()
+    #: cell size and wave speeds at the site (`ModelInfo.cells`); None without a mesh
+    cell: tuple[float, float, float] | None = None
+    #: where it acts on a mesh; None of rows and vectors
+    place: Place | None = None
+
+
 def place_at(
     matrices: MeshedParts, point: Array, direction: Array | None = None, part: str | None = None
 ) -> Place:

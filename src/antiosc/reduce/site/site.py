@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from numbers import Real
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -137,27 +136,6 @@ class Site(FieldsRepr):
         store(self, direction=tuple(direction.tolist()))
         if not at_node:
             store(self, point=text("point", self.point) if is_named else tuple(point.tolist()))
-
-
-@dataclass(frozen=True)
-class Functional:
-    """The load vector of a site, and the properties of its patch."""
-
-    #: b on the rows of this rank, zero on fixed dofs
-    b: Array
-    #: radius of the patch, m; None for a point
-    radius: float | None = None
-    #: half-space compliance of the patch, m/N (0 for a point)
-    local_compliance: float = 0.0
-    #: actual point (3,), m, and unit vector of the direction of impact
-    point: Array | None = None
-    direction: Array | None = None
-    #: load vectors along the directions perpendicular to it, if requested
-    across: tuple[Functional, ...] = ()
-    #: cell size and wave speeds at the site (`ModelInfo.cells`); None without a mesh
-    cell: tuple[float, float, float] | None = None
-    #: where it acts on a mesh, a `Place`; None of rows and vectors
-    place: Any = None
 
 
 def tangents(directions: Array, plane: bool) -> list[Array]:
