@@ -170,6 +170,29 @@ static double reach_of(const aom_enclosure *e, int c, double lasted) {
     return e->spans[i] < lasted ? INFINITY : e->kappa[c * e->n_spans + i];
 }
 
+/* The motion of all modes at one time: displacements, velocities, modal forces with two rates. */
+typedef struct modal_motion {
+    const double *q, *v, *f0, *f1, *f2;
+} modal_motion;
+
+/* Value and rate of a channel, y (d2/dt2 - s)^2 q; of modes that a piece of length h does not
+ * resolve, that of the parabola of the force alone. */
+static void channel_at(const aom_enclosure *e, int k, double h, modal_motion at, double sums[2]) {
+    const double *y = e->rows + k * e->n_modes, shift = e->shift[k];
+
+    sums[0] = sums[1] = 0.0;
+    for (int j = 0; j < e->n_modes; j++) {
+        double x = e->omega[j] * e->omega[j], z = (x + shift) * (x + shift);
+        if (y[j] == 0.0)
+            continue;
+        bool resolved = e->omega[j] * h < RESOLVED;
+        double moved = resolved ? at.q[j] : (at.f0[j] - at.f2[j] / x) / x;
+        double rate = resolved ? at.v[j] : at.f1[j] / x;
+        sums[0] += y[j] * (z * moved - (x + 2.0 * shift) * at.f0[j] + at.f2[j]);
+        sums[1] += y[j] * (z * rate - (x + 2.0 * shift) * at.f1[j]);
+    }
+}
+
 /* Responses of all modes after one length of time. */
 typedef struct responses_of {
     double length;
@@ -192,6 +215,7 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
     responses_of kept[KINDS];
     int n_kept = 0, next = 0;
     const double *s = e->shift;
+    const modal_motion now = {q, v, f0, f1, f2};
 
     memcpy(q, e->q, sizeof(double) * (size_t)J);
     memcpy(v, e->v, sizeof(double) * (size_t)J);
@@ -315,20 +339,14 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
             for (int k = 0; k < K; k++) {
                 double *sum = channel + 6 * k;
                 const double *y = e->rows + k * J;
+                channel_at(e, k, h, now, sum);
                 for (int j = 0; j < J; j++) {
                     double x = e->omega[j] * e->omega[j], z = (x + s[k]) * (x + s[k]);
-                    if (y[j] == 0.0)
-                        continue;
-                    if (e->omega[j] * h < RESOLVED) {
-                        sum[0] += y[j] * (z * q[j] - (x + 2.0 * s[k]) * f0[j] + f2[j]);
-                        sum[1] += y[j] * (z * v[j] - (x + 2.0 * s[k]) * f1[j]);
-                        sum[4] += fabs(y[j]) * z * x * x * amplitude[j];
-                    } else {
-                        double own = (f0[j] - f2[j] / x) / x;
-                        sum[0] += y[j] * (z * own - (x + 2.0 * s[k]) * f0[j] + f2[j]);
-                        sum[1] += y[j] * (z * f1[j] / x - (x + 2.0 * s[k]) * f1[j]);
-                        sum[5] += fabs(y[j]) * z * amplitude[j];
-                    }
+                    double most = fabs(y[j]) * z * amplitude[j];
+                    if (e->omega[j] * h < RESOLVED)
+                        sum[4] += most * x * x;
+                    else
+                        sum[5] += most;
                 }
             }
             for (int j = 0; j < J; j++) {
@@ -352,17 +370,7 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
             double squares[6] = {0.0};
             for (int k = 0; k < K; k++) {
                 double *sum = channel + 6 * k;
-                const double *y = e->rows + k * J;
-                for (int j = 0; j < J; j++) {
-                    double x = e->omega[j] * e->omega[j], z = (x + s[k]) * (x + s[k]);
-                    if (y[j] == 0.0)
-                        continue;
-                    bool resolved = e->omega[j] * h < RESOLVED;
-                    double at = resolved ? q[j] : (f0[j] - f2[j] / x) / x;
-                    double rate = resolved ? v[j] : f1[j] / x;
-                    sum[2] += y[j] * (z * at - (x + 2.0 * s[k]) * f0[j] + f2[j]);
-                    sum[3] += y[j] * (z * rate - (x + 2.0 * s[k]) * f1[j]);
-                }
+                channel_at(e, k, h, now, sum + 2);
                 double cubic[6] = {sum[0], sum[0] + h / 3.0 * sum[1], sum[2] - h / 3.0 * sum[3],
                                    sum[2], sum[4], sum[5]};
                 for (int i = 0; i < 6; i++)
