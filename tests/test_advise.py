@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import re
-
 import numpy as np
 import pytest
 
@@ -37,15 +34,6 @@ def test_contact_time_and_radius_are_hertzs():
     assert advice.contact_radius == pytest.approx(np.sqrt(0.01 * hit.indentation.max()), rel=1e-3)
 
 
-def test_the_numbers_of_a_reason_keep_its_inequality():
-    """By a contact radius, or a slenderness, that is just beyond its limit."""
-    radius = advise((0.3, 0.2, 0.006), sphere(0.01, 1.0), **STEEL).contact_radius
-    for part in ((0.3, 0.2, 4 * 0.999 * radius), (0.1, 0.0999 / 9.97, 0.001)):
-        told = " ".join(advise(part, sphere(0.01, 1.0), **STEEL).reasons)
-        (low, sign, high) = re.search(r"([\d.]+) ([≤≥<>]) ([\d.]+)", told).groups()
-        assert {"≤": float.__le__, "≥": float.__ge__}[sign](float(low), float(high))
-
-
 @pytest.mark.parametrize(
     ("size", "striker", "family"),
     [
@@ -62,14 +50,6 @@ def test_the_smallest_family_that_serves(size, striker, family):
     assert str(advice).startswith(family)
 
 
-def test_the_element_resolves_the_shear_wave_of_a_thick_plate():
-    """Four to the wavelength √(G/ρ)/f, where that of bending alone is longer."""
-    advice = advise((0.6, 0.5, 0.04), sphere(8e-3, 3.0), **STEEL)
-    shear = np.sqrt(STEEL["E"] / (2 * (1 + STEEL["nu"])) / STEEL["rho"]) / advice.frequency
-    assert shear > 0.04
-    assert advice.element_size == pytest.approx(shear / 4, rel=1e-12)
-
-
 @pytest.mark.parametrize(
     ("size", "striker", "material", "words"),
     [
@@ -84,37 +64,6 @@ def test_the_element_resolves_the_shear_wave_of_a_thick_plate():
 def test_bad_input(size, striker, material, words):
     with pytest.raises(InputError, match=words):
         advise(size, striker, **material)
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-@pytest.mark.skipif(importlib.util.find_spec("dolfinx") is None, reason="needs dolfinx")
-def test_a_solid_that_is_no_block_gets_no_advice_by_its_box(tmp_path):
-    """A T of webs of 15 mm in a box of 100 x 100 mm is no beam of 100 mm thickness."""
-    boxes = "Box(1) = {0, 0, 0, 1, 0.1, 0.015};\nBox(2) = {0, 0.04, 0.015, 1, 0.015, 0.085};\n"
-    (tmp_path / "t.geo").write_text(
-        f'SetFactory("OpenCASCADE");\n{boxes}BooleanUnion{{Volume{{1}}; Delete;}}{{Volume{{2}}; '
-        "Delete;}\n"
-    )
-    web = ao.Structure(ao.read_mesh(tmp_path / "t.geo", size=0.05), ao.Solid(**STEEL))
-    with pytest.raises(ao.InputError, match="thickness"):
-        advise(web, sphere(0.01, 1.0))
-    block = ao.Structure(ao.box_mesh((1.0, 0.1, 0.1), size=0.05), ao.Solid(**STEEL))
-    assert advise(block, sphere(0.01, 1.0)).family == "beam"
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-@pytest.mark.skipif(importlib.util.find_spec("dolfinx") is None, reason="needs dolfinx")
-def test_a_structure_knows_its_dimensions():
-    from sheets import rectangle
-
-    part = ao.Structure(rectangle(2, 0.3, 0.2), ao.Shell(**STEEL, thickness=0.006))
-    assert part.dimensions == pytest.approx((0.3, 0.2, 0.006))
-    assert advise(part, sphere(0.01, 1.0)) == advise((0.3, 0.2, 0.006), sphere(0.01, 1.0), **STEEL)
-    line = ao.read_mesh("meshes/beam.msh")
-    bar = ao.Beam(**STEEL, section=ao.Section.rectangle(0.02, 0.01), orientation=(0, 0, 1))
-    assert ao.Structure(line, bar).dimensions == pytest.approx((1.0, 0.02, 0.01))
 
 
 @pytest.mark.fem

@@ -8,15 +8,12 @@ import os
 import stat
 import subprocess
 import sys
-import tempfile
 import zipfile
 
 import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import checks, files
-from antiosc_app import cli
 
 MODEL = ao.AntiOscillators(m0=1.0, k0=1e6, m=[1.0, 2.0], omega=[1e3, 2e3])
 
@@ -43,26 +40,6 @@ def test_a_link_stays_a_link(tmp_path, exists):
     assert link.is_symlink()
     assert ao.AntiOscillators.load(far).n == 2
     assert os.listdir(tmp_path / "far") == ["real.npz"]
-
-
-def test_what_is_written_reaches_the_disk_before_it_takes_its_place(tmp_path, monkeypatch):
-    path = tmp_path / "text"
-    order = []
-    fsync, replace = os.fsync, os.replace
-
-    def watched_fsync(handle):
-        order.append("folder" if stat.S_ISDIR(os.fstat(handle).st_mode) else "file")
-        fsync(handle)
-
-    def watched_replace(source, target):
-        order.append("replace")
-        replace(source, target)
-
-    monkeypatch.setattr(os, "fsync", watched_fsync)
-    monkeypatch.setattr(os, "replace", watched_replace)
-    files.write_text(path, "whole")
-    assert order == ["file", "replace", "folder"]
-    assert path.read_text() == "whole"
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt(), ValueError("no"), OSError(28, "full")])
@@ -100,16 +77,6 @@ def test_no_place_for_a_file(tmp_path, name, says):
     with pytest.raises(ao.InputError, match=rf"cannot write the model to .*{says}"):
         MODEL.save(tmp_path / name)
     assert sorted(os.listdir(tmp_path)) == before
-
-
-@pytest.mark.parametrize("name", [".", "/", "..", "folder/.."])
-def test_a_folder_is_no_name_for_a_new_file(tmp_path, monkeypatch, name):
-    (tmp_path / "folder").mkdir()
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(["new", name]) == 1
-    with pytest.raises(ao.InputError, match="name"):
-        checks.new_file("path", name)
-    assert os.listdir(tmp_path) == ["folder"]
 
 
 def saved(tmp_path) -> dict[str, bytes]:
@@ -213,66 +180,6 @@ def test_what_is_no_file_is_no_model(tmp_path, kind):
     path = {"device": "/dev/zero", "long": "x" * 5000}.get(kind, tmp_path / kind)
     with pytest.raises(ao.InputError, match="no model file"):
         ao.AntiOscillators.load(path)
-
-
-PROTECTED = """
-import os, sys
-from antiosc.base import files
-if os.geteuid() == 0:  # who may write everywhere
-    os.chown(sys.argv[1], 65534, 65534)
-    os.setuid(65534)
-path = os.path.join(sys.argv[1], "text")
-open(path, "w").write("old")
-os.chmod(path, 0o444)
-try:
-    files.write_text(path, "new")
-except files.InputError as error:
-    print(error, open(path).read())
-"""
-
-
-@pytest.mark.slow
-def test_a_write_protected_file_stays():
-    with tempfile.TemporaryDirectory() as folder:  # a folder of pytest is closed to others
-        done = subprocess.run(
-            [sys.executable, "-c", PROTECTED, folder], capture_output=True, text=True, check=True
-        )
-    assert "write-protected" in done.stdout
-    assert done.stdout.split()[-1] == "old"
-
-
-KILLED = """
-import os, signal, sys
-from antiosc.base import files
-with files.atomic_file(sys.argv[1]) as part:
-    part.write_text("half")
-    if sys.argv[2] == "killed":
-        os.kill(os.getpid(), signal.SIGKILL)
-    print(part, flush=True)
-    sys.stdin.read()
-"""
-
-
-@pytest.mark.slow
-def test_the_next_writer_removes_what_a_killed_one_has_left(tmp_path):
-    """And nothing of a writer that lives, nor what belongs to other files."""
-    path = tmp_path / "m.npz"
-    (tmp_path / ".antiosc-other").touch()
-    subprocess.run([sys.executable, "-c", KILLED, path, "killed"], check=False)
-    assert len(os.listdir(tmp_path)) == 2
-    with subprocess.Popen(
-        [sys.executable, "-c", KILLED, path, "slow"],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as slow:  # fmt: skip
-        living = slow.stdout.readline().strip()
-        MODEL.save(path)
-        assert sorted(os.listdir(tmp_path)) == sorted(
-            [".antiosc-other", path.name, os.path.basename(living)]
-        )
-        slow.stdin.close()
-        assert slow.wait() == 0
-    assert sorted(os.listdir(tmp_path)) == [".antiosc-other", path.name]
-    assert path.read_text() == "half"
 
 
 FULL = """

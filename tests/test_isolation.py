@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from antiosc.base.process import quiet, restored
+from antiosc.base.process import restored
 from paths import MESHES
 
 #: What a process can see of itself; the packages' own loggers are theirs.
@@ -250,13 +250,3 @@ def test_what_others_change_is_put_back(monkeypatch):
     with restored():
         assert vendored in sys.path
     assert vendored not in sys.path
-
-
-def test_quiet_holds_back_chatter_alone(caplog):
-    with caplog.at_level(logging.DEBUG), quiet("", "chatter"):
-        logging.getLogger("chatter").info("step 1 of 100")
-        logging.getLogger().info("gcc -O2")
-        logging.getLogger("chatter").warning("this matters")
-        logging.getLogger("mine").info("this is mine")
-    logging.getLogger("chatter").warning("this too")
-    assert [r.message for r in caplog.records] == ["this matters", "this is mine", "this too"]

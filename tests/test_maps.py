@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import re
 import warnings
 from types import SimpleNamespace
 
@@ -17,25 +16,18 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
 import meshio
-from scipy.spatial import cKDTree
 
 import antiosc as ao
 import parts
 from antiosc.base.stresses import DEVIATOR, equivalent
-from antiosc.base.texts import engineering, percent
-from antiosc.fem.assembly import with_parts
-from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
-from antiosc.models.doubts import EDGE, NEAR, NO_RESULT
+from antiosc.base.texts import percent
+from antiosc.models.doubts import NO_RESULT
 from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.map_sites import sites_of, surface, thinned
+from antiosc.reduce.site.map_sites import sites_of, surface
 from antiosc.reduce.site.sites import located
-from antiosc.strikes import impact_map as maps, map_results, map_stresses
-from antiosc.strikes.map_results import hardest, low_band
-from antiosc_app import headline, live_meshes as sites
-from antiosc_app.headline import caution_of_map, sentences_of_map
-from antiosc_app.results import presentations
-from antiosc_app.scene_file.run import SceneResults
+from antiosc.strikes import impact_map as maps, map_stresses
+from antiosc.strikes.map_results import hardest
 
 pytestmark = pytest.mark.fem
 
@@ -177,27 +169,6 @@ def test_the_error_by_the_law_is_that_of_the_hardest_blow_by_itself(name, ball):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
-def test_the_blow_says_how_many_modes_and_anti_oscillators_a_sheet_needs():
-    groups = {"left": (1, lambda x: np.isclose(x[0], 0))}
-    sheet = ao.Structure(
-        parts.plate((10, 6), groups=groups),
-        ao.Shell(**parts.STEEL, thickness=2e-3),
-        [ao.Support("left")],
-    )
-    ball, law = ao.RigidMass(mass=0.01, velocity=1.0), ao.Hertz(1e9)
-    point = (0.11, 0.031)
-    blow = ([point], ball, law, 4e-4)
-    found = ao.impact_map(sheet, *blow, direction=(0, 0, -1))
-    alone = ao.extract(sheet, ao.Site((*point, 0), (0, 0, -1)), n=120)
-    force = ao.simulate(alone, ball, law, 4e-4).peak_force
-    few = ao.impact_map(sheet, *blow, direction=(0, 0, -1), n=12, modes=20).peak_force[0]
-    assert found.band == pytest.approx(ao.impact_band(ball, law))
-    assert found.error.max() < 0.05
-    assert abs(found.peak_force[0] / force - 1) < 0.1 * abs(few / force - 1)
-
-
-@pytest.mark.slow
 def test_files(mapped, tmp_path):
     read = meshio.read(mapped.write(tmp_path / "map.vtu"))
     np.testing.assert_allclose(read.points, mapped.points)
@@ -249,61 +220,6 @@ def test_bad_input(steel, options, words):
     warnings.simplefilter("ignore", UserWarning)
     with pytest.raises(ao.InputError, match=words):
         ao.impact_map(steel, **{"where": "top", **options})
-
-
-@pytest.mark.slow
-def test_a_map_tells_the_blow_that_deflects_a_held_sheet_most(recwarn):
-    groups = {"ends": (1, lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 0.2))}
-    sheet = ao.Structure(
-        parts.plate((10, 6), groups=groups),
-        ao.Shell(**parts.STEEL, thickness=1e-3),
-        [ao.Support("ends")],
-    )
-    points, options = [(0.02, 0.03), (0.09, 0.03)], {"direction": (0, 0, -1)}
-    for speed, count in ((1e-3, 0), (2.0, 1)):
-        blow = ao.RigidMass(0.05, speed), ao.Hertz(1e9), 2e-3
-        found = ao.impact_map(sheet, points, *blow, **options)
-        far = [str(one.message) for one in recwarn if "deflects by" in str(one.message)]
-        assert len(far) == count
-    ratio = found.peak_deflection[1] / 1e-3
-    assert f"(90, 30, 0) mm: 'structure' deflects by {ratio:.3g} mm, {ratio:.3g} times" in far[0]
-
-
-def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
-    """In a corner of a face a quarter of the patch carries the whole force."""
-    middle, corner = (0.06, 0.04, 0.03), (0.12, 0.08, 0.03)
-    with pytest.warns(ao.AccuracyWarning) as told:
-        found = ao.impact_map(
-            steel, [middle, corner], direction=(0, 0, -1), radius=0.02, accuracy=1e9
-        )
-    (sentence,) = (str(one.message) for one in told if "edge" in str(one.message))
-    assert map_results.doubts_text(found) in sentence  # one count, and each reason once
-    assert found.doubtful.tolist() == [False, True]
-    hard = dataclasses.replace(found, peak_force=np.array([1.0, 2.0]))
-    assert hardest(hard) == 0
-    assert "1 doubtful" in hard.summary()
-    rows = dict(presentations(SceneResults(map=hard))[1].rows)
-    assert "1 doubtful" in rows["sites"]
-    assert rows["peak force"] == "1.000 N to 1.000 N"
-    assert "radius of the patch, on cells not larger" in caution_of_map(hard)
-    assert "1.00 N, arises at (60, 40, 30) mm" in sentences_of_map(hard)[0]
-    most = dataclasses.replace(hard, doubtful=np.ones(2, dtype=bool))
-    caution = caution_of_map(most)
-    assert "2 doubtful sites: 1 where" in caution
-    assert caution.startswith("No site is free of doubts")
-    told = " ".join([caution, *sentences_of_map(most), most.summary()])
-    assert "left out of" not in told.lower()  # the ranges are those of all sites
-    assert "2.00 N, arises at (120, 80, 30) mm" in sentences_of_map(most)[0]
-    rows = dict(presentations(SceneResults(map=most))[1].rows)
-    assert "2 doubtful sites" in rows["sites"]
-    assert rows["peak force"] == "1.000 N to 2.000 N"
-    softest = f"k0 of {engineering(found.models.k0[0], 'N/m')}, is at (60, 40, 30) mm"
-    assert softest in sentences_of_map(hard)[1]
-    stressed = dataclasses.replace(hard, peak_stress=hard.peak_force, stress_points=hard.points)
-    assert "largest stress 1.00 Pa at (60, 40, 30) mm" in stressed.summary()
-    assert "and the largest stress" in stressed.summary()
-    mesh = meshio.read(hard.write(tmp_path / "map.vtu"))
-    assert mesh.point_data["doubtful"].tolist() == [0.0, 1.0]
 
 
 def test_a_force_beyond_that_on_a_rigid_wall_is_doubtful(steel, monkeypatch):
@@ -371,41 +287,6 @@ def test_curved_patch_carries_a_unit_force():
 
 
 @pytest.mark.slow
-def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
-    shell = sheet()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        result = ao.impact_map(shell, direction=(0, 0, -1))
-        inner = np.flatnonzero(
-            (np.abs(result.points[:, 1] - 0.03) < 0.02) & (result.points[:, 0] < 0.19)
-        )
-        for i in inner[::3]:
-            direct = ao.extract(
-                shell, ao.Site(result.points[i], (0, 0, -1), radius=result.radius[i])
-            )
-            assert result.models.k0[i] == pytest.approx(direct.k0, rel=1e-9)
-    assert set(result.radius[inner]) == {4e-3, 8e-3}
-
-
-@pytest.mark.slow
-def test_the_half_space_is_that_of_the_material_at_the_site():
-    groups = {
-        "left": (2, lambda x: np.isclose(x[0], 0)),
-        "steel": (3, lambda x: x[0] < SIZE[0] / 2 + 1e-9),
-        "light": (3, lambda x: x[0] > SIZE[0] / 2 - 1e-9),
-        "end": (2, lambda x: np.isclose(x[0], SIZE[0])),
-    }
-    mesh = parts.box((4, 4, 2), SIZE, groups=groups)
-    materials = {"steel": ao.Solid(**parts.STEEL), "light": ao.Solid(**parts.ALUMINIUM)}
-    part = ao.Structure(mesh, materials, [ao.Support("left")])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        result = ao.impact_map(part, "end", radius=0.01)
-    expected = materials["light"].half_space_compliance(1.0) / 0.01
-    np.testing.assert_allclose(result.local_compliance, expected)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_given_points_of_a_sheet(cell):
     shell = sheet(cell)
@@ -464,25 +345,6 @@ def finely(supports=True, where="top", radius=0.012, **options):
 BALL = ao.Sphere(radius=0.01, material="bearing steel 100Cr6", velocity=1.0)
 
 
-@pytest.mark.slow
-def test_a_support_near_a_patch_makes_its_site_doubtful():
-    _, found, _ = finely()
-    near = found.points[:, 0] < 2 * found.radius
-    assert NEAR in set(found.reasons[near])
-    assert NEAR not in found.reasons[~near & (found.points[:, 0] > 0.03)]
-    assert NEAR not in finely(supports=False)[1].reasons
-
-
-def test_a_map_of_one_face_is_not_told_to_map_one_face(steel):
-    points, given = [(0.06, 0.04, 0.03)], {"direction": (0, 0, -1), "radius": 0.02}
-    found = ao.impact_map(steel, points, **given, accuracy=1e9)
-    for name, told in (("", True), ("top", False)):
-        edges = dataclasses.replace(found, names=np.array([name]), doubtful=np.zeros(1, bool))
-        sentence = map_results.left_out_text(map_results.doubted(edges, np.ones(1, bool), EDGE))
-        assert ("map one face" in sentence) == told
-        assert EDGE in sentence
-
-
 def test_the_largest_stress_is_that_of_all_tensors_at_all_times():
     random = np.random.default_rng(7)
     scales = 10.0 ** -np.arange(9)
@@ -512,118 +374,12 @@ def test_stresses_are_those_of_sound_sites_and_of_no_more_than_asked_for():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
-def test_a_map_colours_by_danger():
-    part, found = struck(supports=True, yield_strength=YIELD)
-    own = sites.sites_of_map(found, part)[1]
-    assert own["units"]["peak_stress"] == "Pa"
-    assert own["quantities"]["exposure"] is found.exposure
-    worst = int(found.exposure.argmax())
-    told = found.summary().splitlines()[-1]
-    assert engineering(found.peak_stress[worst], "Pa", 3) in told
-    assert "refine" in told
-    assert f"{found.exposure[worst]:.3g}" in " ".join(sentences_of_map(found))
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
 def test_stress_needs_impacts_and_no_strength():
     part, found = struck(supports=True)
     assert found.exposure is None
     assert "exposure" not in found.quantities()
     with pytest.raises(ao.InputError):
         ao.impact_map(part, POINTS, direction=(0, 0, -1), radius=0.02, stress=True)
-
-
-def test_the_reasons_of_doubtful_sites_add_up_to_their_number(steel):
-    points = [(0.06, 0.04, 0.03), (0.12, 0.08, 0.03), (0.08, 0.04, 0.03), (0.0, 0.0, 0.03)]
-    found = ao.impact_map(steel, points[:1], direction=(0, 0, -1), radius=0.02, accuracy=1e9)
-    many = dataclasses.replace(
-        found, points=np.array(points), doubtful=np.zeros(4, dtype=bool), reasons=np.full(4, "")
-    )
-    first = map_results.doubted(many, np.array([True, True, False, False]), "it is cut")
-    both = map_results.doubted(first, np.array([False, True, True, False]), "it is held")
-    assert both.doubtful.tolist() == [True, True, True, False]
-    told = map_results.doubts_text(both)
-    assert told == "3 doubtful sites: 2 where it is cut, 1 where it is held"
-
-
-@pytest.mark.slow
-def test_what_reduces_the_error_of_a_map_is_told(steel):
-    with pytest.warns(ao.AccuracyWarning, match="Z may be off") as told:
-        ao.impact_map(steel, "top", n=2, accuracy=1e-9)
-    (text,) = (str(one.message) for one in told if "Z may be off" in str(one.message))
-    assert "(n or modes), or a lower band" in text
-    ball = ao.Sphere(0.001, material="bearing steel 100Cr6", velocity=1.0)
-    given = {"direction": (0, 0, -1), "radius": 0.02, "n": 2, "band": 1e3, "accuracy": 1e9}
-    low = ao.impact_map(steel, [(0.06, 0.04, 0.03)], ball, ao.Hertz(1e8), 1e-4, **given)
-    told = low_band(low)
-    assert re.search(r"by itself, or take band = [\d.e+]+\.", told)
-
-
-def test_a_stress_has_the_error_of_the_force_also_without_that_of_the_law():
-    bar = ErrorBar(100.0, mesh=0.4, truncation=0.2, time=0.0, patch=0.07, law=None)
-    budget = ErrorBudget({"peak_force": bar}, 0.0, unknown={"law": "no strength."})
-    force = headline.force_bar(budget)
-    margin = ao.results.Margin("yield", 5e6, 50e6, np.zeros(3), 0.0, (4e6, 6e6))
-    field = ao.results.PeakField(
-        "von_mises", "Pa", np.zeros((1, 3)), np.array([5e6]), np.zeros(1), [], None, np.ones(1)
-    )
-    peak = dataclasses.replace(field, mesh_error=np.array([1e6]), _margin=margin)
-    shares = (1 - 0.8 * (1 - 0.67), 1.2 * 1.67 - 1)
-    assert headline.stress_bar(peak, force) == pytest.approx(shares)
-
-
-def test_fewer_sites_lie_apart_on_both_sides_of_a_plate():
-    """No vertex is farther from a site than two of these from each other; triangles keep a side."""
-    plate = parts.box((12, 8, 1), (0.12, 0.08, 2e-3), "tetrahedron")
-    part = ao.Structure(plate, ao.Solid(**parts.STEEL))
-    ground = surface(with_parts(part).members()[0].part, None)
-    few = thinned(ground, 30)
-    assert len(few.points) == 30
-    assert thinned(ground, len(ground.points)) is ground
-    heights = few.points[few.elements][:, :, 2]
-    flat = np.abs(few.normals[few.elements][:, :, 2]).min(axis=1) > 0.9
-    assert flat.any()
-    assert np.ptp(heights[flat], axis=1).max() == 0  # none runs through the plate
-    assert all((np.abs(few.points[:, 2] - z) < 1e-9).sum() > 5 for z in (0, 2e-3))
-    with_normals = [np.hstack([x.points, 0.03 * x.normals]) for x in (ground, few)]
-    far = cKDTree(with_normals[1]).query(with_normals[0])[0].max()
-    assert far <= cKDTree(with_normals[1]).query(with_normals[1], 2)[0][:, 1].min() + 1e-9
-
-
-@pytest.mark.slow
-def test_a_small_patch_does_not_depend_on_a_large_one_beside_it():
-    """Each is projected within its own radius, and no face that its lines cross is left out."""
-    ball = parts.box((6, 6, 6), (0.02, 0.02, 0.02), "tetrahedron")
-    part = with_parts(ao.Structure(ball, ao.Solid(**parts.STEEL))).members()[0].part
-    points = np.array([[0.006, 0.007, 0.02], [0.011, 0.01, 0.02], [0.02, 0.009, 0.008]])
-    directions = np.array([[0, 0, -1.0], [0.1, 0, -1.0], [-1.0, 0, 0]])
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    radii = np.array([1e-3, 9e-3, 2.5e-3])
-    together = located(part, points, directions, radii)
-    for i in range(3):
-        alone = located(part, points[i : i + 1], directions[i : i + 1], radii[i : i + 1])
-        assert together.share[i] == pytest.approx(alone.share[0], rel=1e-12)
-        apart = together.loads[:, i] - alone.loads[:, 0]
-        assert abs(apart).max() < 1e-12 * abs(alone.loads).max()
-    faces = part.faces
-    count = len(faces.facets)
-    random = np.random.default_rng(3)
-    on_face = np.einsum("fv,fvd->fd", random.dirichlet(np.ones(3), count), faces.corners)
-    along = random.standard_normal((count, 3))
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    heights = random.uniform(-0.02, 0.02, (count, 1))
-    pairs = zip(*faces._crossed(on_face + heights * along, along, 0.02), strict=True)
-    assert {(i, i) for i in range(count)} <= {(int(face), int(point)) for face, point in pairs}
-
-
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-def test_a_map_takes_no_more_modes_than_the_part_has():
-    part, given = block((1, 1, 1), order=1), {"direction": (0, 0, -1), "radius": 0.02}
-    found = ao.impact_map(part, [(0.1, 0.02, 0.02)], modes=10**4, **given)
-    assert found.models.omega.size <= part.dofs
-    with pytest.raises(ao.InputError, match="lower the band"):
-        ao.impact_map(part, [(0.1, 0.02, 0.02)], band=1e12, **given)
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")

@@ -5,7 +5,6 @@ import pytest
 import antiosc as ao
 from antiosc.base import materials, plausible
 from antiosc.engine.contact.surfaces import Surface, ball
-from antiosc_app.cli import main
 
 ALL = materials.names()
 pytestmark = pytest.mark.fem
@@ -26,10 +25,6 @@ def test_every_material_is_plausible_and_has_a_source(name):
     assert "(read at " in one.source or one.typical
 
 
-def test_there_are_some_forty():
-    assert len(ALL) >= 40
-
-
 def test_a_material_is_found_by_a_part_of_its_name_and_overridden():
     part = ao.material("6061", yield_strength=255e6, E=70e9)
     assert (part.E, part.yield_strength, part.yield_range) == (70e9, 255e6, None)
@@ -47,16 +42,6 @@ def test_the_family_follows_from_the_section():
     assert isinstance(wood, ao.AnisotropicSolid)
     with pytest.raises(ao.InputError, match="directions"):
         ao.material("wood, Sitka spruce", E=1e9)
-
-
-@pytest.mark.parametrize(("name", "listed"), [("6016", "6061"), ("aluminium", "7075"), (3, "name")])
-def test_the_names_are_listed(name, listed):
-    with pytest.raises(ao.InputError, match=listed):
-        ao.material(name)
-    if name == "aluminium":
-        with pytest.raises(ao.InputError) as told:
-            ao.material(name)
-        assert "steel" not in str(told.value)
 
 
 def test_a_striker_takes_a_material():
@@ -85,12 +70,3 @@ def test_a_surface_is_the_same_from_a_file():
     for key, wrong in (("curvatures", [1.0]), ("matter", {"E": -1.0}), ("what", 1)):
         with pytest.raises(ao.InputError, match="damaged"):
             Surface.of(one.as_dict() | {key: wrong})
-
-
-def test_the_command_lists_them(capsys):
-    assert main(["materials"]) == 0
-    listed = capsys.readouterr().out
-    assert all(name in listed for name in ALL)
-    assert main(["materials", "pmma"]) == 0
-    assert "Plexiglas" in capsys.readouterr().out
-    assert main(["materials", "unobtainium"]) == 1

@@ -65,56 +65,6 @@ def test_the_same_quantiles_stand_in_text_numbers_and_figure():
             ao.monte_carlo(lambda x: x, {"x": np.arange(3.0)}, 3, quantiles=wrong)
 
 
-@pytest.mark.parametrize("q", [0.05, 0.5, 0.99])
-def test_a_bar_without_an_end_says_how_many_results_have_one(q):
-    def bar(n):
-        return ao.Many({"y": np.arange(float(n))}, {}).quantile("y", q)
-
-    few = bar(3)
-    needed = [int(each.split()[-3]) for each in few.note.split("; ")]
-    assert np.isinf([few.low, few.high]).sum() == len(needed)
-    for n in needed:
-        assert sum(np.isinf([bar(n - 1).low, bar(n - 1).high])) > sum(
-            np.isinf([bar(n).low, bar(n).high])
-        )
-    assert not bar(max(needed)).note
-
-
-def test_runs_without_a_result_are_told():
-    many = ao.Many({"y": np.where(np.arange(200) % 2, 1.0, np.nan)}, {})
-    for found in (many.quantile("y", 0.5), many.exceedance("y", 0.5)):
-        assert found.note.startswith("100 of 200 runs have no y")
-    assert "without 100 runs" in repr(many)
-
-
-def test_runs_that_failed_count_as_larger_than_all_others():
-    """Of 0 ... 999, where those from 970 on failed: P(y > 950) is 0.049, the 99 % not known."""
-    values = np.where(np.arange(1000) < 970, np.arange(1000.0), np.nan)
-    failed = dict.fromkeys(range(970, 1000), "too hard")
-    many = ao.Many({"y": values}, failed)
-    assert many.quantile("y", 0.5).value == pytest.approx(499.5)
-    assert many.quantile("y", 0.95).value == pytest.approx(0.95 * 999)
-    assert np.isinf(many.quantile("y", 0.99).value)
-    assert many.exceedance("y", 950.0).value == pytest.approx(0.049)
-    assert "30 of 1000 runs failed" in many.quantile("y", 0.5).note
-    assert replace(many, quantiles=(0.99,)).numbers()["y"] == {"99 %": None}
-
-
-def test_the_quantiles_of_blows_count_those_that_their_patch_does_not_carry():
-    """30 % of the draws exceed the law of the patch: no quantile above 70 % is known."""
-    patched = ao.AntiOscillators(0.1, 1e7, [], [], local_compliance=2e-8, radius=1e-3)
-    speeds = [*np.linspace(1e-3, 2e-3, 7), 10.0, 20.0, 30.0]
-
-    def blow(velocity):
-        return patched, ao.RigidMass(1.0, velocity), ao.Hertz(1e9), 1e-2
-
-    with pytest.warns(ao.AccuracyWarning, match="larger than all others"):
-        many = ao.monte_carlo(blow, {"velocity": speeds}, 400)
-    assert 0.2 < len(many.failures) / 400 < 0.4
-    assert np.isinf(many.quantile("peak_force", 0.9).value)
-    assert np.isfinite(many.quantile("peak_force", 0.5).value)
-
-
 @pytest.mark.slow
 def test_bars_of_quantiles_and_probabilities_cover():
     rng = np.random.default_rng(1)
@@ -126,22 +76,6 @@ def test_bars_of_quantiles_and_probabilities_cover():
             share = ao.Many({"y": sample}, {}).exceedance("y", -np.log(q))
             inside.append(share.low <= q <= share.high)
     assert np.mean(inside) >= 0.94
-
-
-def test_blows_that_all_fail_in_one_part_cost_no_other():
-    """Runs are simulated in parts of 100; simulate_many refuses a batch of which all fail."""
-    calls = []
-
-    def run(v):
-        calls.append(v)
-        yielding = ao.Tabulated([0.0, 1e-9], [0.0, 1.0])  # ends long before the blow does
-        law = yielding if len(calls) <= 100 else ao.Hertz(1e8)
-        return WALL, ao.RigidMass(0.1, v), law, 5e-3
-
-    with pytest.warns(ao.AccuracyWarning, match="100 of 150 runs failed"):
-        many = ao.monte_carlo(run, {"v": ao.uniform(1.0, 2.0)}, 150)
-    assert list(many.failures) == list(range(100))
-    assert len(many.finite("peak_force")) == 50
 
 
 def test_points_of_a_map_are_drawn_by_their_areas():
@@ -177,15 +111,3 @@ def test_points_of_a_map_are_drawn_by_their_areas():
 def test_what_cannot_be_drawn_is_refused(inputs, run, word):
     with pytest.raises(ao.InputError, match=word or None):
         ao.monte_carlo(run, inputs, 5)
-
-
-def test_runs_that_all_fail_alike_end_the_study_at_once():
-    begun = []
-
-    def run(x):
-        begun.append(x)
-        raise ao.AntioscError("no law is known")
-
-    with pytest.raises(ao.AntioscError, match=r"first 10 of 500 runs failed alike.*no law"):
-        ao.monte_carlo(run, {"x": ao.uniform(0.0, 1.0)}, 500)
-    assert len(begun) == 10

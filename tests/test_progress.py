@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import io
-import sys
 import threading
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import pytest
 
@@ -79,53 +78,3 @@ def test_work_that_lasts_tells_for_how_long_also_in_a_log(terminal, monkeypatch,
     else:
         times = ["30 s", "60 s", "2 min"]
         assert told == "".join(f"antiosc: meshing … ({time} so far)\n" for time in times)
-
-
-def test_short_work_and_no_work_tell_no_time(terminal, monkeypatch):
-    monkeypatch.setattr(progress, "TICK", 1e-3)
-    with progress.with_time():
-        threading.Event().wait(0.05)
-        with progress.doing("work"):
-            threading.Event().wait(0.05)
-    assert lines(terminal) == ["antiosc: work …", "", ""]
-
-
-def test_a_terminal_without_unicode_gets_question_marks():
-    stream = io.TextIOWrapper(io.BytesIO(), encoding="latin-1", newline="")
-    progress.print_text("force × 2, …", stream)
-    assert stream.buffer.getvalue() == "force × 2, ?\n".encode("latin-1")
-
-
-@pytest.mark.parametrize("backend", ["agg", "module://matplotlib_inline.backend_inline"])
-def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkeypatch):
-    pyplot = pytest.importorskip("matplotlib.pyplot")
-    from antiosc.plot import charts
-
-    told: list[bool] = []
-    pyplot.switch_backend("agg")
-    monkeypatch.setattr(pyplot, "get_backend", lambda: backend)
-    monkeypatch.setattr(charts, "_let_notebook_draw", lambda: told.append(True))
-    before = len(pyplot.get_fignums())
-    figure = charts.new_figure((3.0, 2.0), shown=True)
-    assert len(pyplot.get_fignums()) - before == (backend == "agg")
-    assert told == [True] * (backend != "agg")
-    pyplot.close(figure)
-
-
-def test_a_notebook_draws_the_figure_of_its_first_cell(monkeypatch):
-    """pyplot tells it how after that cell only, which would show the name of the figure."""
-    matplotlib = pytest.importorskip("matplotlib.figure")
-    from antiosc.plot import charts
-
-    formatters: dict[str, set[object]] = {"image/png": set()}
-    shell = SimpleNamespace(display_formatter=SimpleNamespace(formatters=formatters))
-    notebook, tools = ModuleType("IPython"), ModuleType("IPython.core.pylabtools")
-    notebook.get_ipython = lambda: shell
-    tools.select_figure_formats = lambda shell, formats: formatters["image/png"].update(formats)
-    monkeypatch.setitem(sys.modules, "IPython", notebook)
-    monkeypatch.setitem(sys.modules, "IPython.core.pylabtools", tools)
-    charts._let_notebook_draw()
-    assert formatters["image/png"] == {"png"}
-    formatters["image/png"] = {matplotlib.Figure}  # as its user has set it
-    charts._let_notebook_draw()
-    assert formatters["image/png"] == {matplotlib.Figure}

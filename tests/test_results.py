@@ -58,30 +58,3 @@ def test_numbers_of_a_sample_are_its_quantiles():
     numbers = found.numbers()
     assert numbers["peak_force"]["50 %"] == found.quantile("peak_force", 0.5).value
     assert found.numbers()["runs"] == 60
-
-
-def test_a_sample_with_runs_that_failed_says_so():
-    found = ao.Many({"peak_force": np.array([1.0, np.nan, 2.0])}, {1: "no"}, {"v": np.ones(3)})
-    assert (found.status, found.message) == (1, "1 of 3 runs failed.")
-    assert found.worst() == 2
-    assert found.table()["failure"] == ["", "no", ""]
-    assert found.table()["v"] is found.inputs["v"]
-
-
-def test_the_slopes_of_a_gradient_are_its_numbers():
-    found = RESULTS["Gradient"]()
-    slopes = found.numbers()["derivatives"]
-    assert any(own.get("velocity") == found.velocity for own in slopes.values())
-
-
-@pytest.mark.slow
-def test_what_is_written_comes_first_and_either_order_is_the_same_file(tmp_path):
-    first, other = tmp_path / "a" / "port.c", tmp_path / "b" / "port.c"
-    for path in (first, other):
-        path.parent.mkdir()
-    ao.export(MODEL, first)
-    ao.export(other, MODEL)
-    assert first.read_text() == other.read_text()
-    hit = RESULTS["History"]()
-    assert ao.write_report(hit, tmp_path / "a.html") == tmp_path / "a.html"
-    assert ao.write_report(tmp_path / "b.html", hit) == tmp_path / "b.html"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import threading
 import warnings
@@ -16,7 +15,7 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base import errors, process
+from antiosc.base import process
 from antiosc.fem.structure.structure import Structure
 
 
@@ -68,38 +67,6 @@ def overlapping(first: AbstractContextManager, second: AbstractContextManager) -
             further("after the other")
 
 
-def test_warnings_that_a_thread_drops_are_heard_in_others_and_afterwards():
-    before = list(warnings.filters)
-    overlapping(errors.without_warnings(), errors.without_warnings())
-    assert warnings.filters == before
-    with errors.without_warnings(), ThreadPoolExecutor(1) as pool:
-        errors.warn("it was told before")
-        with pytest.warns(ao.AntioscWarning, match="news"):
-            pool.submit(errors.warn, "news").result()
-    with pytest.warns(ao.AntioscWarning, match="again"):
-        errors.warn("again")
-
-
-def test_what_another_thread_sets_while_something_compiles_stays(monkeypatch):
-    monkeypatch.setenv("ANTIOSC_TEST_GONE", "1")
-    path = list(sys.path)
-
-    def application() -> None:
-        os.environ["ANTIOSC_TEST_SET"] = "1"
-        del os.environ["ANTIOSC_TEST_GONE"]
-        sys.path.append("/application")
-
-    try:
-        with process.restored(), ThreadPoolExecutor(1) as pool:
-            pool.submit(application).result()
-        assert os.environ.get("ANTIOSC_TEST_SET") == "1"
-        assert "ANTIOSC_TEST_GONE" not in os.environ
-        assert "/application" in sys.path
-    finally:
-        os.environ.pop("ANTIOSC_TEST_SET", None)
-        sys.path[:] = path
-
-
 @pytest.mark.fem
 def test_openmp_is_as_before_after_factors_of_two_threads(monkeypatch):
     pytest.importorskip("dolfinx")
@@ -142,19 +109,3 @@ def test_the_smaller_of_machine_and_container(files, free, monkeypatch):
 
     monkeypatch.setattr(process, "_lines", lines)
     assert process.free_memory() == free
-
-
-def test_the_limit_of_the_process_counts(monkeypatch):
-    """What `ulimit -v` leaves, of 3 pages that are used."""
-    resource = pytest.importorskip("resource")
-    limit = 10 * resource.getpagesize()
-    monkeypatch.setattr(resource, "getrlimit", lambda kind: (limit, limit))
-    monkeypatch.setattr(process, "_lines", lambda path: ["3 2 1"] if "statm" in path else [])
-    assert process.free_memory() == 7 * resource.getpagesize()
-
-
-def test_what_does_not_fit_is_one_sentence(monkeypatch):
-    monkeypatch.setattr(process, "free_memory", lambda: 2e9)
-    process.require(1.7e9, "a run", "do less")
-    with pytest.raises(process.OutOfMemoryError, match=r"^a run needs .* 1.9 GB .* 2 GB"):
-        process.require(1.9e9, "a run", "do less")

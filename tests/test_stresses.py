@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.stresses import components, equivalent_parts, length
 
 
 def turned(tensor: np.ndarray) -> np.ndarray:
@@ -31,24 +30,6 @@ def test_von_mises(tensor, equivalent):
         np.testing.assert_allclose(found, [equivalent, 2 * equivalent], atol=1e-8)
     six = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
     assert ao.von_mises(six) == pytest.approx(equivalent, abs=1e-9)
-
-
-@pytest.mark.parametrize(("in_plane", "rank"), [(False, 5), (True, 3)])
-def test_von_mises_is_the_length_of_few_parts(in_plane, rank):
-    """Sums of tensors of modes; those of a sheet's plane stress have three parts."""
-    rng = np.random.default_rng(1)
-    modes, factors = rng.standard_normal((30, 40, 6)), rng.standard_normal((7, 40))
-    if in_plane:
-        plane = np.zeros((30, 40, 3, 3))
-        plane[..., :2, :2] = modes[..., :4].reshape(30, 40, 2, 2)
-        tensors = plane + np.swapaxes(plane, -1, -2)
-        axes = np.linalg.qr(rng.standard_normal((30, 1, 3, 3)))[0]
-        modes = components("t", axes @ tensors @ np.swapaxes(axes, -1, -2))
-    parts = equivalent_parts(np.moveaxis(modes, 1, 2))
-    assert parts.shape == (30, rank, 40)
-    found = length(np.einsum("srb,nb->snr", parts, factors))
-    expected = ao.von_mises(np.einsum("sbc,nb->snc", modes, factors))
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 def test_tsai_hill_of_single_stresses_is_the_square_of_the_share():

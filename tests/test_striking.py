@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,11 +13,9 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.base.errors import RangeError, warn
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.models.closed_form import StruckBeam, UniformBeam
 from antiosc.strikes import strike as striking
-from antiosc.strikes.strike import LEAST_SHARE, Answer, compared
 from mpi import one_and_several
 from parts import STEEL, line, plate
 
@@ -60,26 +57,6 @@ def test_the_tolerance_is_met(order, tol, true):
     if order == 1:
         assert len(records) > 1
         assert records[-1]["mesh"] < 0.5 * records[0]["mesh"]
-
-
-def test_two_meshes_show_how_much_of_its_bar_the_error_is():
-    def answer(mesh: float, change: float, safety: float = 2.0, dofs: int = 2000) -> Answer:
-        """With this bar of the mesh, and a peak force that is lower by this change."""
-        values = dict.fromkeys(QUANTITIES, 1.0)
-        hit = SimpleNamespace(**values | {"peak_force": 1 - change})
-        bars = {name: ErrorBar(1.0, mesh, 0.0, 0.0, 0.0) for name in QUANTITIES}
-        part = SimpleNamespace(dofs=dofs)
-        return Answer(part, hit, hit, ErrorBudget(bars, 0.01, safety=safety), 20, 1.0)
-
-    def left(*given: float) -> float:
-        return compared(answer(*given), answer(0.08, 0.0, 2.0, 1000)).budget["impulse"].mesh
-
-    assert left(0.02, 0.0) == pytest.approx(LEAST_SHARE * 0.02)
-    assert left(0.02, 0.024) == pytest.approx(0.8 * 0.02, rel=1e-6)
-    assert left(0.02, 0.1) == 0.02
-    assert left(0.07, 0.0) == 0.07  # hardly finer than the one before
-    assert left(0.02, 0.0, 3.0) == 0.02
-    assert left(0.02, 0.0, 2.0, 1100) == 0.02
 
 
 @pytest.mark.slow
@@ -231,58 +208,6 @@ def step(monkeypatch: pytest.MonkeyPatch) -> Any:
     return called
 
 
-def test_a_mesh_that_takes_too_long_or_too_much_memory_is_not_made(step: Any) -> None:
-    """Goal 0.2: five times the cells; 3 s now, so many more, 7 s spent."""
-    given = answer(budget(0.04))
-    seconds = 3.0 * 5**1.2
-    assert step(given, limit=7.0 + seconds * 1.001)[1] == ""
-    told = step(given, limit=7.0 + seconds * 0.999)[1]
-    assert told.startswith("Stopped before the limit of")
-    assert f"about 5000 dofs would meet it, in some {seconds:.2g} s more" in told
-    needed = 400.0 * 5000**1.1 / striking.MEMORY_SHARE
-    assert step(given, free=needed * 1.001)[1] == ""
-    assert "GB free: a mesh of about 5000 dofs" in step(given, free=needed * 0.999)[1]
-
-
-def test_when_no_mesh_helps_it_is_said(step: Any) -> None:
-    """The tolerance that is named is met by this mesh."""
-    told = step(answer(budget(0.0082, time=0.0094)))[1]
-    assert "(time steps 0.94 %) leaves too little of 1 %" in told
-    assert told.endswith("shorten the time steps, or take a tol of at least 1.8 %.")
-    told = step(answer(budget(0.0091, time=0.0094)))[1]
-    assert told.endswith("take a tol of at least 1.9 %.")  # 1.85 %, rounded up
-    assert step(answer(budget(0.05, time=0.0093)))[1] == ""
-
-
-def test_where_the_tolerance_is_out_of_reach_meshes_get_finer_up_to_what_is(step: Any) -> None:
-    """Of a bar of 6.9 % in which the time has 1.9 %, twice that is left: 3.8 %."""
-    given = budget(0.05, time=0.019)
-    ratio, told = step(answer(given))
-    assert told == ""
-    np.testing.assert_allclose(ratio**2, 0.8 * 0.019 / 0.05, rtol=1e-6)
-    assert "tol of at least 3.8 %" in step(answer(budget(0.0189, time=0.019)))[1]
-
-
-def test_the_largest_number_is_a_reason_only_where_its_truncation_is_too_large(step: Any) -> None:
-    enough, too_few = (budget(0.05, truncation=share * TOL) for share in (0.19, 0.21))
-    assert step(answer(enough, n=300))[1] == ""
-    assert step(answer(too_few, n=299))[1] == ""
-    told = step(answer(too_few, n=300))[1]
-    assert "300 anti-oscillators, the most that are tried, leave 0.21 % by truncation" in told
-    assert told.endswith("take a tol of at least 5.3 %.")  # 5 + 0.21 %, rounded up
-
-
-@pytest.mark.parametrize(
-    ("law", "missed"), [(None, False), (0.0, False), (0.004, False), (0.2, True)]
-)
-def test_a_contact_law_that_misses_the_tolerance_is_told(law: float | None, missed: bool) -> None:
-    """The bars without the law are 0.5 % of 1 %: the law may add as much again."""
-    sentence = striking._missed_by_law(budget(0.005, law=law), TOL)
-    assert bool(sentence) == missed
-    if missed:
-        assert "known to 20 %: the bar with it is 20 %, above tol = 1 %" in sentence
-
-
 @pytest.mark.parametrize(
     ("given", "goal"),
     [
@@ -302,56 +227,3 @@ def test_the_next_mesh_has_the_error_that_is_left(step: Any, given: Any, goal: f
     ratio, told = step(answer(given))
     np.testing.assert_allclose(ratio, np.sqrt(goal), rtol=1e-6)
     assert told == ""
-
-
-def test_later_meshes_aim_lower_and_none_grows_more_than_eightfold(step: Any) -> None:
-    for meshes, goal in ((1, 0.4), (2, 0.24), (3, 0.144), (4, 1 / 8)):
-        ratio, _ = step(answer(budget(0.02)), meshes=meshes)
-        np.testing.assert_allclose(ratio**2, goal, rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_numbers_whose_force_exceeds_the_law_are_passed_by(monkeypatch):
-    """Too few anti-oscillators move too little, so that their force is larger."""
-    simulated = striking.simulated
-
-    def refusing(impactor, contact, duration, options, model, error):
-        if model.n < 45:
-            raise RangeError("the force exceeds the law")
-        return simulated(impactor, contact, duration, options, model, error)
-
-    monkeypatch.setattr(striking, "simulated", refusing)
-    given = {"material": SHEET, "supports": HELD}
-    hit = ao.strike(coarse(), SITE, *IMPACT, tol=0.05, **given)
-    assert hit.status == 0
-    assert all(mesh["n"] >= 45 for mesh in hit.model.info["strike"])
-    monkeypatch.setattr(striking, "MOST_N", 44)
-    with pytest.raises(RangeError):
-        ao.strike(coarse(), SITE, *IMPACT, tol=0.05, **given)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("refined", [False, True])
-def test_numbers_and_meshes_that_are_replaced_leave_no_warnings(refined, monkeypatch):
-    """Each number of anti-oscillators that is tried tells itself; the last one's are told."""
-    simulated = striking.simulated
-
-    def telling(impactor, contact, duration, options, model, error):
-        if model.strain_error is not None:  # not the corrected model, which has the same number
-            warn(f"tried {model.info['dofs']} dofs, {model.n} anti-oscillators.")
-        return simulated(impactor, contact, duration, options, model, error)
-
-    monkeypatch.setattr(striking, "simulated", telling)
-    monkeypatch.setattr(striking, "FIRST_N", 3)
-    monkeypatch.setattr(striking, "_truncation_goal", lambda *_: 1e-5)
-    source, given = coarse(), {"material": SHEET, "supports": HELD, "order": 1}
-    if not refined:
-        source, given = ao.Structure(source, **given), {}
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        hit = ao.strike(source, SITE, *IMPACT, tol=0.003, **given)
-    last = hit.model.info["strike"][-1]
-    assert last["n"] > 3
-    assert (len(hit.model.info["strike"]) > 1) == refined
-    tried = {str(one.message) for one in told if "tried" in str(one.message)}
-    assert tried == {f"tried {last['dofs']} dofs, {last['n']} anti-oscillators."}

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
-
-import numpy as np
 import pytest
 
 from antiosc.base import process
@@ -13,8 +9,6 @@ from antiosc.base import process
 threadpoolctl = pytest.importorskip("threadpoolctl")
 if not process.pools():
     pytest.skip("this BLAS has no threads", allow_module_level=True)
-
-LARGE = 100 * process.WORK_PER_THREAD
 
 
 def now() -> set[int]:
@@ -72,62 +66,3 @@ def test_one_thread_inside_and_as_before_afterwards(two_threads):
     with pytest.raises(KeyError):
         failing()
     assert now() == {2}
-
-
-def test_more_threads_only_for_large_fronts_on_free_cores(two_threads, monkeypatch):
-    with process.one_thread():
-        with process.blas_threads(np.array([LARGE])) as count:
-            assert (count, now()) == (2, {2})
-        assert now() == {1}
-        with process.blas_threads(np.array([1e6])) as count:
-            assert (count, now()) == (1, {1})
-    monkeypatch.setattr(process, "free_cores", lambda: 1)
-    with process.blas_threads(np.array([LARGE])) as count:
-        assert (count, now()) == (1, {1})
-    assert now() == {2}
-
-
-def test_two_calculations_at_once_share_the_cores_and_leave_all_as_it_was(two_threads):
-    started, ended, seen = threading.Barrier(2), threading.Barrier(2), []
-
-    def calculate(delay: float) -> None:
-        with process.one_thread():
-            started.wait(10)
-            with process.blas_threads(np.array([LARGE])) as count:
-                seen.append((count, now()))
-                ended.wait(10)
-            time.sleep(delay)
-
-    workers = [threading.Thread(target=calculate, args=(delay,)) for delay in (0.0, 0.05)]
-    for worker in workers:
-        worker.start()
-    for worker in workers:
-        worker.join()
-    assert seen == [(1, {1}), (1, {1})]
-    assert now() == {2}
-
-
-@pytest.mark.fem
-def test_a_factor_tells_the_operations_of_its_fronts(monkeypatch):
-    import scipy.sparse
-
-    from antiosc.fem.linalg import cholmod
-
-    given, plain = [], cholmod.blas_threads
-
-    def record(fronts):
-        given.append(fronts)
-        return plain(fronts)
-
-    monkeypatch.setattr(cholmod, "blas_threads", record)
-    n = 200
-    dense = scipy.sparse.csr_matrix(np.tril(np.ones((n, n)) + n * np.eye(n)))
-    cholmod.Cholesky(dense)
-    chain = scipy.sparse.diags([-np.ones(n - 1), np.full(n, 2.1)], [-1, 0], format="csr")
-    L = cholmod.Cholesky(chain).supernodes
-    # c² operations for a column of c entries
-    assert given[0].sum() == sum(c**2 for c in range(n + 1))
-    heights = np.repeat(np.diff(L.row), np.diff(L.start))
-    first = np.repeat(L.start[:-1], np.diff(L.start))
-    counts = heights - (np.arange(n) - first)
-    assert given[1].sum() == (counts**2).sum()

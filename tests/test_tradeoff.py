@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import time
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,25 +14,18 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.base import clock
-from antiosc.base.errors import RangeError, warn
-from antiosc.fem.elements import tetrahedra
-from antiosc.fem.platform import compat
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
-from antiosc.reduce.error.remeshing import OfGeometry, source_of
-from antiosc.strikes import tradeoff
 from antiosc.strikes.tradeoff import (
     BRACKET,
     Made,
     Tradeoff,
     TradeoffMember,
 )
-from antiosc_app import commands
 from antiosc_app.cli import main
 from antiosc_app.commands import to_a_tolerance
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
-from parts import STEEL, box, plate
+from parts import STEEL, plate
 
 pytestmark = [
     pytest.mark.fem,
@@ -83,53 +75,6 @@ def test_members_are_what_extract_and_simulate_give():
         assert one.size == pytest.approx(np.sqrt(0.03 / 48))
 
 
-@pytest.mark.slow
-def test_a_first_mesh_that_is_fine_enough_is_told(tried):
-    mesh = plate((6, 2), (0.3, 0.1), "triangle")
-    found = ao.tradeoff(mesh, SITE, *IMPACT, tol=0.9, material=SHEET, supports=HELD, order=1)
-    assert len({one.dofs for one in found.table}) == 1
-    assert "Only one mesh was tried: the first" in found.summary()
-    assert not tried.notes
-
-
-@pytest.mark.slow
-def test_a_number_whose_force_exceeds_its_law_is_left_out(monkeypatch):
-    whole = tradeoff.of_number
-    few = tradeoff.FEW[0]
-
-    def refused(structure, site, run, accuracy, n):
-        if n == few:
-            raise RangeError("the force is too large.")
-        return whole(structure, site, run, accuracy, n)
-
-    monkeypatch.setattr(tradeoff, "of_number", refused)
-    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
-    with pytest.warns(ao.AntioscWarning, match=f"{few} anti-oscillators are left out"):
-        found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
-    numbers = [one.n for one in found.table]
-    assert few not in numbers
-    assert len(numbers) > 1
-
-
-@pytest.mark.slow
-def test_members_take_no_seconds_to_compile(monkeypatch):
-    """The only seconds of this clock are those of the compiler."""
-    now = [0.0]
-    compiled = compat.fem.form
-
-    def form(*given, **options):
-        now[0] += 60.0
-        return compiled(*given, **options)
-
-    monkeypatch.setattr(clock, "time", SimpleNamespace(perf_counter=lambda: now[0]))
-    monkeypatch.setattr(compat.fem, "form", form)
-    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
-    found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
-    assert found.compilation > 0
-    assert max(one.seconds for one in found.table) < 1e-9
-    assert found.numbers()["compilation"] == found.compilation
-
-
 def ended(*notes: str) -> SimpleNamespace:
     """A history with these notes."""
     bars = {name: ErrorBar(1.0, 0.0, 0.0, 0.0, 0.0, law=0.0) for name in QUANTITIES}
@@ -141,82 +86,6 @@ def some(*each: tuple[float, float]) -> Tradeoff:
     one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
     table = tuple(replace(one, seconds=seconds, bar=bar) for seconds, bar in each)
     return Tradeoff(table, 0.01, ended())  # type: ignore[arg-type]
-
-
-def test_the_message_tells_the_whole_bar_or_why_it_is_not_known():
-    found = some((1.0, 0.1), (2.0, 0.008))
-    coarse, best = found.table
-    told = "its bar, 0.8 %, leaves out the error of the contact law"
-    known = replace(found, table=(coarse, replace(best, whole=0.12)))
-    assert f"{told}: with it the bar is 12 %." in known.message
-    reason = ErrorBudget(found.hit.error_budget.bars, 0.0, unknown={"law": "Nobody measured it."})
-    found.hit.error_budget = reason
-    assert f"{told}. Nobody measured it." in found.message
-
-
-def test_a_command_that_is_ended_has_printed_the_finished_lines(tmp_path, capsys, monkeypatch):
-    one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
-    printed = []
-
-    def interrupted(*, ready, limit, **_) -> None:
-        for n in (20, 8):
-            ready(replace(one, n=n))
-            printed.append(capsys.readouterr().out)  # at once, not at the end
-        assert limit == 60.0
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(ao, "tradeoff", interrupted)
-    bracket = Path(__file__).parents[1] / "meshes" / "bracket.geo"
-    text = SCENE.replace("PLATE", str(bracket)) + f"\n[strike]\n{BLOW['strike']}\n"
-    (tmp_path / "scene.toml").write_text(text)
-    assert main(["tradeoff", str(tmp_path / "scene.toml"), "--limit", "60"]) == 130
-    assert [text.splitlines()[-1].split()[6] for text in printed] == ["20", "8"]
-
-
-@pytest.mark.slow
-def test_what_a_member_is_tried_with_is_no_warning_of_the_model(monkeypatch):
-    whole = tradeoff.of_number
-
-    def doubted(*given):
-        warn("the anti-oscillators are too few.")
-        return whole(*given)
-
-    monkeypatch.setattr(tradeoff, "of_number", doubted)
-    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
-    assert len(found.table) > 1
-    assert not [one for one in told if "too few" in str(one.message)]
-
-
-def test_numbers_of_the_table_have_no_exponents():
-    one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1234.0, 251.0, 87654.0, 2.5, 2.5)
-    row = dict(zip(tradeoff.COLUMNS, one.cells(), strict=True))
-    names = ("seconds", "GB", "peak N", "all ± %", "to finest %")
-    assert [row[name] for name in names] == ["1230", "250", "87650", "250", "250"]
-
-
-def test_the_last_line_has_the_seconds_of_the_report_too(tmp_path, capsys, monkeypatch):
-    now = [0.0]
-
-    def taking(seconds, result):
-        def work(*_given, **_options):
-            now[0] += seconds
-            return result
-
-        return work
-
-    page = tmp_path / "page.html"
-    monkeypatch.setattr(commands, "time", SimpleNamespace(perf_counter=lambda: now[0]))
-    monkeypatch.setattr(ao, "tradeoff", taking(60.0, some((1.0, 0.001), (2.0, 0.002))))
-    monkeypatch.setattr(commands.report, "write_report_of", taking(1200.0, page))
-    bracket = Path(__file__).parents[1] / "meshes" / "bracket.geo"
-    text = SCENE.replace("PLATE", str(bracket)) + f"\n[strike]\n{BLOW['strike']}\n"
-    (tmp_path / "scene.toml").write_text(text)
-    assert main(["tradeoff", str(tmp_path / "scene.toml"), "--report", str(page)]) == 0
-    last = capsys.readouterr().out.splitlines()[-1]
-    assert last.startswith("In all 1260 s")
 
 
 def test_the_best_and_the_front():
@@ -237,13 +106,6 @@ def test_the_best_and_the_front():
     for given in ({}, {"tol": 0.1, "seconds": 1.0}):
         with pytest.raises(ao.InputError, match="one of tol and seconds"):
             found.best(**given)
-
-
-def test_no_line_is_told_with_the_end_of_the_meshes(tried):
-    hit = ended("A doubt.", "The mesh was used as it is.")
-    found = replace(some((1.0, 0.1)), tol=0.01, hit=hit)
-    with pytest.raises(ao.InputError, match=r"least is 10 %\. The mesh was used as it is"):
-        found.best(tol=0.05)
 
 
 @pytest.mark.parametrize(("peak", "bar"), [(0.996, 0.005), (0.99, 0.012)])
@@ -279,53 +141,6 @@ def test_other_methods_stand_beside_the_table(tried):
     assert found.numbers()["others"][0]["bar"] is None
 
 
-@pytest.mark.slow
-def test_a_method_that_does_not_fit_is_told():
-    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
-    found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL, compare=1e-9)
-    assert not found.others
-    assert "unreduced: not run" in found.notes[0]
-    assert found.notes[0] in found.summary()
-    moving = ao.tradeoff(
-        ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET), SITE, *IMPACT,
-        tol=TOL, initial_velocity=0.1, compare=60.0,
-    )  # fmt: skip
-    assert "begin at rest" in moving.notes[0]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("solver", ["direct", "iterative"])
-def test_the_memory_is_that_of_what_is_kept(solver, monkeypatch):
-    """K and M from the cells have no entries."""
-    held = [ao.Support("left")]
-    counted = []
-    for fewest in (0, 10**9):
-        monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", fewest)
-        part = ao.Structure(
-            box((4, 2, 2), cell="tetrahedron"), ao.Solid(**STEEL), held, solver=solver
-        )
-        site = ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.01)
-        found = ao.tradeoff(part, site, *IMPACT, tol=0.5)
-        counted.append(found.table[-1].gigabytes * 1e9 - part.factorize().cost.bytes)
-    assert counted[0] == pytest.approx(0.0, abs=1.0)
-    entries = part.K.getInfo()["nz_used"]
-    assert counted[1] == pytest.approx(2 * 12 * entries)
-
-
-@pytest.mark.slow
-def test_a_geometry_that_is_not_meshed_as_wanted_is_divided(monkeypatch):
-    def refused(*given):
-        raise ao.InputError("gmsh cannot mesh it.")
-
-    monkeypatch.setattr(OfGeometry, "_meshed", refused)
-    source = source_of(Path(__file__).parents[1] / "meshes" / "bracket.step")
-    with pytest.warns(ao.AntioscWarning, match="divided, with flat faces"):
-        mesh = source.first(0.02, [((0.02, 0.04, 0.075), 0.01)])
-    assert mesh.n_cells >= source.coarsest.n_cells
-    finer = source.finer(mesh, np.full(mesh.n_cells, 0.5))
-    assert finer.n_cells > 2 * mesh.n_cells
-
-
 def test_the_mesh_of_a_scene_of_one_simulation_is_varied(tmp_path):
     (tmp_path / "scene.toml").write_text(
         SCENE.replace("PLATE", "bracket.step")
@@ -348,15 +163,6 @@ def test_strike_meshes_a_geometry_whatever_its_size_says(tmp_path, kind):
     (tmp_path / "scene.toml").write_text(text)
     given = compiled(read(tmp_path / "scene.toml")).history.arguments["source"]
     assert (given == source) == (kind == "step")  # a finished mesh is read in that size
-
-
-def test_the_picture_marks_the_fastest_that_is_enough():
-    found = replace(some((1.0, 0.1), (2.0, 0.01), (3.0, 0.04), (4.0, 0.009)), tol=0.02)
-    for ax, x in zip(found.plot().axes, (2.0, 0.1), strict=True):
-        (star,) = (line for line in ax.lines if line.get_label() == "best(tol)")
-        assert star.get_xydata().tolist() == [[x, 1.0]]
-    none = replace(found, tol=1e-3)
-    assert all(line.get_label() != "best(tol)" for ax in none.plot().axes for line in ax.lines)
 
 
 @pytest.mark.slow

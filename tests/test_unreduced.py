@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.strikes.unreduced import Curve, blow_of, figures, newmark
+from antiosc.strikes.unreduced import blow_of, figures, newmark
 from parts import STEEL, box, plate
 from sheets import at, rectangle
 
@@ -76,22 +76,6 @@ def test_second_order_in_the_step():
     first = np.linalg.norm(coarse.force - middle.force[::2][: len(coarse.force)])
     second = np.linalg.norm(middle.force[::2] - fine.force[::4][: len(middle.force[::2])])
     assert np.log2(first / second) == pytest.approx(2.0, abs=0.1)
-
-
-def test_the_figures_of_a_curve():
-    """Half-sines of 3 and 2 s with a flight of 1 s are one impact, one of 1 s after 20 s is not.
-
-    The highest lies between two nodes.
-    """
-    time = np.linspace(0.0, 30.0, 2011)
-    depth = np.full(time.size, -1.0)
-    for height, begin, end in ((1.0, 0.0, 3.0), (0.9, 4.0, 6.0), (0.9, 26.0, 27.0)):
-        inside = (time > begin) & (time < end)
-        depth[inside] = height * np.sin(np.pi * (time[inside] - begin) / (end - begin))
-    found = figures(Curve(time, np.maximum(depth, 0.0), depth))
-    assert found.peak_force == pytest.approx(1.0)
-    assert found.impulse == pytest.approx(2 / np.pi * (3.0 + 0.9 * 3.0), rel=1e-3)
-    assert found.contact_time == pytest.approx(6.0, abs=0.05)
 
 
 @pytest.mark.slow

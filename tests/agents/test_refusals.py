@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from agent_calls import BEAM, BRACKET, MASS, answers, anyio, filled, served, told
+from agent_calls import BEAM, BRACKET, MASS, START, answers, anyio, filled, served, told
+from antiosc_app import agents_work
 
 pytestmark = pytest.mark.slow
 
@@ -49,11 +49,10 @@ def bracket(**changes: Any) -> tuple[str, dict[str, Any]]:
 DEEP: Any = {}
 for _ in range(60):
     DEEP = {"a": DEEP}
-#: Call -> a part of its refusal.
+#: Call that a process refuses -> a part of its refusal.
 CALLS = [
     (("strike", {"scene": "../secret.toml"}), "outside"),
     (("strike", {"scene": "/etc/passwd"}), "outside"),
-    (("strike", {"scene": "link.toml"}), "outside"),
     (("strike", {"scene": "out/secret.toml"}), "outside"),
     (("strike", {"scene": "loop"}), "no path"),
     (("strike", {"scene": "a\0b.toml"}), "no path"),
@@ -64,19 +63,11 @@ CALLS = [
     (("look", {"file": "missing.step"}), "no file"),
     (("look", {"file": "deck.inp"}), "deck.inp"),
     (("look", {"file": "run.geo"}), "SystemCall"),
-    (("look", {"file": 7}), "$.file"),
     (("look", {"file": "bracket.msh", "unit": "furlong"}), "unit"),
-    (("look", {"file": "bracket.msh", "trust": True}), "additionalProperties"),
     (("report", {"scene": BEAM, "path": "../a.html"}), "outside"),
     (("report", {"scene": BEAM, "path": "bracket.msh"}), "exists already"),
     (("report", {"scene": BEAM, "path": "a.py"}), ".html"),
     (("report", {"scene": BEAM, "path": "out/a.html"}), "outside"),
-    (("rm -rf", {}), "no tool"),
-    (("strike", {}), "required"),
-    (("strike", {"scene": []}), "$.scene"),
-    (("strike", {"scene": BEAM, "pictures": 10**9}), "maximum"),
-    (("strike", {"scene": {"title": "x" * 2_000_000}}), "bytes"),
-    (("strike", {"scene": DEEP}), "deep"),
     (beam(impactor={**MASS, "velocity": float("nan")}), "impactor.velocity"),
     (beam(impactor={**MASS, "mass": -1.0}), "mass"),
     (beam(impactor={**MASS, "mass": 10**400}), "large"),
@@ -89,15 +80,29 @@ CALLS = [
     (bracket(geometry={"source": "run.geo", "unit": "m", "trust": True}), "trust"),
     (bracket(material="unobtainium"), "material"),
     (("materials", {"query": "unobtainium"}), "no material"),
+]
+#: The same of calls to the server; the first of them reaches its process.
+SERVED = [
+    (("strike", {"scene": "link.toml"}), "outside"),
+    (("look", {"file": 7}), "$.file"),
+    (("look", {"file": "bracket.msh", "trust": True}), "additionalProperties"),
+    (("rm -rf", {}), "no tool"),
+    (("strike", {}), "required"),
+    (("strike", {"scene": []}), "$.scene"),
+    (("strike", {"scene": BEAM, "pictures": 10**9}), "maximum"),
+    (("strike", {"scene": {"title": "x" * 2_000_000}}), "bytes"),
+    (("strike", {"scene": DEEP}), "deep"),
     (("explain", {"result": "0" * 64, "quantity": "peak_force"}), "hash"),
 ]
 
 
 def test_hostile_calls_are_refused_in_one_sentence(folder):
-    results = answers(folder, [call for call, _ in CALLS])
-    for (call, part), result in zip(CALLS, results, strict=True):
-        answer = result.structured_content
-        assert result.is_error, call
+    told_answers = [agents_work.answer(folder, *call)[0] for call, _ in CALLS]
+    results = answers(folder, [call for call, _ in SERVED])
+    assert all(result.is_error for result in results)
+    told_answers += [result.structured_content for result in results]
+
+    for (call, part), answer in zip(CALLS + SERVED, told_answers, strict=True):
         assert answer["status"] == "refused"
         assert len(answer["hash"]) == 64
         assert part in answer["text"], (call, answer["text"])
@@ -135,6 +140,10 @@ def test_time_and_memory_are_limited_and_the_server_goes_on(folder):
     assert large.structured_content["refusal"]["kind"] == "memory"
 
 
+#: At most two calls wait.
+SHORT = "from antiosc_app import agents; agents.WAITING = 2"
+
+
 def test_a_flood_is_refused_and_the_server_goes_on(folder):
     async def work(client):
         results = []
@@ -143,15 +152,15 @@ def test_a_flood_is_refused_and_the_server_goes_on(folder):
             results.append(await client.call_tool("materials", {"query": "S235"}))
 
         async with anyio.create_task_group() as group:
-            for _ in range(60):
+            for _ in range(20):
                 group.start_soon(call)
         return results, await client.call_tool("materials", {"query": "S235"})
 
-    results, after = served(folder, work)
+    results, after = served(folder, work, start=f"{SHORT}; {START}")
     refused = [one.structured_content for one in results if one.is_error]
     assert {one["refusal"]["kind"] for one in refused} == {"busy"}
     assert all(len(one["hash"]) == 64 for one in refused)
-    assert 18 <= len(results) - len(refused) < 60
+    assert 4 <= len(results) - len(refused) < 20
     told(after)
 
 
@@ -160,8 +169,3 @@ def test_no_folder_is_refused_before_it_is_served(tmp_path, capsys):
 
     assert main(["mcp", str(tmp_path / "missing")]) == 1
     assert "there is no folder" in capsys.readouterr().err
-
-
-def test_the_command_says_what_to_install_without_the_package():
-    text = Path(__file__).parents[2].joinpath("pyproject.toml").read_text(encoding="utf-8")
-    assert "agents = [" in text

@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.base import materials
-from antiosc.base.texts import percent
 from antiosc.engine.contact.choice import choose, lacks_strength
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.engine.contact.laws import yield_factor
@@ -124,34 +123,6 @@ def test_an_ellipse_yields_where_its_own_pressure_says(ratio: float):
     assert law.yield_force == pytest.approx(2 / 3 * pi * a * b * pressure, rel=1e-6)
 
 
-def test_a_side_as_strong_as_the_other_takes_part():
-    """Alike bodies yield both, as on a rigid ball; one that is stronger by far stays elastic."""
-
-    def share(strength: float) -> float:
-        hard = replace(ALLOY, yield_strength=strength)
-        return choose(Surface(ALLOY), ball(hard, 0.01)).law.elastic_share
-
-    strength = ALLOY.yield_strength
-    assert share(strength) == 0.0
-    assert share(5 * strength) == pytest.approx(0.5)
-    assert 0.0 < share(1.5 * strength) < 0.5
-    assert choose(Surface(ALLOY), ball(RIGID, 0.01)).law.elastic_share == 0.0
-
-
-def test_a_known_restitution_is_that_of_the_contact():
-    law = choose(Surface(RIGID), ball(STEEL, 0.01), 0.6).law
-    assert (type(law), law.restitution) == (ao.Gonthier, 0.6)
-
-
-def test_a_site_in_a_hole_is_told_with_its_radius_and_what_can_be_done():
-    groove = Surface(ALLOY, (-525.0, 0.0), kind="curved")
-    with pytest.raises(ao.InputError) as refusal:
-        choose(groove, ball(STEEL, 0.01))
-    words = str(refusal.value)
-    assert "groove of radius 1.90 mm" in words
-    assert "below 1.71 mm" in words
-
-
 @pytest.mark.parametrize(
     ("one", "other", "word"),
     [
@@ -237,23 +208,6 @@ def budgets(errors=ERRORS):
 
 
 @pytest.mark.slow
-def test_nothing_prints_a_bar_without_the_error_of_its_law():
-    """One whose law was given says so."""
-    for name, hit in budgets().items():
-        budget = hit.error_budget
-        complete = name in ("known", "slow")
-        assert (budget.law == "") == complete
-        for text in (str(budget), hit.summary()):
-            barred = [line.split(":")[0] for line in text.splitlines() if "±" in line]
-            assert bool(barred) == (complete or name == "given")
-            assert all(line.endswith("(law as given)") != complete for line in barred)
-            assert text.count(budget.footnote) == 1 or complete
-            assert ("(no error bar)" in text) != bool(barred)
-        assert ("law" in budget.causes) == complete
-    assert "give the yield strength or a material" in str(budgets()["unknown"].error_budget)
-
-
-@pytest.mark.slow
 def test_the_row_of_the_law_is_what_other_strengths_change():
     hits = budgets()
     bar = hits["known"].error_budget["peak_force"]
@@ -293,82 +247,6 @@ def test_large_strains_are_in_the_row_of_an_elastic_law(
     else:
         assert strain < 0.01
         assert bar.law < 1e-9
-
-
-def test_what_yields_is_said_first():
-    hits = budgets()
-    first = hits["known"].summary().splitlines()[0]
-    assert "The contact yields: a dent of" in first
-    assert "across, in aluminium 6061-T6; restitution" in first
-    force = hits["known"].law.yield_force
-    assert f"It yields from {force:.3g}" in first
-    assert hits["known"].dent.depth > 0
-    assert "half-space" not in hits["known"].message
-    assert "not known" in hits["unknown"].summary().splitlines()[0]
-    given = ao.simulate(hits["known"].model, hits["known"].impactor, ao.Hertz(7e9), duration=2e-3)
-    assert "where Hertz's law ends" in given.summary()
-    assert given.verdict.count("yields") == 1
-    assert hits["known"].numbers()["verdict"] == hits["known"].verdict
-
-
-def test_the_error_by_the_law_is_told_without_an_estimate_of_the_mesh():
-    hits = budgets()
-    shown = {name: error_line(hit) for name, hit in budgets(errors=None).items()}
-    row = hits["known"].error_budget["peak_force"].law
-    share = float(re.search(r"law ([\d.]+) %, numerical", shown["known"])[1]) / 100
-    assert row < share < 2 * row  # at the depth of the contact
-    assert "law 0 %" in shown["slow"]
-    assert "law not known" in shown["unknown"]
-    assert "law" not in shown["given"]
-    assert f"law {percent(row)}" in error_line(hits["known"])
-
-
-def test_a_summary_has_no_second_error_of_the_law_beside_the_budget():
-    """It said 4.7 % of a part that gives way, and the budget 0.88 %, of the same blow."""
-    hit = budgets(errors=None)["known"]
-    struck = replace(hit.model, info=replace(hit.model.info, no_estimate="it is an assembly"))
-    hit = ao.simulate(struck, hit.impactor, duration=2e-3)
-    row = hit.error_budget["peak_force"].law
-    assert row > 0
-    assert f"law {percent(row)}" in error_line(hit)
-
-
-def test_a_curvature_that_may_fit_the_striker_leaves_the_total_unknown():
-    hollow = Surface(ALLOY, curvatures=(-90.0, -90.0), kind="curved")
-    ball = ao.Sphere(0.01, material="100Cr6", velocity=0.2)
-    known, uncertain = (
-        ao.simulate(
-            model(replace(hollow, error=error), strain_error=np.diag([1e3, 1e3, 1e3])),
-            ball,
-            duration=5e-3,
-        ).error_budget
-        for error in (1.0, 20.0)
-    )
-    assert known["peak_force"].total is not None
-    assert uncertain["peak_force"].total is None
-    assert "curvature of the surface at the site is too uncertain" in str(uncertain)
-
-
-def test_hammers_of_steel_have_a_total_bar():
-    struck = model(Surface(ALLOY), strain_error=np.diag([1e3, 1e3, 1e3]))
-    hit = ao.simulate(struck, ao.named_impactor("IK07"), duration=2e-2)
-    assert hit.error_budget["peak_force"].total is not None
-
-
-def error_line(hit):
-    """What a summary says of the error of the force."""
-    return hit.summary().split("force error")[1].splitlines()[0]
-
-
-def test_choosing_is_quick():
-    """A choice is kept: the same pair of bodies costs no second search."""
-    body, striker = model(Surface(ALLOY)), ao.Sphere(0.01, material="100Cr6", velocity=1.0)
-    first = ao.simulate(body, striker, duration=1e-4).law
-    choose.cache_clear()
-    laws = {id(ao.simulate(body, striker, duration=1e-4).law) for _ in range(3)}
-    assert len(laws) == 1
-    assert choose.cache_info().misses == 1
-    assert first is not None
 
 
 def fall_of_a_point(law: ao.ElasticPlastic, mass: float, speed: float, rate) -> float:
@@ -412,20 +290,6 @@ def test_the_mean_strain_rate_gives_the_peak_of_a_strength_that_follows_it(name)
     assert followed < (1 + row) * hit.peak_force
 
 
-def test_the_strength_of_a_material_at_a_rate():
-    """1 + (40/40)^(1/5) = 2 of mild steel at 40 1/s (D = 40, q = 5); none of what has no rate."""
-    mild = Matter(210e9, yield_strength=235e6, yield_range=(235e6, 300e6), rate=(40.0, 5.0))
-    assert mild.strengths_at(40.0) == pytest.approx((235e6, 470e6))
-    assert mild.strengths_at(0.0) == (235e6, 300e6)
-    assert replace(mild, rate=(40.0, 5.0, 360e6)).strengths_at(40.0)[1] == pytest.approx(720e6)
-    assert matter_of("6061").strengths_at(1e4) == ALLOY.yield_range
-    given = matter_of("S235", yield_strength=300e6)
-    assert given.rate == (6844.0, 3.91)
-    assert given.strengths_at(0.0) == (300e6, 300e6)
-    with pytest.raises(ao.InputError, match="rate must be D"):
-        ao.Solid(210e9, 0.3, 7850.0, rate=(40.0,))
-
-
 def test_a_strength_that_may_be_lower_counts_before_the_usual_one_yields():
     """The usual strength stays elastic, the lowest does not: the row is the change by it."""
     weak = replace(ALLOY, yield_range=(0.3 * ALLOY.yield_strength, ALLOY.yield_strength))
@@ -455,13 +319,3 @@ def test_a_rubber_by_its_constants_does_not_yield(E: float, nu: float, known: bo
     assert ("with a rubber" in choice.kind) == known
     assert choice.soft_ball
     assert not choose(Surface(Matter(E, nu)), Surface(ALLOY, curvatures=(100.0, 100.0))).soft_ball
-
-
-def test_a_soft_ball_has_more_force_by_its_shape() -> None:
-    """The largest of soft_ball.py (a hemisphere on a rigid mass) lies in the bar."""
-    tip = choose(Surface(Matter(20e6, 0.48), curvatures=(100.0, 100.0)), Surface(RIGID))
-    measured = {0.01: 0.033, 0.05: 0.094, 0.1: 0.152, 0.2: 0.274, 0.3: 0.408, 0.39: 0.55}
-    for strain, more in measured.items():
-        peak = tip.law.stiffness * (0.01 * strain) ** 1.5
-        assert more <= error_of_peak(tip, peak, 1e-3) < 2 * more
-    assert error_of_peak(tip, tip.law.stiffness * 0.0045**1.5, 1e-3) is None

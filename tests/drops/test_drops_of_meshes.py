@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.texts import engineering
 from antiosc_studies.drops.body import free_body
-from antiosc_studies.drops.impacts import Impacts, force_of
-from parts import box, line
+from antiosc_studies.drops.impacts import Impacts
+from parts import box
 
 pytestmark = pytest.mark.fem
 
@@ -111,16 +110,6 @@ def test_the_radii_of_a_spheroid_at_its_points(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.sort(body.radii[which]), true, rtol=0.1)
 
 
-def test_sharp_and_flat_places(case: ao.Structure) -> None:
-    with pytest.raises(ao.InputError, match=r"sharp corner at \(0.12, 0.06, 0\) m: give"):
-        ao.contact_between(case, STEEL, at=(0.12, 0.06, 0.0))
-    with pytest.raises(ao.InputError, match="two flat surfaces"):
-        ao.contact_between(case, STEEL, at=(0.06, 0.03, 0.0))
-    law = ao.contact_between(case, STEEL, at=(0.12, 0.06, 0.0), radius=2e-3)
-    known = ao.Hertz.from_radii(2e-3, 70e9, 0.33, np.inf, 210e9, 0.3)
-    assert law.stiffness == pytest.approx(known.stiffness)
-
-
 def test_matrices_with_coordinates_have_sharp_corners() -> None:
     """Four nodes, each a vertex: the default radius is a quarter of the least side, or 1 mm."""
     x = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.05, 0], [0, 0, 0.002]])
@@ -162,62 +151,6 @@ def test_a_shell_falls_onto_its_edge_with_friction(tmp_path: Path) -> None:
     assert (np.diff(energies.sum(axis=1)) < 1e-3 * energies[0].sum()).all()
 
 
-def slant(friction: float, velocity: float, modes: int) -> ao.Fall:
-    """The first impact of a thin rod that falls at 40 degrees and slides."""
-    section = ao.Section.rectangle(0.0024, 0.0017)
-    plastic = ao.Beam(2.3e9, 0.36, 1050.0, section, orientation=(0, 0, 1))
-    part = ao.Structure(line(0.072, 3, (1.0, 0.0, 0.0)), plastic)
-    floor = ao.Floor(law=ao.HuntCrossley(6e7, 0.5), friction=friction)
-    return ao.drop(
-        part, 0.25, (0, 40, 0), floor, 1, modes=modes, tol=1e-2, velocity=(velocity, 0, 0)
-    )
-
-
-@pytest.mark.slow
-def test_friction_that_jams_is_told() -> None:
-    """Sliding presses the point in by more than its force lifts it."""
-    with pytest.raises(ao.AccuracyError, match=r"friction of 1\.8 jams .* take more modes"):
-        slant(1.8, -2.0, 3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("radius", [2e-3, None])
-def test_a_contact_that_yields_is_told(radius: float | None) -> None:
-    """The law yields by itself; one that does not is told, and a soft one says nothing."""
-    solid = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0, yield_strength=42e6)
-    part = ao.Structure(ao.box_mesh((0.1, 0.05, 0.02), size=0.03), solid)
-    fall = ao.drop(part, 1.0, (20, 15, 0), ao.Floor(STEEL), 1, modes=3, corner_radius=radius)
-    R, E = radius or 1e-3, 1 / ((1 - 0.36**2) / 2.3e9 + (1 - 0.3**2) / 210e9)
-    (one,) = fall.episodes[0].history.contact_histories
-    law = ao.ElasticPlastic(E, R, 42e6, 0.36, (1 - 0.3**2) / 210e9 * E)
-    depth, touch = fall.episodes[0].sunk()[0], law.touch(1.0)
-    assert one.law.force(depth, 0.0, touch) > law.force(depth, 0.0, touch)  # the cut carries more
-    (told,) = (note for note in fall.notes if "yields" in note)
-    assert one.dent.text in told
-    assert told in fall.summary()
-    stress = fall.worst("von_mises")
-    assert stress.margin().contact
-    zone = 3 * np.sqrt(fall.peak_force / (np.pi * 2.4 * 42e6))
-    assert f"3 radii of the contact ({engineering(zone, 'm', 2)})" in stress.margin().scope
-    far = np.linalg.norm(stress.points - fall.impacts[0].place, axis=1) > zone
-    assert not far.all()
-    assert stress.margin().value >= stress.values[far].max()
-    assert not stress.margin().has_bar
-    damped = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(STEEL, restitution=0.8), until=1)
-    hard = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(law.stiffness)), until=1)
-    assert hard.peak_force > fall.peak_force
-    assert "times that of first yield" in hard.summary()
-    for stiff in (damped, hard):
-        assert "the force of this law is too high" in stiff.summary()
-        assert "Thornton" not in stiff.summary()
-        depth = stiff.episodes[0].sunk().max()
-        radius = engineering(3 * np.sqrt(R * depth), "m", 2)  # a² = R δ of Hertz
-        assert radius in stiff.worst("von_mises").margin().scope
-    soft = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(1e6)), until=1)
-    assert soft.peak_force < fall.peak_force
-    assert not soft.worst("von_mises").margin().contact
-
-
 @pytest.mark.slow
 def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None:
     """The largest error of a force of its impacts counts."""
@@ -239,104 +172,6 @@ def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None
     assert margin.force_error == 0.03
     assert margin.impact == judged + 1
     assert f", by impact {judged + 1}" in margin.sentence
-
-
-@pytest.mark.slow
-def test_a_dent_that_stays_is_not_a_part_that_sinks() -> None:
-    """A corner parts in its dent, deeper than the next corner presses."""
-    part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), ALUMINIUM)
-    floor = ao.Floor(law=ao.Thornton.from_material(2.236e10, 1e-3, 4.4e8), friction=0.3)
-    fall = ao.drop(part, 1.0, (10, 5, 0), floor, until=2, modes=12)
-    assert fall.message == "2 impacts"
-    assert np.all(np.diff(fall.energy()[1].sum(axis=1)) < 1e-3)
-
-
-@pytest.fixture(scope="module")
-def chattering() -> ao.Fall:
-    """A case whose corners strike one after the other, some of them twice in an impact."""
-    solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
-    part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), solid)
-    return ao.drop(part, 0.1, (1, 0.5, 0), ao.Floor(STEEL), until=3, modes=12)
-
-
-def _merged(fall: ao.Fall, impact: int) -> list[list[float]]:
-    """Contacts by the marches' own times of touch and release, of all points together."""
-    pairs = []
-    for episode in (fall.episodes[i] for i in fall.groups[impact]):
-        of_points = (c.contacts for c in episode.history.contact_histories)
-        pairs += [(episode.start.time + np.array(p)) for ps in of_points for p in ps]
-    merged: list[list[float]] = []
-    for start, end in sorted(map(tuple, pairs)):
-        if not merged or start > merged[-1][1] + 1e-12:
-            merged.append([start, end])
-        merged[-1][1] = max(merged[-1][1], end)
-    return merged
-
-
-def _hardest(fall: ao.Fall, impact: int) -> float:
-    """Duration [s] of the merged contact that holds the largest of all forces."""
-    time, force = force_of([fall.episodes[i] for i in fall.groups[impact]])
-    top = fall.episodes[fall.groups[impact][0]].start.time + time[np.argmax(force)]
-    ((start, end),) = [one for one in _merged(fall, impact) if one[0] <= top <= one[1]]
-    return end - start
-
-
-def test_an_impact_of_several_touches_says_of_which_its_contact_time_is(chattering) -> None:
-    touches = [impact.touches for impact in chattering.impacts]
-    assert touches == [len(_merged(chattering, k)) for k in range(3)]
-    durations = [impact.hardest_touch for impact in chattering.impacts]
-    assert durations == pytest.approx([_hardest(chattering, k) for k in range(3)], rel=1e-6)
-    assert durations[0] == pytest.approx(chattering.impacts[0].contact_time, rel=1e-6)
-    assert touches[0] == 1
-    assert max(len(chattering.groups[k]) for k in range(3) if touches[k] > 1) == 2
-    notes = [impact.contact_time_note for impact in chattering.impacts]
-    of_all = "of all contacts, flights included"
-    ends = [f"{of_all}; the hardest touch takes {engineering(t, 's')}" for t in durations]
-    assert notes == ["" if n == 1 else end for n, end in zip(touches, ends, strict=True)]
-    head, _, *rows, note = str(chattering.impacts).splitlines()
-    assert [head.split()[7:9], note] == [["contact", "touches"], f"contact: {of_all}"]
-    assert [int(row.split()[-5]) for row in rows] == touches
-    assert "touches" not in str(Impacts(chattering.impacts[:1]))
-
-
-PLASTIC = ao.material("PLA printed")
-
-
-@pytest.mark.slow
-def test_the_spin_of_the_warning_is_one_of_the_table() -> None:
-    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.004), size=0.01), PLASTIC)
-    fall = ao.drop(part, 0.8, (10, 5, 0), ao.Floor("concrete C30/37"), 3, modes=6)
-    table = fall.impacts.columns()
-    spins = np.append(table["spin before (rad/s)"], table["spin after (rad/s)"])
-    assert fall.fastest_spin == pytest.approx(spins.max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "word"), [("PLA printed", "26 MPa"), ("PETG", "25 to 38 MPa"), ("ABS", "moulded")]
-)
-def test_what_is_known_on_breaking_is_told(name: str, word: str) -> None:
-    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.01), ao.material(name))
-    fall = ao.drop(part, 0.8, (10, 5, 0), ao.Floor("concrete C30/37"), 1, modes=6)
-    (note,) = (note for note in fall.notes if "break" in note)
-    assert word in note
-    assert "across its layers" in note
-
-
-@pytest.mark.slow
-def test_vertices_of_one_corner_are_one_contact() -> None:
-    """A cube's corner and its edges face 35.3° apart. A vertex on a ball is of it."""
-    body = free_body(
-        ao.Structure(ao.box_mesh((0.02, 0.02, 0.02), size=0.01), PLASTIC), 0, None, None
-    )
-    corner, edge = np.ones(3) / np.sqrt(3), np.array([0.0, 1.0, 1.0]) / np.sqrt(2)
-    vertices = np.outer([0.0, 0.5e-3, 1.2e-3, 20e-3, 20.4e-3], [-1.0, 0.0, 0.0])
-    facing = np.array([corner, edge, edge, edge, edge])
-    balls = np.array([0.0, 0.0, 0.0, 2e-3, 0.0])
-    several = replace(body, points=vertices - balls[:, None] * facing, facing=facing, balls=balls)
-    assert several.touching_as([0]).tolist() == [True, True, False, False, False]
-    for one in (3, 4):
-        assert several.touching_as([one]).tolist() == [False, False, False, True, True]
 
 
 @pytest.mark.slow

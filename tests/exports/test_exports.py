@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -14,7 +13,6 @@ import pytest
 import antiosc as ao
 import stretched
 from antiosc import closed_form
-from antiosc.engine import library
 from fmus import ERROR, OK, Fmu
 
 DURATION = 2e-3
@@ -122,20 +120,6 @@ def test_a_state_of_another_model_or_a_damaged_one_is_refused(model, struck, tmp
     assert run.back_to(others) == OK
 
 
-@pytest.mark.parametrize("direction", [None, (0.0, 0.0, 1.0)])
-def test_the_start_of_simulate_is_that_of_the_export(tmp_path, direction):
-    """A free body is thrown on a mass at rest, beyond a gap."""
-    thrown = ao.AntiOscillators(0.1, 0.0, [0.2], [4e3], direction=direction)
-    given = {"initial_velocity": 0.4, "gap": 1e-5}
-    rest = ao.RigidMass(0.05, 0.0)
-    ao.export(tmp_path / "a.fmu", thrown, rest, LAW, duration=DURATION, tol=1e-6, **given)
-    run = Fmu(tmp_path / "a.fmu", tmp_path / "unpacked").instance()
-    assert run.begin() == OK
-    found = run.run(DURATION, 3, ["peak_force", "impulse", "velocity"])[-1]
-    hit = ao.simulate(thrown, rest, LAW, DURATION, tol=1e-7, **given)
-    assert found == pytest.approx([hit.peak_force, hit.impulse, hit.velocity[-1]], rel=1e-5)
-
-
 @VERSIONS
 def test_calls_in_a_wrong_order_are_errors(struck):
     assert struck.instance(token="another").handle is None
@@ -180,15 +164,6 @@ def test_a_damaged_model_file_is_refused(struck, damage):
     assert run.said
 
 
-@VERSIONS
-def test_every_variable_of_an_fmu_has_a_start_or_is_calculated(struck, fmi):
-    """A master that asks for the start of every other variable gets one; FMI 3 demands the time."""
-    for each in struck.description.findall("ModelVariables/*"):
-        own = each if fmi == 3 else each.find("Real")
-        told = "start" in own.attrib or each.attrib.get("initial") == "calculated"
-        assert told or (fmi == 3 and each.attrib["causality"] == "independent")
-
-
 def nasty_scene(model):
     """Names that end a comment, that are equal when they are joined, and equal as words of C."""
     ends = "*/ int opened(void) { return 1; } /*"
@@ -222,14 +197,6 @@ def test_a_c_file_is_what_it_says_whatever_the_names(model, tmp_path):
         assert "infinity" in refused.stderr
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_the_variables_of_an_fmu_have_different_names(model, tmp_path, fmi):
-    ao.export(tmp_path / "scene.fmu", nasty_scene(model), duration=1e-4, fmi=fmi)
-    described = Fmu(tmp_path / "scene.fmu", tmp_path / "unpacked").description
-    names = [each.attrib["name"] for each in described.findall("ModelVariables/*")]
-    assert len(set(names)) == len(names)
-
-
 @pytest.mark.parametrize("name", ["a\nb", "a\x1b[2J", "\ud800", "n" * 300, "", 3])
 def test_a_name_is_checked_where_it_enters(model, name):
     for enter in (
@@ -241,20 +208,6 @@ def test_a_name_is_checked_where_it_enters(model, name):
     ):
         with pytest.raises(ao.InputError, match=r"name|end"):
             enter()
-
-
-def test_nothing_is_expected_of_a_law_that_is_none():
-    """A table whose number of points is not that of its numbers is not read."""
-    values = (ctypes.c_double * 2)(1e9, 0.0)
-    one = (ctypes.c_double * 1)(1.0)
-    law = library.CLaw(library.TABLE, 2, ctypes.addressof(values), None)
-    at = ctypes.addressof(one)
-    contact = library.CContact(law, mass=1.0)
-    blow = library.CSystem(
-        n_modes=1, beta=at, loads=at, offsets=at, contacts=ctypes.addressof(contact), v=at
-    )
-    found = library.library.aom_expect(ctypes.byref(blow), 0, 1.0)
-    assert np.isnan([found.depth, found.speed, found.time]).all()
 
 
 @VERSIONS
@@ -371,22 +324,6 @@ def test_a_contact_that_yields_is_exported_as_it_runs(model, tmp_path, fmi):
     found = run.run(DURATION, 40, names)[-1]
     wanted = [hit.peak_force, hit.impulse, hit.displacement[-1], hit.impactor_displacement[-1]]
     assert found == pytest.approx(wanted, rel=1e-5)
-
-
-def test_an_exported_run_lasts_until_the_bodies_part(model, tmp_path):
-    """A heavy body stays in contact for longer than its contact on a rigid wall lasts."""
-    heavy = ao.RigidMass(mass=20.0, velocity=1.0)
-    ao.export(tmp_path / "int.c", model, heavy, LAW)
-    text = (tmp_path / "int.c").read_text()
-    assert "static const axm_model model_int" in text  # int is a word of C
-    ao.export(tmp_path / "run.c", model, heavy, LAW)  # and run one of the file itself
-    assert "axm_create(&model_run," in (tmp_path / "run.c").read_text()
-    span = float(re.search(r"axm_advance\(run, (\S+) \* k", text)[1])
-    hit = ao.simulate(model, heavy, LAW, duration=span)
-    assert hit.status == 0
-    assert hit.contact_time < span
-    with pytest.warns(ao.AccuracyWarning, match="duration"):
-        ao.export(tmp_path / "short.c", model, heavy, LAW, duration=0.1 * hit.contact_time)
 
 
 @pytest.mark.slow

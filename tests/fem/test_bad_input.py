@@ -180,17 +180,6 @@ def test_it_is_refused(call, word):
         call()
 
 
-def test_a_function_that_fails_says_its_own_error():
-    with pytest.raises(ZeroDivisionError):
-        block(ao.Support(lambda x: 1 / 0))
-
-
-def test_rounding_in_foreign_matrices_is_no_asymmetry():
-    """An entry of 1e-12 whose mirror was dropped."""
-    K = np.array([[2e4, -1e4, 1e-9], [-1e4, 2e4, -1e4], [0, -1e4, 2e4]])
-    assert given(scipy.sparse.csr_matrix(K), np.eye(3)).dofs == 3
-
-
 LINE = [[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0]], ("line", [[0, 1], [1, 2], [2, 3]])
 FACE = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0]], ("triangle", [[0, 1, 2], [0, 2, 3]])
 BOWTIE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], ("quad", [[0, 1, 3, 2]])
@@ -323,7 +312,6 @@ def test_every_rank_raises_the_same_error(tmp_path):
 
 
 ROUND = ao.Section.circle(0.02)
-FOAM = ao.Layer.isotropic(E=7e4, nu=0.3, rho=48.0, thickness=20e-3)
 SOLID_STEEL, HELD = ao.Solid(**parts.STEEL), [ao.Support("left")]
 
 
@@ -357,32 +345,6 @@ def told(material: object) -> None:
     plausible.warn_each([plausible.material_doubt(material)])
 
 
-TOLD = [
-    (lambda: told(ao.Shell(210e9, 0.3, 7.85, thickness=1e-3)), r"1.64e\+05.*rho in g/cm³"),
-    (lambda: told(ao.Solid(2.5e3, 0.3, 1200.0)), "1.44 m/s.*E in MPa"),  # of plastics, or a gel
-    (lambda: told(ao.Solid(210e3, 0.3, 7.85e-9)), "E in MPa and rho in t/mm³"),
-    (lambda: told(ao.Laminate([FOAM])), "38.2"),
-    (lambda: told(ao.Solid(**parts.STEEL, yield_strength=275.0)), "275e|2.75e"),
-    (lambda: bar(1e3), "20.*unit .mm"),
-    (lambda: ao.Sphere(0.01, 210e9, 0.3, rho=7.85), "g/cm³"),
-    (lambda: ao.Sphere(10.0, 210e9, 0.3, rho=7850.0), "10 mm"),
-]
-
-
-@pytest.mark.parametrize(("call", "words"), TOLD)
-def test_what_may_be_is_told(call, words):
-    with pytest.warns(ao.AntioscWarning, match=words):
-        call()
-
-
-def test_a_mesh_in_millimetres_is_blamed_before_its_facets():
-    part = bar(80, order=1)  # not long enough to be told of itself
-    with pytest.warns(ao.AntioscWarning) as told:
-        ao.extract(part, ao.Site((8.0, 2.0, 3.2), (0, 0, -1), radius=8e-4), n=2)
-    assert 'unit "mm"' in str(told[0].message)
-    assert "facets" in str(told[1].message)
-
-
 def soft(**info) -> ao.AntiOscillators:
     """A model whose patch is far too small for a hard blow."""
     return ao.AntiOscillators(
@@ -392,28 +354,3 @@ def soft(**info) -> ao.AntiOscillators:
 
 def ball(velocity: float) -> ao.Sphere:
     return ao.Sphere(0.01, 210e9, 0.3, 7850.0, velocity)
-
-
-@pytest.mark.parametrize("run", ["simulate", "simulate_many", "scene"])
-def test_what_is_implausible_is_blamed_before_the_patch(run):
-    model, impactor = soft(doubts=["the part is odd."]), ball(2000.0)
-    law = impactor.hertz(70e9, 0.33)
-    bodies = {"a": model, "b": impactor}
-    speed = "2000 m/s, more than 100.*2 .2000 mm/s. is probably meant"
-    hit = {
-        "simulate": lambda: ao.simulate(model, impactor, law, 1e-4),
-        "simulate_many": lambda: ao.simulate_many(model, impactor, law, 1e-4),
-        "scene": lambda: ao.Scene(bodies, [ao.Contact("a", "b", law)]).run(1e-4),
-    }[run]
-    with (
-        pytest.warns(ao.AntioscWarning, match=speed) as told,
-        pytest.raises(ao.AccuracyError, match=f"the part is odd.*{speed}.*the peak force"),
-    ):
-        hit()
-    assert "odd" not in str(told[0].message)  # it was told when the part was made
-
-
-def test_stress_against_the_modulus():
-    assert "0.39 E" in plausible.impact_doubt(soft(wave_speed=5.09), [ball(2.0)])
-    assert plausible.impact_doubt(soft(wave_speed=5090.0), [ball(2.0)]) == ""
-    assert "7e+10 (70 GPa) or 7e+07 (70 MPa)" in plausible.doubt("modulus", 70.0, "E")

@@ -5,12 +5,10 @@ from __future__ import annotations
 import fcntl
 import gc
 import os
-import stat
 import subprocess
 import sys
 import warnings
 from pathlib import Path
-from types import SimpleNamespace
 
 import dolfinx
 import pytest
@@ -18,7 +16,6 @@ import ufl
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.base import clock
 from antiosc.fem.platform import compat, compiled_forms
 from antiosc.fem.platform.compiled_forms import compiler
 from paths import ROOT
@@ -39,19 +36,6 @@ def length() -> float:
 
 def library(place: Path) -> Path:
     return next(path for path in place.glob("libffcx_forms_*.so"))
-
-
-def test_the_clock_stands_still_while_forms_are_compiled(monkeypatch):
-    now = [5.0]
-    monkeypatch.setattr(clock, "time", SimpleNamespace(perf_counter=lambda: now[0]))
-    began, uncounted = clock.clock(), clock.uncounted_seconds()
-    with compiler():
-        now[0] += 30.0
-        with compiler():
-            now[0] += 7.0
-    now[0] += 2.0
-    assert clock.clock() - began == 2.0
-    assert clock.uncounted_seconds() - uncounted == 37.0
 
 
 @pytest.mark.slow
@@ -93,29 +77,6 @@ def test_a_form_that_another_process_does_not_end_is_refused(place, monkeypatch)
             length()
 
 
-def test_nobody_else_may_write_there(place):
-    assert stat.S_IMODE(place.stat().st_mode) == 0o700
-    (place / "planted").touch()
-    assert compiled_forms.place() == place
-    assert (place / "planted").exists()
-    place.chmod(0o777)
-    assert compiled_forms.place() == place
-    assert not (place / "planted").exists()
-    assert stat.S_IMODE(place.stat().st_mode) == 0o700
-
-
-@pytest.mark.parametrize("of", ["another user", "a link"])
-def test_a_folder_of_somebody_else_is_refused(place, tmp_path, monkeypatch, of):
-    if of == "a link":
-        place.rename(tmp_path / "elsewhere")
-        place.symlink_to(tmp_path / "elsewhere")
-    else:
-        another = os.geteuid() + 1
-        monkeypatch.setattr(os, "geteuid", lambda: another)
-    with pytest.raises(ao.InputError, match=r"another user.*set XDG_CACHE_HOME"), compiler():
-        pass
-
-
 def test_no_configuration_is_read(place):
     readers = [name for name in compiled_forms.READERS if hasattr(dolfinx.jit, name)]
     usual = [getattr(dolfinx.jit, name) for name in readers]
@@ -141,22 +102,6 @@ except ao.AntioscError as error:
 """
 
 
-def test_derivatives_are_counted_by_the_directions_of_the_cell(monkeypatch):
-    """FFCx up to 0.5 would count x, y and z of a shell in space; newer ones stay as they are."""
-    compiler = pytest.importorskip("antiosc.fem.platform.compiled_forms")
-    tables = pytest.importorskip("ffcx.ir.elementtables")
-    asked = []
-    monkeypatch.setattr(tables, "get_ffcx_table_values", lambda *a: asked.append(a), raising=False)
-    own = tables.get_ffcx_table_values
-    shell = SimpleNamespace(topological_dimension=lambda: 2)
-    given = ("points", shell, "type", "element", "average", "entity", (1, 2, 3), "component")
-    with compiler.compiler():
-        tables.get_ffcx_table_values(*given)
-    counts = (1, 2) if compiler.FFCX < (0, 6) else (1, 2, 3)
-    assert asked == [(*given[:6], counts, "component")]
-    assert tables.get_ffcx_table_values is own
-
-
 @pytest.mark.slow
 def test_no_file_is_left_open(tmp_path):
     """FFCx 0.5 claims a compilation by a file that it would not close."""
@@ -180,15 +125,3 @@ def test_no_place_for_compiled_elements(name, tmp_path):
     )
     assert "set XDG_CACHE_HOME" in run.stdout
     assert len(run.stdout.splitlines()) == 1
-
-
-def test_a_matrix_without_memory_is_told(monkeypatch):
-    """The error of dolfinx where PETSc cannot allocate, of which it has no text."""
-
-    def refused(*given, **options):
-        raise RuntimeError("basic_string: construction from null is not valid")
-
-    monkeypatch.setattr(dolfinx.fem.petsc, "assemble_matrix", refused)
-    line = ao.read_mesh(dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 1, 1))
-    with pytest.raises(ao.OutOfMemoryError, match="memory"):
-        ao.Structure(line, ao.Solid(70e9, 0.3, 2700.0, plane="stress", thickness=1e-3))

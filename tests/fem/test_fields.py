@@ -4,24 +4,17 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 
-import dolfinx
 import meshio
 import numpy as np
 import pytest
 import scipy.linalg
-from mpi4py import MPI
 
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fields import fields
-from antiosc.recovery import series
 from antiosc.reduce.site import functional
 from scenes import finely
-
-NAMES = ["run_v=1.5", "run_v=1.7", "run", "run_*", "run[0-9]", 'a & b "<c>"', "Stoß 3", "run_0001"]
-
 
 MODELS = {
     "krylov": lambda part: ao.extract(part, SITE, n=6),
@@ -146,22 +139,6 @@ def test_series_for_paraview(tmp_path, kind):
         np.testing.assert_allclose(written[:, axis], expected, atol=1e-12 * abs(field).max())
 
 
-def test_an_interrupted_series_leaves_nothing(tmp_path, hit, monkeypatch):
-    structure, history = hit
-    write, calls = series.write_vtu, []
-
-    def broken(*arguments):
-        calls.append(1)
-        if len(calls) == 3:
-            raise KeyboardInterrupt
-        write(*arguments)
-
-    monkeypatch.setattr(series, "write_vtu", broken)
-    with pytest.raises(KeyboardInterrupt):
-        ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1e-4, 2e-4, 3e-4])
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_series_removes_only_what_its_list_names(tmp_path, hit):
     structure, history = hit
     mine = tmp_path / "run_2024.vtu"
@@ -178,21 +155,6 @@ def test_a_series_removes_only_what_its_list_names(tmp_path, hit):
         "run.pvd", "run_0000.vtu", "run_0001.vtu", "run_2024.vtu"
     ]  # fmt: skip
     assert mine.read_text() == "not a frame"
-
-
-def test_names_that_make_no_series(tmp_path, hit):
-    structure, history = hit
-    (tmp_path / "file").write_text("")
-    (tmp_path / "folder.pvd").mkdir()
-    for name, says in (
-        ("a\nb", "XML has no word"),
-        ("x" * 300, "File name too long"),
-        ("file/run", "cannot write the series"),
-        ("folder.pvd", "cannot write the series"),
-    ):
-        with pytest.raises(ao.InputError, match=says):
-            ao.write_series(structure, history, tmp_path / name, [0.0])
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.pvd"]
 
 
 @pytest.mark.slow
@@ -256,20 +218,6 @@ def test_a_probe_is_the_field_at_a_point(hit):
     assert np.abs(ao.probe(structure, history, (0.0, 0.03), times)).max() < 1e-18  # clamped
 
 
-@pytest.mark.slow
-def test_every_name_makes_a_series_of_its_own(tmp_path, hit):
-    structure, history = hit
-    for k, name in enumerate(2 * NAMES):
-        listing = ao.write_series(structure, history, tmp_path / name, [0.0, (1 + k) * 1e-6])
-        assert listing == tmp_path / f"{name}.pvd"
-    assert len(list(tmp_path.iterdir())) == 3 * len(NAMES)
-    for k, name in enumerate(NAMES):
-        frames = ElementTree.parse(tmp_path / f"{name}.pvd").getroot().findall(".//DataSet")
-        assert [f.get("file") for f in frames] == [f"{name}_{i:04d}.vtu" for i in range(2)]
-        assert float(frames[1].get("timestep")) == pytest.approx((1 + len(NAMES) + k) * 1e-6)
-        assert all((tmp_path / f.get("file")).is_file() for f in frames)
-
-
 @pytest.fixture(scope="module")
 def struck():
     structure = parts.held_sheet()
@@ -294,59 +242,3 @@ def test_the_skin_is_the_surface_and_moves_with_the_part():
     for i in (int(faces.max()), int(faces[7, 2])):
         probed = ao.probe(block, struck, points[i], [2e-4])[0]
         np.testing.assert_allclose(moved[i], probed, atol=1e-9 * np.abs(moved).max())
-
-
-@pytest.mark.slow
-def test_the_picture_of_a_moved_sheet(struck, tmp_path):
-    pytest.importorskip("matplotlib")
-    from antiosc.plotting import plot_deformed
-
-    structure, history = struck
-    path = plot_deformed(
-        structure, history, tmp_path / "sheet.png", point=(0.13, 0.06, 0), direction=(0.2, -1, 0)
-    )
-    assert path.stat().st_size > 3000
-    with pytest.raises(ao.InputError, match="point"):
-        plot_deformed(structure, history, path, point=(0.13, 0.06, 0))
-    with pytest.raises(ao.InputError, match="within the run"):
-        plot_deformed(structure, history, path, time=1.0)
-
-
-@pytest.mark.slow
-def test_a_flat_sheet_read_as_plane_deflects_across_its_plane(tmp_path):
-    """A shell on a mesh with two coordinates moves along z: probe and series show it."""
-    flat = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [np.zeros(2), np.array([0.2, 0.1])], [4, 2])
-    clamp = ao.Support(lambda x: np.isclose(x[0], 0.0))
-    part = ao.Structure(ao.read_mesh(flat), ao.Shell(70e9, 0.3, 2700.0, 2e-3), [clamp])
-    model = ao.extract(part, ao.Site((0.15, 0.05, 0.0), (0, 0, -1)), n=4)
-    struck = ao.simulate(model, ao.RigidMass(0.01, 1.0), ao.Linear(1e5), 2e-3)
-    tip = ao.probe(part, struck, (0.15, 0.05))
-    assert tip.shape == (len(struck.time), 3)
-    assert -tip[:, 2] == pytest.approx(struck.displacement, abs=0.05 * struck.displacement.max())
-    _, _, moved = fields.skin(part, struck, float(struck.time[-1]))
-    assert np.abs(moved[:, 2]).max() > 0.5 * np.abs(tip[-1, 2])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scale", [1.0, 10.0])
-def test_the_arrow_of_a_picture_ends_at_the_site_and_the_view_is_the_given_one(scale):
-    """It is a quarter as long as the part, along the direction, in mm or in m."""
-    art3d = pytest.importorskip("mpl_toolkits.mplot3d.art3d")
-    from antiosc.plotting import plot_deformed
-
-    sides = scale * np.array([0.2, 0.1])
-    flat = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [np.zeros(2), sides], [2, 2])
-    clamp = ao.Support(lambda x: np.isclose(x[0], 0.0))
-    part = ao.Structure(ao.read_mesh(flat), ao.Shell(70e9, 0.3, 2700.0, 2e-3), [clamp])
-    at, along = (*(0.5 * sides), 0.0), np.array([2.0, -1.0, -2.0]) / 3
-    model = ao.extract(part, ao.Site(at, (0, 0, -1)), n=2)
-    struck = ao.simulate(model, ao.RigidMass(0.01, 1.0), ao.Linear(1e5), 5e-4)
-    figure = plot_deformed(part, struck, point=at, direction=tuple(7 * along), view=(70.0, 10.0))
-    axes = figure.axes[0]
-    assert (axes.elev, axes.azim) == (70.0, 10.0)
-    lines = [c for c in axes.collections if isinstance(c, art3d.Line3DCollection)]
-    shaft = max((np.asarray(s) for c in lines for s in c._segments3d), key=np.ptp)
-    unit = 1e3 if sides.max() < 1 else 1.0
-    tip, length = unit * np.array(at), 0.25 * unit * sides[0]
-    ends = shaft[np.argsort(np.linalg.norm(shaft - tip, axis=1))]
-    np.testing.assert_allclose(ends, [tip, tip - length * along], atol=1e-9 * length)

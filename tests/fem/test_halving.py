@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.errors import MeshError
 from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.mesh.halving import halved, scheme, with_cells_of
+from antiosc.fem.mesh.halving import halved
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
@@ -87,25 +86,7 @@ def test_repeated_halves_of_a_tetrahedron_have_three_shapes_at_most():
     assert len(np.unique(np.round(edges, 9), axis=0)) <= 3
 
 
-def test_weights_of_a_cell_are_those_of_its_corners():
-    assert scheme("hexahedron").weights[0].sum(axis=-1) == pytest.approx(1.0)
-    assert scheme("tetrahedron").weights[0].max() == pytest.approx(0.5)
-
-
-def test_too_many_cells_are_refused():
-    with pytest.raises(MeshError, match="choose a larger size"):
-        with_cells_of(1e-4, one_cell("hexahedron", 1), "a")
-
-
 # -- smaller cells around a point
-
-
-@pytest.mark.slow
-def test_quadrilaterals_around_a_point_are_refused(tmp_path):
-    path = tmp_path / "plate.inp"
-    path.write_text("*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n*ELEMENT,TYPE=S4,ELSET=A\n1,1,2,3,4\n")
-    with pytest.raises(MeshError, match="size makes all cells smaller"):
-        ao.read_mesh(path, refine=[((0.5, 0.5, 0.0), 0.1)])
 
 
 @pytest.mark.slow

@@ -164,23 +164,6 @@ def test_a_free_chain_of_fewer_masses_than_ranks():
         np.testing.assert_allclose(omega, exact, rtol=1e-9)
 
 
-CELLS = """
-import ufl
-mesh = dolfinx.mesh.create_unit_square(MPI.COMM_WORLD, 1, 1)
-space = compat.lagrange(mesh, 1, 0)
-form = ufl.TrialFunction(space) * ufl.TestFunction(space) * ufl.dx
-ones = np.ones((space.dofmap.index_map.size_local, 1))
-found = compat.quadratic([form], space, ones, np.array([2.0]), 2)
-print(json.dumps(sum(MPI.COMM_WORLD.allgather(found.tolist()), [])))
-"""
-
-
-def test_sums_over_two_cells_on_three_ranks():
-    """Twice the areas; a rank has no cell, and the others do not wait for it."""
-    for printed in run_ranks(3, START + CELLS, timeout=60):
-        np.testing.assert_allclose(json.loads(printed), [1.0, 1.0], rtol=1e-12)
-
-
 MODELS = """
 from antiosc.base.errors import AntioscWarning
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 
 import antiosc as ao
 from antiosc.fem import platform
-from antiosc.fem.platform import compat
 from antiosc.recovery import mesh_fields
 
 
@@ -59,11 +57,6 @@ def on_ranks(call, size: int = 2) -> list:
     return found
 
 
-def texts(found) -> set[str]:
-    assert all(isinstance(one, ao.InputError) for one in found), found
-    return {str(one) for one in found}
-
-
 class Thing:
     def __init__(self, comm) -> None:
         self.comm = comm
@@ -95,13 +88,6 @@ def test_memory_that_is_short_is_told_on_all_ranks(guarded):
     assert "divide ran out of memory (Python itself)" in str(found[0])
 
 
-def test_the_first_of_several_errors_wins():
-    def call(comm):
-        platform.agree(comm, ao.InputError(f"of rank {comm.rank}") if comm.rank else None)
-
-    assert texts(on_ranks(call, 3)) == {"of rank 1"}
-
-
 def test_work_on_the_root():
     done = []
 
@@ -115,23 +101,6 @@ def test_work_on_the_root():
         return platform.on_root(comm, lambda: 1 / 0)
 
     assert all(isinstance(one, ZeroDivisionError) for one in on_ranks(fails, 3))
-
-
-def test_a_warning_is_given_once():
-    with warnings.catch_warnings(record=True, action="always") as said:
-        on_ranks(lambda comm: platform.warn(comm, "a coarse mesh"))
-    assert [str(one.message) for one in said] == ["a coarse mesh"]
-
-
-def test_nodes_of_cells_with_those_of_other_ranks(monkeypatch):
-    """Of a list of all nodes in turn, as older versions give it: two own cells and a ghost."""
-    nodes = np.arange(12, dtype=np.int32)
-    geometry = SimpleNamespace(dofmap=SimpleNamespace(array=nodes))
-    geometry.dofmaps = [geometry.dofmap]
-    cells = SimpleNamespace(size_local=2, num_ghosts=1)
-    monkeypatch.setattr(compat, "cell_map", lambda _: cells)
-    found = compat.geometry_nodes(SimpleNamespace(geometry=geometry))
-    assert found.tolist() == nodes.reshape(3, 4).tolist()
 
 
 def test_cells_of_several_ranks_share_their_nodes():

@@ -24,17 +24,6 @@ def made(cells=(("hexahedron", CUBES),), **options) -> SavedFields:
     return SavedFields(CORNERS, list(cells), shapes, **{**own, **options})
 
 
-def test_a_field_is_the_sum_of_its_shapes():
-    fields = made()
-    np.testing.assert_allclose(fields.at(2.0)[:, 0], 2 * CORNERS[:, 0])
-    np.testing.assert_allclose(fields.at(2.0)[:, 2], CORNERS[:, 1])
-    np.testing.assert_allclose(fields.at(3.0)[:, 0], 3 * CORNERS[:, 0])
-    assert fields.largest == pytest.approx(6.0)
-    with pytest.raises(ao.InputError, match=r"from 0 s to 3 s; got 3\.1"):
-        fields.at(3.1)
-    assert len(repr(fields).splitlines()) <= 5
-
-
 @pytest.mark.parametrize("at", range(5))
 @pytest.mark.parametrize("wrong", [None, "text", [[None]]])
 def test_fields_of_other_things_are_refused(at, wrong):
@@ -42,22 +31,6 @@ def test_fields_of_other_things_are_refused(at, wrong):
     given = [good.points, good.cells, good.shapes, good.time, good.factors]
     with pytest.raises(ao.InputError):
         SavedFields(*given[:at], wrong, *given[at + 1 :])
-
-
-def test_faces_between_cells_are_not_drawn():
-    faces = made().faces
-    assert faces.shape == (10, 4)
-    area = sum(
-        np.linalg.norm(np.cross(*(CORNERS[f[[1, 2]]] - CORNERS[f[0]]))) for f in faces
-    )  # each corner lies in order: the cross product is that of two sides
-    assert area == pytest.approx(10.0)
-    sheet = ("quad", np.array([[0, 1, 4, 3]]))
-    triangle = ("triangle6", np.array([[1, 2, 5, 0, 0, 0]]))
-    assert made([sheet, triangle]).faces.shape == (3, 3)
-    bars = ("line3", np.array([[0, 1, 2]]))
-    assert made([bars, sheet]).faces.tolist() == [[0, 1, 4, 3]]
-    assert made([bars]).faces.tolist() == [[0, 1]]
-    assert made([("vertex", np.arange(12)[:, None])]).faces.shape == (12, 1)
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,15 +16,12 @@ import antiosc as ao
 from antiosc.models.body import ModalModel
 from antiosc.models.free_modes import residual
 from antiosc_studies.find import prepared
-from antiosc_studies.find.recording import recording
-from antiosc_studies.find.search import Search
 
 pytestmark = pytest.mark.fem
 
 SIZE, RATE, SAMPLES = (0.4, 0.3), 16e3, 128
 POINTS = ((0.07, 0.06, 0), (0.33, 0.08, 0), (0.29, 0.25, 0), (0.11, 0.22, 0))
 SENSORS = [ao.Sensor(point, (0, 0, 1)) for point in POINTS]
-TWO = SENSORS[:2]
 DOWN, MODES = (0, 0, -1), 14
 BLOW, LAW, START = ao.RigidMass(0.3, 2.0), ao.Hertz(4e7), 4.7e-4
 
@@ -182,40 +178,6 @@ def test_bad_input(part: ao.Structure, change, word: str) -> None:
     given = {"sensors": SENSORS, "signals": random, "rate": RATE, "direction": DOWN, "modes": 5}
     with pytest.raises(ao.InputError, match=word):
         ao.find_impact(part, **{**given, **change})
-
-
-def test_half_the_error_of_a_mode_is_common_to_all_sensors() -> None:
-    search = Search(SimpleNamespace(rows=np.zeros((4, 7))), ["mass"], 0.01, 0.03)
-    covariance = np.linalg.inv(search.unshared.T @ search.unshared)
-    assert covariance / 0.03**2 == pytest.approx((np.eye(4) + 1) / 2)
-
-
-def test_signals_of_a_table_have_the_rate_of_its_times(tmp_path) -> None:
-    values = np.random.default_rng(0).standard_normal((64, 2))
-    t = 0.3 + np.arange(64)[:, None] / RATE
-    path = tmp_path / "signals.csv"
-    given = recording(values, TWO, RATE, None, None, 3e4)
-    for columns, rate, header in (([t, values], None, "t, a, b"), ([values], RATE, "a, b")):
-        np.savetxt(path, np.hstack(columns), header=header, delimiter=",")
-        found = recording(path, TWO, rate, None, None, 3e4)
-        assert np.allclose(found.compared, given.compared, rtol=1e-9)
-        assert found.dt == pytest.approx(1 / RATE)
-    scaled = np.hstack([1e3 * t, values[:, :1] / 9.80665, 1e3 * values[:, 1:]])
-    for header in ("t [ms], a1 [g], a2 [mm/s²]", "x (ms), y (g), z (mm/s^2)"):
-        np.savetxt(path, scaled, header=header, delimiter=",", encoding="utf-8")
-        found = recording(path, TWO, None, None, None, 3e4)
-        assert np.allclose(found.values, given.values, rtol=1e-9)
-        assert found.dt == pytest.approx(1 / RATE)
-    np.savetxt(path, scaled, header="t [ms], a1 [V], a2 [V]", delimiter=",")
-    with pytest.raises(ao.InputError, match="unit"):
-        recording(path, TWO, None, None, None, 3e4)
-    np.savetxt(path, values, header="a, b", delimiter=",")
-    with pytest.raises(ao.InputError, match="rate"):
-        recording(path, TWO, None, None, None, 3e4)
-    rising = np.hstack([np.exp(99 * t), values])
-    np.savetxt(path, rising, header="t, a, b", delimiter=",")
-    with pytest.raises(ao.InputError, match="step"):
-        recording(path, TWO, None, None, None, 3e4)
 
 
 @pytest.mark.parametrize(

@@ -153,21 +153,6 @@ def test_a_function_of_the_run() -> None:
     assert last == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize("law", [ao.Linear(5e6), ao.Thornton(5e8, 1e-5)])
-def test_a_function_that_integrates_over_bends(law: ao.ContactLaw) -> None:
-    """Where a contact touches, turns or parts, a sample has one slope before and another after."""
-
-    def impulse(run: Any) -> float:
-        f = run.force
-        return float(np.diff(run.time[::2]) @ (f[:-2:2] + 4 * f[1::2] + f[2::2])) / 6
-
-    hit = blow(law, tol=1e-4)
-    found, expected = ao.gradient(hit, impulse), ao.gradient(hit, "impulse")
-    for name, size in {"mass": 0.5, "k0": 2e5, "stiffness": law.stiffness, "gap": 1e-5}.items():
-        off = (getattr(found, name) - getattr(expected, name)) * size
-        assert abs(off) < 1e-5 * expected.value, name
-
-
 @pytest.mark.parametrize("scene", [False, True])
 def test_a_function_that_builds_the_model(scene: bool) -> None:
     """The derivatives by its arguments are those by the model's own numbers."""
@@ -183,32 +168,6 @@ def test_a_function_that_builds_the_model(scene: bool) -> None:
     g = ao.gradient(hit, "impulse", part=build, x=[2e5, 0.3])
     own = g.bodies["part" if scene else "structure"]
     assert g.x == pytest.approx([own["k0"], own["m"][0]], rel=1e-5)
-
-
-def test_a_function_that_builds_a_model_of_several_sites() -> None:
-    def build(x: np.ndarray) -> ao.AntiOscillators:
-        P = np.array([[0.3, 0.1], [0.1, 0.2]])
-        k0 = np.array([[2e6, -5e5], [-5e5, 1e6 * x[0]]])
-        return ao.AntiOscillators(
-            m0=0.05 * np.eye(2), k0=k0, m=None, omega=[3e3, 9e3], P=P, sites=("tip", "heel")
-        )  # fmt: skip
-
-    def run(x: float, tol: float = 1e-5) -> ao.SceneHistory:
-        bodies = {
-            "part": build(np.array([x])),
-            "ball": ao.RigidMass(0.2, 1.0),
-            "stop": ao.Obstacle(),
-        }
-        contacts = [
-            ao.Contact("part:tip", "ball", ao.Hertz(1e9)),
-            ao.Contact("part:heel", "stop", ao.Linear(1e7), gap=1e-5),
-        ]
-        return ao.Scene(bodies, contacts).run(1e-3, tol=tol)
-
-    ends = ("part:tip", "ball")
-    g = ao.gradient(run(1.0), "impulse", contact=ends, part=build, x=[1.0])
-    expected = [run(1 + s * 1e-4, 1e-9)[ends].impulse for s in (-1, 1)]
-    assert g.x[0] == pytest.approx((expected[1] - expected[0]) / 2e-4, rel=2e-3)
 
 
 NAMES = ("mass", "velocity", "stiffness")

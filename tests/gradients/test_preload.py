@@ -69,24 +69,6 @@ def test_a_machine_that_rests_on_what_is_struck(
     assert slope == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=0, abs=1e-5 * g.value)
 
 
-def test_a_load_that_presses_a_massless_site_at_once() -> None:
-    """Without preload: a share of the load, s/(1 + s) with s = k r, which nothing else feels."""
-    compliance, load = 1e-4, 50.0
-
-    def run(stiffness: float) -> ao.SceneHistory:
-        body = ao.SiteModes(omega=[300.0], b=[[0.0]], sites=["tip"], r=[[compliance]])
-        return ao.Scene(
-            {"part": body, "stop": ao.Obstacle()},
-            [ao.Contact("part:tip", "stop", ao.Linear(stiffness))],
-            loads=[ao.Load("part:tip", [0.0, 1.0], [-load, -load])],
-        ).run(0.01)
-
-    g = ao.gradient(run(3e4), "force", time=0.0)
-    slope = g.contacts["part:tip", "stop"]["stiffness"]
-    assert g.value == pytest.approx(load * 3 / 4)
-    assert slope == pytest.approx(load * compliance / 16, rel=1e-6)
-
-
 def test_the_force_at_rest_on_a_damped_structure_beside_a_stop() -> None:
     """The weight is shared by the stiffness of the stop and that of structure and contact."""
     k0, k, weight = 2e6, 1e6, 0.3 * 500.0

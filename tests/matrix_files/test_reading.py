@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import tracemalloc
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -180,14 +179,6 @@ def test_written_matrices_read_again(model, tmp_path):
         np.testing.assert_allclose(again.omega, model.omega, rtol=1e-8)
 
 
-def test_rigid_motions_that_hardly_move_the_sites_are_dofs_of_their_own():
-    sliding = replace(TWO, m=None, slide=[[0.2, 0.0, 0.1], [-0.1, 0.0, 0.3]])
-    own = sliding.to_matrices()
-    Z = np.asarray(sliding.dynamic_stiffness(OMEGA))
-    assert len(own.K) == 7
-    np.testing.assert_allclose(condensed(own.K, own.M, 2), Z, rtol=1e-9, atol=1e-9 * abs(Z).max())
-
-
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -208,10 +199,3 @@ def test_a_free_model_and_a_massless_site():
     np.testing.assert_allclose(
         condensed(own.K, own.M, 1).ravel(), free.dynamic_stiffness(OMEGA), rtol=1e-12
     )
-
-
-def test_matrices_tell_that_damping_is_left_out():
-    damped = replace(ONE, damping=ao.Damping(ratio=0.02))
-    with pytest.warns(ao.AccuracyWarning, match="damping of the model is left out"):
-        found = damped.to_matrices()
-    np.testing.assert_array_equal(found.K, ONE.to_matrices().K)

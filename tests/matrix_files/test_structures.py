@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -134,11 +132,6 @@ def test_a_map_that_does_not_fit_is_refused(tmp_path):
         ao.Structure.from_files(*files, map=tmp_path / "map.txt")
 
 
-def test_nodes_need_a_map():
-    with pytest.raises(ao.InputError, match=r"the nodes of this structure have no numbers"):
-        ao.extract(ao.Structure.from_matrices(K, M), ao.Site(node=10, dof="x"))
-
-
 def plate(n: int = 12):
     """A plate of masses on springs of its own: (K, M, map) with points on a square of 1 m."""
     x, y = (c.ravel() for c in np.meshgrid(*2 * [np.linspace(0, 1, n)]))
@@ -220,7 +213,6 @@ def test_rotations_are_rigid_up_to_the_digits_of_coordinates(monkeypatch, ratio,
 # --- Maps of the rows of matrices: their forms in files, and whole messages -----------------------
 
 
-TABLE = [[1, 10, 1], [2, 10, 2], [3, 20, 1]]
 MAPS = {
     "rows": "Row Node DOF\n1 10 UX\n2 10 UY\n3 20 UX\n",
     "mixed rows": "2, 10, uy # second\n! a comment\n3 20 x\n1 10 T1\n",
@@ -242,11 +234,6 @@ def test_the_rows_of_a_map(case, tmp_path):
     np.testing.assert_array_equal(found.points, expected)
     assert found.row(10, 2) == 1
     assert rows_of({20: "all", 10: ["uy"]}, found).tolist() == [1, 2]
-
-
-def test_columns_of_four_rows():
-    found = dof_map(([10, 10, 20, 20], ["x", 2, "UX", "t2"]), None, 4)
-    assert (found.node.tolist(), found.component.tolist()) == ([10, 10, 20, 20], [1, 2, 1, 2])
 
 
 WRONG_MAPS = {
@@ -271,39 +258,7 @@ def test_what_is_wrong_with_a_map_is_told(case, tmp_path):
         dof_map(path, np.array([[10, 1], [10, 2], [20, 1]]), 3)
 
 
-def test_supports_are_a_dict_of_nodes():
-    rows = dof_map(np.array(TABLE)[:, 1:], None, 3)
-    with pytest.raises(ao.InputError, match="supports must be a dict of node"):
-        rows_of([10], rows)
-
-
 # --- The program of docs/howto/matrices.md runs as it stands there ---------------------------
-
-
-PAGE = Path(__file__).parents[2] / "docs/howto/matrices.md"
-
-
-@pytest.mark.slow
-def test_the_program_of_the_page(tmp_path, monkeypatch, capsys):
-    K, M, labels = spring_frame()
-    matrix_market(tmp_path / "K.mtx", K)
-    matrix_market(tmp_path / "M.mtx", M)
-    points = np.column_stack([0.01 * labels[:, 0], np.zeros((len(K), 2))])
-    rows = np.column_stack([labels, points])
-    np.savetxt(tmp_path / "dofs.txt", rows, fmt=["%d", "%d", "%g", "%g", "%g"])
-    monkeypatch.chdir(tmp_path)
-    program = "\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S))
-    found: dict = {}
-    exec(compile(program, str(PAGE), "exec"), found)
-    assert "given matrices, 5 nodes, 15 dofs" in capsys.readouterr().out
-    struck = found["blow"]
-    assert struck.impulse == pytest.approx(0.1 * (1.0 - struck.impactor_velocity[-1]), rel=1e-6)
-    b = np.eye(len(K))[5]
-    assert abs(found["model"].k0 * (b @ np.linalg.solve(K, b)) - 1) < 1e-9
-    assert found["tip"].shape == (len(found["hit"].time), 3)
-    again = ao.Structure.from_files("reduced_K.mtx", "reduced_M.mtx", map="reduced.map")
-    read = ao.extract(again, ao.Site(node=20, dof="z"), n=3)
-    assert read.k0 == pytest.approx(found["model"].k0, rel=1e-9)
 
 
 @pytest.mark.parametrize("coordinates", [False, True])

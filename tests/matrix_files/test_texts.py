@@ -103,18 +103,6 @@ def test_every_form_of_one_matrix(case, tmp_path):
     assert (pair.labels if labels is None else pair.labels.tolist()) == labels
 
 
-def test_a_layout_that_is_not_given_has_five_numbers_of_16_characters(tmp_path):
-    rng = np.random.default_rng(5)
-    full = rng.integers(1, 9, (6, 6)).astype(float)
-    text = op4("", rows=6, columns=6)
-    for k, column in enumerate(full.T, 1):
-        words = [f"{v:16.9E}" for v in column]
-        text += row(k, 1, 6) + "".join(words[:5]) + "\n" + words[5] + "\n"
-    path = tmp_path / "a"
-    path.write_text(text + row(7, 1, 1) + f"{1.0:16.9E}\n")
-    np.testing.assert_array_equal(read_pair(path, path).K.toarray(), full)
-
-
 def wrong_hb(**lines: str) -> str:
     own = dict(enumerate(HB, 1)) | {int(k[1:]): text for k, text in lines.items()}
     return "\n".join(own.values()) + "\n"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.engine.damping import first_order
 from antiosc.models.motion import Inertia
 
 OMEGA = np.geomspace(0.05, 60.0, 40)
@@ -61,31 +60,6 @@ def test_critical_and_strong_damping_of_one_oscillator(c):
     model = ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[], damping=ao.DampingMatrix([[c]]))
     exact = 1 / (1 - OMEGA**2 + 1j * OMEGA * c)
     np.testing.assert_allclose(model.modal().receptance(OMEGA), exact, rtol=1e-6)
-
-
-def test_equal_poles_are_two_modes():
-    found = first_order(np.array([2.0, 2.0]), ao.DampingMatrix(0.1 * np.eye(2)))
-    np.testing.assert_allclose(found.omega, [2.0, 2.0])
-    np.testing.assert_allclose(found.decay, [0.05, 0.05])
-
-
-def test_a_massless_site_with_a_damper_gets_a_little_mass():
-    model = ao.AntiOscillators(
-        m0=0.0, k0=2.0, m=[1.0], omega=[2.0], damping=ao.DampingMatrix(np.diag([3.0, 0.1]))
-    )
-    low = OMEGA[OMEGA < 10]
-    np.testing.assert_allclose(model.modal().receptance(low), direct(model, low), rtol=1e-5)
-
-
-def test_states_go_to_first_order_modes_and_back():
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        body = drawn(rng).modal()
-        found = first_order(body.omega, body.damping)
-        x = rng.normal(size=2 * body.omega.size)
-        both = np.vstack([found.at_q, found.at_v])
-        if not body.damping.branches:  # whose states are not in x
-            np.testing.assert_allclose(both @ (found.inverse @ x), x, rtol=1e-6, atol=1e-7)
 
 
 def test_several_sites_and_files(tmp_path):
@@ -203,40 +177,3 @@ def test_shapes_momentum_and_participation_follow():
     np.testing.assert_array_equal(new.inertia.momentum[-1], momentum[-1])
     assert new.participation[0] + new.participation[1:].sum() == pytest.approx(moved[0, 2])
     np.testing.assert_allclose(new.participation[1:], moved[1:, 2], atol=1e-10)
-
-
-def test_a_misfit_counts_beside_the_error():
-    """Of either sign: the corrected model is that of the sum."""
-    given = model()
-    rng = np.random.default_rng(9)
-    root = np.sqrt(np.append(given.k0, given.k))
-    work = rng.normal(size=(7, 7)) * 3e-4 * root * root[:, None]
-    work = work + work.T
-    both = given.strain_error + work
-    assert np.linalg.eigvalsh(work)[0] < 0 < np.linalg.eigvalsh(both)[0]
-    plain = ao.AntiOscillators(given.m0, given.k0, given.m, given.omega, strain_error=both)
-    found = ao.AntiOscillators(
-        given.m0,
-        given.k0,
-        given.m,
-        given.omega,
-        strain_error=given.strain_error,
-        strain_misfit=work,
-    )
-    one, other = plain.corrected(), found.corrected()
-    assert other.k0 == pytest.approx(one.k0, rel=1e-12)
-    np.testing.assert_allclose(other.omega, one.omega, rtol=1e-12)
-    np.testing.assert_allclose(other.m, one.m, rtol=1e-9)
-    assert other.strain_misfit is None
-    small = found.truncated(2)
-    np.testing.assert_array_equal(small.strain_misfit, work[:3, :3])
-    np.testing.assert_array_equal(small.strain_error, given.strain_error[:3, :3])
-
-
-def test_all_masses_stay_and_everything_gets_softer():
-    given = model()
-    new = given.corrected()
-    assert new.m0 == pytest.approx(given.m0, rel=1e-12)
-    assert new.k0 < given.k0
-    assert np.all(new.omega < given.omega)
-    assert new.strain_error is None

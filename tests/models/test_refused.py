@@ -13,8 +13,6 @@ import pytest
 import antiosc as ao
 from antiosc import plotting
 from antiosc.engine.contact import Tabulated
-from antiosc.fields.pictures import FACES
-from antiosc.models.body import resolved_frequency
 from antiosc.models.closed_form import (
     StruckBeam,
     UniformBeam,
@@ -28,15 +26,6 @@ from antiosc.models.model_file import VERSION
 from antiosc.plot import charts
 from refusals import refused
 from struck_beams import ARTICLE, UNIT
-
-VOLUMES = {"tetra": 1 / 6, "pyramid": 1 / 3, "wedge": 1 / 2, "hexahedron": 1.0}
-
-CORNERS = {
-    "tetra": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)],
-    "pyramid": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1)],
-    "wedge": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
-    "hexahedron": [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))],
-}
 
 ONE = {"m0": 0.1, "k0": 1e5, "m": [0.2, 0.3], "omega": [900.0, 2e3]}
 MODEL = ao.AntiOscillators(**ONE)
@@ -236,38 +225,3 @@ def test_a_model_that_its_file_cannot_hold(tmp_path: Path) -> None:
     with refused(None, "write", ao.InputError):
         MODEL.save(tmp_path / "none" / "m.npz")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_model_tells_up_to_which_antiresonance_it_has_converged() -> None:
-    """In Hz: the last of so many that have, of those that there are; inf of the full model."""
-    for facts, expected in (
-        ({"converged": 1}, 900.0 / (2 * np.pi)),
-        ({"converged": 2}, 2e3 / (2 * np.pi)),
-        ({"converged": 9}, 2e3 / (2 * np.pi)),
-        ({"converged": 0}, 0.0),
-        ({"converged": 0, "method": "full"}, np.inf),
-    ):
-        model = ao.AntiOscillators(**ONE, info=facts)
-        assert resolved_frequency(model) == pytest.approx(expected)
-        hit = ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Linear(1e5), 1e-4)
-        assert resolved_frequency(hit) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("kind", FACES)
-def test_the_faces_of_a_cell_enclose_it(kind: str) -> None:
-    """Each edge is passed twice, in opposite ways; the volume follows from the faces."""
-    faces = FACES[kind]
-    if kind not in CORNERS:  # a face itself
-        (face,) = faces
-        assert face == list(range(len(face)))
-        return
-    edges = [(a, b) for face in faces for a, b in zip(face, [*face[1:], face[0]], strict=True)]
-    assert len(set(edges)) == len(edges)
-    assert {(b, a) for a, b in edges} == set(edges)
-    x = np.array(CORNERS[kind], dtype=float)
-    volume = 0.0
-    for face in faces:
-        for k in range(1, len(face) - 1):
-            a, b, c = x[[face[0], face[k], face[k + 1]]]
-            volume += a @ np.cross(b, c) / 6
-    assert volume == pytest.approx(VOLUMES[kind])

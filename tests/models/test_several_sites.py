@@ -8,7 +8,6 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.models.reduced_modes import MODEL_SHIFT, _lowest
 from chains import loose_chains, receptance
 
 Array = NDArray[np.float64]
@@ -125,19 +124,6 @@ def test_massless_sites_have_a_residual_compliance(rng):
     np.testing.assert_allclose(product, np.broadcast_to(np.eye(2), product.shape), atol=1e-9)
 
 
-def test_low_modes_survive_a_light_site():
-    # 1e-9 kg at the sites of a structure of 1 kg: the mass form would lose the first frequency
-    P = np.array([[0.6, 0.2], [0.3, -0.4]])
-    k0 = np.array([[3e4, -1e4], [-1e4, 2e4]])
-    low = []
-    for m0 in (1e-9, 1e-14, 0.0):
-        model = ao.AntiOscillators(
-            m0=m0 * np.eye(2), k0=k0, P=P, omega=[100.0, 1e5], sites=["a", "b"]
-        )
-        low.append(model.site_modes().omega[0])
-    np.testing.assert_allclose(low, low[-1], rtol=1e-8)
-
-
 def test_one_site_with_a_name_is_the_model_of_one_site():
     plain = ao.AntiOscillators(m0=0.1, k0=2e5, m=[0.3, 0.05], omega=[900.0, 4e3])
     named = ao.AntiOscillators(
@@ -176,12 +162,3 @@ def test_a_damped_receptance_is_that_of_the_matrices(rng):
         np.testing.assert_allclose(one.receptance(w), expected[0, 0], rtol=1e-12)
     # what is pushed goes on by itself more and more slowly: the phase lags
     assert np.all(body.receptance(np.array([39.0]))[0].diagonal().imag < 0)
-
-
-@pytest.mark.parametrize("highest", [1e2, 1e8, 1e12])
-def test_the_shift_is_of_the_size_of_the_lowest_elastic_mode(highest):
-    """Two masses on a spring, beside a stiff oscillator: omega^2 = 2 k/m, whatever is above."""
-    K = np.zeros((3, 3))
-    K[:2, :2], K[2, 2] = [[3.0, -3.0], [-3.0, 3.0]], highest
-    rigid = np.array([[1.0], [1.0], [0.0]]) / np.sqrt(2)
-    assert _lowest(K, np.eye(3), rigid) == pytest.approx(MODEL_SHIFT * 6.0, rel=1e-3)

@@ -50,10 +50,6 @@ def test_the_margin_and_the_card_give_the_same_answer(value, largest, answer):
     assert verdict([margin], 0.0, has_bar=True).text.lower().startswith(answer)
 
 
-def test_without_a_strength_nothing_is_said():
-    assert verdict([], 0.0, has_bar=True).tone == UNKNOWN
-
-
 def test_a_contact_with_a_strength_dents_or_does_not():
     model = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3])
     law = ao.ElasticPlastic(1e10, 0.01, 5e7, elastic_share=0.4)

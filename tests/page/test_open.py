@@ -10,20 +10,17 @@ import threading
 import time
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import antiosc as ao
 from abaqus_decks import plate_deck
 from antiosc.base import progress
 from antiosc.base.errors import InputError
-from antiosc_app import edited, inspecting
+from antiosc_app import edited
 from antiosc_app.cli import main
 from antiosc_app.opened import Opened
 from antiosc_app.working import STALE, Worker
-from paths import ROOT
 from webdriver import MISSING, Browser
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -122,42 +119,6 @@ def saved_and_run(one, capsys):
 
 
 @pytest.mark.slow
-def test_a_solid_shows_what_a_run_of_its_saved_scene_prints(step, capsys):
-    one = Opened(step, size=SIZE)
-    try:
-        one.calls["look"]({})
-        edit(one, set={"sites.point": [0.05, 0.03, 0.015], "impactor.velocity": 1.5})
-        edit(one, hold="face 1")
-        page, printed, scene = saved_and_run(one, capsys)
-        assert timeless(page) == timeless(printed)
-        assert scene["simulate"]["duration"] == scene["extract"]["n"] == "auto"
-        assert len(scene["supports"]) == 2
-        answers = page.split("\n\n")[1].splitlines()[:4]
-        assert [line[:13].strip() for line in answers] == [
-            "does it break", "largest force", "deflection", "largest stres"
-        ]  # fmt: skip
-    finally:
-        one.close()
-    for path in step.parent.glob("angle*.[th]*ml"):
-        path.unlink()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["meshes/beam.msh", "demos/scenes/bar.inp"])
-def test_bars_and_decks_show_what_a_run_of_their_saved_scene_prints(name, tmp_path, capsys):
-    part = tmp_path / name.rpartition("/")[2]
-    part.write_bytes((ROOT / name).read_bytes())
-    one = Opened(part)
-    try:
-        one.calls["look"]({})
-        quick(one, 1e-2, 10)
-        page, printed, _ = saved_and_run(one, capsys)
-        assert timeless(page) == timeless(printed)
-    finally:
-        one.close()
-
-
-@pytest.mark.slow
 def test_a_fall_shows_what_a_run_of_its_saved_scene_prints(tmp_path, capsys):
     geo = tmp_path / "block.geo"
     geo.write_text(
@@ -208,37 +169,6 @@ def test_what_is_left_empty_is_chosen_by_the_run(opened):
     assert "damping" not in left["scene"]["extract"]
     for _ in range(2):
         edit(opened, undo=True)
-
-
-def test_the_cells_at_the_site_follow_it_and_become_finer_by_a_click_alone(opened):
-    first = opened.calls["look"]({})["scene"]
-    ((_, size),) = first["geometry"]["refine"]
-    moved = edit(opened, set={"sites.point": [0.05, 0.03, 0.015]})["scene"]
-    assert moved["geometry"]["refine"] == [[[0.05, 0.03, 0.015], size]]
-    finer = edit(opened, finer=True)["scene"]["geometry"]["refine"]
-    assert finer[0][0] == [0.05, 0.03, 0.015]
-    assert finer[0][1] == pytest.approx(size / 3, rel=0.1)
-    for _ in range(2):
-        told = edit(opened, undo=True)
-    assert told["scene"] == first
-
-
-def test_strikers_and_materials_of_ones_own(opened):
-    mass = edit(opened, striker="mass")["scene"]["impactor"]
-    assert mass["kind"] == "RigidMass"
-    assert {"mass", "tip_radius", "velocity", "material"} <= set(mass)
-    own = edit(opened, of="own material")["scene"]["impactor"]
-    assert "material" not in own
-    assert {"E", "nu"} <= set(own)
-    assert edit(opened, striker="hammer")["scene"]["impactor"]["kind"] == "named_impactor"
-    part = edit(opened, material="own material")["scene"]["material"]
-    assert part["kind"] == "Solid"
-    assert part["yield_range"][0] == pytest.approx(235e6)
-    assert edit(opened, set={"material.E": 70e9})["scene"]["material"]["E"] == 70e9
-    assert edit(opened, material="ABS")["scene"]["material"] == {"name": "ABS"}
-    for _ in range(6):
-        told = edit(opened, undo=True)
-    assert told["scene"]["impactor"]["kind"] == "Sphere"
 
 
 WRONG = [
@@ -349,61 +279,12 @@ def test_a_map_is_that_of_the_scene(deck):
 
 
 @pytest.mark.slow
-def test_a_deck_has_fields_for_what_it_does_not_state_and_edges_that_are_held(deck):
-    look = deck.calls["look"]({})
-    assert look["materials"] == []
-    assert "edges at +x" in look["faces"]
-    held = edit(deck, hold="edges at +x")["scene"]["supports"]
-    assert held == [{"where": "+x"}]
-    scene = edit(deck, set={"deck.yield_strength": 2e6, "deck.yield_range": [1e6, 3e6]})["scene"]
-    assert scene["deck"]["yield_range"] == [1e6, 3e6]
-
-
-@pytest.mark.slow
 def test_nothing_is_written_through_a_link_that_leads_nowhere(deck, tmp_path):
     deck.calls["look"]({})
     (tmp_path / "plate.html").symlink_to(tmp_path / "elsewhere.html")
     assert deck.calls["names"]({})["names"] == ["plate_2.toml", "plate_2.html"]
     with pytest.raises(InputError, match="agreed"):
         deck.calls["write"]({"turn": 0, "agreed": ["plate.toml", "plate.html"]})
-
-
-@pytest.mark.slow
-def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
-    from antiosc_app.skin import skin
-
-    mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
-    both = np.union1d(mesh.groups["-z"][2], mesh.groups["+z"][2]).astype(np.int32)
-    one = replace(mesh, groups={"both": {2: both}})
-    part = ao.Structure(one, ao.material("steel S235"), [])
-    assert skin(part, inspecting._inspected(one, {}, None, False)).held == [
-        "side -z of the box, below"
-    ]
-
-
-@pytest.mark.slow
-def test_faces_are_told_by_their_places():
-    from antiosc_app.skin import places, skin
-
-    mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
-    part = ao.Structure(mesh, ao.material("steel S235"), [])
-    shown = skin(part, inspecting._inspected(mesh, {}, None, False))
-    where = places(shown.data, list(shown.faces))
-    ends = {"-x": "x = 0 mm", "+x": "x = 100 mm", "+y": "y = 80 mm", "+z": "z = 60 mm"}
-    assert {name: where[name] for name in ends} == ends
-
-
-@pytest.mark.slow
-def test_a_group_without_parts_is_no_face_to_be_held():
-    """As a face whose nodes are merged when the mesh is read."""
-    from antiosc_app.skin import skin
-
-    mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
-    with_gone = replace(mesh, groups={**mesh.groups, "gone": {}})
-    part = ao.Structure(with_gone, ao.material("steel S235"), [])
-    faces = skin(part, inspecting._inspected(with_gone, {}, None, False)).faces
-    assert {"-x", "+z"} <= {*faces}
-    assert "gone" not in faces
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.texts import engineering, plain, plus_minus
-from antiosc_app import headline, live as assets
+from antiosc.base.texts import engineering, plain
+from antiosc_app import live as assets
 from antiosc_app.cards import cards_of_history
 from webdriver import MISSING, Browser
 
@@ -215,32 +215,6 @@ def test_a_part_is_drawn_turned_and_played(browser, plate, tmp_path):
     assert browser.run("return page.bar") == 0
 
 
-#: Pixels per metre at rest, and the least of them over all frames of the motion.
-SCALES = """
-const at = (kind, frame) => {
-  Object.assign(page, {kind, frame});
-  page.picture();
-  return page.part.view.scale();
-};
-return [at("", 0), Math.min(...page.part.states.map((_, k) => at("motion", k)))];
-"""
-
-
-@pytest.mark.fem
-@pytest.mark.slow
-def test_a_striker_that_flies_off_does_not_shrink_the_part_to_a_dot(browser, plate, tmp_path):
-    """Enlarged as the motion, its way leaves the picture by far; the part keeps a quarter of it."""
-    part, model = plate
-    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
-    hit = ao.simulate(model, ball, duration=0.02)
-    way = abs(float(hit.impactor.velocity)) * hit.restitution * (0.02 - hit.contacts[-1][1])
-    opened(browser, ao.write_report(hit, tmp_path / "flies.html", part))
-    factor = browser.run("return page.part.factor")
-    assert factor * way > 3 * 0.2  # many times the part's side
-    resting, least = browser.run(SCALES)
-    assert least > resting / 4
-
-
 @pytest.mark.fem
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*times the radius")  # of a coarse plate
@@ -365,86 +339,3 @@ def test_a_fall_is_shown_on_its_path_and_each_impact_can_be_chosen(browser, tmp_
     )
     assert browser.run("return page.impact") == 0
     assert browser.said() == []
-
-
-#: The engine of the page without memory for a whole run: its numbers are wrong, and it says so.
-GIVES_UP = """
-const {engine} = page, whole = engine.strike.bind(engine);
-engine.strike = (...given) => {
-  const hit = whole(...given), n = Math.ceil(hit.time.length / 3);
-  return Object.assign(hit, {answer: 1, peak_force: 1, contact_time: 1, contacts: 7, last: 1e-5,
-    time: hit.time.slice(0, n), force: hit.force.slice(0, n)});
-};
-page.change();
-page.rest();
-"""
-
-
-@pytest.mark.slow
-def test_the_computed_case_has_its_numbers_where_the_page_cannot_repeat_it(browser, tmp_path):
-    hit = ao.simulate(MODEL, STRIKER, LAW, DURATION, tol=1e-6)
-    opened(browser, ao.write_report(tmp_path / "report.html", hit))
-    browser.run(GIVES_UP)
-    same(browser.run(READ)["cells"], hit)
-    assert browser.run("return page.hit.contacts") == len(hit.contacts)
-    drawn = browser.run("return [page.hit.time.at(-1), Math.max(...page.hit.force)]")
-    assert drawn == pytest.approx([hit.time[-1], hit.force.max()], rel=1e-3)
-    browser.run(MOVE, {"mass": 60})  # another case is not known
-    assert browser.run("return document.querySelector('#numbers td').textContent") == "–"
-    assert "not known" in browser.run("return document.getElementById('notes').textContent")
-
-
-@pytest.mark.fem
-@pytest.mark.slow
-def test_the_deflection_at_the_site_has_its_bar(plate, browser, tmp_path):
-    part, model = plate
-    hit = ao.simulate(model, STRIKER, LAW, 4 * DURATION)
-    page = opened(browser, ao.write_report(tmp_path / "bent.html", hit, part))
-    assert page["cells"]["deflection_at the site"] == pytest.approx(hit.site_motion.largest)
-    cell = "return page.cells.site_deflection[0].textContent"
-    ends = hit.error_budget.sides("deflection")
-    assert ends[0] > 0
-    assert plus_minus(ends) in browser.run(cell)
-    browser.run(MOVE, {"mass": 60})
-    assert "±" not in browser.run(cell)  # another impact's is not known
-
-
-@pytest.mark.fem
-@pytest.mark.slow
-def test_pictures_reach_the_end_of_the_run_and_spikes_do_not_darken_them(browser, plate, tmp_path):
-    part, model = plate
-    hit = ao.simulate(model, ao.RigidMass(1e-3, 1.5), LAW, DURATION)
-    assert hit.contacts[-1][1] < 0.1 * DURATION
-    opened(browser, ao.write_report(tmp_path / "part.html", hit, part))
-    browser.run("page.rest()")
-    times = browser.run("return page.part.times")
-    assert times[-1] == pytest.approx(DURATION)
-    touched = hit.contacts[-1][1]
-    assert sum(time < 1.3 * touched for time in times) > 30
-    assert browser.run("return page.until") < 0.2 * DURATION
-    assert engineering(DURATION, "s") in browser.run("return told.textContent")
-    ends = """
-    const {part} = page, most = new Float32Array(part.count);
-    for (const {x} of part.states) {
-      part.sizes("stress", x).forEach((size, p) => { most[p] = Math.max(most[p], size); });
-    }
-    kind.value = "stress";
-    kind.dispatchEvent(new Event("change"));
-    return [Array.from(most), part.top("stress"), page.hit.stress, high.textContent];
-    """
-    most, top, largest, legend = browser.run(ends)
-    usual = np.quantile(most, 0.995, method="lower")
-    assert top == pytest.approx(usual if largest > 1.5 * usual else largest)
-    # in one call: the page follows anew when it rests
-    spiked = "page.part.usual.stress = page.hit.stress / 4; page.picture(); return high.textContent"
-    legend = browser.run(spiked)
-    assert (
-        legend == f"{engineering(largest / 4, 'Pa')} and more, up to {engineering(largest, 'Pa')}"
-    )
-
-
-def test_a_striker_that_pierces_the_part_is_told_before_the_numbers(monkeypatch):
-    model = ao.AntiOscillators(m0=0.01, k0=1e5, m=[0.1], omega=[2e3])
-    hit = ao.simulate(model, ao.RigidMass(0.1, 0.5), ao.Linear(1e6), duration=2e-3)
-    monkeypatch.setattr(headline, "piercing", lambda *bodies: "It pierces the part.")
-    assert headline.caution_of(hit, None).startswith("It pierces the part.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import tomllib
 
 import numpy as np
@@ -11,14 +10,10 @@ import pytest
 from antiosc.base.errors import InputError
 from antiosc_app.cli import main
 from antiosc_app.opened import ALL, ANOTHER, Opened
-from antiosc_app.view import View
-from contact_decks import SIDES as BLOCK, cut_block
-from webdriver import MISSING, Browser
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
 #: Sides [mm] of two boxes, and the distance between them.
 LARGE, SMALL, APART = (40.0, 12.0, 10.0), (12.0, 4.0, 3.0), 5.0
-QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 
 
 def corners(sides, start):
@@ -102,16 +97,6 @@ def test_each_piece_is_opened_by_its_rank_with_its_own_scene(apart):
 
 
 @pytest.mark.slow
-def test_a_piece_that_there_is_not_leaves_the_one_that_is_open(apart):
-    first = apart.calls["look"]({})
-    for piece in (0, 3):  # nothing joins them
-        with pytest.raises(InputError, match="pieces"):
-            apart.calls["take"]({"piece": piece})
-        after = apart.calls["look"]({})
-        assert (after["piece"], after["opening"]) == (1, first["opening"])
-
-
-@pytest.mark.slow
 def test_pieces_that_are_joined_are_opened_alone_and_joined_again(tmp_path):
     as_step(tmp_path / "two.step", 0.0)
     one = Opened(tmp_path / "two.step")
@@ -131,27 +116,6 @@ def test_pieces_that_are_joined_are_opened_alone_and_joined_again(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_deck_is_opened_with_its_contact_tied_or_left_out(tmp_path):
-    one = Opened(cut_block(tmp_path / "two.inp", (4, 2, 1), (3, 1, 1)))
-    try:
-        first = one.calls["look"]({})
-        assert (first["contact"], first["pieces"]) == ("tied", [])
-        assert list(first["contacts"]) == ["tied", "apart"]
-        assert box_of(first) == pytest.approx(BLOCK, abs=0.01)
-        one.calls["take"]({"contact": "apart"})
-        other = one.calls["look"]({})
-        assert (other["contact"], other["piece"], len(other["pieces"])) == ("apart", 1, 2)
-        assert box_of(other) == pytest.approx(BLOCK * (1, 1, 0.5), abs=0.01)
-        assert other["scene"]["deck"]["contact"] == "apart"
-        with pytest.raises(InputError, match="contact"):
-            one.calls["take"]({"contact": "glued"})
-        one.calls["take"]({"contact": "tied"})
-        assert box_of(one.calls["look"]({})) == pytest.approx(BLOCK, abs=0.01)
-    finally:
-        one.close()
-
-
-@pytest.mark.slow
 def test_the_command_writes_a_scene_of_one_piece(tmp_path, capsys):
     as_deck(tmp_path / "two.inp", APART)
     scene = tmp_path / "two.toml"
@@ -160,48 +124,3 @@ def test_the_command_writes_a_scene_of_one_piece(tmp_path, capsys):
     assert "12 × 4 × 3 mm" in capsys.readouterr().out
     assert main(["new", str(tmp_path / "b.toml"), str(tmp_path / "two.inp"), "--piece", "3"]) == 1
     assert "no piece 3" in capsys.readouterr().err
-
-
-STATE = """
-const at = globalThis.bench && bench.facts ? bench : {facts: {}, turn: -1};
-return {piece: at.facts.piece,
-  complete: Number(document.documentElement.dataset.complete) === at.turn,
-  failed: document.documentElement.dataset.failed || "",
-  listed: [...document.querySelectorAll("[name=piece] option")].map((one) => one.textContent),
-  undo: document.getElementById("undo").disabled,
-  width: document.documentElement.scrollWidth};
-"""
-
-
-def until(browser, is_so):
-    for _ in range(1200):
-        state = browser.run(STATE)
-        if state["failed"] or (state["complete"] and is_so(state)):
-            return state
-        time.sleep(0.1)
-    return state
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(bool(MISSING), reason=MISSING)
-def test_a_page_takes_another_piece_as_a_new_part(tmp_path):
-    as_deck(tmp_path / "two.inp", APART)
-    page = View(Opened(tmp_path / "two.inp"), "two.inp", "'none'")
-    choose = (
-        "const s = document.querySelector('[name=piece]'); s.value = 2;"
-        "s.dispatchEvent(new Event('change'));"
-    )
-    try:
-        with Browser() as browser:
-            browser.address(page.address, 390)
-            first = until(browser, lambda state: state["piece"] == 1)
-            assert not first["failed"]
-            assert [text[:2] for text in first["listed"]] == ["1:", "2:"]
-            assert first["width"] <= 390
-            browser.run(choose)
-            other = until(browser, lambda state: state["piece"] == 2)
-            assert not other["failed"]
-            assert other["undo"]
-            assert browser.said() == []
-    finally:
-        page.close()

@@ -15,10 +15,8 @@ from antiosc.base.errors import InputError, RangeError
 from antiosc_app import server, view
 from antiosc_app.live import policy, script
 from antiosc_app.server import TOKEN, Server
-from paths import ROOT
 
 OK, NO = b"200", b"403"
-SOURCE = ROOT / "src"
 
 
 def answered(values):
@@ -226,14 +224,6 @@ def test_options_are_refused_before_the_page_opens(tmp_path, options):
     given = dict.fromkeys(("unit", "size", "piece", "contact")) | options
     with pytest.raises(InputError, match=next(iter(options))):
         view.until_interrupted(str(part), **given, browser=False)
-
-
-def test_a_line_break_in_the_name_of_a_part_is_refused_once(tmp_path):
-    part = tmp_path / "a\nb.step"
-    part.write_text("ISO-10303-21;")
-    with pytest.raises(InputError) as refused:
-        view.view(part)
-    assert str(refused.value).count("\\n") == 1
 
 
 def test_it_listens_on_this_machine_alone(served):

@@ -38,14 +38,6 @@ def test_a_scene_is_drawn_as_by_a_program(tmp_path, capsys):
     assert found["value"][:3] == [many.quantile("peak_force", q).value for q in (0.05, 0.5, 0.95)]
 
 
-def test_a_mistake_of_the_scene_is_told_once(tmp_path, capsys):
-    text = BEAM.replace("mass = 0.05", "mass = -0.05") + DRAWN
-    assert antiosc("check", written(tmp_path, text)) == 1
-    (told,) = capsys.readouterr().err.splitlines()
-    line = next(i for i, text in enumerate(text.splitlines(), 1) if "-0.05" in text)
-    assert f":{line}: " in told
-
-
 @pytest.mark.parametrize(
     ("drawn", "held"),
     [
@@ -65,35 +57,6 @@ def test_mistakes_have_their_lines(tmp_path, capsys, drawn, held):
     assert held in told
     line = len(BEAM.splitlines()) + 1
     assert any(f":{line + k}:" in told for k in (0, 1))
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-def test_the_patch_of_a_drawn_scene_carries_its_hardest_blow(tmp_path, capsys):
-    """The radius "auto" is that of the largest draws, not of the nominal impact."""
-    text = BRACKET.replace("radius = 4e-3", 'radius = "auto"')
-    speeds = 'impactor.velocity = {kind = "uniform", low = 0.5, high = 40.0}\n'
-    path = written(tmp_path, f"{text}[extract]\nn = 8\n{HIT}[monte_carlo]\nn = 40\n{speeds}")
-    assert antiosc("monte-carlo", path, "--out", tmp_path / "out") == 0
-    columns = table(tmp_path / "out/monte_carlo.csv")
-    assert np.isfinite(columns["peak_force"].astype(float)).all()
-    assert "failed" not in capsys.readouterr().err
-
-
-MODULUS = '[monte_carlo]\nn = 12\nmaterial.E = {kind = "uniform", low = 60e9, high = 80e9}\n'
-
-
-@pytest.mark.fem
-@pytest.mark.parametrize(
-    ("sections", "held"),
-    [
-        (f"{HIT}{MODULUS}", "draws values of impactor"),
-        (f'{HIT}[surface]\nmaterial = "6061"\n', "curvature: leave it out there"),
-    ],
-)
-def test_what_a_part_with_a_mesh_does_not_take_is_told_by_check(tmp_path, capsys, sections, held):
-    assert antiosc("check", written(tmp_path, BRACKET + sections)) == 1
-    assert held in capsys.readouterr().err
 
 
 SCENE = f"""\
@@ -169,31 +132,3 @@ def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
     names = sorted(p.name for p in (tmp_path / "one").iterdir())
     assert sorted(p.name for p in (tmp_path / "two").iterdir()) == names
     assert {"history.csv", "probes.csv", "result.json", "series.pvd"} <= set(names)
-
-
-@pytest.mark.mpi
-@pytest.mark.fem
-@pytest.mark.slow
-def test_a_mistake_is_told_once_and_ends_both_ranks(tmp_path):
-    path = written(tmp_path, LEVER.replace('"clamp"', '"clampp"'))
-    script = "import sys, io, contextlib\nfrom antiosc_app.cli import main\n"
-    script += "told = io.StringIO()\nwith contextlib.redirect_stderr(told):\n"
-    script += "    code = main(sys.argv[1:])\nprint(code, told.getvalue())\n"
-    first, second = run_ranks(2, script, "run", str(path))
-    assert first.startswith("1 ")
-    assert "has no group 'clampp'" in first
-    assert second == "1 \n"
-
-
-@pytest.mark.mpi
-@pytest.mark.fem
-@pytest.mark.slow
-def test_a_file_that_cannot_be_written_ends_both_ranks(tmp_path):
-    """The report comes after it, and its field is shared among the ranks."""
-    (tmp_path / "out/result.json").mkdir(parents=True)
-    path = written(tmp_path, LEVER.replace("fields = true", "csv = false"))
-    files = ("--out", str(tmp_path / "out"), "--report", str(tmp_path / "r.html"))
-    first, second = run_ranks(2, SCRIPT, "run", str(path), *files, timeout=200)
-    assert first.endswith("ended with 1\n")
-    assert second == "ended with 1\n"
-    assert not (tmp_path / "r.html").exists()

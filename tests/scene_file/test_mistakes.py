@@ -3,36 +3,26 @@
 from __future__ import annotations
 
 import inspect
-import tomllib
-from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from numpy.typing import ArrayLike
 
 import antiosc as ao
-from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import (
     DEEPEST,
     LARGEST_FILE,
-    Document,
-    Problems,
     SceneFileError,
     read,
 )
 from antiosc_app.scene_file.scene import CompiledScene
-from antiosc_app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS, form_of
+from antiosc_app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS
 from scene_files import (
     ASKED,
     BEAM,
     BODIES,
-    BRACKET,
     DECK,
     FALL,
     HIT,
-    LAW,
-    MASS,
     MATRICES,
     MESH,
     MODEL,
@@ -154,25 +144,6 @@ TOLD = {
 }  # fmt: skip
 
 
-@pytest.mark.fem
-def test_what_a_run_would_tell_is_told_before(tmp_path, capsys):
-    """Units of a material, a map without points."""
-    heavy = BRACKET.replace("rho = 2700", "rho = 2.7e-9")
-    ((line, sentence),) = sentences(written(tmp_path, heavy + HIT), capsys)
-    assert line == 1 + heavy.splitlines().index("[material]")
-    assert "rho 2700" in sentence
-    empty = BRACKET + MASS + LAW + "[map]\nwhere = []\nduration = 1e-3\n"
-    ((line, sentence),) = sentences(written(tmp_path, empty), capsys)
-    assert line == 1 + empty.splitlines().index("where = []")
-    assert "one point" in sentence
-    for scene, count in (
-        (BEAM, 0),
-        (BRACKET.replace("E = 70e9", "E = 7e8").replace("rho = 2700", "rho = 1e6") + HIT, 1),
-    ):
-        assert antiosc("check", written(tmp_path, scene)) == 0
-        assert capsys.readouterr().out.count("warning: ") == count
-
-
 def test_many_mistakes_are_all_told_at_once(tmp_path, capsys):
     found = sentences(written(tmp_path, MANY), capsys)
     assert [line for line, _ in found] == sorted(line for line, _ in found)
@@ -205,17 +176,6 @@ def test_hostile_files_are_refused_in_words(tmp_path, capsys, text):
     assert len(told) < 5000
 
 
-@pytest.mark.slow
-@pytest.mark.sample(-1)
-@pytest.mark.parametrize("line", ["[x{}]", "k{} = 1"])
-def test_many_mistakes_are_not_all_told(tmp_path, capsys, line):
-    path = written(tmp_path, "\n".join(line.format(i) for i in range(20_000)))
-    assert antiosc("check", path) == 1
-    *told, last = capsys.readouterr().err.splitlines()
-    assert len(told) == 100
-    assert last.endswith("and 900 more.")
-
-
 def test_files_that_are_no_scene_are_refused(tmp_path, capsys):
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")
@@ -227,12 +187,6 @@ def test_files_that_are_no_scene_are_refused(tmp_path, capsys):
     }.items():
         assert antiosc("check", path) == 1
         assert held in capsys.readouterr().err
-
-
-def test_the_mark_of_a_windows_editor_is_no_mistake(tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_bytes(b"\xef\xbb\xbf" + BEAM.replace("\n", "\r\n").encode())
-    assert read(path).data == tomllib.loads(BEAM)
 
 
 def test_a_scene_cannot_reach_beyond_data(tmp_path, capsys):
@@ -247,25 +201,6 @@ def test_a_scene_cannot_reach_beyond_data(tmp_path, capsys):
     pytest.importorskip("dolfinx")
     ((_, sentence),) = sentences(written(tmp_path, text), capsys)
     assert "trust" in sentence
-
-
-def test_only_wrong_input_gets_the_line_of_its_table():
-    """A solver that fails is no mistake of the scene; nor is a call that no table makes."""
-
-    def failing(error: Exception, place) -> Exception:
-        def make():
-            raise error
-
-        with pytest.raises(type(error)) as told:
-            evaluate(Call(make, {}, place))
-        return told.value
-
-    evaluate = Evaluation(Document(Path("s.toml"), {}, Problems("s.toml", "\n\n[simulate]\n")))
-    for error in (ao.NotConvergedError("no"), ao.AccuracyError("no"), KeyError("no")):
-        assert failing(error, ("simulate",)) is error
-    wrong = ao.InputError("duration must be > 0.")
-    assert failing(wrong, ()) is wrong
-    assert str(failing(wrong, ("simulate",))).startswith("s.toml:3: simulate: duration")
 
 
 @pytest.fixture
@@ -334,14 +269,6 @@ def test_a_value_is_checked_by_the_rule_of_its_function(scene, case):
     scene(RUNS[case])
 
 
-@pytest.mark.fem
-def test_a_name_for_a_type_holds_what_the_type_holds():
-    """From NumPy 2.4 ArrayLike is such a name, of which nothing but its value tells the type."""
-    for annotation in (float, list[int], ArrayLike):
-        assert form_of(SimpleNamespace(__value__=annotation)) == form_of(annotation)
-        assert form_of(annotation) is not None
-
-
 #: Bodies that are no impactors.
 BODIES = (ao.AntiOscillators, ao.LinearBody)
 
@@ -368,12 +295,3 @@ def test_every_public_class_of_a_section_is_in_its_list():
     }
     for names, kinds in found.items():
         assert set(kinds) == set(names.split()) - {"named_impactor", "material"}
-
-
-def test_mistakes_are_told_once_in_the_order_of_the_file():
-    found = Problems("s", "\n\nb = 1\n\n\n\n[a]")
-    found.raise_if_any()
-    for place, sentence in ((("a", "x"), "first"), (("b",), "  second\n one"), (("a",), "first")):
-        found.add(place, sentence)
-    with pytest.raises(SceneFileError, match=r"^s:3: second one\ns:7: first$"):
-        found.raise_if_any()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import json
 import re
 from pathlib import Path
@@ -17,7 +16,6 @@ from antiosc_app import cli
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import SceneFileError, read
 from paths import MESHES, ROOT
-from refusals import refused
 from scene_files import (
     ASKED,
     BLOW,
@@ -185,16 +183,6 @@ def test_the_blow_is_that_of_find_impact(
     assert "<img" in (plate_folder / "page.html").read_text()
 
 
-@pytest.mark.slow
-def test_groups_and_sensors_must_exist(
-    plate_folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    wrong = BLOW.replace("[[0.1, 0.1, 0.0], [0.3, 0.2, 0.0]]", '["skin", "top"]')
-    (plate_folder / "wrong.toml").write_text(wrong)
-    assert cli.main(["run", "wrong.toml"]) == 1
-    assert "'top'" in capsys.readouterr().err
-
-
 BOX = """\
 SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.12, 0.06, 0.03};
 Physical Volume("part") = {1};
@@ -242,29 +230,6 @@ def test_soil_as_a_body(box_folder: Path) -> None:
     scene = compiled(read("ground.toml")).scene
     assert scene is not None
     assert scene.arguments["bodies"]["b"].made == cone
-
-
-@pytest.mark.slow
-def test_a_yield_strength_has_its_verdict(
-    box_folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    strong = FALL.replace("rho = 2700\n", "rho = 2700\nyield_strength = 275e6\n")
-    strong = re.sub(r"material = \{E.*?\}", 'material = "concrete C30/37"', strong)
-    (box_folder / "drop.toml").write_text(strong + ASKED[: ASKED.index("filter")] + "[output]\n")
-    assert cli.main(["run", "drop.toml", "--out", "out", "--report"]) == 0
-    printed, page = capsys.readouterr().out, (box_folder / "drop.html").read_text()
-    for text in (printed, page):
-        assert re.search(r"Cannot say: .*? of 275 MPa", text)
-        assert "Thornton" not in text
-        assert "g (unfiltered), in impact 1" in text
-    (by_law,) = set(re.findall(r"that force may be off by ([\d.]+) %", page))
-    (bar,) = set(re.findall(r"<dd[^>]*>[\d.]+ k?N ± ([\d.]+) %", page))
-    assert bar == by_law
-    margin = json.loads((box_folder / "out/result.json").read_text())["worst"]["margin"]
-    assert "outside 3 radii of the contact" in margin["sentence"]
-    assert margin["contact"]
-    assert not margin["has_bar"]
-    assert margin["margin"] == pytest.approx(1 / margin["exposure"] - 1)
 
 
 #: A block of one element of steel.
@@ -374,21 +339,6 @@ def test_the_example_scenes_run(name, tmp_path, capsys):
         assert result["model"]["k0"] == pytest.approx(stiffness[name], rel=2e-3)
 
 
-def test_the_matrices_are_those_of_their_script(tmp_path):
-    spec = importlib.util.spec_from_file_location("make_matrices", SCENES / "make_matrices.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    module.main(tmp_path)
-    K, M, rows = module.matrices()
-    for name in ("beam_K.mtx", "beam_M.mtx", "beam_nodes.txt"):
-        assert (tmp_path / name).read_text() == (SCENES / name).read_text()
-    # first bending frequency of a simply supported beam, (π/L)² √(EI/ρA)
-    omega = np.sqrt(np.min(np.linalg.eigvals(np.linalg.solve(M, K)).real))
-    exact = (np.pi / 0.8) ** 2 * np.sqrt(210e9 * 0.01**2 / 12 / 7850)
-    assert omega == pytest.approx(exact, rel=1e-5)
-    assert len(rows) == 32
-
-
 HELD = """
 [geometry]
 source = "plate.msh"
@@ -396,8 +346,6 @@ source = "plate.msh"
 where = "left"
 """
 SOLID = 'kind = "Solid"\nE = 70e9\nnu = 0.3\nrho = 2700.0\n'
-LAYER = "E1=140e9, E2=9e9, nu12=0.3, G12=5e9, G13=5e9, G23=3e9, rho=1600.0, thickness=1e-3"
-STRENGTH = "X_t=1.5e9, X_c=1.2e9, Y_t=4e7, Y_c=2e8, S=7e7"
 
 
 def material(folder, text: str):
@@ -405,12 +353,6 @@ def material(folder, text: str):
     path.write_text(f"{HELD}[material]\n{text}")
     (folder / "plate.msh").touch()
     return compiled(read(path)).structure.arguments["material"].made
-
-
-def test_materials_of_scene_files_have_strengths(tmp_path):
-    assert material(tmp_path, SOLID + "yield_strength = 240e6").yield_strength == 240e6
-    text = f'kind = "Laminate"\nlayers = [{{{LAYER}, strength = {{{STRENGTH}}}}}]'
-    assert material(tmp_path, text).layers[0].strength == ao.Strengths(1.5e9, 1.2e9, 4e7, 2e8, 7e7)
 
 
 @pytest.mark.slow
@@ -454,11 +396,3 @@ def test_a_material_by_its_name(tmp_path, text):
     solid = made["all"].made if isinstance(made, dict) else made.made
     assert solid.name == "aluminium 6061-T6"
     assert solid.yield_strength == (255e6 if "255" in text else 240e6)
-
-
-def test_a_material_that_has_no_such_name(tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_text('material = "6016"\n' + HELD)
-    (tmp_path / "plate.msh").touch()
-    with refused(None, ":1: material: '6016' is no material"):
-        compiled(read(path))

@@ -12,10 +12,9 @@ from scipy.signal import StateSpace, lsim
 
 import antiosc as ao
 from antiosc.base.texts import engineering, percent
-from antiosc_app import commands
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
-from antiosc_app.scene_file.schema import SECTIONS, parameters
+from antiosc_app.scene_file.schema import SECTIONS
 from fmus import OK, Fmu
 from paths import MESHES
 from scene_files import (
@@ -115,21 +114,6 @@ def test_the_shock_spectrum_of_a_probe_is_that_of_oscillators_on_its_point(tmp_p
     assert (tmp_path / "out/srs.svg").stat().st_size > 0
 
 
-@pytest.mark.parametrize("quantity", ["", 'quantity = "stress"\n'])
-def test_a_shock_spectrum_of_what_is_no_motion_is_refused(tmp_path, capsys, quantity):
-    path = written(tmp_path, f"{BEAM}{PROBE}{quantity}srs = true\n")
-    assert antiosc("check", path) != 0
-    assert "is that of an acceleration: give quantity" in capsys.readouterr().err
-    for frequency in ("-1", "nan", "inf"):
-        srs = f'quantity = "velocity"\nsrs = [500, {frequency}]\n'
-        assert antiosc("check", written(tmp_path, f"{BEAM}{PROBE}{srs}")) != 0
-        assert "give finite frequencies above 0 Hz" in capsys.readouterr().err
-    assert (
-        antiosc("check", written(tmp_path, f'{BEAM}{PROBE}quantity = "velocity"\nsrs = true\n'))
-        == 0
-    )
-
-
 @pytest.mark.fem
 @pytest.mark.slow
 def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
@@ -147,30 +131,6 @@ def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
     assert peak["error"] == pytest.approx(sum(shares))
     assert peak["error"] >= bar["total"] - bar["truncation"] > 0
     assert f" ± {percent(peak['error'])} (anti-oscillators" in told
-
-
-@pytest.mark.slow
-def test_a_filtered_acceleration_stands_beside_the_unfiltered_one(tmp_path, capsys):
-    """A filter that passes less than the lowest frequency of a part hides the blow."""
-    asked = '[probes.{}]\npoint = [0.2, 0.0, 0.0]\nquantity = "acceleration"\n'
-    probes = asked.format("bare") + asked.format("seen") + 'filter = "CFC60"\n'
-    path = written(tmp_path, BEAM + probes)
-    assert antiosc("run", path, "--out", tmp_path / "out") == 0
-    told = capsys.readouterr().out
-    found = numbers(tmp_path / "out")["probes"]
-    assert found["seen"]["value"] < 0.5 * found["bare"]["value"]
-    assert found["seen"]["unfiltered"] == pytest.approx(found["bare"]["value"], rel=1e-9)
-    assert f"{engineering(found['bare']['value'], 'm/s²')} unfiltered" in told
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-def test_a_probe_off_the_part_ends_a_run_before_its_impact(tmp_path, capsys, monkeypatch):
-    probe = "[probes.far]\npoint = [0.02, 0.04, 0.9]\n"
-    path = written(tmp_path, f"{BRACKET}[extract]\nn = 8\n{HIT}{probe}")
-    monkeypatch.setattr(commands, "settled", lambda *_: pytest.fail("an impact was computed"))
-    assert antiosc("run", path, "--out", tmp_path / "out") == 1
-    assert "probes.far: the point of the probe" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -337,36 +297,6 @@ def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     assert antiosc("check", written(tmp_path, struck)) == 0, capsys.readouterr().err
 
 
-def test_a_new_parameter_is_taken_by_itself(tmp_path, capsys, monkeypatch):
-    """Keys come from signatures: what a function takes, its section takes."""
-    given = dict(parameters("extract"))
-    assert set(given) == set(ao_parameters(ao.extract)) - {"shapes"}
-
-    def extract(structure, site, n=None, *, purity: float = 1.0):
-        """Extract.
-
-        Parameters
-        ----------
-        purity : float
-            How pure the model is.
-        """
-        return ao.extract(structure, site, n)
-
-    parameters.cache_clear()
-    monkeypatch.setitem(vars(ao), "extract", extract)
-    try:
-        text = BEAM.replace("n = 6", "purity = 0.5")
-        assert antiosc("check", written(tmp_path, text)) == 0, capsys.readouterr().err
-    finally:
-        parameters.cache_clear()
-
-
-def ao_parameters(call) -> list[str]:
-    import inspect
-
-    return list(inspect.signature(call).parameters)
-
-
 def test_an_impactor_by_name(tmp_path, capsys):
     start, end = BEAM.index("[impactor]"), BEAM.index("[simulate]")
     hammer = """[impactor]
@@ -408,18 +338,6 @@ def test_the_program_is_the_api_as_users_write_it(tmp_path):
     assert np.array_equal(hit.force, own.force)
     # closed form: k0 = 48 E I / L³ of a simply supported beam at its middle
     assert model.k0 == pytest.approx(48 * 210e9 * 0.03 * 0.01**3 / 12 / 0.8**3, rel=1e-3)
-
-
-@pytest.mark.fem
-@pytest.mark.slow
-def test_a_sweep_of_materials_and_meshes(tmp_path):
-    lists = "[sweep]\nmaterial.E = [70e9, 210e9]\nmaterial.rho = [2700, 7850]\n"
-    linear = f"{BRACKET}[extract]\nn = 20\nstretch = false\n{HIT}"
-    batch = objects(written(tmp_path, linear + lists), "sweep").batch
-    stiff = linear.replace("E = 70e9", "E = 210e9").replace("rho = 2700", "rho = 7850")
-    hit = objects(written(tmp_path, stiff)).history
-    assert batch.peak_force[1] == pytest.approx(hit.peak_force, rel=2e-3)
-    assert batch.peak_force[0] < batch.peak_force[1]
 
 
 def test_a_model_that_was_saved_is_struck_again(tmp_path, capsys):
@@ -505,19 +423,6 @@ Rectangle(1) = {0, 0, 0, 0.2, 0.05};
 Physical Surface("plate") = {1};
 Physical Curve("left") = {4};
 """
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-def test_a_run_names_the_line_of_a_group_that_does_not_exist(tmp_path, capsys):
-    """It named that of the material."""
-    (tmp_path / "plate.geo").write_text(PLATE)
-    text = STRIKE_PLATE.replace('"left"', '"rim"').replace("gdim = 2", "gdim = 2\nsize = 0.02")
-    text = text.replace("tol = 0.2", "[extract]\nn = 5").replace("[strike]", "[simulate]")
-    (line,) = (n for n, one in enumerate(text.splitlines(), 1) if '"rim"' in one)
-    path = written(tmp_path, text)
-    assert antiosc("run", path) == 1
-    assert f".toml:{line}: supports[0].where: " in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.errors import NOTE, weight
 from antiosc.impact.histories.site_motion import DURATION, LONGER
-from antiosc.strikes.defaults import next_count
 from antiosc_app.scene_file.compiled import Choice
-from antiosc_app.scene_file.document import SceneFileError, read
+from antiosc_app.scene_file.document import read
 from antiosc_app.scene_file.settled import enough, settled
 
 #: A lid of 50 × 40 × 6 mm, held at one end.
@@ -72,21 +68,6 @@ def test_a_patch_that_nobody_gave_carries_the_largest_force_of_a_sweep(tmp_path)
         hit_of(faster)
 
 
-@pytest.mark.slow
-@pytest.mark.fem
-def test_the_warnings_of_the_hardest_blow_of_a_sweep_are_not_those_of_the_scene(tmp_path):
-    """A clip was told an error of 25 % beside a bar of 16 %: that of its striker at 2 m/s."""
-    found = []
-    for sweep in ("", "[sweep]\nimpactor.velocity = [30.0, 0.05]\n"):
-        path = scene(tmp_path, duration="4e-4", more=sweep)
-        light = 'kind = "RigidMass"\nmass = 0.01\ntip_radius = 0.01\n'
-        text = path.read_text().replace('kind = "Sphere"\nradius = 0.01\n', light)
-        path.write_text(text.replace("n = 12", "n = 4").replace("y = 1.0", "y = 0.05"))
-        told = settled(read(path)).scene.warnings
-        found.append([message for message in told if weight(message) != NOTE])
-    assert found == [[], []]
-
-
 SHEET = ao.AntiOscillators(m0=0.3, k0=1e6, m=[0.2, 0.15], omega=[3e3, 5.2e3])
 
 
@@ -129,15 +110,6 @@ def test_the_force_has_as_many_anti_oscillators_as_it_needs(stiffness, n):
 
 
 @pytest.mark.slow
-def test_more_anti_oscillators_than_a_large_part_can_have_soon_are_not_taken():
-    few = PLATE.truncated(20)
-    large = replace(few, info=replace(PLATE.info, dofs=5_000_000))
-    for model, more in ((few, 60), (large, None), (PLATE.truncated(400), None)):
-        hit = ao.simulate(model, ao.RigidMass(0.02, 1.0), ao.Hertz(1e12), 1e-3)
-        assert next_count(hit) == more
-
-
-@pytest.mark.slow
 def test_a_scene_with_auto_has_the_number_that_its_force_needs(tmp_path):
     document = read(scene(tmp_path, "5e-3", "4e-4"))
     document.data["extract"]["n"] = "auto"
@@ -156,15 +128,3 @@ def test_a_slow_contact_is_run_to_its_end(tmp_path):
     released = hit.contacts[-1][1]
     assert 1e-3 < released < data["simulate"]["duration"]
     assert hit.restitution >= 0
-
-
-@pytest.mark.parametrize("site", ["", "[sites.other]\npoint = [0.02, 0.02, 0.006]\n"])
-def test_auto_that_is_not_taken_is_told_where_it_is(site, tmp_path):
-    text = '"auto"' if site else '"Auto"'
-    path = scene(tmp_path, text, "1e-3", site)
-    with pytest.raises(SceneFileError, match="must be a number") as caught:
-        settled(read(path))
-    told = [line for line in str(caught.value).splitlines() if "radius" in line]
-    assert len(told) == 1
-    line = 1 + path.read_text().splitlines().index(f"radius = {text}")
-    assert f"lid.toml:{line}: " in told[0]

@@ -2,76 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import re
 from dataclasses import replace
-from html import unescape
 
-import numpy as np
 import pytest
 
 import antiosc as ao
 import sheets
-from abaqus_decks import plate_deck
 from antiosc.base.errors import (
-    AccuracyWarning,
-    ChoiceWarning,
-    NotTakenWarning,
-    by_weight,
-    labelled,
-    warn,
     warnings_to,
 )
 from antiosc.base.texts import percent
 from antiosc.impact import stretching
-from antiosc.models.stretch import NARROWED
-from antiosc_app import cli
-from antiosc_app.scene_file import run
-from scene_files import antiosc, written
-
-SCENE = """
-[deck]
-path = "plate.inp"
-unit = "m"
-{strength}
-[sites.middle]
-point = [0.5, 0.5, 0.0]
-direction = [0, 0, -1]
-snap = true
-[extract]
-n = 10
-[impactor]
-kind = "Sphere"
-radius = 0.005
-material = "bearing steel 100Cr6"
-velocity = 0.1
-[simulate]
-duration = 0.1
-[stress]
-"""
-STRENGTH = "yield_strength = 60e6\n"
-
-
-def test_what_questions_the_numbers_comes_first_and_nothing_twice():
-    kinds = [(ChoiceWarning, "taken"), (NotTakenWarning, "file"), (ao.AntioscWarning, "model")]
-    kinds.append((AccuracyWarning, "number"))
-    collected: list[str] = []
-    with warnings_to(collected.append):
-        for _ in range(2):
-            for category, text in kinds:
-                warn(f"{text}  of\nit", category)
-    again: list[str] = []
-    with warnings_to(again.append):
-        for message in collected:
-            warn(message)
-    in_order = ["number of it", "model of it", "file of it", "taken of it"]
-    assert by_weight(again) == in_order
-    told = [labelled(one) for one in by_weight(again)]
-    assert told == [f"warning: {one}" for one in in_order[:3]] + ["note: taken of it"]
-    with run.collected_warnings(again):
-        pass
-    assert again == in_order
 
 
 @pytest.mark.slow
@@ -115,16 +56,6 @@ def test_the_force_is_off_by_no_more_than_is_told_for_too_few_second_order_modes
     assert off <= shares[0] / 100
 
 
-def test_errors_that_second_order_forces_leave_are_told_as_in_the_bars():
-    def told(changes):
-        return stretching._not_enough(30, stretching.stretch_shares(changes, np.inf))
-
-    last = {"peak_force": 0.01, "impulse": 1e-3, "contact_time": 0.0, "deflection": 0.05}
-    assert "error of 11 % of the force and of 22 % of the deflection" in told(last)
-    assert "30 motions" in told(last)
-    assert told({**last, "peak_force": 0.2}).endswith(f"To narrow it, {NARROWED}.")
-
-
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
 @pytest.mark.slow
@@ -150,28 +81,3 @@ def test_a_peak_before_the_sheet_stretches_has_no_share_of_its_later_deflection(
     assert early["peak_force"] < 0.01
     assert late["peak_force"] == pytest.approx(stretching.STRETCH_SAFETY * 0.1)
     assert early["impulse"] == late["impulse"]
-
-
-def test_a_warning_that_no_command_collects_is_one_line_and_told_once(capsys, monkeypatch):
-    def warning(_arguments: object) -> int:
-        for _ in range(2):
-            warn("The mesh\nis coarse.")
-        return 0
-
-    monkeypatch.setattr(cli, "_run", warning)
-    assert cli.main([]) == 0
-    assert capsys.readouterr().err == "warning: The mesh is coarse.\n"
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-def test_the_program_of_a_report_is_the_one_that_its_policy_permits(tmp_path):
-    """Words of the program are those of advice, too, which a scene has in its own keys."""
-    written(tmp_path, plate_deck(6), "plate.inp")
-    scene = written(tmp_path, SCENE.format(strength="").replace("[stress]\n", ""))
-    assert antiosc("run", scene, "--report", tmp_path / "page.html") == 0
-    html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    (program,) = re.findall(r"<script>(.+?)</script>", html, re.S)
-    digest = hashlib.sha256(program.encode()).digest()
-    assert f"'sha256-{base64.b64encode(digest).decode()}'" in unescape(html)

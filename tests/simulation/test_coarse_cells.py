@@ -63,16 +63,3 @@ def test_a_cell_larger_than_half_a_wave_is_told(family, coarse, fine, thickness)
     exact = 2e3 * np.pi * np.sqrt(bending * float(time) * 1e-6 / np.pi)
     assert float(wave) == pytest.approx(exact, rel=0.01)
     assert not sentences(lambda: ao.simulate(struck(family, fine)[0], ball, LAW, 3e-4))
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_a_scene_and_a_message_tell_it_too():
-    ball = ao.RigidMass(0.01, velocity=1.0)
-    model, part, site = struck("shell", 0.06)
-    assert "measures" in ao.simulate(model, ball, LAW, 3e-4).message
-    several = ao.extract(part, {"tip": site}, n=20)
-    scene = ao.Scene({"part": several, "ball": ball}, [ao.Contact("part:tip", "ball", LAW)])
-    (said,) = sentences(lambda: scene.run(3e-4))
-    assert "'tip'" in said
-    assert not sentences(lambda: ao.simulate(model, ao.RigidMass(5.0, 1.0), ao.Linear(1e5), 0.05))

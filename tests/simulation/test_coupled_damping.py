@@ -84,16 +84,6 @@ def test_scenes_under_gravity_and_loads_agree_with_an_integrator():
         assert one == pytest.approx(two, rel=1e-4)
 
 
-def test_a_body_on_dashpots_alone_comes_to_rest():
-    """Its rigid-body motion is braked: poles at 0 and -c/m."""
-    m, c = 0.5, 40.0
-    model = ao.AntiOscillators(m0=m, k0=0.0, m=[], omega=[], damping=ao.DampingMatrix([[c]]))
-    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 0.1, tol=1e-6)
-    at = hit.displacement[-1]
-    rest = hit.impulse * (1 - np.exp(-c / m * 0.1)) / c  # of an impulse at t = 0, nearly
-    assert at == pytest.approx(rest, rel=1e-2)
-
-
 def test_what_does_not_take_such_damping_says_so(tmp_path):
     for call in (
         lambda: ao.export(tmp_path / "a.c", DAMPED, BALL, LAW),
@@ -126,13 +116,6 @@ def test_force_motion_and_acceleration_are_those_of_all_states(exact):
         assert np.abs(found - true).max() < 1e-6 * np.abs(true).max()
     bare = ao.simulate(BARE, BALL, LAW, END)
     assert abs(bare.impulse / hit.impulse - 1) > 5e-3
-
-
-def test_a_matrix_without_coupling_is_the_undamped_body():
-    still = replace(BARE, damping=ao.DampingMatrix(np.zeros((SIZE, SIZE))))
-    one, other = (ao.simulate(m, BALL, LAW, END, tol=1e-6) for m in (BARE, still))
-    assert one.impulse == pytest.approx(other.impulse, rel=1e-9)
-    assert np.abs(other.energy.dissipated).max() < 1e-9
 
 
 class TestDamping:
@@ -168,11 +151,6 @@ class TestDamping:
     def test_per_cent_are_no_ratios(self, ratio):
         with pytest.raises(ao.InputError, match=r"0\.05 is 5 %"):
             ao.Damping(ratio)
-
-    def test_a_high_ratio_is_told(self):
-        with pytest.warns(ao.AntioscWarning, match=r"0\.05 is 5 %"):
-            ao.Damping([0.02, 0.5])
-        assert ao.Damping(0.2).ratio == 0.2
 
 
 def _site(hit: ao.History, t: float) -> tuple[float, float]:

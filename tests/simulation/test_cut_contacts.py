@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 import antiosc as ao
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.impact.reference import Settings
-from antiosc.impact.scene import integrate, integrate_exact, set_initial_forces
+from antiosc.impact.scene import integrate_exact, set_initial_forces
 from antiosc.impact.states import forces, locate, states
 from audited_scenes import Own
 
@@ -149,14 +148,3 @@ def test_a_dent_lasts_over_cuts_at_any_time(name: str, compliance: float) -> Non
     for t in times:
         if 0 < t < 0.98 * duration:
             goes_on(made, whole, float(t), duration)
-
-
-@pytest.mark.slow
-def test_a_cut_contact_keeps_its_damping_by_other_methods() -> None:
-    made = scene(LAWS["Hunt-Crossley"])
-    whole = solve(made, DURATION)
-    rest = cut(made, whole, t := within(whole, 0.5))
-    settings = Settings(1e-3, "newmark", 2e-7, 100, 100_000)
-    hit, _ = integrate(ao.SceneHistory, rest, DURATION - t, settings)
-    parted = at(made, whole, np.array([DURATION]))[1]
-    np.testing.assert_allclose(hit.run.states[-1, 1], parted[0], atol=2e-3 * abs(parted).max())

@@ -115,28 +115,6 @@ def test_a_residual_that_is_too_small_is_seen() -> None:
     assert outside == [False, True]
 
 
-def test_a_model_keeps_what_bounds_its_force(tmp_path: object) -> None:
-    model, _ = model_of(False)
-    path = f"{tmp_path}/model.npz"
-    model.save(path)
-    hits = [
-        ao.simulate(one, ao.RigidMass(0.3, 1.0), ao.Hertz(1e10), 1e-3, proof=True)
-        for one in (model, ao.AntiOscillators.load(path))
-    ]
-    assert hits[0].enclosure.peak == hits[1].enclosure.peak
-
-
-def test_the_fewest_vectors_that_prove_the_peak_are_taken() -> None:
-    model, _ = model_of(False)
-    blow = (model, ao.RigidMass(0.3, 1.0), ao.Hertz(1e9), 1e-3)
-    rough, close = (ao.simulate(*blow, n="proved", tol=tol).enclosure for tol in (0.3, 0.04))
-    assert rough.n < close.n < model.n
-    for bounds, tol in ((rough, 0.3), (close, 0.04)):
-        assert bounds.peak[1] - bounds.peak[0] <= tol * bounds.peak[0]
-    with pytest.warns(ao.errors.AccuracyWarning, match="prove the peak force to"):
-        ao.simulate(*blow, n="proved", tol=1e-4)
-
-
 def test_a_ball_between_two_bars_has_bounds_of_both_forces() -> None:
     ends = {"first": model_of(True)[0], "second": model_of(False)[0]}
     contacts = [ao.Contact(a, b, ao.Hertz(1e9)) for a, b in (("first", "ball"), ("ball", "second"))]

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import signal
-from concurrent.futures import ThreadPoolExecutor
-from ctypes import byref
 from dataclasses import dataclass
-from weakref import WeakSet
 
 import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.engine import library, march
+from antiosc.engine import march
 from antiosc.impact.assembly import assemble_scene
-from antiosc.impact.histories.energy import _work_by_step, energy_gain
 from antiosc.impact.states import forces as forces_at, locate
 from scenes import HERTZ, case_two
 
@@ -27,99 +23,8 @@ def blow(speed: float, law: ao.ContactLaw = LAW, mass: float = 0.24) -> ao.Scene
     return ao.Scene(bodies, [ao.Contact("beam", "mass", law)])
 
 
-SCENES = [
-    blow(0.01),
-    blow(0.5),
-    blow(0.5, ao.HuntCrossley(1e10, 0.5)),
-    blow(0.5, ao.Linear(1e7)),
-    blow(0.01, mass=0.5),
-]
-
-
 def forces(scene: ao.Scene, duration: float = 1e-3) -> np.ndarray:
     return scene.run(duration, tol=1e-2)["beam", "mass"].force
-
-
-def test_memory_needs_the_alignment_of_a_double_alone(monkeypatch):
-    monkeypatch.setattr(march, "_kept", [])
-    expected = forces(SCENES[1])
-    ((key, space),) = march._kept
-    memory = np.empty(space.memory.nbytes // 8 + 2)
-    start = library.address(memory)
-    start += 8 if start % 16 == 0 else 0
-    system = SCENES[1].run(1e-3, tol=1e-2).assembly.system.packed.system
-    made = library.library.aom_create(
-        byref(system), start, space.memory.nbytes, byref(space.stepper)
-    )
-    assert made == library.DONE
-    assert start % 16 == 8
-    march._kept[:] = [(key, space)]
-    assert np.array_equal(forces(SCENES[1]), expected)
-    assert march._kept[0][1].stepper.value == start
-
-
-def test_runs_that_share_responses_give_the_numbers_of_runs_that_do_not(monkeypatch) -> None:
-    monkeypatch.setattr(march, "_kept", [])
-    monkeypatch.setattr(march, "_spaces", WeakSet())
-    shared = [forces(scene) for _ in range(2) for scene in SCENES]
-    kept = len(march._kept)
-    monkeypatch.setattr(march, "_LARGEST_KEPT", 0)
-    march._kept.clear()
-    alone = [forces(scene) for scene in SCENES] * 2
-    assert not march._kept
-    assert kept == 2  # masses
-    for one, other in zip(shared, alone, strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-def test_threads_do_not_share_responses_while_they_fill_them() -> None:
-    march._kept.clear()
-    alone = [forces(scene) for scene in SCENES]
-    march._kept.clear()
-    with ThreadPoolExecutor(4) as pool:
-        together = list(pool.map(forces, SCENES * 4))
-    for i, found in enumerate(together):
-        np.testing.assert_array_equal(found, alone[i % len(SCENES)])
-
-
-def test_memory_of_other_masses_serves_and_its_responses_do_not(monkeypatch) -> None:
-    monkeypatch.setattr(march, "_kept", [])
-    monkeypatch.setattr(march, "_MOST_KEPT", 1)
-    alone = forces(blow(0.3, mass=0.5))
-    march._kept.clear()
-    forces(blow(0.3, mass=0.2))
-    ((_, space),) = march._kept
-    np.testing.assert_array_equal(forces(blow(0.3, mass=0.5)), alone)
-    assert [one for _, one in march._kept] == [space]
-
-
-def test_threads_with_the_same_bodies_keep_one_memory_each(monkeypatch) -> None:
-    monkeypatch.setattr(march, "_kept", [])
-    forces(SCENES[0])
-    ((_, first),) = march._kept
-    given = SCENES[0].run(1e-3, tol=1e-2).assembly.system.packed
-    spaces = {march.take_space(given) for _ in range(3)}
-    for space in spaces:
-        march.return_space(given, space)
-    assert first in spaces
-    assert {march.take_space(given) for _ in range(3)} == spaces
-    assert not march._kept
-
-
-def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
-    """A held beam and a mass that is pushed in time, in flight and in contact."""
-    bodies = {"beam": MODEL, "mass": ao.RigidMass(0.24, 0.5)}
-    pulse = ao.Load("mass", [0.0, 3e-4, 5e-4, 9e-4], [0.0, 400.0, -300.0, 0.0])
-    push = ao.Load("beam", [0.0, 4e-4, 8e-4], [50.0, 0.0, 80.0])
-    scene = ao.Scene(bodies, [ao.Contact("beam", "mass", LAW, gap=2e-5)], loads=[pulse, push])
-    hit = scene.run(1e-3, tol=1e-3)
-    mechanical = library.energies(hit.run.states, hit.assembly.system.omega)
-    q, v = hit.run.states[:, 0], hit.run.states[:, 1]
-    work = np.cumsum(_work_by_step(hit.assembly, hit.run, q, v, mechanical))
-    known = hit.energy.gravity[2::2]
-    assert np.abs(known).max() > 0.02
-    np.testing.assert_allclose(work, known, rtol=0, atol=1e-7)
-    assert energy_gain(hit.assembly, hit.run) < 1e-4
 
 
 @pytest.mark.parametrize(
@@ -212,17 +117,6 @@ def test_the_march_refuses_what_is_not_finite() -> None:
     system.v[0] = np.nan
     with pytest.raises(ao.InputError, match="AOM_BAD_MODES"):
         march.run(system, 1e-3, 1e-2, fine=1e-6)
-
-
-def test_buffers_of_any_size_hold_the_same_run(monkeypatch) -> None:
-    system = assemble_scene(blow(0.5), 4e-3).system
-    one = march.run(system, 4e-3, 1e-5, fine=1e-7)
-    monkeypatch.setattr(march, "_FIRST", 16)
-    monkeypatch.setattr(march, "_kept", [])
-    other = march.run(system, 4e-3, 1e-5, fine=1e-7)
-    assert one.time.size > 500
-    for name in ("time", "force", "depth", "states", "events"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
 @pytest.mark.parametrize("m0", [0.02, 0.0], ids=["mass", "massless"])

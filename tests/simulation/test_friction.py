@@ -111,12 +111,6 @@ def test_a_patch_gives_way_sideways_once(given: dict[str, float]) -> None:
     assert whole[0] + 6e-8 / KAPPA == pytest.approx(whole[1], rel=1e-9)
 
 
-def test_a_patch_that_gives_way_more_than_was_asked_is_told() -> None:
-    hit = on_a_patch(ao.Hertz(1e9), 6e-8, tangential_stiffness=1e9)
-    assert hit.assembly.system.slip[0, 1] == pytest.approx(1e10)
-    assert "less than a tenth of the compliance of tangential_stiffness" in " ".join(hit.details)
-
-
 @pytest.mark.parametrize("method", ["newmark", "DOP853"])
 def test_other_methods_refuse_friction(method: str) -> None:
     with pytest.raises(ao.InputError, match="friction"):
@@ -191,23 +185,6 @@ def test_difference_to_partial_slip(psi: float, most: float) -> None:
     assert rebound(struck(psi, ao.Hertz(1e9))) == pytest.approx(partial_slip(psi), abs=most)
 
 
-def test_the_stiffness_of_the_law_does_not_change_the_rebound() -> None:
-    """Spheres under Hertz's law are similar: psi_2 depends on psi_1 alone."""
-    soft = rebound(struck(0.6, ao.Hertz(1e9)))
-    for stiffness in (1.7e9, 4e9, 2.3e10):
-        assert rebound(struck(0.6, ao.Hertz(stiffness))) == pytest.approx(soft, abs=1e-3)
-
-
-def test_stiffness_that_is_not_given_is_the_mean_of_mindlins() -> None:
-    """Over Hertz's contact: B(3/5, 1/2)/B(2/5, 1/2) = 0.754 of that at the deepest point."""
-    deepest = (1.25 * MASS / 1e9) ** 0.4
-    mean = 1.5e9 * np.sqrt(deepest) * KAPPA * beta(0.6, 0.5) / beta(0.4, 0.5)
-    hit = struck(1.0, ao.Hertz(1e9))
-    assert hit.assembly.system.slip[0, 1] == pytest.approx(mean, rel=0.02)
-    linear = struck(1.0, ao.Linear(1e7))
-    assert linear.assembly.system.slip[0, 1] == pytest.approx(1e7 * KAPPA, rel=1e-12)
-
-
 def test_gross_sliding_with_spin() -> None:
     """The tangential impulse is mu (1 + e) times the normal one, along the sliding."""
     hit = ball(5.0, 0.2, ao.Hertz(1e9)).run(2e-3)
@@ -218,18 +195,6 @@ def test_gross_sliding_with_spin() -> None:
     np.testing.assert_allclose(change[:2], -0.2 * 2 * slide, atol=1e-4)
     assert change[2] == pytest.approx(2.0, abs=1e-4)
     assert hit.energy.drift < 1e-3
-
-
-@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], ids=["rest", "past"])
-@pytest.mark.filterwarnings("ignore:Never touched")
-def test_what_does_not_approach_runs(velocity: tuple[float, ...]) -> None:
-    parts = struck(1.0, ao.Hertz(1e9)).assembly.scene
-    start = {"ball": ao.Motion(velocity=velocity)}
-    hit = ao.Scene(parts.bodies, parts.contacts, motion=start).run(1e-3)
-    assert hit.status == 0
-    assert hit["ball:foot", "floor"].peak_force == 0
-    moved = hit.bodies["ball"].displacement("foot", (1, 0, 0))[-1]
-    assert moved == pytest.approx(1e-3 * velocity[0], rel=1e-12)
 
 
 def test_an_oscillator_that_is_let_go_rubs_as_one_that_swings() -> None:

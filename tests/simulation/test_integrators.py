@@ -13,7 +13,6 @@ import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.engine import library
 from antiosc.engine.march import difference, run
-from antiosc.impact.assembly import effective_mass
 from antiosc.impact.reference import FIXED_STEPS
 
 methods = pytest.mark.parametrize("method", ["exact", *FIXED_STEPS])
@@ -83,15 +82,6 @@ def test_massless_contact_point(law, method):
     assert difference(run.run, truth.run, np.inf)[0] < 2e-4
 
 
-def test_rate_dependent_law_on_a_massless_point():
-    law = LAWS["hunt-crossley"]
-    exact = strike(law, "exact", m0=0.0)
-    newmark = strike(law, "newmark", m0=0.0)
-    assert difference(exact.run, newmark.run, np.inf)[0] < 2e-3
-    with pytest.raises(ao.InputError, match="rate-dependent law at a massless contact point"):
-        strike(law, "DOP853", 1e-6, m0=0.0)
-
-
 @pytest.mark.slow
 def test_a_rate_on_a_massless_point_has_order_three() -> None:
     """Against Radau's method for F' = (closing speed - rate of the law) / compliance."""
@@ -134,25 +124,6 @@ def test_every_solve_ivp_method_agrees(method):
     assert run.peak_force == pytest.approx(exact.peak_force, rel=2e-3)
 
 
-def test_leapfrog_says_when_it_needs_too_many_steps():
-    model = ao.AntiOscillators(m0=1e-12, **MODEL)
-    with pytest.raises(ao.InputError, match=r"leapfrog needs steps of .* use the method 'exact'"):
-        ao.simulate(model, STRIKER, LAWS["hertz"], 1e-2, "leapfrog")
-
-
-def test_exact_takes_steps_of_many_periods():
-    """A step of 40 periods of the fastest mode: the slow force is still right."""
-    stiff = ao.AntiOscillators(m0=1e-9, **MODEL)
-    limit = ao.AntiOscillators(m0=0.0, **MODEL)
-    step = 2e-6
-    assert step * stiff.modal().omega.max() > 250
-    law = LAWS["hertz"]
-    a = ao.simulate(stiff, STRIKER, law, DURATION, step=step)
-    b = ao.simulate(limit, STRIKER, law, DURATION, step=step)
-    assert difference(a.run, b.run, np.inf)[0] < 0.02
-    assert np.all(np.isfinite(a.displacement))
-
-
 class TestResponses:
     """The closed forms against the matrix exponential."""
 
@@ -181,21 +152,3 @@ class TestResponses:
         assert pytest.approx(t**2 / 2 * (1 - 2 * self.DECAY * t / 3), rel=1e-11) == J0
         assert pytest.approx(t**3 / 6 * (1 - 2 * self.DECAY * t / 4), rel=1e-11) == J1
         assert pytest.approx(t**4 / 24 * (1 - 2 * self.DECAY * t / 5), rel=1e-11) == J2
-
-
-def test_bodies_part_where_the_law_ends():
-    """At release the indentation is the law's origin, here 0."""
-    model = ao.AntiOscillators(k0=1e5, m0=0.05, m=[0.02, 0.05], omega=[1.5e3, 6e3])
-    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1.55e8), 5e-3, step=4e-6)
-    q, _ = hit.states([end for _, end in hit.contacts])
-    depth = q @ hit.assembly.system.beta[0]
-    assert np.abs(depth).max() <= 1e-13 * hit.indentation.max()
-
-
-def test_the_inertia_behind_a_contact_is_that_of_its_slowest_motions():
-    """A rigid mass; one mode; one of each, which add mobilities; nothing that moves: 1 kg."""
-    omega = np.array([0.0, 30.0])
-    assert effective_mass(np.array([0.5, 0.0]), omega) == pytest.approx(4.0)
-    assert effective_mass(np.array([0.0, 0.2]), omega) == pytest.approx(25.0)
-    assert effective_mass(np.array([0.5, 0.2]), omega) == pytest.approx(1 / (0.25 + 0.04))
-    assert effective_mass(np.zeros(2), omega) == 1.0

@@ -61,18 +61,3 @@ def test_the_angle_is_that_of_the_angular_momentum() -> None:
     assert other.largest_rotation()[1] == pytest.approx(abs(angle), rel=1e-3)
     body = other.bodies["structure"]
     assert body.rotation[-1] == pytest.approx([0.0, 0.0, angle], rel=1e-3, abs=1e-9)
-
-
-def test_an_axis_without_inertia_does_not_turn() -> None:
-    """A thin rod along a diagonal, its point of reference far from its centre."""
-    along, mass, length = np.array([1.0, 2.0, -2.0]) / 3, 0.5, 0.8
-    own = mass * length**2 / 12 * (np.eye(3) - np.outer(along, along))
-    arm = np.array([3.0, -1.0, 2.0])
-    cross = np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
-    matrix = np.block(
-        [[mass * np.eye(3), -mass * cross], [mass * cross, own - mass * cross @ cross]]
-    )
-    turn = np.cross(along, [0.3, 0.0, 0.1])
-    momentum = matrix @ np.concatenate(([1.0, 2.0, 3.0], turn))
-    inertia = ao.Inertia(np.zeros(3), matrix, momentum[None])
-    np.testing.assert_allclose(inertia.rotation(np.array([[2.0]])), 2 * turn[None], atol=1e-9)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import process
 from antiosc.impact import batch as batches
 from laws import LAWS
 from scenes import random_model
@@ -92,21 +91,6 @@ def test_a_batch_is_what_simulate_gives_to_the_last_bit(rng, monkeypatch):
     assert any("touched" in message for message in many.messages.values())
 
 
-def test_rigid_impactors_on_one_model_are_rows_of_one_call(rng):
-    """They share what depends on the frequencies of the model alone."""
-    model = random_model(rng, 6, supported=True)
-    strikers = [
-        ao.RigidMass(0.3, 1.0),
-        ao.Sphere(0.01, 2e11, 0.3, mass=0.07, velocity=0.3),
-        ao.RigidMass(2.0, 0.1),
-    ]
-    laws = [ao.Hertz(1e9), ao.Linear(1e6), ao.Hertz(3e8)]
-    many = ao.simulate_many(model, strikers, laws, 5e-3)
-    for i, (striker, law) in enumerate(zip(strikers, laws, strict=True)):
-        hit = ao.simulate(model, striker, law, 5e-3)
-        assert [getattr(many, name)[i] for name in NUMBERS] == [getattr(hit, n) for n in NUMBERS]
-
-
 @pytest.mark.slow
 def test_a_long_batch_can_be_interrupted(monkeypatch):
     """The library returns after few of the scenes, which chatter for long."""
@@ -123,11 +107,3 @@ def test_a_long_batch_can_be_interrupted(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         ao.simulate_many(model, strikers, ao.Hertz(1e11), 0.05, tol=1e-6)
     assert counts[-1] < 0.1 * len(strikers)
-
-
-def test_a_batch_that_does_not_fit_is_refused_before_the_work(monkeypatch):
-    monkeypatch.setattr(process, "free_memory", lambda: 1e8)
-    model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3])
-    ball, times = ao.RigidMass(0.1, 1.0), np.full(50_000, 1e-3)
-    with pytest.raises(ao.OutOfMemoryError, match=r"batch of 50000 scenes .* in several calls"):
-        ao.simulate_many(model, ball, ao.Hertz(1e9), duration=times)

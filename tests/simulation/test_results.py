@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.texts import prefixed
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
 BALL = ao.RigidMass(0.05, 1.0)
@@ -64,19 +63,6 @@ def test_no_name_is_a_formula_of_a_spreadsheet(name, tmp_path):
     assert head[0] == "time (s)"
 
 
-def test_dataframe_where_pandas_is(hit, monkeypatch):
-    import sys
-
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ao.MissingDependencyError, match="needs pandas"):
-        hit.to_dataframe()
-    monkeypatch.undo()
-    pytest.importorskip("pandas")
-    frame = hit.to_dataframe()
-    assert frame.index.name == "time (s)"
-    np.testing.assert_array_equal(frame["force (N)"], hit.force)
-
-
 def test_files_that_are_no_history_are_refused(hit, tmp_path):
     MODEL.save(tmp_path / "model.npz")
     (tmp_path / "text.npz").write_text("nothing", encoding="utf-8")
@@ -89,65 +75,3 @@ def test_files_that_are_no_history_are_refused(hit, tmp_path):
         ao.AntiOscillators.load(tmp_path / "run.npz")
     with pytest.raises(ao.InputError, match="cannot write"):
         hit.to_csv(tmp_path / "no folder" / "run.csv")
-
-
-def test_objects_say_in_five_lines_what_they_are(hit, landed, tmp_path):
-    shown = [
-        *(MODEL, MODEL.truncated(0), MODEL.modal(), hit, landed, landed.bodies["a"], hit.energy),
-        *(landed["a", 'b,"c"'], ao.srs([0, 1, 2.0], [0, 1, 0.0]), ao.body_energy(hit, "structure")),
-        *(ao.spectrum(hit.time, hit.force), ao.History.load(hit.save(tmp_path / "run.npz"))),
-        ao.simulate_many(MODEL, [BALL, BALL], ao.Hertz(1e9), 1e-3),
-        ao.AntiOscillators(m0=np.eye(2), k0=1e6 * np.eye(2), P=[[0.2], [0.3]], omega=[1e3],
-                           sites=["foot", "tip"]),
-        ao.Structure.from_matrices(np.diag([2.0, 3.0]), np.eye(2), backend="scipy"),
-    ]  # fmt: skip
-    for one in shown:
-        text = repr(one)
-        assert text.startswith(type(one).__name__)
-        assert text.count("\n") <= 4, text
-        assert all(len(line) < 120 for line in text.splitlines()), text
-    assert "1.000 MN/m" in repr(MODEL)
-    assert f"{hit.peak_force:.4g} N" in repr(hit)
-
-
-def test_what_is_given_is_told_in_one_line():
-    """What differs from the defaults, arrays in short, as Python reads it where it is short."""
-    law = ao.Tabulated(np.linspace(0, 1e-3, 500), np.linspace(0, 1e3, 500))
-    shown = [
-        *(ao.Site(vector=np.ones(1000)), ao.Impactor(MODEL, 1.5), law, ao.SoftLayer(1e-3, 1e6)),
-        ao.Scene({"a": MODEL, "b": BALL}, [ao.Contact("a", "b", law)]),
-        ao.Damping(ratio=[0.1] * 99),
-    ]
-    for one in shown:
-        text = repr(one)
-        assert text.startswith(type(one).__name__)
-        assert "\n" not in text
-        assert len(text) < 120, text
-    solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=240e6)
-    assert eval(repr(solid), vars(ao)) == solid
-    assert "loss" not in repr(solid)
-
-
-HIT = ao.simulate(
-    ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3]),
-    ao.RigidMass(0.2, 1.5),
-    ao.Hertz(1e9),
-    2e-3,
-)
-
-
-def test_a_summary_is_in_engineering_units_and_files_in_si(tmp_path):
-    told = HIT.summary()
-    assert f"{1e3 * HIT.contact_time:.3f} ms" in told
-    assert "e-0" not in told.replace(f"{HIT.energy.drift:.1e}", "").split("force error")[0]
-    HIT.to_json(tmp_path / "hit.json")
-    assert repr(HIT.contact_time) in (tmp_path / "hit.json").read_text()
-
-
-@pytest.mark.parametrize(
-    ("largest", "unit", "wanted"),
-    [(2.5e-4, "s", (1e6, "µs")), (0.0, "s", (1.0, "s")), (3.0, "rad/s", (1.0, "rad/s"))],
-)
-def test_the_prefix_of_a_column(largest, unit, wanted):
-    factor, own = prefixed(largest, unit)
-    assert (factor, own) == (pytest.approx(wanted[0]), wanted[1])

@@ -127,22 +127,6 @@ def test_a_mass_between_opposite_sites_moves_as_a_rigid_body_does() -> None:
     assert hit.energy.drift < 1e-4
 
 
-def test_masses_that_touch_share_their_axis() -> None:
-    """A chain of two between opposite sites keeps the momentum along y."""
-    bodies = {"m": ao.RigidMass(0.1, 1.0), "n": ao.RigidMass(0.2, 0.0)}
-    hit = between(bodies, DOWN).run(4e-3)
-    m, n = (hit.bodies[name].momentum for name in bodies)
-    given = hit["B:tip", "n"].impulse - hit["A:tip", "m"].impulse
-    assert hit["m", "n"].peak_force > 10
-    assert hit["B:tip", "n"].peak_force > 10
-    assert (m + n)[-1] - (m + n)[0] == pytest.approx(given, abs=1e-9)
-
-
-def test_a_mass_is_not_pressed_along_two_lines() -> None:
-    with pytest.raises(ao.InputError, match=r"0.0, 1.0, 0.0.*RigidBody|RigidBody.*0.0, 1.0, 0.0"):
-        between({"m": ao.RigidMass(0.1, 1.0)}, Z).run(1e-3)
-
-
 #: Steps that are tried at most: about five seconds.
 ATTEMPTS = 2_000_000
 
@@ -161,11 +145,6 @@ def test_random_scenes_end_with_their_energy() -> None:
             highest = np.max(energy.kinetic + energy.strain + energy.contact)
             assert np.max(energy.total - energy.total[0]) <= 1e-3 * highest, seed
     assert completed >= 0.98 * len(seeds)
-
-
-def test_gravity_pulls_along_the_axis_of_the_first_contact() -> None:
-    still = between({"m": ao.RigidMass(0.1)}, DOWN, gravity=(0.0, -9.81, 0.0)).run(1e-3)
-    assert still.bodies["m"].velocity()[-1] == pytest.approx(-9.81e-3)
 
 
 def test_plate_that_lands_flat_is_one_mass_on_four_springs() -> None:
@@ -255,38 +234,3 @@ def test_preload_rests_until_something_moves() -> None:
     force = hit["plate:a", "floor"].force
     np.testing.assert_allclose(force, 2.0 * 9.81 / 4, rtol=1e-8)
     assert hit["plate:a", "floor"].contacts == [(0.0, 0.01)]
-
-
-def test_the_equilibrium_takes_velocities_but_no_displacements() -> None:
-    """A mass m on a spring k at rest on a linear floor of K, given v: v sin(w t)/w about rest."""
-    m, k, K, v = 2.0, 1e4, 3e4, 1e-3
-    part = ao.AntiOscillators(m0=m, k0=k, m=[], omega=[])
-    contact = ao.Contact("part", "floor", ao.Linear(K))
-    given = {"bodies": {"part": part, "floor": ao.Obstacle()}, "contacts": [contact]}
-    given |= {"loads": [ao.Load("part", [0.0, 1.0], [-50.0, -50.0])], "preload": True}
-    moved = ao.ModalState([0.0], [v * np.sqrt(m)])
-    hit = ao.Scene(**given, motion={"part": moved}).run(0.02, tol=1e-6)
-    force = hit["part", "floor"].force
-    w = np.sqrt((k + K) / m)
-    rest = 50 * K / (k + K)
-    size = K * v / w
-    np.testing.assert_allclose(
-        abs(force - rest), abs(size * np.sin(w * hit.time)), atol=1e-3 * size
-    )
-    with pytest.raises(ao.InputError, match="preload"):
-        ao.Scene(**given, motion={"part": ao.ModalState([1e-4], [0.0])})
-
-
-def test_preload_of_a_site_without_mass() -> None:
-    """A load on a massless spring, which no mode feels: the contact takes its share of it."""
-    compliance, stiffness, load = 1e-4, 3e4, -50.0
-    body = ao.SiteModes(omega=[300.0], b=[[0.0]], sites=["tip"], r=[[compliance]])
-    scene = ao.Scene(
-        {"part": body, "stop": ao.Obstacle()},
-        [ao.Contact("part:tip", "stop", ao.Linear(stiffness))],
-        loads=[ao.Load("part:tip", [0.0, 1.0], [load, load])],
-        preload=True,
-    )
-    force = scene.run(0.01)["part:tip", "stop"].force
-    share = stiffness * compliance / (1 + stiffness * compliance)
-    np.testing.assert_allclose(force, -share * load, rtol=1e-8)

@@ -134,30 +134,6 @@ def test_a_damped_contact_that_begins_at_rest() -> None:
     assert one.impulse == pytest.approx(two.impulse, rel=5e-3)
 
 
-def test_bodies_of_one_coordinate_fall_along_the_line_of_their_contact() -> None:
-    """Gravity as a vector pulls them by its part along the contact, a number by all of it."""
-    tilted = np.array([0.6, 0.0, 0.8])
-    box = ao.RigidBody(2.0, (1.0, 1.0, 1.0), {"top": ((0, 0, 0.1), tilted)})
-    two = ao.SiteModes(
-        [0.0], [[1.0, 2.0]], ["a", "b"], directions=[tilted, (0, 1.0, 0)], weight=[[1.0, 0, 0.5]]
-    )
-    contact = ao.Contact("box:top", "m", ao.Linear(1e5), gap=1.0)
-    for gravity, fall in (((0, 0, -10.0), -8.0), (-10.0, -10.0)):
-        bodies = {"box": box, "m": ao.RigidMass(0.5)}
-        if np.ndim(gravity) == 0:
-            bodies["box"] = ao.RigidMass(3.0)
-            contact = ao.Contact("box", "m", ao.Linear(1e5), gap=1.0)
-        hit = ao.Scene(bodies, [contact], gravity=gravity).run(0.01)
-        assert hit.bodies["m"].velocity()[-1] == pytest.approx(fall * 0.01)
-        assert hit.bodies["m"].momentum[-1] == pytest.approx(0.5 * fall * 0.01)
-    bodies = {"two": two, "wall": ao.Obstacle()}
-    contacts = [ao.Contact("two:a", "wall", ao.Linear(1e5), gap=1.0)]
-    hit = ao.Scene(bodies, contacts, gravity=(2.0, 5.0, 4.0)).run(0.01)
-    assert hit.bodies["two"].velocity("a")[-1] == pytest.approx(0.01 * (2.0 + 0.5 * 4.0))
-    with pytest.raises(ao.InputError, match="pushed along several directions: give gravity"):
-        ao.Scene(bodies, contacts, gravity=-9.81).run(0.01)
-
-
 @pytest.mark.parametrize("n", [1, 12])
 def test_elastic_bar_lands_on_its_end(n: int) -> None:
     """The floor's impulse is all that the bar gains, along the contact and about any point."""
@@ -187,15 +163,3 @@ def test_boxes_that_collide_at_two_points(friction: float) -> None:
         assert friction == 0 or np.abs(hit[pair].friction).max() > 1
         assert contact_steps(hit, hit[pair]) < 130
     assert hit.energy.drift < 1e-4
-
-
-@pytest.mark.parametrize("up", [1.0, -1.0])
-def test_a_site_that_is_named_second_is_pushed_against_its_direction(up: float) -> None:
-    """A box falls through a floor that is named on its wrong side."""
-    box = ao.RigidBody(0.5, (1e-3,) * 3, {"foot": ((0, 0, 0), (0, 0, up))})
-    bodies = {"box": box, "floor": ao.Obstacle()}
-    motion = {"box": ao.Motion(velocity=(0, 0, -1.0))}
-    for ends, pushed in ((("box:foot", "floor"), up), (("floor", "box:foot"), -up)):
-        hit = ao.Scene(bodies, [ao.Contact(*ends, ao.Hertz(1e8))], motion=motion).run(3e-3)
-        assert hit[ends].impulse == pytest.approx(1.0 if pushed > 0 else 0.0, rel=1e-3)
-        assert ("opens at 1 m/s at first" in hit.message) == (pushed < 0)

@@ -11,10 +11,7 @@ import antiosc as ao
 from antiosc.impact.histories.site_motion import out_of_reach, parted
 
 LAW = ao.Hertz(1e8)
-ONE = ao.AntiOscillators(m0=0.5, k0=1e6, m=[], omega=[])
 THREE = ao.AntiOscillators(m0=0.3, k0=1e6, m=[0.2, 0.15], omega=[3e3, 5.2e3])
-#: It comes back slowly from a part of its mass, which then swings after it.
-ALIKE = ao.RigidMass(0.5, 1.0)
 LIGHT = ao.RigidMass(0.02, 1.0)
 
 
@@ -47,14 +44,6 @@ def test_a_striker_out_of_reach_does_not_meet_the_part_again() -> None:
             assert isinf(away) or away > long.contacts[len(hit.contacts)][0]
         last = long.contacts[-1][1]
         assert out_of_reach(struck(THREE, striker, last + 0.01)) < np.inf
-
-
-def test_what_is_free_or_loaded_has_no_such_bound() -> None:
-    free = ao.AntiOscillators(m0=0.5, k0=0.0, m=[0.2], omega=[3e3])
-    assert struck(free, LIGHT, 1e-3).site_motion is None
-    assert out_of_reach(struck(free, LIGHT, 1e-3)) is None
-    falling = ao.simulate(ONE, LIGHT, LAW, 1e-3, gravity=9.81)
-    assert out_of_reach(falling) is None
 
 
 def test_an_impact_whose_duration_is_auto_lasts_until_its_bodies_have_parted():

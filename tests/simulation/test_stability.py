@@ -62,19 +62,6 @@ class TestRuns:
             hit = scene.run(0.2, step=1e-3)
         assert hit.status == 2
 
-    @pytest.mark.sample
-    @pytest.mark.parametrize("y", [2.5, 5.5, 6.0])
-    def test_a_given_step_in_a_window_is_told(self, y):
-        with pytest.warns(ao.AccuracyWarning, match="use a smaller"):
-            hit = ao.simulate(MODEL, STRIKER, LAW, DURATION, step=y / TOP)
-        assert hit.status == 1
-
-    @pytest.mark.parametrize("y", [0.5, 2.0, 3.3, 4.0, 7.0, 24.0])
-    def test_a_given_step_outside_is_not(self, truth, y):
-        hit = ao.simulate(MODEL, STRIKER, LAW, DURATION, step=y / TOP)
-        assert hit.status == TOUCHING
-        assert hit.peak_force == pytest.approx(truth.peak_force, rel=6e-3)
-
     @pytest.mark.slow
     @pytest.mark.parametrize("speed", [0.3, 0.6, 0.8])
     def test_chosen_steps_keep_the_tolerance(self, speed):

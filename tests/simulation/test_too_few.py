@@ -33,23 +33,3 @@ def test_a_contact_that_is_too_short_for_the_model_is_told():
     assert "16 anti-oscillators" in hit.summary()
     wrong = abs(hit.peak_force / truth.peak_force - 1)
     assert 0.1 < wrong < ao.truncation_error(few, hit.rerun).peak_force
-
-
-@pytest.mark.filterwarnings("always")
-@pytest.mark.parametrize("kind", ["scene", "turned scene"])
-def test_scenes_tell_it_too(kind):
-    few, enough = chain(16), chain(60)
-
-    def run(model: ao.AntiOscillators) -> None:
-        bodies = {"long string": model, "ball": BALL}
-        names = list(bodies) if kind == "scene" else list(bodies)[::-1]
-        scene = ao.Scene(
-            {name: bodies[name] for name in names}, [ao.Contact("long string", "ball", LAW)]
-        )
-        scene.run(4e-3)
-
-    with pytest.warns(ao.AccuracyWarning, match="16 anti-oscillators are too few"):
-        run(few)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        run(enough)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import warnings
 from dataclasses import replace
-from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -17,9 +16,7 @@ import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.impact import truncation
 from antiosc.impact.truncation import (
-    TRUNCATION_SAFETY,
     choose_n,
-    halved,
     softest_model,
     truncation_error,
 )
@@ -64,23 +61,6 @@ def compare(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return np.array(true), np.array([getattr(estimate, q) for q in QUANTITIES])
 
 
-def compare_krylov(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """The same of a random chain of masses, whose anti-oscillators have not converged."""
-    size = 60
-    k, m = 4e6 * 10 ** rng.uniform(-1, 1, size + 1), 1e-3 * 10 ** rng.uniform(-0.5, 0.5, size)
-    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
-    part, site = ao.Structure.from_matrices(K, np.diag(m)), ao.Site(dof=int(rng.integers(size)))
-    whole, short = (
-        ao.extract(part, site, n=n) for n in (size - 2, int(2 ** rng.uniform(1.5, 4.5)))
-    )
-    striker = ao.RigidMass(whole.m_st * 10 ** rng.uniform(-2, 1), 10 ** rng.uniform(-2, 1))
-    run = struck(striker, ao.Hertz(10 ** rng.uniform(7, 10)), 2.5 * np.pi / whole.omega[0])
-    hits = [run(model, 1e-4) for model in (short, whole)]
-    estimate = truncation_error(short, run)
-    true = [abs(getattr(hits[0], q) / getattr(hits[1], q) - 1) for q in QUANTITIES]
-    return np.array(true), np.array([getattr(estimate, q) for q in QUANTITIES])
-
-
 def coverage(scenes: int, compare=compare) -> tuple[np.ndarray, np.ndarray]:
     """Share of scenes whose true error lies under the estimate, and the median over-estimation."""
     rng = np.random.default_rng(7)
@@ -101,28 +81,6 @@ def test_estimate_covers_the_truth_in_200_scenes():
     print("share under the estimate", share, "median over-estimation", factor)
     assert share.min() >= 0.9
     assert factor.max() < 15
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
-def test_estimate_covers_what_the_krylov_method_leaves_out():
-    share, factor = coverage(50, compare_krylov)
-    print("share under the estimate", share, "median over-estimation", factor)
-    assert share.min() >= 0.9
-    assert factor.max() < 40
-
-
-@pytest.mark.slow
-def test_a_mass_that_sits_at_the_site_is_not_taken_away():
-    """A chain whose struck mass is its own: the estimate was 280 %."""
-    k, m = 4e6, np.full(40, 1e-3)
-    m[20] = 0.2
-    K = 2 * k * np.eye(40) - k * np.eye(40, k=1) - k * np.eye(40, k=-1)
-    part = ao.Structure.from_matrices(K, np.diag(m))
-    short, whole = (ao.extract(part, ao.Site(dof=20), n=n) for n in (16, 36))
-    run = struck(ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3)
-    assert run(short, 1e-4).peak_force == pytest.approx(run(whole, 1e-4).peak_force, rel=1e-6)
-    assert truncation_error(short, run).worst <= 0.02
 
 
 @pytest.mark.slow
@@ -153,73 +111,6 @@ def test_simulate_chooses():
     assert set(hit.error) == {"force", "peak", *(f"truncation {q}" for q in QUANTITIES)}
 
 
-def test_estimate_is_a_multiple_of_what_the_two_extremes_differ_by():
-    """What is left out follows the site rigidly, or hangs on one spring at the next frequency."""
-    whole, striker = case_two(6)
-    law, tol = ao.Hertz(HERTZ), 1e-4
-    short = whole.truncated(2)
-    run = struck(striker, law, 2e-3)
-    soft = ao.AntiOscillators(
-        m0=0.0, k0=short.k0, m=[*short.m, short.m0], omega=[*short.omega, whole.omega[2]]
-    )
-    rigid, hung = (run(model, tol) for model in (short, soft))
-    apart = abs(hung.peak_force - rigid.peak_force) / max(hung.peak_force, rigid.peak_force)
-    estimate = truncation_error(short, run, next_omega=whole.omega[2], tol=tol)
-    assert estimate.worst >= estimate.peak_force >= TRUNCATION_SAFETY * (apart - tol) * (1 - 1e-9)
-    if estimate.peak_force > estimate.worst / 2:  # not raised to the share of the worst
-        assert estimate.peak_force == pytest.approx(TRUNCATION_SAFETY * (apart - tol), rel=1e-6)
-    assert apart > 100 * tol
-
-
-def test_without_a_residual_mass_the_last_anti_oscillator_is_what_may_be_missing():
-    whole, striker = case_two(4)
-    model = ao.AntiOscillators(m0=0.0, k0=whole.k0, m=whole.m, omega=whole.omega)
-    tol = 1e-4
-    run = struck(striker, ao.Hertz(HERTZ), 2e-3)
-    peaks = [run(one, tol).peak_force for one in (model, model.truncated(3))]
-    apart = abs(peaks[0] - peaks[1]) / max(peaks)
-    estimate = truncation_error(model, run, tol=tol)
-    assert apart > 100 * tol
-    assert estimate.worst >= estimate.peak_force >= TRUNCATION_SAFETY * (apart - tol) * (1 - 1e-9)
-    if estimate.peak_force > estimate.worst / 2:
-        assert estimate.peak_force == pytest.approx(TRUNCATION_SAFETY * (apart - tol), rel=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("needed", "tried"), [(1, [1]), (3, [1, 2, 4, 3]), (8, [1, 2, 4, 8, 6, 7])]
-)
-def test_models_are_tried_by_doubling_and_halving(monkeypatch, needed, tried):
-    """No impact is run that says nothing more about the smallest model that is enough."""
-    model, seen = case_two(12)[0], []
-
-    def error(short, run, **_):
-        seen.append(short.n)
-        return truncation.TruncationError(short.n, *(3 * [1e-3 if short.n >= needed else 1.0]))
-
-    monkeypatch.setattr(truncation, "truncation_error", error)
-    found = choose_n(model, lambda one, tol: None, tol=1e-2)
-    assert (found.n, found.missing) == (needed, 0)
-    assert seen == tried
-
-
-def test_the_hung_model_moves_as_a_whole():
-    """A free beam: its mass, its momentum, and the frequency that its residual mass hangs on."""
-    model = free_free(BEAM, 0.3).anti_oscillators(4)
-    for omega in (None, 9e4):
-        hung = truncation.softest_model(model, omega)
-        last = 2 * model.omega[-1] - model.omega[-2] if omega is None else omega
-        assert (hung.m0, hung.n, hung.omega[-1]) == (0, 5, pytest.approx(last))
-        assert hung.m[-1] == pytest.approx(model.m0)
-        assert hung.m_st == pytest.approx(model.m_st)
-        assert hung.participation.sum() == pytest.approx(model.participation.sum())
-        for motion in (ao.Motion((0, 2.0, 0)), ao.Motion(spin=(0, 0, 3.0))):
-            start = [body.modal().rigid_motion(motion) for body in (model, hung)]
-            assert start[1] @ start[1] == pytest.approx(start[0] @ start[0], rel=1e-9)
-    bare = truncation.softest_model(ao.AntiOscillators(m0=0.0, k0=1.0, m=[1, 2.0], omega=[1, 2.0]))
-    assert (bare.n, bare.m0) == (1, 2.0)
-
-
 @pytest.mark.slow
 def test_the_hung_model_keeps_the_dampers():
     """A chain with a dashpot: given back by what was truncated, and its impact by n = "auto"."""
@@ -239,22 +130,6 @@ def test_the_hung_model_keeps_the_dampers():
     truth = ao.simulate(models[29], striker, law, 5e-3, tol=1e-6)
     chosen = ao.simulate(models[20], striker, law, 5e-3, tol=1e-2, n="auto")
     assert chosen.peak_force == pytest.approx(truth.peak_force, rel=1e-2)
-
-
-@pytest.mark.parametrize("apart", [(0.4, 0.01, 0.0), (0.0, 0.2, 0.19), (0.0, 0.0, 0.3)])
-def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
-    """Impacts of the two extremes that differ by given shares: 2.5 times that, at least."""
-    model = case_two(3)[0]
-
-    def run(one, tol):
-        share = np.zeros(3) if one.m0 else np.array(apart)
-        return SimpleNamespace(**dict(zip(QUANTITIES, 10.0 * (1 - share), strict=True)))
-
-    monkeypatch.setattr(truncation, "_checked_run", lambda found: found)
-    found = truncation_error(model, run, tol=1e-6)
-    errors = truncation.TRUNCATION_SAFETY * (np.array(apart) - 1e-6).clip(0)
-    expected = np.maximum(errors, errors.max() / 2)
-    assert [getattr(found, name) for name in QUANTITIES] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -361,17 +236,6 @@ def test_the_softest_model_has_the_moments_of_the_model(point):
     s = 2 * np.pi * (point or 0.0)
     assert of_complex(softest, s) == pytest.approx(of_complex(model, s), rel=1e-9)
     assert abs(of_complex(softest, 2e5j) / of_complex(model, 2e5j) - 1) > 1e-3
-
-
-@pytest.mark.parametrize("sites", [1, 2])
-def test_half_of_a_krylov_model_is_that_of_half_as_many_vectors(sites):
-    """The measure of n anti-oscillators holds the Krylov space of n/2."""
-    part = thin_plate()
-    places = {"a": SITE, "b": ao.Site(dof=8 * 31 + 20)}
-    site = SITE if sites == 1 else places
-    half, direct = halved(ao.extract(part, site, n=12)), ao.extract(part, site, n=6)
-    for name in ("omega", "m0", "m", "m_st"):
-        np.testing.assert_allclose(getattr(half, name), getattr(direct, name), rtol=1e-6)
 
 
 def of_complex(model: ao.AntiOscillators, s: complex) -> complex:

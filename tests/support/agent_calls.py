@@ -55,14 +55,16 @@ START = "import sys; from antiosc_app.cli import main; sys.exit(main(['mcp', *sy
 KEPT = ("PATH", "PYTHONPATH", "OMP_NUM_THREADS", "XDG_CACHE_HOME", "OPENBLAS_CORETYPE", "TMPDIR")
 
 
-def served(folder: Path, work: Callable[[Any], Awaitable[Any]], *options: str) -> Any:
+def served(
+    folder: Path, work: Callable[[Any], Awaitable[Any]], *options: str, start: str = START
+) -> Any:
     """What `work` returns of a client of a server that was started for a folder."""
     environment = {name: os.environ[name] for name in (*KEPT, "HOME") if name in os.environ}
     environment |= {name: x for name, x in os.environ.items() if name.startswith(("OMPI", "PRTE"))}
     # the working folder is that of the files: none of them may become a module
     started = StdioServerParameters(
         command=sys.executable,
-        args=["-P", "-c", START, str(folder), *options],
+        args=["-P", "-c", start, str(folder), *options],
         env=environment,
         cwd=folder,
     )

@@ -8,8 +8,6 @@ digits.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
 import mpmath
 import numpy as np
 from numpy.typing import NDArray
@@ -57,31 +55,6 @@ def loose_bodies(
     if not b.any():
         b[0] = 1.0
     return K, np.diag(10 ** rng.uniform(-4, 4, n)), b
-
-
-def elastic_frequencies(K: Array, M: Array, rigid: int) -> Array:
-    """Those that double precision knows, ascending, rad/s."""
-    scale = 1 / np.sqrt(np.diag(M))
-    x = np.linalg.eigvalsh(K * scale * scale[:, None])[rigid:]
-    omega = np.sqrt(np.maximum(x, 0.0))
-    return np.asarray(omega[omega > 1e-6 * omega[-1]])
-
-
-def more_loads(rng: np.random.Generator, K: Array, b: Array, p: int) -> Array:
-    """Loads of p sites (n, p), b the first; some follow the others, or nearly so."""
-    B = b[:, None]
-    while B.shape[1] < p:
-        new = rng.integers(-64, 64, len(b)).astype(float) * (rng.random(len(b)) < 0.6)
-        kind = rng.integers(5)
-        if kind == 0:  # a combination of the others
-            new = B @ rng.integers(-3, 4, B.shape[1])
-        elif kind == 1:  # nearly one
-            new = B @ rng.integers(-3, 4, B.shape[1]) + 2.0 ** -int(rng.integers(2, 20)) * new
-        elif kind == 2:  # forces in equilibrium
-            new = K @ rng.integers(-2, 3, len(b)).astype(float)
-        if new.any():
-            B = np.column_stack([B, new])
-    return B
 
 
 def exact_stiffness(
@@ -145,15 +118,3 @@ def solved(A: NDArray[np.clongdouble], load: NDArray[np.clongdouble]) -> NDArray
         known = np.einsum("wj,wjp->wp", A[:, k, k + 1 : n], y[:, k + 1 :])
         y[:, k] = (A[:, k, n:] - known) / A[:, k, k][:, None]
     return y
-
-
-def check_bounds(
-    extracted: Callable[[int], tuple[float, float, str]], seeds: Sequence[int], useful: float
-) -> None:
-    """Each seed's (error, bound, what): every bound holds, a share of them is small."""
-    small = 0
-    for seed in seeds:
-        error, bound, what = extracted(seed)
-        assert error <= bound, f"{what}: {error:.2e} above the bound {bound:.2e}"
-        small += bound <= 1e-3
-    assert small > useful * len(seeds)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
 from ctypes import byref, c_double, c_int, c_void_p
 from functools import cache
 from pathlib import Path
@@ -66,10 +65,6 @@ class Stepper:
         )
         assert made == library.DONE
         assert self.library.aom_start(self.at, byref(given.system), byref(options)) == library.DONE
-
-
-def doubles(values: Sequence[float]) -> Any:
-    return (c_double * len(values))(*values)
 
 
 def law_at(law: Any) -> Any:

@@ -129,24 +129,3 @@ def test_a_column_on_soil_is_the_rod_of_closed_form():
         np.testing.assert_allclose(top.modal().receptance(w), H, rtol=1e-4)
         side = ao.extract(one, ao.Site((0, 0, 0), (1, 0, 0), part=name), n=2)
         assert side.k0 == pytest.approx(8 * G * r / (2 - nu), rel=1e-9)
-
-
-def test_given_matrices_keep_their_damping_in_an_assembly():
-    """A node with a spring, a mass and a dashpot is what the same attachments are."""
-    root = ao.Structure(line((0, 0, 0), (1, 0, 0), 6), BEAM, [ao.Support("start")])
-    end, k, m, c = (1.0, 0.0, 0.0), 2e4, 0.05, 40.0
-    attached = [
-        ao.Spring(end, dict.fromkeys("xyz", k)),
-        ao.PointMass(end, m),
-        ao.Damper(end, {"z": c}),
-    ]
-    C, rows = np.diag([0.0, 0.0, c]), [[1, d, *end] for d in (1, 2, 3)]
-    node = ao.Structure.from_matrices(k * np.eye(3), m * np.eye(3), C=C, map=rows)
-    joined = ao.assemble({"a": root, "b": node}, [ao.Ball(("a", end), "b:1")])
-    same = ao.assemble({"a": root}, [], attached=attached)
-    omega = np.geomspace(50.0, 5e3, 12)
-    found, exact = (
-        ao.extract(one, MIDDLE, n=12).modal().receptance(omega) for one in (joined, same)
-    )
-    np.testing.assert_allclose(found, exact, rtol=1e-6)
-    assert (exact.imag < -1e-3 * np.abs(exact)).any()

@@ -6,13 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.linalg
 
 import antiosc as ao
 from abaqus_decks import column
 from antiosc.fem.assembly.layout import Layout
-from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.reduce.site import functional
 from assemblies import compliances
 
 pytestmark = [
@@ -105,36 +102,6 @@ def test_an_rbe3_spreads_a_spring_over_its_nodes(tmp_path):
     assert 1 / k0(part, corners[0]) == pytest.approx(expected[0, 0], rel=1e-9)
 
 
-@pytest.mark.slow
-def test_middle_nodes_that_are_held_alone(tmp_path):
-    """A tetrahedron of ten nodes on one corner and three middles, against K without their rows."""
-    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
-    pairs = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
-    points = np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in pairs]])
-    nodes = "*NODE\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(points, 1))
-    body = nodes + "*ELEMENT, TYPE=C3D10, ELSET=ALL\n1,1,2,3,4,5,6,7,8,9,10\n" + SOLID
-    body += MATERIAL.replace("0.\n", ".3\n", 1)
-    held = [1, 5, 6, 8]
-    part = read(tmp_path, body + "*BOUNDARY\n" + "".join(f"{n},1,3\n" for n in held))
-    free = read(tmp_path, body)
-    K = csr(free.K).toarray()
-    rows = [functional(free, ao.Site(tuple(points[n - 1]), d)).b for n in held for d in np.eye(3)]
-    null = scipy.linalg.null_space(np.array(rows))
-    site = ao.Site((0, 0, 1.0), (0.3, 0.4, 1))
-    b = null.T @ functional(free, site).b
-    exact = 1 / (b @ np.linalg.solve(null.T @ K @ null, b))
-    assert k0(part, (0, 0, 1.0), (0.3, 0.4, 1)) == pytest.approx(exact, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_equations_hold_what_lies_between_their_nodes(tmp_path):
-    """A bar without contraction whose end moves as one: EA/L, wherever it is struck."""
-    part = read(tmp_path, column() + SOLID + MATERIAL + FOOT + FLAT)
-    assert part.mass == pytest.approx(2000, rel=1e-12)
-    for point in ((1, 0, L), (0.3, 0.8, L)):
-        assert k0(part, point) == pytest.approx(E * A / L, rel=1e-9)
-
-
 def rows_of_bricks(count: int, tied: bool) -> str:
     """Two rows of unit bricks, one on the other: their nodes coincide, and are `tied` or not."""
     x = [(i, j, k) for k in (0, 1, 1, 2) for i in range(count + 1) for j in (0, 1)]
@@ -189,19 +156,6 @@ def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
     for direction in ((1, 0, 0), (0, 0, 1), (1, 2, 3)):
         site = (1, 0, L), direction
         assert k0(part, *site) == pytest.approx(k0(by_hand, *site), rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["CELAS2", "CBUSH"])
-def test_springs_between_nodes_are_in_series(tmp_path, kind):
-    """From the top of the column to a node that is held: both carry."""
-    k = 4e8
-    tops = [f"MPC,7,{n},3,1.,9,3,-1." for n in (10, 11, 12)]
-    spring = f"CELAS2,60,{k},9,3,100,3"
-    if kind == "CBUSH":
-        spring = f"CBUSH,60,60,9,100\nPBUSH,60,K,{k}"
-    held = nastran(tmp_path, "GRID,100,,0.,0.,3.", "SPC1,1,123456,100", *tops, spring)
-    assert k0(held) == pytest.approx(E * A / L + k, rel=1e-9)
 
 
 STEEL, NU, RHO, R, LENGTH, COUNT, C = 2e11, 0.3, 7800.0, 0.02, 1.0, 4, 3.0

@@ -8,7 +8,6 @@ import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.fem.assembly import assemble
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout
@@ -16,7 +15,6 @@ from antiosc.fem.assembly.parts import checked_parts, checked_places
 from antiosc.fem.structure import Placement
 from assemblies import SOLID, box
 from marks import FREE_ON_PURPOSE
-from refusals import refused
 
 pytestmark = FREE_ON_PURPOSE
 
@@ -70,13 +68,6 @@ def test_the_span_of_T_is_the_null_space_of_the_constraints(seed):
     motions = T[:, free] @ np.random.default_rng(seed).normal(size=(free.sum(), 3))
     np.testing.assert_allclose(T @ found.coordinates(motions), motions, atol=1e-9)
     assert found.redundant["joint 4"] >= 1
-
-
-def test_a_mean_of_a_large_group_is_refused(monkeypatch):
-    monkeypatch.setattr(assemble, "MOST_COUPLED", 20)
-    block = ao.Structure(box((0, 0, 0), (1, 1, 1), (2, 2, 1)), SOLID, [ao.Support("z0")], order=1)
-    with refused(None, "smaller group", ao.InputError):
-        ao.assemble({"a": block}, [ao.Mean("a:z1", "hub")], points={"hub": (0, 0, 2.0)})
 
 
 @pytest.mark.slow

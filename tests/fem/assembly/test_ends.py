@@ -141,27 +141,6 @@ def test_a_placement_is_a_rigid_motion(scale):
     np.testing.assert_allclose(np.diff(moved, axis=0), np.diff(x, axis=0) @ R.T, atol=1e-14)
 
 
-@pytest.mark.parametrize("turns", [1, 2, 3, -1])
-def test_quarter_turns_are_exact(turns):
-    R = Placement(axis=(0, 0, 2), angle=turns * np.pi / 2).rotation
-    assert set(np.unique(R)) <= {-1.0, 0.0, 1.0}
-    np.testing.assert_allclose(
-        R[:2, 0], [np.cos(turns * np.pi / 2), np.sin(turns * np.pi / 2)], atol=1e-15
-    )
-
-
-def test_degrees_are_not_taken_for_radians():
-    with pytest.raises(ao.InputError, match=r"angle = -90 rad .* radians; .* give -1\.5708\."):
-        Placement(angle=-90)
-    assert Placement(angle=2 * np.pi).angle == 2 * np.pi
-
-
-def test_skew_is_the_cross_product():
-    a, b = RNG.normal(size=(2, 6, 3))
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", skew(a), b), np.cross(a, b))
-    np.testing.assert_allclose(skew(a[0]) @ b[0], np.cross(a[0], b[0]))
-
-
 @pytest.mark.slow
 def test_an_end_with_a_radius_is_the_mean_over_a_disc(layout):
     """u_z = x² + y² on a face: r²/2 at the middle of a disc; faces too large are refused."""

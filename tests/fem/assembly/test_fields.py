@@ -7,11 +7,8 @@ from functools import cache
 import meshio
 import numpy as np
 import pytest
-import scipy.sparse
 
 import antiosc as ao
-from antiosc.fem.assembly.elimination import eliminate
-from antiosc.fem.assembly.joint import Rows
 from antiosc.fields.fields import shapes_of
 from antiosc.impact.histories.factors import amplitudes
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
@@ -66,51 +63,6 @@ def test_a_series_holds_all_parts_in_their_places(tmp_path):
     end = int(np.argmin(np.linalg.norm(x - SITE.point, axis=1)))
     moved = ao.probe(cut(), hits()[1], SITE.point, times=[5e-4])
     np.testing.assert_allclose(found.point_data["displacement"][end], moved[0], rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_a_group_names_the_point_of_a_probe():
-    """The middle of the group, on a part and in one mesh; a site of that name lies there too."""
-    one, two = hits()
-    times = np.linspace(0, 1e-3, 7)
-    for quantity in ("displacement", "acceleration"):
-        found = ao.probe(cut(), two, "right:y1", quantity, times)
-        own = ao.probe(cut(), two, (0.2, 0.01, 0.01), quantity, times, part="right")
-        np.testing.assert_allclose(found, own, rtol=1e-9, atol=1e-12 * np.abs(own).max())
-        reference = ao.probe(uncut(), one, "x1", quantity, times)
-        np.testing.assert_allclose(found, reference, rtol=0, atol=1e-4 * np.abs(reference).max())
-    site = ao.Site("right:y1", (0, 0, -1))
-    hit = ao.simulate(
-        ao.extract(cut(), site, n=4), ao.RigidMass(0.05, 1.0), ao.Linear(1e6), duration=1e-4
-    )
-    struck = -ao.probe(cut(), hit, "right:y1")[:, 2]
-    np.testing.assert_allclose(struck, hit.displacement, atol=1e-9 * np.abs(struck).max())
-    gauge = ao.strain_gauge(cut(), two, "right:x1", (1, 0, 0), 4e-3, times)
-    by_point = ao.strain_gauge(uncut(), one, (0.15, 0.0, 0.01), (1, 0, 0), 4e-3, times)
-    np.testing.assert_allclose(gauge, by_point, rtol=0, atol=1e-4 * np.abs(by_point).max())
-
-
-@pytest.mark.slow
-def test_a_reference_point_is_struck_and_probed():
-    """A point on an arm, fixed to the end of the left half: rigid, and as the model tells."""
-    left = ao.Structure(box((0, 0, 0), (0.1, 0.02, 0.02), (4, 1, 1)), STEEL, [ao.Support("x0")])
-    joints = [ao.Rigid("left:x1", "tip")]
-    part = ao.assemble({"left": left}, joints, points={"tip": (0.15, 0.01, 0.01)})
-    model = ao.extract(part, ao.Site("tip", (0, 0, -1)), n=4)
-    hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Linear(1e6), duration=5e-4)
-    tip, turn = (ao.probe(part, hit, "tip", q) for q in ("displacement", "rotation"))
-    size = np.abs(tip).max()
-    np.testing.assert_allclose(-tip[:, 2], hit.displacement, atol=1e-9 * size)
-    end = ao.probe(part, hit, "left:x1")
-    np.testing.assert_allclose(tip[:, 2], end[:, 2] - 0.05 * turn[:, 1], atol=1e-9 * size)
-    longer = ao.extract(part, ao.Site("tip", (0, 0, -2)), n=4)
-    assert (longer.k0, longer.m_st) == pytest.approx((model.k0, model.m_st), rel=1e-9)
-    with pytest.raises(ao.InputError, match="'tip' is a point without a mesh and has no stress"):
-        ao.probe(part, hit, "tip", "stress")
-    with pytest.raises(ao.InputError, match="'tip' is a point without a mesh: a gauge needs"):
-        ao.strain_gauge(part, hit, "tip", (1, 0, 0), 1e-3)
-    with pytest.raises(ao.InputError, match="'tip' has no surface: leave radius"):
-        ao.extract(part, ao.Site("tip", (0, 0, -1), radius=1e-3))
 
 
 @pytest.mark.slow
@@ -251,39 +203,6 @@ def test_at_rest_forces_and_moments_are_those_of_statics():
     np.testing.assert_allclose(found.force["hinge"][-1], [0, 0, -4], atol=1e-6)
     np.testing.assert_allclose(found.force["beam:end"][-1], [0, 0, -2], atol=1e-6)
     np.testing.assert_allclose(found.moment["hinge"][-1], np.zeros(3), atol=1e-6)
-
-
-def test_prescribed_values_of_constraints_that_overlap():
-    """Rows of any size, one twice, two of a chain: all but the repeated one take their values."""
-    rng = np.random.default_rng(4)
-    C = np.zeros((7, 12))
-    C[:4, :8] = 10.0 ** rng.uniform(-2, 2, (4, 1)) * rng.standard_normal((4, 8))
-    C[4] = C[:4].T @ [1, 2, 3, 4]
-    C[5, 8:10], C[6, 9:11] = (2, -3), (5, 1)
-    held = np.zeros(12, dtype=bool)
-    held[11] = True
-    values = rng.standard_normal((7, 3))
-    rows = [Rows.free(scipy.sparse.csr_matrix(C), "rows")]
-    found = eliminate(rows, held, np.ones(12), prescribed=values)
-    same = eliminate(rows, held, np.ones(12))
-    kept = [0, 1, 2, 3, 5, 6]
-    np.testing.assert_allclose(C[kept] @ found.particular, values[kept], atol=1e-10)
-    np.testing.assert_allclose(C @ found.T.toarray(), 0, atol=1e-10)
-    assert (found.T != same.T).nnz == 0
-    assert same.particular is None
-
-
-@pytest.mark.slow
-def test_supports_on_both_sides_of_a_joint():
-    """The tied faces are held along their lower edge on either side: the balance holds still."""
-    held = [ao.Support("y0")]
-    a = ao.Structure(box((0, 0, 0), (0.05, 0.02, 0.02), (3, 2, 2)), SOLID, held)
-    b = ao.Structure(box((0, 0, 0), (0.05, 0.02, 0.02), (2, 1, 3)), SOLID, held)
-    part = ao.assemble({"a": a, "b": b}, [ao.Tie("a:x1", "b:x0")], at={"b": (0.05, 0, 0)})
-    hit, found = struck(part)
-    check_balance(found)
-    assert list(found.force) == ["a:y0", "b:y0"]
-    assert all(np.abs(f[:, 1]).max() > 0.1 * hit.peak_force for f in found.force.values())
 
 
 @pytest.mark.slow

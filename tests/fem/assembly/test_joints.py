@@ -12,7 +12,6 @@ import scipy.optimize
 import antiosc as ao
 import every_joint
 from antiosc.fem.assembly.bolts import element
-from antiosc.reduce.site.surface import surface_at
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 
@@ -75,23 +74,6 @@ def test_a_mean_spreads_a_force_evenly():
         assert u[: nodes.size] == pytest.approx(exact.ravel(), abs=1e-9 * 2 / E)
 
 
-def test_the_matrices_of_a_bolt_know_rigid_motions():
-    k, m = element(BEAM, 0.3)
-    motions = np.zeros((12, 6))
-    for axis in range(3):
-        motions[[axis, 6 + axis], axis] = 1.0
-    arms = np.array([[0.0, 0, 0], [0.3, 0, 0]])
-    for axis, turn in enumerate(np.eye(3)):
-        for end in (0, 1):
-            motions[6 * end : 6 * end + 3, 3 + axis] = np.cross(turn, arms[end])
-            motions[6 * end + 3 + axis, 3 + axis] = 1.0
-    assert np.abs(k @ motions).max() < 1e-9 * np.abs(k).max()
-    mass = 2700.0 * BEAM.section.A * 0.3
-    total = motions.T @ m @ motions
-    assert total[:3, :3] == pytest.approx(mass * np.eye(3), rel=1e-12, abs=1e-14)
-    assert total[5, 5] == pytest.approx(mass * 0.09 / 3 + 2700 * BEAM.section.I * 0.3, rel=1e-9)
-
-
 def test_a_bolt_deforms_in_shear_by_the_coefficient_of_each_plane():
     """L³/3EI + L/GκA under a force along the height, and across it."""
     section = replace(BEAM.section, I_side=BEAM.section.I / 4, shear=0.7, shear_side=0.3)
@@ -100,17 +82,6 @@ def test_a_bolt_deforms_in_shear_by_the_coefficient_of_each_plane():
     for row, I, shear in ((1, section.I, 0.7), (2, section.I_side, 0.3)):  # noqa: E741
         exact = 0.3**3 / (3 * E * I) + 0.3 / (BEAM.G * section.A * shear)
         assert flexibility[row, row] == pytest.approx(exact, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_a_mass_that_turns_in_a_plane_is_one_on_a_part_and_on_an_assembly():
-    mesh, beam = line((0, 0), (1, 0), 4), ao.Beam(E, NU, 2700.0, BEAM.section)
-    own = ao.Structure(mesh, beam, [CLAMP], attached=[ao.PointMass("end", 2.0, 0.1)])
-    bare = ao.Structure(mesh, beam, [CLAMP])
-    joined = ao.assemble({"a": bare}, attached=[ao.PointMass("a:end", 2.0, 0.1)])
-    low, same, without = (eigenfrequencies(part, 3) for part in (own, joined, bare))
-    assert low == pytest.approx(same, rel=1e-9)
-    assert (low < 0.8 * without).any()
 
 
 def test_an_assembly_of_one_part_is_the_part():
@@ -122,22 +93,6 @@ def test_an_assembly_of_one_part_is_the_part():
     assert ours == pytest.approx(own, rel=1e-9)
     low, same = (eigenfrequencies(s, 9)[6:] for s in (turned, block))
     assert low == pytest.approx(same, rel=1e-7)
-
-
-@pytest.mark.slow
-def test_sheets_in_one_plane_have_the_thickness_of_the_thinner_one():
-    """Their box has no depth; a blow on a rim meets an edge that is rounded to a quarter of it."""
-    sheets = {
-        name: ao.Structure(
-            ao.box_mesh((0.1, 0.1), size=0.05), ao.material("steel S235", thickness=t)
-        )
-        for name, t in (("left", 2e-3), ("right", 1e-3))
-    }
-    at = {"right": ao.Placement(shift=(0.1, 0, 0))}
-    joined = ao.assemble(sheets, [ao.Tie("left:+x", "right:-x")], at)
-    assert joined.dimensions == pytest.approx((0.2, 0.1, 1e-3), rel=1e-12)
-    rim = surface_at(joined, np.array([0.0, 0.05, 0.0]), np.array([1.0, 0.0, 0.0]))
-    assert rim.curvatures == pytest.approx((4e3, 4e3), rel=1e-12)
 
 
 @pytest.mark.slow

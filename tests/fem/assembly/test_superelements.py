@@ -91,18 +91,6 @@ def given(free: ao.Structure) -> ao.Structure:
     return ao.Structure.from_matrices(csr(free.K), csr(free.M), map=(node, dof, x))
 
 
-def test_given_matrices_with_coordinates_are_the_part():
-    matrices = given(block())
-    x, rows = matrices.matrices.nodes()
-    ends = {}
-    for name, xy in FEET.items():
-        nearest = int(np.argmin(np.linalg.norm(x - np.array([*xy, 0.0]), axis=1)))
-        ends[name] = f"ecu:{matrices.matrices.map.node[rows[nearest, 0]]}"
-    reference = ao.extract(whole(), CORNER, n=30).dynamic_stiffness(OMEGA)
-    found = ao.extract(on_plate(matrices, ends), CORNER, n=30).dynamic_stiffness(OMEGA)
-    np.testing.assert_allclose(found, reference, rtol=1e-8)
-
-
 def _above(name: str) -> tuple[float, ...]:
     return tuple(LIFT.placed(np.array([[*FEET[name], 0.0]]))[0])
 

@@ -8,7 +8,6 @@ import pytest
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, E, box, eigenfrequencies, pulled
-from extraction_cases import quiet
 from marks import FREE_ON_PURPOSE
 
 pytestmark = FREE_ON_PURPOSE
@@ -84,39 +83,6 @@ def test_constant_stress_passes_where_four_parts_meet(order):
     for member in plate.layout.members.values():
         exact = STRAIN * member.nodes[:, :2]
         assert np.abs(u[member.rows].reshape(-1, 2) - exact).max() < 1e-11 * 2 * STRAIN
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:[0-9]+ constraints:antiosc.base.errors.AntioscWarning")
-def test_a_tie_of_faces_that_follow_other_joints():
-    """A face that is rigid leads; two rigid faces become one rigid body."""
-    block = ao.Structure(box((0, 0, 0), (1, 1, 1), (2, 2, 2)), SOLID, order=1)
-    parts, place = {"a": block, "b": block}, {"b": (1, 0, 0)}
-    tie = ao.Tie("a:x1", "b:x0")
-    once = ao.assemble(parts, [tie, ao.Rigid("b:x0")], place)
-    twice = ao.assemble(parts, [tie, ao.Rigid("a:x1"), ao.Rigid("b:x0")], place)
-    for pair in (once, twice):
-        assert pair.dofs == 2 * 3 * (27 - 9) + 6
-        assert pair.rigid_modes.shape[1] == 6
-    assert eigenfrequencies(once, 9)[6:] == pytest.approx(eigenfrequencies(twice, 9)[6:], rel=1e-9)
-
-
-@pytest.mark.slow
-def test_surfaces_near_each_other_are_tied_by_default():
-    """Up to 0.3 of the radius of the smaller faces, 5 √2 mm; farther with a gap that says so."""
-    left = ao.Structure(box((0, 0, 0), (0.02, 0.02, 0.02), (1, 1, 1)), SOLID, order=1)
-    right = ao.Structure(box((0, 0, 0), (0.02, 0.02, 0.02), (1, 2, 2)), SOLID, order=1)
-    parts, most = {"left": left, "right": right}, 0.3 * 5e-3 * np.sqrt(2)
-
-    def tied(apart: float, **options: float) -> ao.Structure:
-        joint = ao.Tie("left:x1", "right:x0", **options)
-        return ao.assemble(parts, [joint], {"right": (0.02 + apart, 0, 0)})
-
-    assert tied(0.99 * most).rigid_modes.shape[1] == 6
-    assert tied(1.5 * most, gap=1.51 * most).rigid_modes.shape[1] == 6
-    for options in ({}, {"gap": 1.49 * most}):
-        with pytest.raises(ao.InputError, match=r"touches nothing.* 0.00318 m apart"):
-            tied(1.5 * most, **options)
 
 
 @pytest.mark.slow
@@ -198,42 +164,3 @@ def test_a_shell_edge_on_a_solid_against_the_solid_throughout(cell):
     # an uneven mesh gives a mode in the plane of the strip 6e-6 of the mass
     for omega in ours.omega[ours.m > 1e-4 * ours.m_st][:2]:
         assert np.abs(whole.omega / omega - 1).min() < 5e-3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("angle", [0.0, np.pi / 6])
-def test_a_shell_edge_on_a_solid_keeps_rigid_motions(angle):
-    """A free block with a fin: six motions without strain, whatever way the fin stands."""
-    block = ao.Structure(box((0, 0, 0), (0.1, 0.1, 0.1), (2, 2, 2)), SOLID, order=1)
-    fin = ao.Structure(box((0, 0), (0.1, 0.05), (2, 2), "triangle"), SHEET)
-    place = ao.Placement(shift=(0.1, 0.03, 0.04), axis=(1, 0, 0), angle=angle)
-    both = ao.assemble({"block": block, "fin": fin}, [ao.Tie("block:x1", "fin:x0")], {"fin": place})
-    low = eigenfrequencies(both, 7)
-    assert (low[:6] < 1e-4 * low[6]).all()
-    assert both.mass == pytest.approx(2.7 + 2700.0 * T * 0.1 * 0.05, rel=1e-12)
-
-
-@pytest.mark.slow
-def test_a_shell_edge_beside_the_face_is_refused():
-    """The sheet ends on the rim of the block: half of its thickness is over nothing."""
-    with pytest.raises(ao.InputError, match="too little of the shell's thickness"):
-        ao.assemble(
-            {"root": root(1), "sheet": sheet()}, [ao.Tie("root:x1", "sheet:x0", gap=5e-3)],
-            {"sheet": (0.1, 0, T / 2 + 3e-3)},
-        )  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", ["left", "right"])
-def test_the_surface_of_a_site_is_that_of_the_part_it_names(part):
-    """On the edge that two blocks share; the law of contact="auto" follows from its material."""
-    materials = {"left": SOLID, "right": ao.Solid(3 * E, NU, 2700.0)}
-    boxes = {
-        "left": box((0, 0, 0), (1, 1, 1), (2, 2, 2)),
-        "right": box((1, 0, 0), (2, 1, 1), (2, 2, 2)),
-    }
-    held = {"left": [ao.Support("x0")], "right": []}
-    made = {n: ao.Structure(m, materials[n], held[n], order=1) for n, m in boxes.items()}
-    both = ao.assemble(made, joints=[ao.Tie("left:x1", "right:x0")])
-    model = quiet(ao.extract, both, ao.Site((1.0, 0.5, 1.0), (0, 0, -1), part=part), n=3)
-    assert model.info.surfaces[""]["matter"]["E"] == materials[part].E

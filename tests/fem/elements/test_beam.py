@@ -184,29 +184,6 @@ def test_orientation_in_space(direction, order):
     )
 
 
-def test_a_section_with_two_shear_coefficients_needs_an_orientation():
-    """Also where both second moments are equal."""
-    channel = ao.Section(A=1e-3, I=2e-7, shear=0.7, shear_side=0.25)
-    with pytest.raises(ao.InputError, match="shear coefficients needs an orientation"):
-        ao.Structure(parts.line(0.6, 2, (1, 0, 0)), beam(channel))
-    ao.Structure(parts.line(0.6, 2, (1, 0, 0)), beam(replace(channel, shear_side=0.7)))
-
-
-def by_hand() -> tuple[np.ndarray, np.ndarray]:
-    """K and M of the ten-bar truss, the four fixed dofs last."""
-    K, M = np.zeros((12, 12)), np.zeros((12, 12))
-    for pair, thick in zip(BARS, SECOND, strict=True):
-        area = AREAS[int(thick)]
-        along = np.diff(POINTS[pair], axis=0)[0]
-        length = np.linalg.norm(along)
-        row = np.zeros((6, 2))
-        row[pair] = np.outer([-1, 1], along / length)
-        K += E * area / length * np.outer(row, row)
-        for node in pair:
-            M[[2 * node, 2 * node + 1], [2 * node, 2 * node + 1]] += RHO * area * length / 2
-    return K, M
-
-
 #: The ten-bar truss: points over its bay and pairs of them.
 POINTS = np.array([[2, 1], [2, 0], [1, 1], [1, 0], [0, 1], [0, 0]]) * 9.144
 BARS = np.array([(4, 2), (2, 0), (5, 3), (3, 1), (2, 3), (0, 1), (4, 3), (5, 2), (2, 1), (3, 0)])
@@ -253,16 +230,3 @@ def test_axial_forces_and_stresses(truss):
         np.testing.assert_allclose(strain, exact, rtol=1e-9, atol=1e-15)
     with pytest.raises(ao.InputError, match="rotation"):
         ao.probe(truss, hit, tuple(POINTS[1]), "rotation", times)
-
-
-@pytest.mark.slow
-def test_stiffness_masses_and_frequencies_are_those_by_hand(truss):
-    K, M = (matrix[:8, :8] for matrix in by_hand())
-    assert truss.dofs == 8
-    assert truss.mass == pytest.approx(np.trace(by_hand()[1]) / 2, rel=1e-12)
-    exact = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True))
-    np.testing.assert_allclose(ao.natural_modes(truss, 8).omega, exact, rtol=1e-10)
-    model = ao.extract(truss, ao.Site(tuple(POINTS[1]), (0.6, -0.8)), n=3)
-    b = np.zeros(8)
-    b[2:4] = 0.6, -0.8
-    assert model.k0 == pytest.approx(1 / (b @ np.linalg.solve(K, b)), rel=1e-10)

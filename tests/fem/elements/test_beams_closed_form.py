@@ -8,8 +8,6 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc import closed_form
-from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.linalg.petsc_algebra import csr
 from marks import FREE_ON_PURPOSE
 
 pytestmark = FREE_ON_PURPOSE
@@ -76,19 +74,6 @@ def test_stiffness_of_the_article_supported_beam():
     assert meshed("pinned-free, tip", 50, 1).m.sum() / meshed(
         "pinned-free, tip", 50, 1
     ).m_st == pytest.approx(0.89, abs=0.01)
-
-
-@pytest.mark.slow
-def test_a_beam_along_its_own_axis_is_a_rod():
-    """Struck on its end, a clamped rod: ω_i = iπ c/L, m_i = 2 m/(iπ)², m_st = m/3, k0 = EA/L."""
-    structure = ao.Structure(parts.line(LENGTH, 40), BEAM, [ao.Support("left")])
-    model = ao.extract(structure, ao.Site((LENGTH, 0), (-1, 0)), n=4, method="modes")
-    i = np.arange(1, 5)
-    mass = EXACT.mass
-    np.testing.assert_allclose(model.omega, i * np.pi * np.sqrt(67e9 / 2400) / LENGTH, rtol=1e-5)
-    np.testing.assert_allclose(model.m, 2 * mass / (i * np.pi) ** 2, rtol=1e-3)
-    assert model.m_st == pytest.approx(mass / 3, rel=1e-9)
-    assert model.k0 == pytest.approx(67e9 * SECTION.A / LENGTH, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -195,36 +180,3 @@ def test_a_beam_that_is_rigid_in_shear(side, axis, held):
     )
     exact = closed_form.cantilever(beam) if held else closed_form.free_free(beam, 1.0)
     compare(model, exact.anti_oscillators(3), 1e-5)
-
-
-@pytest.mark.slow
-def test_springs_and_masses_on_a_slender_beam():
-    """k0 = 1/(L³/3EI + L/κGA) + k, exact also where the spring is far below K's rounding."""
-    section = ao.Section.rectangle(1e-5, 1e-5)
-    beam = ao.Beam(**parts.STEEL, section=section)
-    alone = 1 / (1 / (3 * beam.E * section.I) + 1 / (beam.G * section.A * section.shear))
-    structure = ao.Structure(
-        parts.line(1.0, 400), beam, [ao.Support("left")],
-        attached=[ao.Spring("right", {"y": 2 * alone}), ao.PointMass("right", 1e-3)],
-    )  # fmt: skip
-    model = ao.extract(structure, ao.Site((1.0, 0), (0, 1)), n=4)
-    assert model.k0 == pytest.approx(3 * alone, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_products_by_strains_are_those_of_the_entries():
-    """On a stocky frame with a spring, where the entries have lost nothing yet."""
-    section = ao.Section.rectangle(0.02, 0.03)
-    beam = ao.Beam(**parts.STEEL, section=section, orientation=(1, 1, 1), offset=0.01)
-    mesh = parts.frame(
-        [(0, 0, 0), (0, 0.5, 0.1), (0.4, 0.5, 0)], [(0, 1), (1, 2)], 5,
-        groups={"foot": (0, lambda x: np.isclose(x[1], 0)), "tip": (0, lambda x: x[0] > 0.39)},
-    )  # fmt: skip
-    structure = ao.Structure(
-        mesh, beam, [ao.Support("foot")], attached=[ao.Spring("tip", {"z": 1e6, "rx": 1e3})]
-    )
-    x = np.random.default_rng(0).standard_normal((structure.K.getLocalSize()[0], 5))
-    entries = csr(structure.K) @ x
-    for k in (1, 5):  # one by one, and as a block
-        product = multiply(structure.K, x[:, :k])
-        assert np.abs(product - entries[:, :k]).max() < 1e-12 * np.abs(entries).max()

@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse.linalg
-from mpi4py import MPI
 
 import antiosc as ao
-import parts
-from antiosc.fem.elements.shell import CUBIC, QUADRATIC, _dropped_of_cubics
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.reduce.site import functional
 from assemblies import compliances
 from plates import SupportedPlate
 from sheets import (
@@ -94,34 +90,6 @@ def test_no_locking(cell):
         assert thin < 2 * thick
 
 
-def test_dropped_rotations_have_no_moment():
-    """Tangents at three Gauss points of every edge; three means: all vanish, so they stay tied."""
-    table = _dropped_of_cubics()
-
-    def at_points(fields, X):
-        """(8 cubics, points, 2)."""
-        x, y = X.T
-        quadratic = np.stack([x**r * y**s for r, s in QUADRATIC])
-        for n, (p, q) in enumerate(CUBIC):
-            for j in (0, 1):
-                own = table[n, j, :, :6] @ quadratic + table[n, j, :, 6:] * x**p * y**q
-                yield own.T
-
-    g = np.array([-np.sqrt(0.6), 0, np.sqrt(0.6)])[:, None] / 2 + 0.5
-    corners = np.array([[0, 0], [1, 0], [0, 1.0]])
-    for a, b in ((0, 1), (0, 2), (1, 2)):
-        tangent = corners[b] - corners[a]
-        for field in at_points(table, corners[a] + g * tangent):
-            assert field @ tangent == pytest.approx(np.zeros(3), abs=1e-14)
-    s, w = np.polynomial.legendre.leggauss(5)
-    u, v = np.meshgrid((s + 1) / 2, (s + 1) / 2)
-    weight = np.outer(w, w) / 4 * (1 - v)
-    inside = np.column_stack([(u * (1 - v)).ravel(), v.ravel()])
-    for field in at_points(table, inside):
-        mean = weight.ravel() @ field
-        assert mean == pytest.approx(np.zeros(2), abs=1e-14)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("cell", "t"), [(c, t) for c in CELLS for t in (1e-1, 1e-3)])
 def test_frequencies_converge_with_the_fourth_order(cell, t):
@@ -183,62 +151,11 @@ def test_scordelis_lo_roof(cell, order):
     assert -y[dof(structure, corner, "z")] == pytest.approx(0.3020, rel=6e-3)
 
 
-def test_a_triangle_without_area():
-    x = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0.0]])
-    cells = np.array([[0, 1, 2], [0, 1, 3]])
-
-    mesh = compat.create_mesh(MPI.COMM_WORLD, cells, x, "triangle", 1)
-    with pytest.raises(
-        ao.InputError, match=r"1 of 2 triangle cells have no area, one at \(1, 0, 0\) m"
-    ):
-        ao.read_mesh(mesh)
-
-
 # --- Sheets that are struck beyond linear theory: which are told, and how much they stretch -------
-
-
-SIZE = (0.5, 0.3)
-RIM = {
-    "rim": (1, lambda x: np.isclose(abs(x[0] - 0.25), 0.25) | np.isclose(abs(x[1] - 0.15), 0.15)),
-    "left": (1, lambda x: np.isclose(x[0], 0.0)),
-}
-
-
-def model_of(thickness, *held, laminate=False):
-    mesh = parts.plate((10, 6), SIZE, groups=RIM)
-    mesh = ao.read_mesh(mesh.dolfinx) if not held else mesh
-    sheet = ao.Shell(E=70e9, nu=0.33, rho=2700.0, thickness=thickness)
-    if laminate:
-        layer = ao.Layer.isotropic(70e9, 0.33, 2700.0, thickness / 2)
-        sheet = ao.Laminate([layer, layer])
-    plate = ao.Structure(mesh, sheet, [ao.Support(where) for where in held])
-    return ao.extract(plate, ao.Site((0.25, 0.15, 0.0), (0, 0, -1)), n=10)
 
 
 def struck(model):
     return ao.simulate(model, ao.RigidMass(0.2, 5.0), ao.Linear(1e6), 0.02)
-
-
-@pytest.mark.parametrize("laminate", [False, True])
-def test_a_clamped_thin_plate_is_told_of(laminate):
-    model = model_of(1.5e-3, "rim", laminate=laminate)
-    assert model.info.thickness == pytest.approx(1.5e-3)
-    with pytest.warns(ao.AccuracyWarning, match=r"thickness 1\.5 mm, more.*stretch .auto"):
-        hit = struck(model)
-    times = abs(hit.displacement).max() / 1.5e-3
-    assert 5 < times < 9
-    assert f"{times:.2g}" in hit.message
-
-
-@pytest.mark.slow
-def test_a_stiff_plate_a_cantilever_and_a_free_plate_are_not():
-    assert "deflects" not in struck(model_of(20e-3, "rim")).message
-    cantilever = model_of(1.5e-3, "left")
-    assert cantilever.info.thickness is None
-    hit = struck(cantilever)
-    assert abs(hit.displacement).max() > 5 * 1.5e-3
-    assert "deflects" not in hit.message
-    assert "deflects" not in struck(model_of(1.5e-3)).message
 
 
 @pytest.mark.slow
@@ -366,21 +283,6 @@ def test_patch_compliance_is_mindlins(n, radius):
     exact = SupportedPlate(E, NU, RHO, 0.1, 1.0, 1.0).mindlin_compliance(0.45, 0.4, radius, 400)
     found = compliances(plate(n, 0.1), ao.Site((0.45, 0.4, 0), (0, 0, 1), radius=radius))
     assert found == pytest.approx(exact, rel=2e-3)
-
-
-def test_the_weights_of_a_patch_are_its_motion():
-    """bᵀu of constant, linear and quadratic deflections, exactly."""
-    structure = plate(6, 0.02, supports=[])
-    radius = 0.13
-    b = functional(structure, ao.Site((0.5, 0.45, 0), (0, 0, 2), radius=radius)).b
-    assert b @ interpolated(structure, lambda x: {"z": 1.0}) == pytest.approx(1, rel=1e-12)
-    assert b @ interpolated(structure, lambda x: {"z": x[:, 0]}) == pytest.approx(0.5, rel=1e-12)
-    # the mean of x² over √(1 − r²/a²): a²/5
-    square = b @ interpolated(structure, lambda x: {"z": (x[:, 0] - 0.5) ** 2})
-    assert square == pytest.approx(radius**2 / 5, rel=1e-9)
-    assert b @ interpolated(structure, lambda x: {"x": 1.0, "rx": 5.0}) == pytest.approx(
-        0, abs=1e-12
-    )
 
 
 @pytest.mark.slow

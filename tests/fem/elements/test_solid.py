@@ -47,14 +47,6 @@ def half_space_patch(E: float, nu: float, direction: np.ndarray) -> float:
     return shape * area / G
 
 
-DECK = (
-    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,2\n6,1,0,2\n7,1,1,2\n8,0,1,2\n"
-    "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
-    "*BOUNDARY\n1,1,3\n2,2,3\n3,3\n4,3\n*EQUATION\n2\n6,3,1.,5,3,-1.\n2\n7,3,1.,5,3,-1.\n"
-    "2\n8,3,1.,5,3,-1.\n*DENSITY\n500.\n"
-)
-
-
 PLANE = {"plane": "stress", "thickness": 0.01}
 
 
@@ -250,22 +242,6 @@ def test_an_isotropic_matrix_is_a_solid_in_any_axes():
     assert other.mass == pytest.approx(plain.mass, rel=1e-12)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("oriented", [False, True])
-def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
-    """Upright, direction 3 carries; with an *ORIENTATION direction 1."""
-    constants = "*ELASTIC,TYPE=ENGINEERING CONSTANTS\n12E9,.9E9,.5E9,.4,.42,.45,.8E9,.75E9\n.07E9\n"
-    section = "*SOLID SECTION,ELSET=ALL,MATERIAL=W" + (",ORIENTATION=UP" if oriented else "")
-    up = "*ORIENTATION,NAME=UP\n0,0,1,1,0,0\n"
-    text = DECK.replace("*DENSITY", f"{up}{section}\n*MATERIAL,NAME=W\n{constants}*DENSITY")
-    path = tmp_path / "wood.inp"
-    path.write_text(text)
-    part = ao.read_model(path)
-    assert part.mass == pytest.approx(1000, rel=1e-12)
-    stiff = k0(part, (0.2, 0.3, 2), (0, 0, 1))
-    assert stiff == pytest.approx((12e9 if oriented else 0.5e9) / 2, rel=1e-8)
-
-
 ROUND, OBLONG = ao.Section.circle(0.1), ao.Section.rectangle(0.1, 0.2)
 
 
@@ -283,32 +259,6 @@ def arc() -> ao.Mesh:
     x = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.1, 0]])
     mesh = compat.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2]]), x, "interval", 2)
     return ao.read_mesh(mesh)
-
-
-@pytest.mark.slow
-def test_boxes_and_thicknesses():
-    block = ao.Structure(box((2, 1, 1), (0.3, 0.1, 0.2)), ao.Solid(**STEEL), order=1)
-    assert block.dimensions == pytest.approx((0.3, 0.2, 0.1))
-    for thickness in (0.5, 0.01):
-        flat = ao.Solid(**STEEL, plane="stress", thickness=thickness)
-        part = ao.Structure(plate((2, 1), (0.1, 0.3)), flat, order=1)
-        assert part.dimensions == pytest.approx((0.3, thickness, 0.1))
-    thick, thin = (ao.Shell(**STEEL, thickness=t) for t in (0.02, 0.01))
-    sheet = halves(plate((2, 1), (0.2, 0.3), "triangle"), 0.1)
-    part = ao.Structure(sheet, {"one": thick, "two": thin})
-    assert part.dimensions == pytest.approx((0.3, 0.2, 0.01))
-
-
-def test_families_without_depth_have_no_local_indentation():
-    section = ao.Section.circle(0.01)
-    for other in (
-        ao.Solid(**STEEL, plane="strain"),
-        ao.Shell(**STEEL, thickness=0.01),
-        ao.Laminate([PLY]),
-        ao.Beam(**STEEL, section=section),
-        ao.Truss(**STEEL, area=1e-4),
-    ):
-        assert other.half_space_compliance(0.6) == 0.0
 
 
 @pytest.mark.parametrize(

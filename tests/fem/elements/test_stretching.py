@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import re
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -14,16 +13,14 @@ from scipy.integrate import cumulative_trapezoid
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
-from antiosc.base.texts import STOPPED
 from antiosc.fem.assembly.assemble import assemble
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.reach import Reach
-from antiosc.fem.structure.meshed import mean_thickness
 from antiosc.impact.histories import linear_theory
 from antiosc.recovery.mesh_fields import recovered
 from antiosc.recovery.place import Place
-from antiosc.reduce.extraction.stretching import second_order_energies, with_stretch
+from antiosc.reduce.extraction.stretching import second_order_energies
 from antiosc.strikes import second_order
 from antiosc_app import headline
 from antiosc_app.scene_file.scene import by_strengths
@@ -94,8 +91,6 @@ def beam_between_walls():
     return held(line((0, 0, 0), (0.3, 0, 0), 40), beam), site
 
 
-#: Ends of a part that are held each for itself.
-WALLS = (0.0, 0.3)
 #: Sites of a map.
 
 
@@ -130,14 +125,6 @@ def test_the_forces_have_the_energy_of_second_order_strain(case):
         scale = np.abs(found).max()
         # what is left is of fifth and sixth order
         assert np.abs(beyond - found).max() < close * scale
-
-
-@pytest.mark.slow
-def test_a_flat_sheet_has_no_quadratic_forces_and_a_beam_the_closed_ones():
-    part, site = plate()
-    forces = ao.extract(part, site, n=12, stretch=2).stretch
-    w = 1e-3
-    assert np.abs(forces.quadratic).max() * w < 1e-6 * np.abs(forces.cubic).max() * w**2
 
 
 @pytest.mark.slow
@@ -201,35 +188,6 @@ def test_an_impact_on_a_disc_is_that_of_von_karman():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_the_error_of_a_probe_is_that_of_the_linear_motion():
-    part, site = plate()
-    model = ao.extract(part, site, n=24, stretch=4)
-    blow = ao.RigidMass(0.2, velocity=1.5), ao.Power(1e6, 1.5), 2e-3
-    one, other = (
-        ao.probe_error(part, ao.simulate(each, *blow), (0.2, 0.1, 0.0), "displacement").truncation
-        for each in (model, replace(model, stretch=None))
-    )
-    assert one == pytest.approx(other, rel=0.2)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_the_share_of_the_law_is_that_of_the_linear_motion():
-    """Second-order forces are not taken for an error of the law."""
-    strong = {"yield_strength": 900e6}
-    surely = strong | {"yield_range": (850e6, 950e6)}
-    part, site = plate(ao.Shell(thickness=1e-3, **STEEL, **surely))
-    model = ao.extract(part, site, n=24, stretch=4, error="estimate")
-    ball = ao.Sphere(0.01, **STEEL, **strong, velocity=3.0)
-    one, other = (
-        ao.simulate(each, ball, duration=1e-3).error_budget["peak_force"].law
-        for each in (model, replace(model, stretch=None))
-    )
-    assert one == pytest.approx(other, rel=0.05)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
 def test_a_free_sheet_stretches_as_all_of_its_degrees_of_freedom():
     """Where it bends in two directions at once; it has rigid-body motions."""
     mesh, site = plate()[0].matrices.mesh, plate()[1]
@@ -270,27 +228,6 @@ def thin(solid):
 
 
 @pytest.mark.slow
-def test_a_plate_of_solids_is_told_of_its_stretching_as_one_of_shells():
-    told = {}
-    for solid in (False, True):
-        model = ao.extract(*thin(solid), n=40)
-        with pytest.warns(ao.AccuracyWarning, match="more than 0.5"):
-            hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Hertz(5e9), 3e-3)
-        told[solid] = re.split(r"[\d.]+ mm, ([\d.]+) times", hit.message)
-    assert told[True][0] == told[False][0]
-    assert float(told[True][1]) == pytest.approx(float(told[False][1]), rel=0.1)
-
-
-@pytest.mark.slow
-def test_strike_lets_a_thin_solid_stretch_by_itself():
-    part, site = thin(solid=True)
-    ball = ao.RigidMass(0.2, 3.0)
-    hit = ao.strike(part, site, ball, ao.Hertz(1e7), 5e-3, tol=0.5)
-    assert hit.assembly.stretched
-    assert hit.error_budget["peak_force"].stretch > 0
-
-
-@pytest.mark.slow
 def test_the_corrected_model_stretches_in_the_same_motions():
     """The free modes of both differ; the motions on which the forces act do not."""
     part, site = thin(solid=True)
@@ -304,21 +241,6 @@ def motions_of(model):
     """The displacements (dofs, m) of the motions of second-order forces."""
     body = model.free_modes
     return body.field((body.shape @ model.stretch.modes).T).T
-
-
-def test_the_mean_thickness_of_a_solid_is_twice_its_volume_over_its_surface():
-    a, b, t = 0.2, 0.1, 0.004
-    known = 1 / (1 / a + 1 / b + 1 / t)
-    assert mean_thickness(ao.box_mesh((a, b, t), 0.02)) == pytest.approx(known, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_a_thin_solid_on_one_edge_and_a_block_count_as_bending_alone():
-    steel = ao.Solid(**STEEL)
-    cantilever = ao.Structure(ao.box_mesh((0.2, 0.1, 0.004), 0.03), steel, [ao.Support("-x")])
-    block = ao.Structure(ao.box_mesh((0.1, 0.1, 0.1), 0.05), steel, [ao.Support("-x")])
-    assert cantilever.matrices.thickness is None
-    assert block.matrices.thickness is None
 
 
 @pytest.mark.slow
@@ -505,29 +427,6 @@ def test_a_solid_that_hardly_stretches_is_taken_as_linear():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_a_solid_that_bends_freely_is_not_told_to_stretch():
-    """A cantilever held on a strip deflects by more than half its thickness with little energy of
-    second-order strain: no sentence tells that it stretches.
-    """
-    part = solid_plate(lambda x: x[0] < 0.02)
-    model = ao.extract(part, ao.Site((0.1, 0.04, 0.004), (0, 0, -1), snap=True, radius=0.012), n=30)
-    run = functools.partial(
-        ao.simulate,
-        impactor=ao.RigidMass(0.2, velocity=8.0),
-        contact=ao.Hertz(1e9),
-        duration=6e-3,
-    )
-    with pytest.warns(ao.AccuracyWarning, match="times its thickness"):
-        alone = run(model)
-    hit = second_order.simulated(part, model, run)
-    assert hit.peak_force == alone.peak_force
-    assert "times its thickness" in alone.message
-    assert "times its thickness" not in hit.message
-    assert 0 < hit.assembly.stretch_left_out < second_order.SLIGHT_ENERGY
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
 def test_energies_of_second_order_strain_follow_the_amplitude():
     """Third and fourth order, the first as the derivatives of the whole energy have it."""
     part = solid_plate(on_rim)
@@ -545,29 +444,6 @@ def test_energies_of_second_order_strain_follow_the_amplitude():
     sizes = [full.energy(sign * motion) / linear - 1 for sign in (1, -1)]
     assert third == pytest.approx(abs(sizes[0] - sizes[1]) / 2, rel=1e-6)
     assert 0 < fourth < (sizes[0] + sizes[1]) / 2  # there what follows is not relaxed
-
-
-@pytest.mark.slow
-def test_the_forces_of_a_model_are_computed_once_for_all_strikers(monkeypatch):
-    """They are most of the time of an impact; a model of its own has the same force."""
-    part, site = plate()
-    first, second = (ao.extract(part, site, n=8) for _ in range(2))
-    computed = []
-    monkeypatch.setattr(
-        second_order, "with_stretch", lambda *given: computed.append(given) or with_stretch(*given)
-    )
-
-    def struck(model, speed):
-        ball = ao.RigidMass(0.05, velocity=speed)
-        run = functools.partial(ao.simulate, impactor=ball, contact=ao.Hertz(1e9), duration=2e-3)
-        return second_order.simulated(part, model, run)
-
-    peaks = [struck(first, speed).peak_force for speed in (0.5, 0.6, 0.5)]
-    assert len(computed) == 1
-    alone = struck(second, 0.5)
-    assert alone.assembly.stretched
-    assert len(computed) == 2
-    assert peaks == [alone.peak_force, struck(second, 0.6).peak_force, alone.peak_force]
 
 
 @pytest.mark.slow
@@ -599,39 +475,3 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
     assert budget.unknown["mesh"].startswith("The part deflects by ")
     assert by_strengths(part, hit) == {}
     assert " deflects by " in headline.caution_of(hit, budget)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("share", [0.9, 1.1, None])
-def test_second_order_forces_that_run_away_are_no_answer(share, monkeypatch):
-    """Of a clip of 0.2 mm 18 motions gave 5.49 N, 12 motions 0.19 N: the linear run is told, and
-    that nothing holds. `share`: error of the force; None: runs without a bounded energy.
-    """
-    part, site = plate()
-    model = ao.extract(part, site, n=8, error="estimate")
-    ball = ao.RigidMass(0.05, velocity=0.5)
-    alone = functools.partial(ao.simulate, impactor=ball, contact=ao.Hertz(1e9), duration=2e-3)
-
-    def run(model):
-        hit = alone(model)
-        if not hit.assembly.stretched:
-            return hit
-        hit.assembly.stretch_settled = False
-        return hit if share else replace(hit, status=STOPPED)
-
-    monkeypatch.setattr(second_order, "shares_of", lambda _: {"peak_force": share})
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        hit = second_order.simulated(part, model, run)
-    if share == 0.9:
-        assert hit.assembly.stretched
-        assert not hit.assembly.hopeless
-        return
-    assert not hit.assembly.stretched
-    assert hit.peak_force == alone(model).peak_force
-    why = "leave an error of 110 % of the force" if share else "have no bounded energy"
-    assert why in hit.assembly.hopeless
-    assert hit.assembly.hopeless in hit.message
-    assert sum(why in str(one.message) for one in told) == 1
-    assert hit.error_budget.no_bar
-    assert by_strengths(part, hit) == {}

@@ -20,14 +20,10 @@ from antiosc.fem.linalg.petsc_algebra import (
     sum_of,
     with_entries,
 )
-from antiosc.fem.linalg.two_levels import coarse_of, without
-from antiosc.fem.platform import compat
+from antiosc.fem.linalg.two_levels import coarse_of
 from mpi import START, run_ranks
 
 STEEL, RUBBER = ao.Solid(**parts.STEEL), ao.Solid(1e9, 0.45, 1100.0)
-ANISOTROPIC = ao.AnisotropicSolid.orthotropic(
-    E=(140e9, 10e9, 9e9), nu=(0.3, 0.25, 0.3), G=(5e9, 6e9, 3e9), rho=1600.0
-)
 HELD = [
     ao.Support(lambda x: np.isclose(x[1], 0.0), ["x", "z"]),
     ao.Support(lambda x: np.isclose(x[0], 0.0), ["x", "y"]),
@@ -108,39 +104,6 @@ def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(attached):
         np.testing.assert_allclose(blocks, exact, rtol=0, atol=1e-13 * most)
         one, other = (csr(coarse_of(a, P)) for a in (matrix, entries))
         assert abs(one - other).max() <= 1e-13 * abs(other).max()
-
-
-def test_a_node_held_between_corners_holds_its_corners():
-    """A coarse dof that moves a held one stays."""
-    mesh = parts.box((2, 2, 2), (0.2, 0.1, 0.08))
-    part = ao.Structure(mesh, STEEL, [ao.Support(lambda x: np.isclose(x[2], 0.0))])
-    fixed = np.zeros(part.rows, dtype=bool)
-    fixed[np.setdiff1d(np.arange(part.rows), part.fixed)[::7]] = True
-    P = without(compat.from_linear(part.form.space), fixed)
-    coarse, fine = P.createVecs()
-    coarse.setArray(np.random.default_rng(0).standard_normal(coarse.getLocalSize()))
-    P.mult(coarse, fine)
-    assert not fine.array_r[fixed].any()
-    assert fine.norm() > 0
-
-
-def kinds_without():
-    """Curved, anisotropic, and other cells; linear elements; plane parts."""
-    steel = ao.Solid(**parts.STEEL)
-    size = (0.2, 0.1, 0.08)
-    yield skewed(2), STEEL, 2
-    yield skewed(), ANISOTROPIC, 2
-    yield parts.box((2, 2, 2), size, cell="tetrahedron"), steel, 1
-    yield parts.box((2, 2, 2), size, cell="hexahedron"), steel, 2
-    plane = ao.Solid(**parts.STEEL, plane="stress")
-    yield parts.box((2, 2), size[:2], cell="quadrilateral"), plane, 2
-
-
-@pytest.mark.slow
-def test_other_parts_have_the_products_of_their_entries():
-    for mesh, material, order in kinds_without():
-        part = ao.Structure(mesh, material, [ao.Support("-x")], order=order)
-        assert part.K.getAttr(CELLS) is None
 
 
 OVER_RANKS = """

@@ -10,7 +10,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES
 from antiosc.reduce.error.division import finer, interpolation
-from parts import frame, line, named
+from parts import frame, line
 
 BEAM = ao.Beam(210e9, 0.3, 7850.0, ao.Section.rectangle(0.03, 0.03))
 PORTAL = [(0, 0), (0, 1.0), (1.0, 1.0), (1.0, 0)], [(0, 1), (1, 2), (2, 3)]
@@ -67,28 +67,6 @@ def test_bars_of_an_impact_hold(order):
     assert "beam theory itself" in " ".join(budget.notes)
     coarse = "the mesh is coarse" in " ".join(budget.notes)
     assert coarse == (order == 1)
-
-
-@pytest.mark.slow
-def test_what_halving_does_not_take():
-    part, _ = CASES["portal"]
-    with pytest.raises(ao.InputError, match="Site"):
-        ao.extract(part(4, 2), ao.Site(dof=20), n=2, error="estimate")
-
-
-@pytest.mark.slow
-def test_halves_keep_groups_and_materials():
-    mesh = named(
-        line(1.0, 6).dolfinx,
-        {"thin": (1, lambda x: x[0] < 0.501), "thick": (1, lambda x: x[0] > 0.499)},
-    )
-    thick = ao.Beam(210e9, 0.3, 7850.0, ao.Section.rectangle(0.05, 0.05))
-    part = on_mesh(ao.Structure(mesh, {"thin": BEAM, "thick": thick}))
-    fine = part.again(finer(part.mesh))
-    assert fine.mesh.n_cells == 2 * part.mesh.n_cells
-    assert fine.total_mass == pytest.approx(part.total_mass, rel=1e-12)
-    assert {name: len(g[1]) for name, g in fine.mesh.groups.items()} == {"thin": 6, "thick": 6}
-    assert fine.rigid_modes.shape[1] == 3
 
 
 @pytest.mark.slow

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from assemblies import NU, RHO, SOLID, E, at, box, line
-from extraction_cases import quiet
-from paths import DECKS
+from assemblies import NU, RHO, SOLID, E, at, box
 
 #: A material that a recovery of strains keeps apart from `SOLID`, and no more than that.
 BESIDE = ao.Solid(E * (1 + 1e-9), NU, RHO)
@@ -70,32 +68,3 @@ def test_a_budget_of_joined_solids_has_all_shares():
     assert "mesh" not in budget.unknown
     assert budget["peak_force"].mesh > 0
     assert budget["peak_force"].patch > 0
-
-
-@pytest.mark.slow
-def test_assemblies_with_beams_have_the_bars_of_other_causes():
-    """The mesh's error is unknown, as without error="estimate", which was refused."""
-    beam = ao.Beam(E, NU, RHO, ao.Section.rectangle(0.1, 0.2), orientation=(0, 0, 1))
-    first = ao.Structure(line((0, 0, 0), (1, 0, 0), 4), beam, [ao.Support("start")])
-    second = ao.Structure(line((1, 0, 0), (2, 0, 0), 4), beam)
-    both = ao.assemble({"a": first, "b": second}, [ao.Weld("a:end", "b:start")])
-    budgets = []
-    for error in ("estimate", None):
-        model = ao.extract(both, ao.Site((2, 0, 0), (0, 0, -1)), n=2, error=error)
-        assert "this is another assembly" in model.info.no_estimate
-        hit = ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e7), duration=5e-3)
-        budgets.append(hit.error_budget)
-    asked, unasked = budgets
-    assert "mesh" in asked.unknown
-    assert str(asked) == str(unasked)
-
-
-@pytest.mark.slow
-def test_strains_that_recovery_leaves_alone_have_no_negative_energy():
-    """Two cells that are tied, whose static strains are of degree one: rounding alone is left of
-    their error, which was refused where it was negative.
-    """
-    part = ao.read_model(DECKS / "surface_tie.inp", unit="m")
-    site = ao.Site((0.5, 0.5, 2.0), (0, 0, -1))
-    model = quiet(ao.extract, part, site, n=4, error="estimate")
-    assert model.strain_error[0, 0] < 1e-12 * model.k0

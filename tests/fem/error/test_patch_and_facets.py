@@ -10,10 +10,9 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.reduce.error.model_errors import _angles, flat_cells
+from antiosc.reduce.error.model_errors import _angles
 from antiosc.reduce.error.recovery import gram, strain_errors
 from parts import CELLS, STEEL, box, named, plate
-from sheets import sheet
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"
@@ -59,34 +58,6 @@ def test_every_common_side_of_two_facets_has_its_angle(name):
     x, corners, count, angle = SOLIDS[name]
     found = _angles(x, np.array(corners))
     assert found == pytest.approx(np.full(count, angle))
-
-
-def test_straight_cells_of_a_curve_are_told():
-    """An arc of eight strips of 5° each; with curved cells there is nothing to tell."""
-
-    def arc(s, t):
-        angle = np.radians(40) * s
-        return 0.3 * np.cos(angle), 0.3 * np.sin(angle), t
-
-    shell = ao.Shell(**STEEL, thickness=0.01)
-    told = flat_cells(on_mesh(ao.Structure(sheet((8, 1), arc), shell)))
-    assert "angles of up to 5°" in told
-    assert flat_cells(on_mesh(ao.Structure(sheet((4, 1), arc, order=2), shell))) == ""
-
-
-def test_a_point_has_no_patch():
-    part = ao.Structure(plate(), ao.Solid(**STEEL, plane="stress"), [ao.Support("left")], order=1)
-    with pytest.warns(ao.AccuracyWarning, match="point"):
-        model = ao.extract(part, ao.Site((0.2, 0.06), (0, -1)), n=2, error="estimate")
-    assert model.info.patch is None
-
-
-def test_plane_parts_have_no_half_space():
-    part = ao.Structure(plate(), ao.Solid(**STEEL, plane="stress"), [ao.Support("left")])
-    model = ao.extract(part, ao.Site((0.1, 0.06), (0, -1), radius=0.02), n=2, error="estimate")
-    assert set(model.info["patch"]) == {"faces", "cut"}
-    assert model.info["patch"]["cut"] == 0
-    assert model.info["patch"]["faces"] == pytest.approx(0.025)
 
 
 def part(cell: str, order: int, n: int = 1, size=(0.3, 0.1, 0.05)) -> ao.Structure:
@@ -161,19 +132,6 @@ def test_k0_of_nested_meshes(cell, order):
         assert abs(model.corrected().k0 - finest.k0) < 0.5 * (model.k0 - finest.k0)
 
 
-def test_refused_where_it_does_not_hold():
-    sheet = plate((2, 2), (0.1, 0.1), "triangle")
-    shell = ao.Structure(ao.Mesh(sheet.dolfinx, sheet.groups), ao.Solid(**STEEL, plane="stress"))
-    site = {"tip": ao.Site((0.1, 0.1), (0, 1))}
-    with pytest.raises(ao.InputError, match="site"):
-        ao.extract(shell, site, n=2, error="estimate")
-    matrices = ao.Structure.from_matrices(np.diag([2.0, 3.0]), np.eye(2))
-    with pytest.raises(ao.InputError, match="needs the mesh"):
-        ao.extract(matrices, ao.Site(dof=0), n=1, error="estimate")
-    with pytest.raises(ao.InputError, match="error must be"):
-        ao.extract(matrices, ao.Site(dof=0), n=1, error="guess")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", CELLS)
 def test_linear_elements_that_lock_have_no_bar(cell):
@@ -218,24 +176,3 @@ def test_cells_add_up_to_the_whole(cell):
     whole = gram(on_mesh(structure), shapes)
     assert np.linalg.eigvalsh(whole).min() > 0
     assert of_cells(structure, shapes).sum() == pytest.approx(np.trace(whole), rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_a_patch_wider_than_most_of_a_wave_leaves_no_bar():
-    """An infinite plate gives a striker no more force than Z v, Z = 8 √(m″ D); a thin solid."""
-    E, nu, rho, thickness, speed = 1.1e9, 0.4, 1300.0, 0.2e-3, 0.63
-    bending = E * thickness**3 / 12 / (1 - nu**2)
-    exact = 8 * np.sqrt(rho * thickness * bending) * speed
-    sheet = parts.box((14, 14, 1), (0.03, 0.03, thickness))
-    part = ao.Structure(sheet, ao.Solid(E, nu, rho, yield_strength=1e8), [ao.Support("-x")])
-    tip = ao.RigidMass(2e-4, velocity=speed, tip_radius=1e-3, material="steel S235")
-    for radius, wide in ((2.2e-3, True), (4e-4, False)):
-        site = ao.Site((0.015, 0.015, thickness), (0, 0, -1), radius=radius, snap=0.05)
-        model = ao.extract(part, site, n=60, error="estimate", stretch=False)
-        hit = ao.simulate(model, tip, duration=80e-6)
-        bar = hit.error_budget["peak_force"]
-        assert hit.peak_force > exact
-        assert (bar.total is None) == wide
-        assert ("too wide for the wave of this contact" in hit.error_budget.footnote) == wide
-        assert wide or hit.peak_force / exact - 1 < bar.total

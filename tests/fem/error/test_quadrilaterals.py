@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 
@@ -11,11 +9,9 @@ import antiosc as ao
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES, differences
-from antiosc.models.body import coarse_cell
-from antiosc.reduce.error import division as by_division, model_errors
-from antiosc.reduce.error.division import answers, divided, interpolation, lacking
+from antiosc.reduce.error.division import answers, divided, interpolation
 from marks import FREE_ON_PURPOSE
-from sheets import NU as nu, RHO as rho, E, at, plate, rectangle, sheet
+from sheets import NU as nu, RHO as rho, E, at, plate, sheet
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
@@ -69,20 +65,6 @@ def test_the_divided_mesh_has_all_motions_of_the_mesh_on_the_same_surface(shape,
     assert interpolation(part, fine) @ x == pytest.approx(
         fine.places.rigid_motions(np.zeros(3)), abs=1e-9
     )
-
-
-@pytest.mark.slow
-def test_nodes_held_by_their_numbers_are_held_with_the_edges_between_them():
-    mesh = rectangle(4, 1.0, 1.0, "quadrilateral")
-    count = len(mesh.dolfinx.geometry.x)
-    x = np.zeros((count, 3))
-    x[np.asarray(mesh.dolfinx.geometry.input_global_indices)] = mesh.dolfinx.geometry.x
-    numbered = ao.Mesh(mesh.dolfinx, labels=np.arange(1, count + 1))
-    shell = ao.Shell(**ALUMINIUM, thickness=0.02)
-    edge = (1 + np.flatnonzero(np.isclose(x[:, 0], 0.0))).tolist()
-    by_numbers = ao.Structure(numbered, shell, [ao.Support(nodes=edge)])
-    by_place = ao.Structure(mesh, shell, [ao.Support(at(0, 0.0))])
-    assert set(divided(on_mesh(by_numbers)).fixed) == set(divided(on_mesh(by_place)).fixed)
 
 
 def test_answers_of_a_free_shell_are_those_of_one_held_at_points_up_to_a_rigid_motion():
@@ -162,63 +144,3 @@ def test_the_bar_holds_what_a_much_finer_mesh_changes_and_is_no_more_than_six_ti
     for name in list(QUANTITIES)[:comparable]:
         assert errors[name] <= bars[name] + 1e-5
     assert max(bars.values()) <= 6 * max(errors.values()) + 1e-4
-
-
-def test_a_mesh_that_cannot_be_divided_has_bars_without_it_and_says_why(monkeypatch):
-    part = plate(4, 0.01, "quadrilateral")
-    monkeypatch.setattr(by_division, "MOST_DOFS", 100)
-    site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
-    model = ao.extract(part, site, n=5, error="estimate")
-    assert model.strain_error is None
-    assert "each cell divided" in model.info.no_estimate
-    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=1e-3)
-    budget = hit.error_budget
-    assert "each cell divided" in budget.unknown["mesh"]
-    assert budget["peak_force"].time > 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("reasons", [("", "no room"), ("no room", "")])
-def test_memory_that_changes_meanwhile_leaves_an_estimate_or_its_reason(monkeypatch, reasons):
-    answers_in_turn = itertools.chain(reasons, itertools.repeat(reasons[1]))
-    monkeypatch.setattr(model_errors, "too_large", lambda *_: next(answers_in_turn))
-    site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
-    model = ao.extract(plate(4, 0.01, "quadrilateral"), site, n=5, error="estimate")
-    assert (model.strain_error is None) == (model.info.no_estimate == "no room")
-
-
-def test_what_a_mesh_lacks_and_has_in_excess_is_told_apart_and_rigid_motions_are_left_alone():
-    turned = np.array([[0.6, 0.8], [0.8, -0.6]])
-    flexibility = np.diag([0.0, 1.0, 1.0])
-    flexibility[1:, 1:] += turned @ np.diag([0.3, -0.2]) @ turned.T
-    lack, surplus = lacking(np.array([0.0, 1.0, 1.0]), flexibility)
-    assert lack[1:, 1:] == pytest.approx(0.3 * np.outer(turned[:, 0], turned[:, 0]))
-    assert surplus[1:, 1:] == pytest.approx(-0.2 * np.outer(turned[:, 1], turned[:, 1]))
-    assert not lack[0].any()
-
-
-@pytest.mark.filterwarnings("ignore:.*the cell at the site measures")
-@pytest.mark.filterwarnings("ignore:.*The cell at the site measures")
-@pytest.mark.parametrize(
-    ("n", "time", "resolved"),
-    [(16, 5e-4, True), (10, 5e-4, False)],
-)
-@pytest.mark.slow
-def test_a_cell_longer_than_a_wave_is_told_as_its_bar_does_not_hold(n, time, resolved):
-    """A mass and a spring on the impedance 8 √(m″ D) of an infinite plate."""
-    thickness, mass = 1e-3, 2e-3
-    part = plate(n, thickness, cell="quadrilateral")
-    site = ao.Site((0.47, 0.52, 0.0), (0, 0, -1))
-    model = ao.extract(part, site, n=min(150, part.dofs // 8), error="estimate", stretch=False)
-    omega = np.pi / time
-    stiffness = mass * omega**2
-    hit = ao.simulate(model, ao.RigidMass(mass, 1.0), ao.Linear(stiffness), duration=4 * time)
-    bending = E * thickness**3 / 12 / (1 - nu**2)
-    damping = stiffness / (8 * np.sqrt(rho * thickness * bending)) / (2 * omega)
-    swing = np.sqrt(1 - damping**2)
-    exact = stiffness / omega * np.exp(-damping / swing * np.arctan(swing / damping))
-    bar = hit.error_budget["peak_force"]
-    assert (hit.peak_force / exact - 1 < bar.known) == resolved
-    assert (bar.total is not None) == resolved
-    assert ("too stiff alike" in hit.error_budget.footnote) != resolved
-    assert (not coarse_cell(model, "", hit.assembly.contact_time_estimate)) == resolved

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +25,9 @@ from antiosc.reduce.error.remeshing import (
     source_of,
     wished_sizes,
 )
-from antiosc.reduce.error.sizes import COARSEST, FINEST, POWER, growth, ratios
-from mpi import one_and_several, run_ranks
-from parts import STEEL, box, gmsh_cube, plate
-from sheets import rectangle
+from antiosc.reduce.error.sizes import POWER, growth, ratios
+from mpi import one_and_several
+from parts import STEEL, box, plate
 
 
 def some(cell: str) -> ao.Mesh:
@@ -88,15 +86,6 @@ def test_ratios_promise_the_goal_with_fewer_cells(order, dim):
     assert growth(MPI.COMM_SELF, s, dim) < uniform**-dim
 
 
-def test_ratios_have_bounds():
-    s = ratios(MPI.COMM_SELF, np.array([1.0, 1e-30, 0.0]), 1e-9, 1, 2)
-    assert s.min() == FINEST
-    assert s.max() == COARSEST
-    few = ratios(MPI.COMM_SELF, np.array([1.0, 2.0]), 100.0, 2, 3)
-    assert np.all(few == COARSEST)
-    assert np.all(ratios(MPI.COMM_SELF, np.zeros(3), 0.5, 2, 3) == 1.0)
-
-
 GEO = """
 SetFactory("OpenCASCADE");
 Rectangle(1) = {0, 0, 0, 0.3, 0.1};
@@ -129,30 +118,6 @@ def test_coarse_curved_cells_do_not_cut_cylinders_off():
     mesh = source.first(2 * source.thickness(), [((0.02, 0.04, 0.075), 0.002)])
     masses = [ao.Structure(m, ao.Solid(**STEEL)).total_mass for m in (mesh, ao.read_mesh(bracket))]
     assert masses[0] == pytest.approx(masses[1], rel=5e-4)
-
-
-SCRIPT = """
-    import json, numpy as np
-    from antiosc.fem.platform import compat
-    from antiosc.fem.mesh.bisection import refined
-    from antiosc.reduce.error.remeshing import measures
-    from parts import box
-    mesh = box((3, 2, 2), (0.3, 0.2, 0.2), "tetrahedron")
-    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)].mean(axis=1)
-    x = x[: compat.cell_map(mesh.dolfinx).size_local]
-    fine = refined(mesh, np.where(x[:, 0] < 0.12, 0.3, 1.0))
-    groups = sorted(fine.groups)
-    print(json.dumps([*np.round(measures(fine), 12).tolist(), groups]))
-"""
-
-
-@pytest.mark.mpi
-def test_two_ranks_refine_too():
-    for line in run_ranks(2, SCRIPT):
-        assert json.loads(line) == [0.012, 0.32, ["left", "right"]]
-
-
-RNG = np.random.default_rng(11)
 
 
 def corners(mesh: ao.Mesh) -> np.ndarray:
@@ -192,25 +157,6 @@ def test_cells_around_points_have_the_sizes_of_the_points():
     )
 
 
-def test_divided_triangles_in_space_keep_their_sides():
-    mesh = rectangle(3, 1.0, 1.0)
-    x = mesh.dolfinx.geometry.x
-    x[:, 2] = 0.3 * x[:, 0]
-    fine = refined(mesh, RNG.uniform(0.3, 1.0, mesh.n_cells))
-    assert fine.n_cells > mesh.n_cells
-    for one in (mesh, fine):
-        p = corners(one)
-        side = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) @ np.array([-0.3, 0.0, 1.0])
-        middles = p.mean(axis=1)
-        signs = [
-            (round(float(s), 12) > 0, tuple(np.floor(3 * m[:2]).astype(int)))
-            for s, m in zip(side, middles, strict=True)
-        ]
-        if one is mesh:
-            before = dict((where, sign) for sign, where in signs)
-        assert all(before[where] == sign for sign, where in signs)
-
-
 GEOMETRY = """
 Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {1, 0.5, 0};
 Line(1) = {1, 2}; Line(2) = {2, 3}; Physical Curve("rods") = {1, 2};
@@ -229,15 +175,6 @@ def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
     finer = source.finer(first, np.full(first.n_cells, 0.3))
     assert largest(finer) <= 1.001 * diagonal / LINES / 4
     assert edge_lengths(finer).sum() == pytest.approx(1.5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("cell", "divided"), [("triangle", True), ("quadrilateral", False)])
-def test_a_mesh_file_is_a_source(cell, divided, tmp_path):
-    source = source_of(gmsh_cube(tmp_path / "cube.msh", cell))
-    assert (source.fixed == "") == divided
-    assert source.extent() == pytest.approx(np.sqrt(2))
-    assert source.thickness() == pytest.approx(2 / 4 if divided else 1.0)
 
 
 ERRORS = """

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -28,12 +26,6 @@ pytestmark = [
 ]
 
 CLAMPED = [ao.Support(edges(0, 1))]
-TILT = np.linalg.qr(np.array([[2.0, 1, 0], [1, 3, 1], [-1, 0.5, 2]]))[0]
-
-
-def tilted(n: int):
-    """A unit square in a plane that no axis lies in."""
-    return sheet(n, lambda s, t: tuple(np.tensordot(TILT[:, :2], np.stack([s, t]), axes=1)))
 
 
 def fold(s, t):
@@ -105,24 +97,3 @@ def test_k0_and_bars_of_nested_meshes(name):
 def model() -> ao.AntiOscillators:
     site = ao.Site((0.4, 0.3, 0), (0, 0, -1), radius=0.1)
     return ao.extract(plate(3, 0.03), site, n=6, error="estimate")
-
-
-@pytest.mark.slow
-def test_a_blow_too_short_for_the_cells_is_told():
-    """The bodies part before a wave crosses a cell: the corrected model sees nothing of it."""
-    site = ao.Site((0.4, 0.3, 0), (0, 0, -1))
-    impact = ao.RigidMass(0.05, 2.0), ao.Hertz(4e9), 1e-3
-    model = ao.extract(plate(3, 0.004), site, n=20, error="estimate")
-    hit = ao.simulate(model, *impact, tol=1e-4)
-    assert hit.error_budget["peak_force"].without_mesh
-
-
-def test_the_larger_of_both_differences_counts(model):
-    """An error and a misfit that cancel leave a bar."""
-    cancelled = replace(model, strain_misfit=-model.strain_error)
-    assert cancelled.corrected().k0 == pytest.approx(model.k0, rel=1e-12)
-    impact = ao.RigidMass(3.0, 1.0), ao.Hertz(3e7), 1e-2
-    without = ao.simulate(replace(model, strain_misfit=None), *impact, tol=1e-5).error_budget
-    bars = ao.simulate(cancelled, *impact, tol=1e-5).error_budget
-    for name in QUANTITIES:
-        assert bars[name].mesh == pytest.approx(without[name].mesh, rel=1e-3)

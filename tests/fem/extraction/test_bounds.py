@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from itertools import pairwise
 
@@ -18,12 +17,9 @@ from antiosc.models.free_modes import error_bound, site_models
 from antiosc.models.motion import with_rigid_mode
 from chains import loose_chains
 from loose_bodies import (
-    check_bounds,
-    elastic_frequencies,
     exact_receptances,
     exact_stiffness,
     loose_bodies,
-    more_loads,
 )
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
@@ -100,65 +96,12 @@ def test_bound_of_free_modes_holds_however_little_a_rigid_motion_moves_the_site(
 
 
 @pytest.mark.slow
-def test_modes_of_an_uneven_structure_are_orthogonal():
-    K, M, b = loose_bodies(np.random.default_rng(20), 7)
-    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), 5, "modes")
-    assert model.info["checks"]["orthogonality"] < 1e-9
-
-
-def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
-    from antiosc.base import process
-
-    structure = ao.Structure.from_matrices(_row(50), np.eye(50))
-    monkeypatch.setattr(process, "free_memory", lambda: 1e4)
-    # 42 vectors of 50 numbers, and M times each
-    says = r"basis for n = 40 .* needs about 3.36e-05 GB .* reduce n"
-    with pytest.raises(ao.OutOfMemoryError, match=says):
-        ao.extract(structure, ao.Site(dof=7), 40)
-
-
-@pytest.mark.slow
 def test_krylov_steps_stay_orthogonal_to_rigid_motions_beside_stiff_springs():
     K, M, b = loose_bodies(np.random.default_rng(5), 5)
     structure = ao.Structure.from_matrices(K, M)
     model = ao.extract(structure, ao.Site(vector=b), len(b) - 5)
     still = structure.rigid_modes @ np.linalg.svd((structure.rigid_modes.T @ b)[None])[2][1:].T
     assert np.abs(still.T @ M @ model.shapes[:, 1:] / np.sqrt(model.m)).max() < 1e-11
-
-
-def _row(n: int) -> np.ndarray:
-    """K of n masses between two walls."""
-    k = np.linspace(1e6, 2e6, n + 1)
-    return np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
-
-
-def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
-    from antiosc.reduce.extraction import eigenmodes
-
-    monkeypatch.setattr(eigenmodes, "DENSE", 0)
-    monkeypatch.setattr(eigenmodes, "DENSE_MANY", 0)
-    monkeypatch.setattr(sys.modules["antiosc.reduce.extraction.oscillators"], "SEARCHED", 1)
-    K = block_diag(_row(3), _row(200))  # the site sees the first row only
-    structure = ao.Structure.from_matrices(K, np.eye(203))
-    site = ao.Site(dof=0)
-    with pytest.warns(ao.AccuracyWarning, match="of the first 25 modes"):
-        assert ao.extract(structure, site, 5, "modes").n < 5
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_residual_mass_that_a_difference_would_lose(method):
-    # a grain on a spring before ten tons that a soft spring holds
-    K = np.array([[1e3, -1e3], [-1e3, 1e3 + 1.0]])
-    structure = ao.Structure.from_matrices(K, np.diag([1e-9, 1e4]))
-    model = ao.extract(structure, ao.Site(dof=0), 1, method)
-    assert model.m_st == pytest.approx(1e4, rel=0.01)
-    np.testing.assert_allclose(model.m0, 1e-9, rtol=1e-6)
-
-
-def test_full_keeps_a_resonance_of_small_static_compliance():
-    structure = ao.Structure.from_matrices(np.diag([1e7, 1e4]), np.diag([1e-4, 1.0]))
-    model = ao.full(structure, ao.Site(vector=[1.0, 1e-4]))
-    assert model.n == 2  # 5e-4 of H at 100 rad/s, 1e-5 of it at rest
 
 
 @pytest.mark.slow
@@ -178,47 +121,12 @@ def test_bound_across_a_slide(angle, method):
 Array = NDArray[np.float64]
 
 
-def _frequencies(model: ao.AntiOscillators) -> NDArray[np.complex128]:
-    """Damped frequencies over the band, others than those at which the bound was found."""
-    bottom, top = (2 * np.pi * model.info["band"][end] for end in ("bottom", "top"))
-    own = model.omega[(model.omega < top) & (model.omega > bottom)]
-    return np.append(own, np.geomspace(bottom, top, 40)) * (1 + 1j * bands.DAMPING)
-
-
 def _error(model: ao.AntiOscillators, H: Array, L: Array, omega: Array) -> Array:
     """‖HZ - 1‖ (W,) of sites in units in which their compliances are the identity."""
     Z = np.asarray(L.T @ model.dynamic_stiffness(omega) @ L)
     inverse = solve_triangular(L, np.eye(len(L)), lower=True)  # to rounding of each entry
     error = (inverse @ H @ inverse.T).astype(complex) @ Z - np.eye(len(L))
     return np.asarray(np.linalg.norm(error, 2, axis=(1, 2)))
-
-
-def _extracted(seed: int) -> tuple[float, float, str]:
-    """(largest error of Z over a band, claimed bound, what was extracted) of a random structure."""
-    rng = np.random.default_rng(seed)
-    rigid, method, p = seed % 8, METHODS[seed // 8 % 2], 1 + seed // 16 % 4
-    K, M, b = loose_bodies(rng, rigid)
-    B = more_loads(rng, K, b, p)
-    top = float(rng.choice(elastic_frequencies(K, M, rigid))) * rng.uniform(0.5, 2)
-    n = int(rng.integers(1, min(8, len(b)))) if rng.integers(2) else None
-    sites = {f"s{i}": ao.Site(vector=column) for i, column in enumerate(B.T)}
-    with warnings.catch_warnings(action="ignore"):
-        structure = ao.Structure.from_matrices(K, M)
-        model = ao.extract(structure, sites, n, method, band=top / (2 * np.pi))
-    kept = model.info["independent"]
-    omega = _frequencies(model)
-    H, other = exact_receptances(K, M, B[:, kept], omega)
-    C = B[:, kept].T @ structure.factorize().solve_block(B[:, kept])
-    L = np.linalg.cholesky((C + C.T) / 2)
-    error = _error(model, H, L, omega)
-    doubt = np.abs(error - _error(model, other, L, omega))
-    what = f"seed {seed}: {method}, n = {n}, {rigid} rigid-body modes, {len(kept)} of {p} sites"
-    return float(np.max(error - 10 * doubt)), model.info["band"]["error_bound"], what
-
-
-@pytest.mark.slow
-def test_bound_over_the_band_holds_for_forty():
-    check_bounds(_extracted, range(40), 1 / 4)
 
 
 def _stack(angle: float) -> tuple[Array, Array, Array]:

@@ -13,10 +13,8 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.reduce.extraction import SiteShapes, eigenmodes, site_shapes
 from antiosc.reduce.extraction.eigenmodes import DENSE, ModeSolver
-from antiosc.reduce.site import functional
-from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load, quiet
+from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load
 from marks import FREE_ON_PURPOSE
 
 
@@ -40,10 +38,6 @@ def real_part(name: str) -> tuple[ao.Structure, ao.Site, int]:
     part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM), [floor])
     eye = np.array([0.02, 0.03, 0.06]) + 0.018 * np.array([0, np.sin(0.4), np.cos(0.4)])
     return part, ao.Site(eye, (-0.5, -0.3, -1), snap=True), 12
-
-
-def _held(structure: ao.Structure, site: ao.Site) -> SiteShapes:
-    return site_shapes(structure, quiet(functional, structure, site).b[:, None])
 
 
 pytestmark = FREE_ON_PURPOSE
@@ -219,28 +213,6 @@ def test_no_mode_of_a_pair_is_missed(n):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("most", [eigenmodes.DENSE_MANY, 0])
-def test_shapes_that_the_library_takes_for_converged_are_found_again(monkeypatch, most):
-    """As SLEPc gives them where equal parts end its Krylov space: by LAPACK, or beside others."""
-    structure, spoilt, usual = bar(), [], eigenmodes.lowest
-    monkeypatch.setattr(eigenmodes, "DENSE_MANY", most)
-
-    def spoiling(search):
-        values, shapes = usual(search)
-        if not spoilt:
-            lowest = np.argsort(values)
-            shapes[:, lowest[1]] += 1e-2 * shapes[:, lowest[4]]
-            spoilt.append(shapes)
-        return values, shapes
-
-    monkeypatch.setattr(eigenmodes, "lowest", spoiling)
-    found = ModeSolver(structure).lowest(5)
-    np.testing.assert_allclose(found.omega[:5], dense(structure)[:5], rtol=1e-8)
-    assert eigenmodes.residuals(structure, found).max() < 1e-6
-    assert spoilt
-
-
-@pytest.mark.slow
 def test_zeros_of_the_model_are_the_free_frequencies(case):
     """The reduced system's own modes are those of the structure that move the site."""
     structure, b, rigid, model = case
@@ -265,20 +237,6 @@ def test_zeros_of_the_model_are_the_free_frequencies(case):
     assert strength.sum() == pytest.approx(total, rel=1e-6)
 
 
-@pytest.mark.slow
-def test_more_rounds_deflate_what_is_known():
-    """Forty observable modes need several rounds; they are the forty of one long round."""
-    structure = ao.Structure(parts.box((6, 3, 2), (0.12, 0.05, 0.04)), SOLID, LEFT)
-    site = ao.Site((0.12, 0.025, 0.02), (-1, 0, 0))  # in the middle of the end: few can be seen
-    model = extract(structure, site, 15)
-    assert model.n == 15
-    assert model.info["modes_unobservable"] > 15
-    static = _held(structure, site)
-    modes = ModeSolver(structure, static).lowest(model.info["modes_computed"])
-    m = (modes.phi.T @ static.m_phi)[:, 0] ** 2
-    np.testing.assert_allclose(model.omega, modes.omega[m > 1e-8 * static.mass[0]][:15], rtol=1e-9)
-
-
 @pytest.mark.parametrize("name", ["lever", "arch", "frame", "bracket"])
 @pytest.mark.slow
 def test_truncation_error_is_the_mass_left_out(name):
@@ -297,30 +255,6 @@ def test_truncation_error_is_the_mass_left_out(name):
     assert excess[-1] > 1e-3 * bound[-1]
 
 
-def test_two_equal_oscillators_are_merged():
-    """Two equal pendulums on one mass: only their common mass has a meaning."""
-    k0, m0, k, m = 5.0e4, 0.3, 2.0e4, [0.4, 0.4, 0.7]
-    ks = [k, k, 3 * k]
-    K = np.diag([k0 + sum(ks), *ks])
-    K[0, 1:] = K[1:, 0] = -np.array(ks)
-    structure = ao.Structure.from_matrices(K, np.diag([m0, *m]))
-    model = extract(structure, ao.Site(dof=0), 3)
-    np.testing.assert_allclose(model.omega, np.sqrt([k / 0.4, 3 * k / 0.7]), rtol=1e-10)
-    np.testing.assert_allclose(model.m, [0.8, 0.7], rtol=1e-10)
-    assert model.m0 == pytest.approx(m0, rel=1e-9)
-    assert model.k0 == pytest.approx(k0, rel=1e-9)
-    assert model.info["modes_merged"] == 1
-
-
-@pytest.mark.slow
-def test_none_at_all_is_the_classical_one_mass_model():
-    structure, site, _ = CASES["plane frame"]()
-    none, some = extract(structure, site, 0), extract(structure, site, 5)
-    assert none.n == 0
-    assert none.k0 == pytest.approx(some.k0, rel=1e-12)
-    assert none.m0 == pytest.approx(some.m_st, rel=1e-12)
-
-
 def test_a_massless_dof_has_no_frequency():
     """M may be singular: a rotation without inertia adds no anti-oscillator."""
     k = 1e4
@@ -330,14 +264,3 @@ def test_a_massless_dof_has_no_frequency():
     # between the held mass 3 and mass 1 lie two springs in series
     np.testing.assert_allclose(model.omega, [np.sqrt((k + k / 2) / 0.5)], rtol=1e-10)
     assert model.m0 + model.m.sum() == pytest.approx(model.m_st)
-
-
-@pytest.mark.slow
-def test_one_factorization_serves_every_site():
-    structure, site, _ = CASES["plane frame"]()
-    extract(structure, site, 3)
-    factor = structure.factorize()
-    again = extract(structure, ao.Site((0.0, 0.3), (1, 0)), 3)
-    assert structure.factorize() is factor
-    fresh = extract(CASES["plane frame"]()[0], ao.Site((0.0, 0.3), (1, 0)), 3)
-    np.testing.assert_allclose(again.omega, fresh.omega, rtol=1e-12)

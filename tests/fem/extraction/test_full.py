@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import meshio
 import numpy as np
 import pytest
 
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.models.closed_form import StruckBeam, UniformBeam
 from antiosc.reduce.extraction.superposition import DENSE_MANY
 from antiosc.reduce.site import functional
 from marks import FREE_ON_PURPOSE
@@ -147,19 +145,6 @@ def test_weight_of_a_free_part_is_its_mass(plate):
 
 
 @pytest.mark.slow
-def test_many_modes_of_a_free_slender_beam():
-    """ω² spans 1e7 from the first to the last: the first and the rigid-body modes must not show."""
-    L, side = 1.0, 0.014
-    material = ao.Beam(67e9, 0.3, 2400.0, ao.Section.rectangle(side, side))
-    part = ao.Structure(parts.line(L, 200), material, order=2)
-    model = ao.superposition(part, ao.Site(point=(0, 0), direction=(0, 1)), 100)
-    area, inertia = side**2, side**4 / 12
-    beam = UniformBeam.timoshenko(E=67e9, nu=0.3, rho=2400.0, area=area, inertia=inertia, length=L)
-    exact = StruckBeam(beam, "free", "free", 0.0).modes(13).modal()
-    np.testing.assert_allclose(model.omega[1:13], exact.omega[2:], rtol=1e-5)
-
-
-@pytest.mark.slow
 def test_a_pinned_beam_by_its_closed_form():
     """ω = (kπ/l)²√(EI/ρA) in both planes; effective masses 8/(kπ)² of the mass for odd k."""
     beam = ao.Beam(
@@ -203,36 +188,3 @@ def test_effective_masses_sum_to_the_mass_that_moves(held):
         np.testing.assert_allclose(modes.effective_mass[:3, :2].sum(axis=0), modes.mass, rtol=1e-9)
         np.testing.assert_array_equal(modes.omega[:3], 0)
         np.testing.assert_array_equal(modes.multiplicity[:3], 3)
-
-
-@pytest.mark.slow
-def test_shapes_are_written_with_their_names(tmp_path):
-    part = ao.Structure(parts.box((3, 2, 1)), ao.Solid(**parts.STEEL), [ao.Support("left")])
-    modes = part.natural_modes(3)
-    found = meshio.read(modes.write(tmp_path / "modes"))
-    assert sorted(found.point_data) == ["mode 1", "mode 2", "mode 3"]
-    for field in found.point_data.values():
-        assert np.linalg.norm(field, axis=1).max() == pytest.approx(1)
-    rows = [row.split() for row in modes.summary().splitlines()]
-    assert len(rows) == 5
-    shares = 100 * modes.effective_mass / modes.mass
-    for i, row in enumerate(rows[1:4]):
-        assert [int(row[0]), float(row[1]), int(row[2])] == pytest.approx(
-            [i + 1, modes.frequency[i], modes.multiplicity[i]], rel=1e-5
-        )
-        assert [float(v.strip("%")) for v in row[3:]] == pytest.approx(shares[i], abs=0.006)
-    total = [float(v.strip("%")) for v in rows[4][1:]]
-    assert total == pytest.approx(shares.sum(axis=0), abs=0.006)
-    with pytest.raises(ao.InputError, match="at most"):
-        part.natural_modes(part.dofs + 1)
-
-
-@pytest.mark.slow
-def test_given_matrices_have_frequencies_alone():
-    K = np.diag([2.0, 2.0, 1.0]) - np.diag([1.0, 1.0], 1) - np.diag([1.0, 1.0], -1)
-    modes = ao.Structure.from_matrices(1e6 * K, np.eye(3)).natural_modes(3)
-    np.testing.assert_allclose(modes.omega, np.sqrt(np.linalg.eigvalsh(1e6 * K)), rtol=1e-9)
-    assert modes.participation is None
-    assert modes.mass is None
-    with pytest.raises(ao.InputError, match=r"no mesh|coordinates"):
-        modes.write("none")

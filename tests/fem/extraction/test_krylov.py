@@ -12,7 +12,6 @@ import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.models.driving_point import samples
 from antiosc.reduce.extraction.eigenmodes import polish
-from antiosc.reduce.site import functional
 from chains import receptance
 from marks import FREE_ON_PURPOSE
 
@@ -75,16 +74,6 @@ def test_antioscillators_that_are_counted_carry_mass(rng, method, held):
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [({"band": 100.0}, "below the first"), ({"n": 3, "band": 1e6}, "raise n or lower the band")],
-)
-def test_a_band_that_does_not_fit_is_said(steel, options, words):
-    with pytest.warns(ao.AccuracyWarning, match=words):
-        model = ao.extract(steel, SITE, **options)
-    assert model.n == options.get("n", model.n)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
     [
         ({"method": "lanczos"}, "lanczos"),
         ({"n": -1}, "n must be"),
@@ -104,42 +93,6 @@ def test_bad_wishes(steel, options, words):
         ao.extract(steel, SITE, **options)
 
 
-@pytest.mark.filterwarnings("ignore:.*of the beam is")
-@pytest.mark.filterwarnings("ignore:the density")
-def test_pairs_that_double_precision_does_not_resolve_are_left_out():
-    """One element, thousands of times as thick as long: θ of some pairs is rounding."""
-    section = ao.Section(A=1.5e4, I=2500.0, I_side=250.0, J=2.5e4)
-    beam = ao.Structure(
-        parts.line(1.0, 1, (1, 0, 0)),
-        ao.Beam(1.44e9, 0.33, 5.37, section, orientation=(0, 1, 0), shear=False),
-    )
-    site = ao.Site((0, 0, 0), (0.36, 0.48, 0.8))
-    model = ao.extract(beam, site, n=8)
-    assert 3 <= model.n < 8
-    omega = np.array([3e3, 2e4, 5e4])
-    K, M = (csr(matrix).toarray() for matrix in (beam.K, beam.M))
-    exact = 1 / receptance(K, M, functional(beam, site).b, omega)
-    np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_all_pairs_of_a_beam_that_is_rigid_in_shear():
-    """The penalty of the shear stiffness makes θ of some pairs rounding: 39 are left of 40."""
-    section = ao.Section.rectangle(0.02, 0.01)
-    beam = ao.Structure(
-        parts.line(1.0, 20),
-        ao.Beam(**parts.STEEL, section=section, shear=False),
-        [ao.Support("left")],
-    )
-    model = ao.extract(beam, ao.Site((0.7, 0.0), (0, 1)), n=40)
-    fewer = ao.extract(beam, ao.Site((0.7, 0.0), (0, 1)), n=30)
-    omega = np.array([2e3, 1e4, 3e4])
-    assert 35 < model.n <= 40
-    np.testing.assert_allclose(
-        model.dynamic_stiffness(omega), fewer.dynamic_stiffness(omega), rtol=1e-6
-    )
-
-
 @pytest.mark.slow
 def test_a_body_that_slides_across_the_impact():
     structure = block(2, fix=["x", "y"])  # along z it slides
@@ -151,17 +104,6 @@ def test_a_body_that_slides_across_the_impact():
     omega = samples(2 * model.omega[0], model.omega[0])[::20]
     exact = 1 / receptance(K, M, np.asarray(site.vector), omega)
     np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-8)
-
-
-def test_unobservable_modes_never_appear(rng):
-    half = rng.uniform(1e5, 3e5, 10)
-    k = np.concatenate([half, half[::-1]])  # symmetric about mass 9, which is struck
-    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
-    structure = ao.Structure.from_matrices(K, np.eye(19))
-    model = ao.extract(structure, ao.Site(dof=9), n=18)
-    assert model.n == 9  # of 18 constraint modes, half move the site's two sides against each other
-    side = scipy.linalg.eigvalsh(K[:9, :9])
-    np.testing.assert_allclose(model.omega**2, side, rtol=1e-9)
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4])

@@ -94,16 +94,6 @@ def test_what_is_no_loss_factor_and_no_series_is_refused():
 
 
 @pytest.mark.slow
-def test_a_layer_in_an_assembly_relaxes_as_in_its_part_alone():
-    part, _ = two_materials(prony=[(0.8, 1e-3), (0.5, 1e-4)])
-    joined = ao.assemble({"a": part}, [])
-    omega = np.geomspace(30.0, 3e3, 9)
-    alone = ao.extract(part, TIP, n=10).modal().receptance(omega)
-    both = ao.extract(joined, ao.Site((1, 0, 0), (0, 0, 1), part="a"), n=10).modal()
-    np.testing.assert_allclose(both.receptance(omega), alone, rtol=1e-6)
-
-
-@pytest.mark.slow
 def test_losses_beside_dampers_act_together():
     part, share = two_materials(loss=0.04)
     c = 2.0

@@ -95,16 +95,6 @@ def test_sites_that_cannot_move_independently(method, rng):
     np.testing.assert_allclose(found, H, atol=1e-9 * np.abs(H).max())
 
 
-def test_sites_of_a_rigid_part_follow_its_motion():
-    """Five sites on a structure that has two motions only."""
-    K, M = 1e3 * np.array([[1.0, -1.0], [-1.0, 1.0]]), np.diag([1.0, 2.0])
-    B = np.array([[1.0, 0.0, 0.5, 0.2, -0.3], [0.0, 1.0, 0.5, 0.8, 1.3]])
-    model = ao.extract(ao.Structure.from_matrices(K, M), sites_of(B), 1)
-    assert model.n == 0
-    follow = model.dependence @ B[:, model.info["independent"]].T
-    np.testing.assert_allclose(follow, B.T, atol=1e-14)
-
-
 def test_a_repeated_frequency_is_kept_as_often_as_the_sites_see_it():
     """Five equal oscillators on two masses that are the sites: two of five can be told apart."""
     k, m = 1e4, 0.1
@@ -178,18 +168,6 @@ def test_every_truncation_is_passive(held, method, rng):
 
 
 @pytest.mark.slow
-def test_lowest_krylov_ones_are_the_antiresonances(block):
-    krylov = ao.extract(block, CORNERS, 24)
-    modes = ao.extract(block, CORNERS, 8, "modes")
-    count = min(krylov.info["converged"], 8)
-    assert count >= 5
-    np.testing.assert_allclose(krylov.omega[:count], modes.omega[:count], rtol=1e-6)
-    np.testing.assert_allclose(krylov.m[:count], modes.m[:count], rtol=1e-3, atol=1e-6)
-    np.testing.assert_allclose(krylov.k0, modes.k0, rtol=1e-11)
-    np.testing.assert_allclose(krylov.m_st, modes.m_st, rtol=1e-11)
-
-
-@pytest.mark.slow
 def test_the_other_site_free_is_the_site_alone(block):
     """The receptance of a site does not depend on which others the model has."""
     both = ao.extract(block, CORNERS, 60).site_modes()
@@ -224,19 +202,6 @@ def test_a_site_may_know_its_tangential_displacements(block):
 
 
 @pytest.mark.slow
-def test_tangential_directions_that_supports_hold():
-    rails = ao.Support(lambda x: np.isclose(x[2], 0), ["x", "y", "z"])
-    wall = ao.Support(lambda x: np.isclose(x[2], 0.04), ["y"])
-    block = ao.Structure(box((6, 3, 2)), ao.Solid(**STEEL), [rails, wall])
-    site = ao.Site((0.1, 0.025, 0.04), (0, 0, -1), radius=0.025, tangential=True)
-    model = ao.extract(block, {"top": site}, 6)
-    along_y = np.abs(model.direction[:, 1]) > 0.5
-    np.testing.assert_array_equal(model.dependence[along_y], 0.0)
-    assert model.k0.shape == (2, 2)
-    np.testing.assert_array_equal(model.site_modes().b[:, along_y], 0.0)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("mu", "slides"), [(0.05, True), (5.0, False)])
 def test_an_oblique_blow_rubs(mu, slides):
     """A free block thrown askew on the floor: its momentum is what the contact's forces give."""
@@ -258,18 +223,6 @@ def test_an_oblique_blow_rubs(mu, slides):
     else:
         assert abs(change[0]) < 0.5 * mu * contact.impulse
     assert hit.energy.drift < 2e-3
-
-
-def test_tangential_directions_belong_to_named_sites(block):
-    with pytest.raises(ao.InputError, match="belong to a model of named sites"):
-        ao.extract(block, _slanted(tangential=True))
-    with pytest.raises(ao.InputError, match="need a Site with a direction"):
-        ao.Site(dof=3, tangential=True)
-    model = ao.extract(block, {"near": _slanted()}, 4)
-    contact = ao.Contact("part:near", "floor", ao.Hertz(1e9), friction=0.1)
-    scene = ao.Scene({"part": model, "floor": ao.Obstacle()}, [contact])
-    with pytest.raises(ao.InputError, match="tangential site"):
-        scene.run(1e-4)
 
 
 @pytest.mark.slow
@@ -295,18 +248,6 @@ def test_tangential_directions_of_an_assembly():
     at_rest = R @ other.site_modes().receptance(0.0).real @ R.T
     found = model.site_modes().receptance(0.0).real
     np.testing.assert_allclose(found, at_rest, atol=1e-9 * np.abs(at_rest).max())
-
-
-@pytest.mark.slow
-def test_a_plane_part_has_one_tangential_direction():
-    plate = ao.Structure(
-        box((8, 3), (0.2, 0.05), "quadrilateral"),
-        ao.Solid(**STEEL, plane="stress", thickness=0.01),
-        [ao.Support("left")],
-    )
-    site = ao.Site((0.15, 0.05), (0, -1), radius=0.03, tangential=True)
-    model = ao.extract(plate, {"top": site}, 6)
-    np.testing.assert_allclose(model.direction, [[0, -1, 0], [1, 0, 0]], atol=1e-15)
 
 
 @pytest.mark.slow
@@ -440,35 +381,3 @@ def test_a_free_body_moves_as_a_whole():
     momentum = hit.bodies["part"].momentum
     np.testing.assert_allclose(momentum[0], free.mass * np.array([0.3, 0.0, 0.1]), atol=1e-9)
     np.testing.assert_allclose(momentum[-1] - momentum[0], [0, 0, -impulse], atol=1e-9)
-
-
-@pytest.mark.slow
-def test_gravity_and_base_act_on_every_shape(block):
-    """The modal forces of a uniform acceleration bend the block as a direct solve says."""
-    free = ao.extract(block, CORNERS, 60).site_modes()
-    for axis in np.eye(3):
-        load = block.uniform_inertia(axis)
-        sag = block.factorize().solve(load)
-        sites = [functional(block, site).b for site in CORNERS.values()]
-        found = free.b.T @ (free.weight @ axis / free.omega**2)
-        np.testing.assert_allclose(found, [b @ sag for b in sites], rtol=1e-5, atol=1e-15)
-
-
-@pytest.mark.slow
-def test_gravity_as_a_number_needs_one_direction(block):
-    model = ao.extract(block, CORNERS, 10)
-    contact = ao.Contact("part:far", "ball", ao.Hertz(1e9), gap=1e-3)
-    bodies = {"part": model, "ball": ao.RigidMass(0.1, 1.0)}
-    base = ao.Base([0.0, 1e-4], [100.0, 0.0])
-    alike = ao.Scene(bodies, [contact], base=base).run(1e-4)
-    way = np.array([0.1, 0.2, -1]) / np.linalg.norm([0.1, 0.2, -1])
-    vector = ao.Base([0.0, 1e-4], [100.0 * way, 0 * way])
-    turned = ao.Scene(bodies, [contact], base=vector).run(1e-4)
-    both = (each.bodies["part"].displacement("near")[-1] for each in (alike, turned))
-    np.testing.assert_allclose(*both, rtol=1e-6)
-    sites = {**CORNERS, "side": ao.Site((0.12, 0.0, 0.02), (0, 1, 0), radius=0.022)}
-    with warnings.catch_warnings(action="ignore", category=ao.AccuracyWarning):
-        mixed = ao.extract(block, sites, 6)
-    scene = ao.Scene({**bodies, "part": mixed}, [contact], base=base)
-    with pytest.raises(ao.InputError, match="several directions: give gravity"):
-        scene.run(1e-4)

@@ -34,13 +34,6 @@ def test_the_lowest_mode_of_a_ruler_is_that_of_a_beam(ruler: ao.Structure) -> No
 
 
 @pytest.mark.slow
-def test_superposition_takes_it_too(ruler: ao.Structure) -> None:
-    site = ao.Site((LENGTH - 0.005, 0.01, THICKNESS), (0, 0, -1), radius=4e-3)
-    modes = ao.superposition(ruler, site, n=3)
-    assert modes.omega[0] == pytest.approx(ruler.natural_modes(3).omega[0], rel=1e-6)
-
-
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh
 def test_a_part_under_load_takes_a_factor_where_one_fits() -> None:
     """Under loads there is no coarser space: 2.8 s in place of more than 200."""

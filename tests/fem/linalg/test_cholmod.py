@@ -8,7 +8,6 @@ import itertools
 import re
 import weakref
 from contextlib import contextmanager
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +20,6 @@ from antiosc.fem.linalg import cholmod, compliance, solver_choice
 from antiosc.fem.linalg.algebra import sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.structure import given_matrices
 from antiosc.reduce.extraction.eigenmodes import ModeSolver
 from antiosc_app import info
 
@@ -54,23 +52,6 @@ def test_arrays_of_the_factor_last_as_long_as_they_are_used():
     assert memory() is not None
     del values, permutation, others
     assert memory() is None  # at once, without the garbage collector
-
-
-def test_the_factor_cannot_be_written_to():
-    with pytest.raises(ValueError, match="read-only"):
-        Cholesky(chain(5)).supernodes.values[0] = 1.0
-
-
-def test_a_pattern_that_two_matrices_share_stays():
-    """Sorting the one in place would put the other's entries at wrong places."""
-    pattern = np.array([1, 0, 1, 0], dtype=np.int32), np.array([0, 2, 4], dtype=np.int32)
-    for use in (Cholesky, lambda K: given_matrices.as_petsc("K", K)):
-        K = scipy.sparse.csr_matrix((np.array([-1.0, 2.0, 2.0, -1.0]), *pattern))
-        M = scipy.sparse.csr_matrix((np.array([0.1, 5.0, 5.0, 0.1]), K.indices, K.indptr))
-        K.has_sorted_indices = M.has_sorted_indices = False
-        before = M.toarray()
-        use(K)
-        np.testing.assert_array_equal(M.toarray(), before)
 
 
 @contextmanager
@@ -154,24 +135,6 @@ def test_every_allocation_that_fails_is_told_as_such(block):
     assert not any("move freely" in text for text in said)
 
 
-def test_failures_have_the_status_that_cholmod_gives():
-    factor = Cholesky(chain(10))
-    with pytest.raises(ao.NotConvergedError, match=r"CHOLMOD failed .* \(status -4\)"):
-        factor.solve(np.ones(7))
-    np.testing.assert_allclose(chain(10) @ factor.solve(np.ones(10)), 1.0)  # still of use
-    assert factor.solve(np.ones((10, 0))).shape == (10, 0)
-
-
-def test_the_message_of_a_structure_too_large_says_so(monkeypatch):
-    def none(*_):
-        raise ao.OutOfMemoryError("there is no memory for the Cholesky factor")
-
-    part = ao.Structure(parts.box((2, 1, 1)), ao.Solid(**parts.STEEL), [ao.Support("left")])
-    monkeypatch.setattr(solver_choice, "Cholesky", none)
-    with pytest.raises(ao.OutOfMemoryError, match=r"no memory for the Cholesky factor$"):
-        part.factorize()
-
-
 class Other:
     """CHOLMOD's library in a version that is not known."""
 
@@ -232,28 +195,6 @@ def test_instead_of_a_library_that_is_not_as_known_mumps_factors(
     np.testing.assert_allclose(through, direct, rtol=1e-7)
     assert re.search(REASONS[change], cholmod.refusal())
     assert re.search(REASONS[change], info.report())
-
-
-@pytest.mark.parametrize("built_on", [0, 1, cholmod.ON_OPENMP])
-@pytest.mark.parametrize("loaded", [("gomp", "openblas"), ("gomp",), ("openblas",), ()])
-def test_loops_of_openmp_run_on_one_thread_where_blas_has_its_own(monkeypatch, loaded, built_on):
-    """The number of levels is that of before afterwards; without both libraries nothing is set."""
-    levels = [3]
-    openmp = SimpleNamespace(
-        omp_get_max_active_levels=lambda: levels[-1], omp_set_max_active_levels=levels.append
-    )
-    blas = SimpleNamespace(openblas_get_parallel=lambda: built_on)
-    there = {"gomp": openmp, "openblas": blas}
-    monkeypatch.setattr(
-        cholmod,
-        "_loaded",
-        lambda name: there[name[3:].split(".")[0]] if name[3:].split(".")[0] in loaded else None,
-    )
-    with cholmod.without_openmp():
-        inside = list(levels)
-    alone = len(loaded) == 2 and built_on != cholmod.ON_OPENMP
-    assert inside == ([3, 0] if alone else [3])
-    assert levels == ([3, 0, 3] if alone else [3])
 
 
 def grid(n: int, block: int = 1) -> scipy.sparse.csr_matrix:
@@ -323,24 +264,6 @@ def test_deflections_are_those_of_solves(supported, count):
     np.testing.assert_allclose(
         G, np.sum(Y * (csr(part.M) @ Y), axis=0), rtol=2 * compliance.SHIFT_STEP
     )
-
-
-def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
-    part = ao.Structure(parts.box((4, 2, 2)), ao.Solid(**parts.STEEL), [ao.Support("left")])
-    free = np.ones(part.K.getSize()[0])
-    free[part.fixed] = 0.0
-    B = (scipy.sparse.diags(free) @ many_loads(len(free), 5)).tocsr()
-    modes = ModeSolver(part).lowest(5)
-    b = B.T @ modes.phi
-    expected = compliance.deflections(part, B, modes.omega, b)
-    entries = part.factorize().entries
-    assert entries == part.factorize().cholesky.supernodes.values.size
-    monkeypatch.setattr(compliance.process, "free_memory", lambda: 8 * entries)
-    monkeypatch.setattr(compliance, "compliances", None)  # is not asked
-    with pytest.warns(ao.AntioscWarning, match="every site is solved separately"):
-        found = compliance.deflections(part, B, modes.omega, b)
-    np.testing.assert_allclose(found[0], expected[0], rtol=1e-9)
-    np.testing.assert_allclose(found[1], expected[1], rtol=2 * compliance.SHIFT_STEP)
 
 
 def test_a_petsc_without_cholmod_is_refused(monkeypatch):

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import gc
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from petsc4py import PETSc
 
 import antiosc as ao
 import parts
-from antiosc.base import process
-from antiosc.fem.linalg import cholmod, solver_choice
+from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.petsc_algebra import csr
 from mpi import START, run_ranks
 
@@ -45,16 +40,6 @@ def test_mumps_and_its_forecast(part, loads):
     direct = solver_choice.OnOneRank(part.K)
     assert 0.5 * direct.entries < factor.entries < 3 * direct.entries
     assert 0.3 * factor.entries < solver_choice.entries_by_mumps(part.K) < 3 * factor.entries
-
-
-def test_a_dof_without_stiffness_is_told_where_products_are_by_strains():
-    """Its row has no entry, not even on the diagonal."""
-    A = PETSc.Mat().createAIJ((3, 3), comm=MPI.COMM_SELF)
-    A.setUp()
-    A.setValues([0, 1], [0, 1], [[2.0, -1.0], [-1.0, 2.0]])
-    A.assemble()
-    with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
-        solver_choice.Refined(A, solver_choice.factorize)
 
 
 def test_an_indefinite_matrix_is_refused(part):
@@ -95,37 +80,6 @@ def test_iterative_and_direct_agree(supports):
     np.testing.assert_allclose(b.omega[:3], a.omega[:3], rtol=1e-7)
     a, b = (ao.extract(part, SITE, n=4, method="modes") for part in (direct, iterative))
     np.testing.assert_allclose(b.omega, a.omega, rtol=1e-7)
-
-
-@pytest.mark.slow
-def test_no_memory_for_the_factor(monkeypatch):
-    monkeypatch.setattr(process, "free_memory", lambda: 1e6)
-    monkeypatch.setattr(solver_choice, "ANALYSIS", 1.0)
-    monkeypatch.setattr(solver_choice, "ENTRIES", replace(solver_choice.ENTRIES, aggregated=1.0))
-    made = solver_choice.Multigrid
-
-    def multigrid(*given):
-        gc.collect()
-        assert not [each for each in gc.get_objects() if isinstance(each, cholmod.Analysis)]
-        return made(*given)
-
-    monkeypatch.setattr(solver_choice, "Multigrid", multigrid)
-    with pytest.warns(ao.AntioscWarning, match="GB are free: conjugate gradients"):
-        model = ao.extract(block(), SITE, n=3)
-    assert model.k0 > 0
-    with pytest.raises(ao.OutOfMemoryError, match=r"about 0\.0\d+ GB and 0\.001 GB are free"):
-        ao.extract(block("direct"), SITE, n=3)
-
-
-@pytest.mark.slow
-def test_the_free_memory_is_looked_up_after_the_analysis(monkeypatch):
-    part = block()
-    need = solver_choice.BYTES * solver_choice.entries_by_mumps(part.K)
-    free = iter([0.9 * need, 1e3])  # the factor does not fit; then too little for the multigrid
-    monkeypatch.setattr(process, "free_memory", lambda: next(free))
-    monkeypatch.setattr(solver_choice, "ANALYSIS", 0.0)
-    with pytest.raises(ao.OutOfMemoryError, match="iterative solver"):
-        part.factorize()
 
 
 def test_unknown_solver():

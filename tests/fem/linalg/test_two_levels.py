@@ -1,8 +1,6 @@
 """Conjugate gradients with two levels, against a factor of the same matrix."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,9 +12,8 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.elements import tetrahedra
-from antiosc.fem.linalg import forecast, multigrid, solver_choice, two_levels
-from antiosc.fem.linalg.multigrid import Levels
-from antiosc.fem.linalg.two_levels import TwoLevels, at_vertices
+from antiosc.fem.linalg import forecast, multigrid, solver_choice
+from antiosc.fem.linalg.two_levels import TwoLevels
 from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.krylov import Lanczos
 from antiosc.reduce.extraction.oscillators import stiffness_at_sites
@@ -90,15 +87,6 @@ def test_natural_modes_of_two_levels(supports):
 
 
 @pytest.mark.slow
-def test_thin_incompressible_parts_are_told():
-    mesh = parts.box((5, 4, 1), (0.2, 0.16, 0.002), cell="tetrahedron")
-    steel = ao.Solid(**{**parts.STEEL, "nu": 0.499})
-    part = ao.Structure(mesh, steel, [ao.Support("left")], solver="iterative")
-    with pytest.raises(ao.NotConvergedError, match="take the solver 'direct'"):
-        part.factorize().solve(np.random.default_rng(0).standard_normal(part.rows))
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "given",
     [
@@ -131,38 +119,6 @@ def test_models_are_those_of_a_factor(given):
     for share in (0.1, 0.7, 1.3):
         Z, found = (np.asarray(m.dynamic_stiffness(share * a.omega[1])) for m in (a, b))
         assert np.linalg.norm(found - Z) <= 1e-6 * np.linalg.norm(Z)
-
-
-def test_rigid_motions_are_those_of_the_coarse_level():
-    part = made("iterative", supports=[])
-    P, motions = part.matrices.coarser(), part.matrices.rigid_motions
-    coarse, fine = P.createVecs()
-    for column, own in zip(at_vertices(P, motions).T, motions.T, strict=True):
-        coarse.setArray(column)
-        P.mult(coarse, fine)
-        np.testing.assert_allclose(fine.array_r, own, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_held_dofs_stay(monkeypatch):
-    part = made("iterative")
-    P = part.matrices.coarser()
-    coarse, fine = P.createVecs()
-    coarse.set(1.0)
-    P.mult(coarse, fine)
-    owned = part.fixed[part.fixed < part.rows]
-    assert not fine.array_r[owned].any()
-    # with a coarse level that is not factored
-    x = np.random.default_rng(0).standard_normal(part.rows)
-    exact = part.factorize().solve(x)
-    monkeypatch.setattr(two_levels, "FACTORED", 0)
-    levels = Levels(lambda: part.matrices.rigid_motions, part.matrices.coarser)
-    found = solver_choice.solver_for(part.K, "iterative", levels).solve(x)
-    np.testing.assert_allclose(found, exact, atol=1e-6 * np.abs(exact).max())
-
-
-def test_linear_elements_have_no_coarse_level():
-    assert made("auto", order=1).matrices.coarser() is None
 
 
 @pytest.mark.slow
@@ -218,28 +174,6 @@ def test_studies_take_the_iterative_solver(study):
     np.testing.assert_allclose(found, exact, rtol=1e-4)
 
 
-SCRIPT = """
-import sys
-sys.path.insert(0, {support!r})
-import antiosc as ao
-import parts
-from antiosc.fem.elements import tetrahedra
-
-tetrahedra.FEWEST_DOFS = 0
-mesh = parts.box((6, 3, 2), cell="tetrahedron")
-part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")], solver="iterative")
-print(type(part.factorize()).__name__, part.K.getType())
-"""
-
-
-@pytest.mark.slow
-def test_python_ends_while_a_solver_is_alive():
-    """PETSc destroys what is left after Python, whose functions it must not call then."""
-    script = SCRIPT.format(support=str(Path(parts.__file__).parent))
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (0, "TwoLevels python\n"), done.stderr
-
-
 @pytest.fixture
 def factors_are_slow(monkeypatch):
     """A factor takes as long as two levels with thirty iterations, and parts count as large."""
@@ -251,24 +185,6 @@ def factors_are_slow(monkeypatch):
         return sizes.cost(30.5, 1.0).seconds if columns < 2 else own(entries, columns)
 
     monkeypatch.setattr(solver_choice, "seconds_of_factor", thirty)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("nu", [0.3, 0.4999])
-def test_the_faster_solver_is_taken(nu, factors_are_slow):
-    """Compact steel takes fewer iterations, what is nearly incompressible more."""
-    found = made("auto", nu=nu).factorize()
-    assert type(found) is (TwoLevels if nu == 0.3 else solver_choice.OnOneRank)
-    levels = made("iterative", nu=nu).factorize()
-    if nu == 0.3:
-        assert levels.trial(30) == found.trial(30)
-    else:
-        with pytest.raises(ao.NotConvergedError):
-            levels.trial(30)
-
-
-def test_small_parts_are_factored():
-    assert type(made("auto").factorize()) is solver_choice.OnOneRank
 
 
 @pytest.mark.slow
@@ -287,25 +203,6 @@ def test_what_needs_a_factor_has_one(factors_are_slow):
     assert again.info["solver"].startswith("factor")
     x = 0.7 * again.omega[1]
     assert first.dynamic_stiffness(x) == pytest.approx(again.dynamic_stiffness(x), rel=1e-6)
-
-
-@pytest.mark.slow
-def test_what_moves_freely_is_told(factors_are_slow):
-    """A corner that hangs on nothing has no factor; two levels leave the sentence to it."""
-    part = made("auto", supports=[])
-    levels = Levels(lambda: part.matrices.rigid_motions, part.matrices.coarser)
-    with pytest.raises(ao.NotConvergedError, match="can move freely"):
-        solver_choice.solver_for(part.K, "auto", levels)
-
-
-def test_iterations_that_are_forecast_give_the_seconds():
-    sizes = forecast.LevelSizes(1e6, forecast.TETRAHEDRA, 3e7)
-    for columns in (1.0, 6.0):
-        seconds = sizes.cost(13.0, columns).seconds
-        assert sizes.iterations_within(1.001 * seconds, columns) == 13
-    assert sizes.iterations_within(0.5 * sizes.set_up, 1.0) == 0
-    one, six = (forecast.seconds_of_factor(3e7, k) for k in (1.0, 6.0))
-    assert one < six < 6 * one
 
 
 OVER_RANKS = """
@@ -327,33 +224,6 @@ for most in (150_000, 0):
         found.append(["two levels" in model.info["solver"], steps, *np.real(Z)])
 print(json.dumps(found))
 """
-
-
-CHOSEN_OVER_RANKS = """
-from antiosc.fem.elements import tetrahedra
-from antiosc.fem.linalg import forecast, solver_choice
-
-tetrahedra.FEWEST_DOFS, solver_choice.LARGE = 0, 1
-site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
-found = []
-for slow in (1e-3, 0.0):
-    forecast.ASSEMBLED = slow
-    mesh = parts.box((6, 3, 2), cell="tetrahedron")
-    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
-    model = ao.extract(part, site, n=8)
-    Z = model.dynamic_stiffness(np.array([0.1, 0.7, 1.3]) * model.omega[1])
-    found.append(["two levels" in model.info["solver"], *Z])
-print(json.dumps(found))
-"""
-
-
-@pytest.mark.mpi
-def test_the_choice_over_ranks():
-    script = START + CHOSEN_OVER_RANKS
-    one, two = (json.loads(run_ranks(n, script, alone=True)[0]) for n in (1, 2))
-    assert [uses for uses, *_ in one] == [uses for uses, *_ in two] == [True, False]
-    np.testing.assert_allclose([Z for _, *Z in two], [Z for _, *Z in one], rtol=1e-6)
-    np.testing.assert_allclose(one[0][1:], one[1][1:], rtol=1e-6)
 
 
 @pytest.mark.mpi

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
-
 import gmsh
-import meshio
 import numpy as np
 import pytest
 
@@ -20,17 +17,6 @@ from assemblies import box
 from parts import gmsh_session, moments
 
 EVERY_EDGE = [(shape, k) for shape, ends in MID_SIDE_EDGES.items() for k in range(len(ends))]
-
-
-RNG = np.random.default_rng(3)
-SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float)
-#: Corners of the cells.
-CELLS = {
-    "triangle": SQUARE[[0, 1, 3]],
-    "quad": SQUARE,
-    "tetra": np.vstack([np.zeros(3), np.eye(3)]),
-    "hexahedron": np.vstack([np.pad(SQUARE, ((0, 0), (0, 1)), constant_values=z) for z in (0, 1)]),
-}
 
 
 @pytest.mark.parametrize("name", ["quad", "hexahedron"])
@@ -83,16 +69,6 @@ def curved(shape: str) -> np.ndarray:
     return nodes
 
 
-def test_a_cell_without_measure_is_collapsed():
-    points = np.vstack([curved("triangle"), curved("triangle") + 5.0])
-    points[:6, 1] = 0.0  # on a line
-    order = compat.node_order("triangle", 6, "gmsh")
-    cells = np.arange(12).reshape(2, 6)[:, order]
-    assert collapsed(points, cells, "triangle", 2).tolist() == [0]
-    points[:6] = 3.0  # at a point
-    assert collapsed(points, cells, "triangle", 2).tolist() == [0]
-
-
 @pytest.mark.parametrize(("shape", "edge"), EVERY_EDGE)
 def test_one_of_two_cells_is_straightened(shape, edge):
     ends = MID_SIDE_EDGES[shape]
@@ -137,40 +113,6 @@ def test_solid_geometry_is_meshed_with_curved_cells(tmp_path, suffix):
     straight = ao.read_mesh(path, size=0.5, order=1)
     assert straight.order == 1
     assert moments(straight)[0] < 0.998 * np.pi / 4
-
-
-RIM = """SetFactory("OpenCASCADE");
-Disk(1) = {0, 0, 0, 1}; Disk(2) = {0, 0, 0, 0.97};
-BooleanDifference(3) = {Surface{1}; Delete;}{Surface{2}; Delete;};
-Rotate {{1, 0, 0}, {0, 0, 0}, Pi / 3} {Surface{3};}
-"""
-
-
-@pytest.mark.slow
-def test_no_cell_of_a_narrow_sheet_in_space_folds(tmp_path):
-    """Arcs of the inner rim reach beyond the outer sides of coarse triangles."""
-    path = tmp_path / "rim.geo"
-    path.write_text(RIM)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        mesh = ao.read_mesh(path, size=1.0)
-    assert (mesh.cell, mesh.order, mesh.gdim) == ("triangle", 2, 3)
-    x, cells = mesh.dolfinx.geometry.x, compat.geometry_nodes(mesh.dolfinx)
-    assert not len(folded(x, cells, "triangle", 2, soundness.SOUND))
-
-
-@pytest.mark.slow
-def test_folded_cells_of_a_file_are_told(tmp_path):
-    path = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron", 2)
-    cube = meshio.read(path)
-    cells = next(b.data for b in cube.cells if b.type == "tetra10")
-    cube.points[cells[5, 4]] += 3 * (cube.points[cells[5, 2]] - cube.points[cells[5, 4]])
-    meshio.Mesh(cube.points, [("tetra10", cells)]).write(tmp_path / "bad.vtu")
-    with pytest.warns(
-        ao.AntioscWarning, match=r"of 48 cells of bad.vtu fold over themselves.*order 1"
-    ):
-        ao.read_mesh(tmp_path / "bad.vtu")
-    assert ao.read_mesh(tmp_path / "bad.vtu", order=1).order == 1
 
 
 def longest_edges_near(mesh: ao.Mesh, point, radius: float) -> np.ndarray:
@@ -265,17 +207,3 @@ WRONG = [
 def test_wrong_arguments_are_named_before_a_file_is_looked_for(options, words, tmp_path):
     with pytest.raises(ao.InputError, match=words):
         ao.read_mesh(tmp_path / "none.msh", **options)
-
-
-@pytest.mark.slow
-def test_geo_uses_its_own_sizes_unless_told(tmp_path):
-    path = tmp_path / "sheet.geo"
-    path.write_text(parts.SHEET_SCRIPT)
-    own, finer = ao.read_mesh(path), ao.read_mesh(path, size=0.1)
-    assert (own.cell, own.order, own.gdim) == ("triangle", 2, 2)
-    assert finer.n_cells > 3 * own.n_cells
-    assert {name: tuple(g) for name, g in finer.groups.items()} == {
-        "sheet": (2,), "foot": (1,), "17": (1,)
-    }  # fmt: skip
-    np.testing.assert_allclose(parts.group_points(finer, "foot", 1)[..., 1], 0, atol=1e-15)
-    np.testing.assert_allclose(parts.group_points(finer, "17", 1)[..., 1], 1, rtol=1e-15)

@@ -19,7 +19,6 @@ from antiosc.fem.mesh.surface import Faces, centre, largest, quadrature
 from antiosc.fem.platform import compat
 from mpi import run_ranks
 from parts import EXPONENTS, box, frame, moments
-from refusals import refused
 from sheets import sheet
 
 
@@ -129,17 +128,6 @@ def test_sides_lie_where_their_names_say(lengths):
     if len(lengths) == 2:
         rim = quadrature(mesh, *largest(mesh, "rim"), 2).weight.sum()
         assert rim == pytest.approx(2 * sum(lengths))
-
-
-@pytest.mark.slow
-def test_lengths_that_make_no_box_are_refused():
-    for lengths, word in (((), "one to three"), ((1, 1, 1, 1), "one to three"), (0.1, "one to")):
-        with refused(None, word, ao.InputError):
-            ao.box_mesh(lengths, 0.1)
-    with refused(None, "length", ao.InputError):
-        ao.box_mesh((0.1, -0.1), 0.01)
-    with refused(None, "is larger than", ao.MeshError):
-        ao.box_mesh((0.1, 0.1), 10.0)
 
 
 RNG = np.random.default_rng(17)
@@ -275,11 +263,3 @@ def test_sides_of_the_box_have_names_without_groups(name):
     ((dim, facets),) = bare.group(name).items()
     assert dim == 2
     assert set(facets) == set(named.groups[name][2])
-
-
-@pytest.mark.slow
-def test_a_side_without_faces_is_told():
-    sheet = ao.box_mesh((0.3, 0.2), size=0.05, gdim=3)
-    with pytest.raises(ao.InputError, match="flat along z"):
-        replace(sheet, groups={}).group("-z")
-    assert len(replace(sheet, groups={}).group("+x")[1]) == len(sheet.groups["+x"][1])

@@ -15,12 +15,7 @@ from antiosc.fem.platform import compat
 from full_second_order import Full
 from loaded_beams import (
     EI,
-    LENGTH,
-    RHO,
-    SIDE,
     THIN_BEAM,
-    UNIT,
-    E,
     at_ends,
     at_root,
     beams,
@@ -45,36 +40,6 @@ def test_a_rib_in_tension_stiffens_its_sheet():
         omega.append(part.natural_modes(1).omega[0] ** 2)
     assert omega[2] - omega[1] == pytest.approx(omega[1] - omega[0], rel=1e-2)
     assert omega[2] > omega[1]
-
-
-@pytest.mark.slow
-def test_stresses_of_a_blow_are_told_beside_those_of_the_load():
-    """A tight beam: the largest stress is N/A and that of bending, of which a fibre has both."""
-    tension = 2e4
-    material = ao.Beam(E, 0.3, RHO, ao.Section.rectangle(SIDE, SIDE), yield_strength=400e6)
-    loads = ao.Prestress(tension={"all": tension})
-    part = ao.Structure(beams(), material, [PINNED], prestress=loads)
-    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=10)
-    hit = ao.simulate(model, ao.RigidMass(0.01, 0.5), ao.Linear(1e6), duration=2e-3)
-    whole = ao.peak_field(part, hit)
-    times = np.linspace(0, 2e-3, 400)
-    alone = ao.peak_field(part, hit, times=times)
-    bending = np.abs(
-        ao.probe(part, hit, (0.5, 0, 0), "stress", times, fibre=(SIDE / 2, SIDE / 2))[:, 0, 0]
-    ).max()
-    assert whole.values.max() == pytest.approx(tension / SIDE**2 + bending, rel=1e-2)
-    assert alone.values.max() == pytest.approx(whole.values.max(), rel=1e-2)
-    assert whole.margin().exposure == pytest.approx(whole.values.max() / 400e6)
-    assert part.prestress.stress.margin().value == pytest.approx(tension / SIDE**2)
-
-
-@pytest.mark.slow
-def test_without_loads_nothing_changes():
-    part = ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)])
-    same = ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], prestress=ao.Prestress())
-    assert part.prestress is None
-    assert same.prestress.reserve == np.inf
-    assert same.natural_modes(3).omega == pytest.approx(part.natural_modes(3).omega, rel=1e-12)
 
 
 def tight(**options):
@@ -278,21 +243,6 @@ def test_loads_that_do_not_fit_are_refused(loads, word):
         tight(prestress=ao.Prestress(**loads))
 
 
-def test_what_nothing_holds_is_refused():
-    with refused(None, "cannot be tightened", ao.InputError):
-        loads = ao.Prestress(tension={"all": 1.0})
-        ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], prestress=loads)
-    with refused(None, "rigid-body", ao.InputError):
-        ao.Structure(beams(), THIN_BEAM, prestress=ao.Prestress(gravity=(0, 0, -9.81)))
-
-
-def test_a_spin_of_point_masses_is_refused():
-    mass = [ao.PointMass((LENGTH, 0, 0), 1e-3)]
-    loads = ao.Prestress(spin=ao.Spin((0, 0, 1), UNIT))
-    with refused(None, "spin", ao.InputError):
-        ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], attached=mass, prestress=loads)
-
-
 RANKS = """
 import numpy as np
 import antiosc as ao
@@ -319,9 +269,3 @@ def test_two_ranks_find_what_one_finds():
         two = [np.array(row.split(), float) for row in text.splitlines()]
         for a, b in zip(one, two, strict=True):
             assert b == pytest.approx(a, rel=1e-5)
-
-
-def test_loads_of_nothing_are_none():
-    spin = ao.Spin((0, 0, 1), 0.0)
-    loads = ao.Prestress(spin=spin, force={"tip": (0, 0, 0)}, tension={"all": 0.0})
-    assert not tight(prestress=loads).prestress.displacement.any()

@@ -140,43 +140,8 @@ def test_what_is_wrong_is_told_with_its_line(read, cards):
         read(cards)
 
 
-def test_what_of_a_deck_is_not_taken_is_counted(read):
-    step = "*STEP\n*BOUNDARY\n1,1\n*CLOAD\n2,1,3.\n*END STEP\n"
-    later = "*STEP\n*BOUNDARY\n2,1,1,.5\n*DLOAD\nALL,GRAV,9.,0,0,1\n*CLOAD\n2,1,3.\n*END STEP\n"
-    model, deck = read("*BOUNDARY\n4,1,1,.25\n" + step + later)
-    assert fixed_by_name(deck) == {"x": [0, 3]}
-    line = frame_of_beams().count("\n") + 1
-    assert set(model["ignored"]) >= {
-        f"2 *CLOAD (lines {line + 5}, {line + 13} of part.inp)",
-        f"1 *DLOAD (line {line + 11} of part.inp)",
-        f"2 *STEP (lines {line + 2}, {line + 8} of part.inp)",
-        f"1 *BOUNDARY of later steps (line {line + 9} of part.inp)",
-        f"the motion of *BOUNDARY (line {line} of part.inp), fixed instead",
-    }  # fmt: skip
-
-
-def test_a_spring_to_a_fixed_node_is_one_to_the_ground(read):
-    cards = "*ELEMENT,TYPE=SPRING2,ELSET=S\n7,2,5\n*SPRING,ELSET=S\n3,1\n40.\n"
-    model, _ = read(cards + "*BOUNDARY\n5,ENCASTRE\n")
-    assert model["joints"]["springs"] == []
-    ((point, given),) = model["springs"]
-    assert node_at(1e-3 * X, point) == 1
-    assert given == pytest.approx({"z": 40e3})
-
-
 TWO_CUBES = "*NODE\n"
 for first, at in ((1, 0), (11, 30)):
     for k, (x, y, z) in enumerate(np.ndindex(2, 2, 2)):
         TWO_CUBES += f"{first + k},{at + 10 * x},{10 * y},{10 * z}\n"
 TWO_CUBES += "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,5,7,3,2,6,8,4\n2,11,15,17,13,12,16,18,14\n"
-
-
-def test_a_membrane_is_a_shell_of_its_thickness_and_this_is_told(tmp_path):
-    shell, _ = inp.read(
-        tmp_path, inp.SHEET + inp.STEEL + "*SHELL SECTION,ELSET=All,MATERIAL=M\n2.\n"
-    )
-    membrane = inp.SHEET.replace("S4", "M3D4") + inp.STEEL
-    membrane += "*MEMBRANE SECTION,ELSET=All,MATERIAL=M\n2.\n"
-    found, _ = inp.read(tmp_path, membrane)
-    assert [row[:3] for row in found["families"]] == [row[:3] for row in shell["families"]]
-    assert any("M3D4" in words for words in found["ignored"])

@@ -92,20 +92,6 @@ def test_a_density_for_materials_without_one(tmp_path):
         read(tmp_path, text)
 
 
-def test_a_modulus_for_materials_without_elasticity_and_elements_of_heat_transfer(tmp_path):
-    text = CUBE + SOLID + STEEL.replace("*ELASTIC\n2E5,.3\n", "*CONDUCTIVITY\n50.\n")
-    text = text.replace("TYPE=C3D8", "TYPE=DC3D8")
-    model, _ = read(tmp_path, text, modulus=E)
-    alike(model["families"][0][2], {"E": E, "nu": NU, "rho": RHO})
-    assert "the heat transfer of DC3D8, which carry forces here" in model["ignored"]
-    with pytest.raises(MeshError, match="give modulus in Pa"):
-        read(tmp_path, text)
-    model, _ = read(tmp_path, CUBE + SOLID + STEEL.replace("2E5,.3", "0.,0."), modulus=E)
-    assert model["families"][0][2]["E"] == pytest.approx(E)
-    model, _ = read(tmp_path, CUBE + SOLID + STEEL, modulus=5 * E)
-    assert model["families"][0][2]["E"] == pytest.approx(E)
-
-
 SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"
 PLY = "*MATERIAL,NAME=P\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
 
@@ -134,23 +120,6 @@ def test_shells_beside_their_nodes(tmp_path, option):
         alike(model["families"], [["All", "Shell", expected, line(text, "*SHELL")]])
         assert (model["ignored"], deck.remarks) == (told, [])
         assert (model["gdim"], model["halve"], model["joined"]) == (3, False, False)
-
-
-def test_the_top_of_layers_of_a_closed_shell_is_that_of_each_element(tmp_path):
-    text = NODES + "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n2,5,8,7,6\n"
-    section = "*SHELL SECTION,ELSET=ALL,COMPOSITE\n.5,3,P,10.\n"
-    model, _ = read(tmp_path, text + section + PLY)
-    found = dict(model["families"][0][2])
-    top = found.pop("top")
-    alike(found, {"layers": [layer(5e-4, 10.0)], "axis": [1.0, 0.0, 0.0]})
-    # the second element lists its nodes the other way round
-    assert [n[2] for n in top["directions"]] == [1.0] * 5 + [-1.0] * 5
-    assert np.allclose(top["places"][::5], [[0.01, 0.005, 0.0], [0.01, 0.005, 0.01]])
-    model, _ = read(tmp_path, text + section.replace("10.", "O") + PLY + AXES)
-    assert model["families"][0][2]["axis"] == [0.0, 1.0, 0.0]
-    both = section.replace("10.", "O\n.5,3,P,C") + "*ORIENTATION,NAME=C,SYSTEM=CYLINDRICAL\n"
-    with pytest.raises(MeshError, match="CYLINDRICAL"):
-        read(tmp_path, text + "4,2,9,10,3\n" + both + "40,-9,0,40,-9,1\n" + PLY + AXES)
 
 
 def test_thicknesses_at_nodes(tmp_path):
@@ -220,12 +189,6 @@ def test_rods_alone_are_a_truss(tmp_path):
         read(tmp_path, RODS.replace("3.\n*SOLID", "-3.\n*SOLID"))
 
 
-def test_bars_of_the_plane_do_not_leave_it(tmp_path):
-    text = RODS.replace("T3D2", "T2D2").replace(",7", ",4")
-    _, deck = read(tmp_path, text)
-    assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {"fixed z": [0, 1, 3]}
-
-
 def test_rods_beside_other_elements_are_springs(tmp_path):
     text = RODS + "*ELEMENT,TYPE=C3D8,ELSET=C\n9,1,2,3,4,5,6,7,8\n"
     text += "*SOLID SECTION,ELSET=C,MATERIAL=M\n*BOUNDARY\n1,1,3\n"
@@ -257,15 +220,6 @@ def test_rods_beside_other_elements_are_springs(tmp_path):
     )
 
 
-def test_a_rod_without_a_length_or_a_section(tmp_path):
-    cube = "*ELEMENT,TYPE=C3D8,ELSET=C\n9,1,2,3,4,5,6,7,8\n*SOLID SECTION,ELSET=C,MATERIAL=M\n"
-    text = RODS.replace("1,1,2\n", "1,2,11\n") + "*NODE\n11,20,0,0\n" + cube
-    with pytest.raises(MeshError, match=rf"{line(text, '*SOLID')}: .*coincide"):
-        read(tmp_path, text)
-    with pytest.raises(MeshError, match=r"T3D2 .*section"):
-        read(tmp_path, RODS.replace("*SOLID SECTION,ELSET=B,MATERIAL=M\n", "") + cube)
-
-
 PARTS = CUBE + "*ELEMENT,TYPE=S4,ELSET=LID\n2,5,6,7,8\n*ELEMENT,TYPE=S4,ELSET=WING\n3,2,9,10,3\n"
 PARTS += "*ELSET,ELSET=NONE\n*SHELL SECTION,ELSET=LID,MATERIAL=M\n.5\n"
 PARTS += "*SHELL SECTION,ELSET=WING,MATERIAL=M\n.5\n*SHELL SECTION,ELSET=NONE,MATERIAL=M\n.5\n"
@@ -273,37 +227,6 @@ PARTS += SOLID + STEEL
 ON = "*ELEMENT,TYPE=MASS,ELSET=Q\n9,9\n10,6\n*MASS,ELSET=Q\n1.\n*ELEMENT,TYPE=SPRING1,ELSET=K\n"
 ON += "11,10\n12,1\n*SPRING,ELSET=K\n3\n4.\n*EQUATION\n2\n9,1,1.,6,1,-1.\n"
 ON += "*EQUATION\n2\n6,1,1.,7,1,1.\n"
-
-
-def test_some_parts_of_a_deck(tmp_path):
-    """What acts on nodes of the others alone is left out, and counted."""
-    model, deck = read(tmp_path, PARTS + ON, parts=["ALL", "LID"])
-    assert [name for name, *_ in model["families"]] == ["LID", "ALL"]
-    assert {name: some.tolist() for name, some in deck.element_sets.items() if len(some)} == {
-        "ALL": [0], "LID": [1],
-    }  # fmt: skip
-    left_out = "3 constraints, springs, dampers or masses on parts that are left out"
-    assert model["ignored"] == [left_out]
-    assert len(model["joints"]["equations"]) == 1
-    assert [mass for _, _, mass in model["joints"]["masses"]] == [pytest.approx(1e3)]
-    assert [k for _, k in model["joints"]["springs"]] == [pytest.approx(4e3)]
-    everything, _ = read(tmp_path, PARTS + ON)
-    assert everything["ignored"] == []
-    assert len(everything["joints"]["equations"]) == 2
-    with refused(None, "'ALL', 'LID', 'WING'", MeshError):
-        read(tmp_path, PARTS, parts=["LID", "NONE"])
-
-
-def test_points_of_no_element_are_fixed_by_their_motions(tmp_path):
-    """Reference nodes of rigid bodies, and the node whose displacements are rotations."""
-    text = PARTS + "*NODE\n11,1,1,1\n12,2,2,2\n13,3,3,3\n*NSET,NSET=A\n1,4\n*NSET,NSET=B\n5,6\n"
-    text += "*RIGID BODY,NSET=A,REF NODE=11,ROT NODE=13\n*RIGID BODY,NSET=B,REF NODE=12\n"
-    model, deck = read(tmp_path, text + "*BOUNDARY\n11,2,3\n12,4\n13,1\n2,1\n")
-    points = [[1e-3] * 3, [2e-3] * 3]
-    np.testing.assert_allclose(model["joints"]["points"], points)
-    # node 13 has the rotations of node 11
-    assert model["fixed_points"] == [[-1, ["rx", "y", "z"]], [-2, ["rx"]]]
-    assert {name: rows.tolist() for name, rows in deck.fixed.items()} == {"fixed x": [1]}
 
 
 @pytest.mark.parametrize(

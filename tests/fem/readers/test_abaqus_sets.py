@@ -79,18 +79,6 @@ def test_sets_of_elements_and_of_those_that_are_no_cells(read):
     assert (beside["K"], beside["A"]) == ([0, 1], [0, 1, 2])
 
 
-def test_an_assembly_of_one_instance_may_use_its_numbers(read):
-    """In sets and ranges; the instance has sets of its own, and a spring joins two nodes of it."""
-    top = "*ASSEMBLY,NAME=A\n*INSTANCE,NAME=I,PART=P\n1,0,0\n*NSET,NSET=OWN\n3\n*END INSTANCE\n"
-    top += "*NSET,NSET=Q\n1,9\n*ELSET,ELSET=R,GENERATE\n10,20\n"
-    top += "*ELEMENT,TYPE=SPRINGA,ELSET=K\n1,I.1,I.9\n*SPRING,ELSET=K\n\n5.\n*END ASSEMBLY\n"
-    whole = read(PART + top)
-    assert lists(whole.deck.node_sets) == {"I.end": [4, 9], "I.OWN": [1], "Q": [0, 4]}
-    assert whole.deck.element_sets["R"].tolist() == [0, 1]
-    (card,) = whole.named("SPRING")
-    assert list(whole.elements_of(card)) == [("SPRINGA", [0, 4])]
-
-
 PART = f"*PART,NAME=P\n{SHEET}*ELSET,ELSET=All,GENERATE\n10,40,10\n*NSET,NSET=end\n9,19\n"
 PART += "*END PART\n"
 TOP = """\
@@ -123,18 +111,6 @@ tips
 """
 
 
-def test_parts_without_instances_are_their_own(read):
-    """A single part is a flat deck, of whose names and numbers later cards speak."""
-    tail = "*NSET,NSET=Q\nEND,1\n"
-    single = read(PART + tail).deck
-    flat = read(PART.replace("*PART,NAME=P\n", "").replace("*END PART\n", "") + tail).deck
-    assert lists(single.node_sets) == lists(flat.node_sets) == {"end": [4, 9], "Q": [0, 4, 9]}
-    assert (single.points == flat.points).all()
-    assert not single.remarks
-    two = read(PART + PART.replace("=P\n", "=R\n") + "*NSET,NSET=Q,INSTANCE=r\n1\n").deck
-    assert lists(two.node_sets) == {"P.end": [4, 9], "R.end": [14, 19], "Q": [10]}
-
-
 def test_sets_of_an_assembly(read):
     """The node of the assembly has row 0, those of the instances follow."""
     whole = read(PART + TOP)
@@ -158,18 +134,6 @@ def test_sets_of_an_assembly(read):
     assert list(whole.instances) == ["", "I-1", "I-2"]
     second = whole.instances["I-2"]
     assert (second.first_node, second.first_element) == (11, 4)
-
-
-def test_what_an_instance_tells_is_told_once(read):
-    """A part whose elements list too many nodes, and with springs, placed twice."""
-    more = "*ELEMENT,TYPE=S3\n50,1,3,5,7\n*ELEMENT,TYPE=MASS\n60,1\n*END PART"
-    part = PART.replace("*END PART", more)
-    deck = read(part + TOP).deck
-    line = PART.count("\n")
-    (told,) = deck.remarks
-    assert told.startswith(f"line {line} of part.inp: 1 S3 elements list more than their 3 nodes")
-    assert deck.left == {"MASS": 2}
-    assert deck.blocks[1].corners.tolist() == [[1, 2, 3]]
 
 
 def test_cards_in_files_and_over_lines(read):
@@ -197,18 +161,6 @@ def test_nodes_in_a_system_of_their_own(read):
     )
 
 
-def nested(depth: int) -> dict[str, str]:
-    files = {f"f{k}": f"*INCLUDE,INPUT=f{k + 1}.inp\n" for k in range(depth)}
-    return {**files, f"f{depth}": SHEET}
-
-
-def test_files_include_one_another_fifteen_deep(read):
-    assert read("*INCLUDE,INPUT=f0.inp\n", **nested(14)).deck.n_elements == 4
-    with pytest.raises(MeshError) as caught:
-        read("*INCLUDE,INPUT=f0.inp\n", **nested(15))
-    assert str(caught.value) == ("line 1 of f14.inp: files include one another more than 16 deep.")
-
-
 ASSEMBLED = PART + TOP
 WRONG = {
     "** words\n": (None, "contains"),
@@ -233,10 +185,3 @@ WRONG = {
 def test_what_is_wrong_is_told_with_its_line(read, text):
     with refused(*WRONG[text], MeshError):
         read(text)
-
-
-def test_large_numbers_that_are_whole_are_read(read):
-    """7.0 and 1.D3 are whole, as some programs write them; numbers below 1e-60 are zero."""
-    deck = read(f"*NODE,NSET=A\n7.0,1.D1,1e-61\n1.D3,-1e60,1.5+2\n{2**62},1\n").deck
-    np.testing.assert_array_equal(deck.points[:2], [[10, 0, 0], [-1e60, 150, 0]])
-    assert lists(deck.node_sets) == {"A": [0, 1, 2]}

@@ -9,7 +9,6 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.errors import PiecesError
-from antiosc_app.inspecting import inspect_part
 from assemblies import eigenfrequencies
 from contact_decks import cut_block, whole_block
 from marks import FREE_ON_PURPOSE
@@ -87,32 +86,6 @@ def test_general_contact_is_refused_unless_it_is_left_out(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("contact", ["tied", "apart"])
-def test_one_warning_tells_how_bodies_of_a_pair_hold_together(tmp_path, contact):
-    """Neither is their joint told as a crack of the mesh, nor are cells that overlap there."""
-    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), shared=True)
-    part, told = read(path, contact=contact)
-    assert ("UPPER_LOW and LOWER_HIGH at 11 nodes" in told[0]) == (contact == "tied")
-    assert contact == "apart" or len(told) == 1
-    assert len(elastic(part)) == 6
-
-
-@pytest.mark.slow
-def test_a_crack_within_a_body_of_a_pair_is_told(tmp_path):
-    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), shared=True)
-    lines = path.read_text().replace("*STEP", "").split("\n")
-    # the last element of the lower body, with a node of its own in place of one within its mesh
-    at = max(k for k, line in enumerate(lines) if line.startswith("8, ") and line.count(",") == 8)
-    number, *nodes = lines[at].split(",")
-    place = next(line for line in lines if line.startswith(f"{int(nodes[0])}, "))
-    lines[at] = ",".join([number, " 5000", *nodes[1:]])
-    lines.insert(1, ",".join(["5000", *place.split(",")[1:]]))
-    path.write_text("\n".join(lines))
-    _, told = read(path, contact="apart")
-    assert any("crack" in one for one in told), told
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("gap", [2.0, 0.0])
 def test_what_is_open_at_first_or_touches_along_a_line_is_not_tied(tmp_path, gap):
     """A body that touches at an edge alone would turn about it."""
@@ -123,17 +96,3 @@ def test_what_is_open_at_first_or_touches_along_a_line_is_not_tied(tmp_path, gap
         path.write_text(text.replace("*SURFACE INTERACTION", f"{edge}*SURFACE INTERACTION"))
     with warnings.catch_warnings(action="ignore"), refused(None, "pieces", PiecesError):
         ao.read_model(path, unit="mm")
-
-
-@pytest.mark.slow
-def test_new_ties_the_pairs_of_a_deck_and_tells_it(tmp_path):
-    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1))
-    found = inspect_part(path)
-    assert found.read == {"unit": "mm", "contact": "tied"}
-    assert found.mass == pytest.approx(7850 * 0.1 * 0.02 * 0.02, rel=1e-9)
-    assert sum("are tied" in note for note in found.notes) == 1
-    # apart, nothing joins them: one is read
-    apart = inspect_part(path, contact="apart")
-    assert apart.read == {"unit": "mm", "contact": "apart", "piece": 1}
-    path = cut_block(tmp_path / "b.inp", (4, 2, 1), (3, 1, 1), gap=2.0)
-    assert inspect_part(path).read == {"unit": "mm", "piece": 1}  # nothing can be tied

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Block, Deck
 from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, rectangles
@@ -155,20 +154,6 @@ def needed(deck: Deck, edge: frozenset) -> set[int]:
     raise AssertionError(edge)
 
 
-def test_lines_are_halved_where_they_are_asked_for():
-    deck = deck_of(["line", "line"], 2)
-    deck.element_sets = {"second": np.array([1])}
-    own = [[*block.corners[0].tolist(), int(block.mids[0, 0])] for block in deck.blocks]
-    mesh = as_mesh(deck, halve_lines=True)
-    assert list(mesh.cells) == ["line"]
-    halves = [[a, m] for a, _, m in own] + [[m, b] for _, b, m in own]
-    assert sorted(mesh.cells["line"].tolist()) == sorted(halves)
-    rows = mesh.groups["second"]["line"]
-    assert sorted(mesh.cells["line"][rows].tolist()) == sorted(h for h in halves if own[1][2] in h)
-    whole = as_mesh(deck_of(["line"], 2))
-    assert whole.cells["line3"].tolist() == [own[0]]
-
-
 def test_cells_of_several_dimensions_have_their_groups():
     deck = deck_of(["wedge", "quad", "line"], 1)
     deck.element_sets = {"a": np.array([0, 1]), "b": np.array([2]), "none": np.zeros(0, dtype=int)}
@@ -184,10 +169,3 @@ def test_cells_of_several_dimensions_have_their_groups():
     }  # fmt: skip
     assert mesh.remarks[0] == "before"
     assert "2 MASS, 1 SPRINGA" in mesh.remarks[1]
-
-
-def test_elements_without_volume_are_refused():
-    deck = deck_of(["quad", "quad"], 1)
-    deck.blocks[1].corners[0, 1:] = deck.blocks[1].corners[0, 0]
-    with pytest.raises(MeshError, match="1 quad elements of a deck use one node several times"):
-        as_mesh(deck)

@@ -21,14 +21,9 @@ from antiosc.io.facets import (
     SIDES,
     Surface,
     areas,
-    oriented,
-    read,
     surface_of,
-    volumes,
 )
 from antiosc.io.request import Request
-from antiosc.recovery import mesh_fields
-from antiosc_app.live_meshes import surface
 from mesh_files import refusal
 
 pytestmark = pytest.mark.fem
@@ -101,24 +96,6 @@ def test_a_small_hole_is_closed_and_a_large_one_is_not(tmp_path):
     assert found.remarks == []
 
 
-def test_pieces_are_turned_each_by_itself():
-    points, triangles = block(2)
-    both = np.vstack([triangles[:, ::-1], triangles + len(points)])
-    every, row = np.unique(np.vstack([points, points + 3.0]), axis=0, return_inverse=True)
-    turned, piece = oriented(every, row.ravel()[both])
-    assert sorted(np.bincount(piece)) == [48, 48]
-    assert consistent(turned)
-    np.testing.assert_allclose(np.bincount(piece, volumes(every, turned)), 1.0)
-
-
-def test_a_closed_surface_without_thickness_is_a_sheet(tmp_path):
-    points, triangles = block(2)
-    for height, closed in ((1e-4, False), (1.0, True)):
-        path = write(tmp_path / "part.stl", points * [1, 1, height], triangles)
-        groups = read(Request(str(path), path.name)).groups
-        assert ("closed surface" in groups) == closed
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", ["stl", "obj", "ply", "off"])
 def test_every_format_is_filled(tmp_path, ending):
@@ -141,16 +118,6 @@ def test_a_cavity_and_two_bodies(tmp_path):
         with pytest.warns(ao.AntioscWarning, match="of 2 is read"):
             mesh = ao.read_mesh(path, size=3e-3, unit="mm", solid=True, piece=piece)
         assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-9 * volume, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_the_skin_on_a_page_is_seen_from_outside():
-    mesh = ao.box_mesh((0.3, 0.2, 0.1), size=0.1)
-    part = ao.Structure(mesh, STEEL)
-    points, cells, _ = mesh_fields.at_nodes(part, np.zeros((part.rows, 0)))
-    skin = surface(points, cells)
-    assert consistent(skin.faces)
-    assert volumes(skin.points, skin.faces).sum() == pytest.approx(6e-3, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -178,17 +145,6 @@ def test_bodies_that_pierce_each_other_are_united_and_one_alone_is_read(tmp_path
     assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-6, rel=1e-6)
 
 
-@pytest.mark.slow
-def test_a_side_of_one_triangle_is_divided_to_the_size_of_the_elements(tmp_path):
-    points = np.vstack([np.zeros(3), 10 * np.eye(3)])
-    triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    path = write(tmp_path / "corner.stl", points, triangles)
-    mesh = ao.read_mesh(path, size=2e-3, unit="mm", solid=True)
-    assert mesh.n_cells > 100
-    assert len([name for name in mesh.groups if name.startswith("face ")]) == 4
-    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-6 / 6, rel=1e-6)
-
-
 #: A cube of quadrilaterals whose corners have textures of their own.
 OBJ = """\
 # a cube
@@ -196,18 +152,6 @@ v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
 vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt .5 .5
 f 1/1 4/2 3/3 2/4\nf 5/1 6/2 7/5 8/4\nf -8//1 -7//1 -3//1 -4//1\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
 """
-OFF = "OFF\n# a cube\n8 6 0\n" + "".join(
-    line[2:] + "\n" if line.startswith("v ") else "" for line in OBJ.splitlines()
-) + "4 0 3 2 1\n4 4 5 6 7\n4 0 1 5 4\n4 1 2 6 5\n4 2 3 7 6\n4 3 0 4 7\n"  # fmt: skip
-
-
-@pytest.mark.parametrize(("ending", "text"), [("obj", OBJ), ("off", OFF)])
-def test_polygons_are_read_without_their_textures(tmp_path, ending, text):
-    path = tmp_path / f"cube.{ending}"
-    path.write_text(text)
-    found = loaded(path)
-    assert found.volume == pytest.approx(1.0)
-    assert areas(found.points, found.triangles).sum() == pytest.approx(6.0)
 
 
 @pytest.mark.slow
@@ -225,17 +169,6 @@ def test_a_file_that_is_cut_off_is_refused(tmp_path, ending):
     for share in (0.3, 0.99):
         path.write_bytes(content[: int(share * len(content))])
         assert path.name in refusal(path)
-
-
-@pytest.mark.slow
-def test_a_mesh_with_less_volume_than_its_surface_is_told(tmp_path):
-    """Cells of the size of a ball of facets cut it."""
-    import trimesh
-
-    ball = trimesh.creation.icosphere(3, 10.0)
-    path = write(tmp_path / "ball.stl", np.array(ball.vertices), np.array(ball.faces))
-    with pytest.warns(ao.AntioscWarning, match="too small beside"):
-        ao.read_mesh(path, size=1e-2, unit="mm", solid=True)
 
 
 def pierced(path: Path, deep: float) -> Path:

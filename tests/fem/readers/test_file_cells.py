@@ -19,9 +19,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
-from antiosc.io.reading import read
 from mesh_files import grid, refusal
-from paths import MESHES
 
 
 def write(path: Path, points, *cells, **data) -> Path:
@@ -33,83 +31,6 @@ def write(path: Path, points, *cells, **data) -> Path:
 def test_repeated_cells_are_refused(tmp_path):
     told = refusal(grid(tmp_path / "grid.msh", 19, 1, "twice"))
     assert "40 of 762 cells of grid.msh repeat another one" in told
-
-
-@pytest.mark.slow
-def test_cells_that_use_a_node_twice_or_share_a_side_too_often(tmp_path):
-    square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-    path = write(tmp_path / "a.vtu", square, ("quad", [[0, 1, 2, 3], [0, 1, 2, 2]]))
-    assert "1 of 2 cells of a.vtu use a node twice" in refusal(path)
-    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1], [1, 1, 1]]
-    tetra = [[0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2, 5]]
-    path = write(tmp_path / "b.vtu", points, ("tetra", tetra))
-    assert "3 of 3 cells of b.vtu share a side with more than one other" in refusal(path)
-
-
-ABAQUS_BEAMS = """\
-*NODE
-1, 0, 0, 0
-2, 1, 0.1, 0
-3, 2, 0, 0
-4, 3, -0.1, 0
-5, 4, 0, 0
-*ELEMENT, TYPE=B32, ELSET=all
-1, 1, 2, 3
-2, 3, 4, 5
-"""
-
-
-@pytest.mark.slow
-def test_beams_of_three_nodes_in_abaqus_order(tmp_path):
-    path = tmp_path / "beam.inp"
-    path.write_text(ABAQUS_BEAMS)
-    raw = read(path)
-    assert raw.points[raw.cells][:, :, 0].tolist() == [[0, 2, 1], [2, 4, 3]]
-    assert ao.read_mesh(path).order == 2
-    straight = ao.read_mesh(path, order=1)
-    assert straight.order == 1
-    assert np.ptp(straight.dolfinx.geometry.x, axis=0).tolist() == [4, 0, 0]
-    path.write_text(ABAQUS_BEAMS.replace("2, 3, 4, 5", "2, 4, 3, 5"))
-    assert "in no known order" in refusal(path)
-
-
-def solid_with_shell(path: Path) -> Path:
-    """Two blocks, a skin on a side of them and a fin that stands off, one edge of it stiffened."""
-    points = [[x, y, z] for x in (0, 1, 2) for z in (0, 1) for y in (0, 1)] + [[3, 0, 0], [3, 1, 0]]
-    hexahedra = [[0, 4, 5, 1, 2, 6, 7, 3], [4, 8, 9, 5, 6, 10, 11, 7]]
-    quads, lines = [[0, 1, 3, 2], [8, 9, 13, 12]], [[0, 1], [12, 13]]
-    sets = {
-        "blocks": [np.array([0, 1]), None, None], "skin": [None, np.array([0]), None],
-        "fin": [None, np.array([1]), None], "both": [None, np.array([0, 1]), None],
-        "one": [np.array([1]), None, None],
-    }  # fmt: skip
-    lists = {
-        name: [np.zeros(0, dtype=int) if rows is None else rows for rows in blocks]
-        for name, blocks in sets.items()
-    }
-    cells = [("hexahedron", hexahedra), ("quad", quads), ("line", lines)]
-    return write(path, points, *cells, cell_sets=lists)
-
-
-@pytest.mark.slow
-def test_shells_and_beams_that_are_no_sides_of_solids_are_told(tmp_path):
-    path = solid_with_shell(tmp_path / "part.inp")
-    told = refusal(path)
-    assert "holds 2 volumes and besides 1 faces (quad) and 1 lines (line)" in told
-    assert "as 3 (their dimension)" in told
-    assert ao.read_mesh(path, cells=3).n_cells == 2
-    assert len(ao.read_mesh(path, cells=3).group("skin")[2]) == 1
-    assert not ao.read_mesh(path, cells=3).groups["fin"]
-    assert ao.read_mesh(path, cells="blocks").n_cells == 2
-    assert ao.read_mesh(path, cells="one").n_cells == 1
-    fin = ao.read_mesh(path, cells="fin")
-    assert (fin.n_cells, fin.tdim) == (1, 2)
-    assert "2 pieces" in refusal(path, cells=["both"])
-    with pytest.raises(ao.InputError, match="cells"):
-        ao.read_mesh(path, cells="foot")
-    for wrong in (0, 4, True, [], [1], "", 2.5):
-        with pytest.raises(ao.InputError, match="cells must"):
-            ao.read_mesh(path, cells=wrong)
 
 
 def told(path: Path) -> list[str]:
@@ -149,12 +70,6 @@ def test_cracks_are_told(tmp_path, shape):
     (crack,) = told(path)
     expected = 4 if shape in ("triangle", "quad") else 16
     assert f"{expected} nodes of part.vtu lie where others lie" in crack
-
-
-@pytest.mark.slow
-def test_sound_meshes_are_told_nothing_of():
-    for path in MESHES.glob("*.msh"):
-        assert told(path) == []
 
 
 A, B, C = 0.15, -0.1, 0.2

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import re
 import resource
 import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,12 +13,11 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io import by_gmsh, isolation, mesh_files, reading, request
+from antiosc.io import isolation, mesh_files, reading
 from antiosc.io.neutral import FileMesh, UnitSystem, packed, unpacked
 from antiosc.io.reading import selected
 from antiosc.io.request import Request
-from antiosc.io.table import deck_endings, is_deck, reader_of
-from paths import ROOT
+from antiosc.io.table import is_deck
 from refusals import refused
 
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -180,21 +176,6 @@ def test_every_way_in_which_files_name_groups(monkeypatch):
     }  # fmt: skip
 
 
-def test_fields_that_name_no_group_are_passed_over(monkeypatch):
-    """MED and VTK keep fields where gmsh's formats keep (tag, dimension) of the groups' names."""
-    fields = {"time": np.array([1.0]), "force": np.ones(3), "stress": {"TE4": 1}, "top": [7, 2]}
-    tags = [np.array([7]), np.array([3]), np.array([7, 8])]
-    content = mesh(field_data=fields, cell_data={"gmsh:physical": tags})
-    assert groups(read(monkeypatch, content))["top"] == {"triangle": [0, 1]}
-
-
-def test_cells_that_nothing_carries(monkeypatch):
-    content = mesh()
-    content.cells[0].type = "polygon"
-    with pytest.raises(ao.MeshError, match="polygon"):
-        read(monkeypatch, content)
-
-
 # --- Limits of the process that reads: what the kernel is asked for, written down instead ---------
 
 
@@ -207,27 +188,6 @@ def asked(monkeypatch) -> list[tuple]:
     return found
 
 
-def test_time_is_that_of_the_file_or_of_the_caller(asked):
-    Request("/a/b", "b").allow(12.5)
-    assert ("signal", signal.SIGPROF, signal.SIG_DFL) in asked
-    assert ("timer", signal.ITIMER_PROF, 12.5) in asked  # a busy machine takes longer
-    ((_, _, waiting),) = [one for one in asked if one[:2] == ("timer", signal.ITIMER_REAL)]
-    assert waiting > 100.0
-    begun = time.monotonic()
-    Request("/a/b", "b", timeout=100.0, started=begun - 40.0).allow(12.5)
-    assert asked[-1][2] == pytest.approx(60.0, abs=5.0)
-    Request("/a/b", "b", timeout=100.0, started=begun - 400.0).allow(12.5)
-    assert asked[-1][2] == 1e-3
-
-
-def test_files_are_limited_but_for_those_of_trust(asked):
-    Request("/a/b", "b", trust=True).seal()
-    assert asked == []
-    Request("/a/b", "b").seal()
-    assert asked == [("signal", signal.SIGXFSZ, signal.SIG_IGN),
-                     ("limit", resource.RLIMIT_FSIZE, (2**20, 2**20))]  # fmt: skip
-
-
 def test_a_file_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "part.msh"
     path.write_bytes(b"x" * 1000)
@@ -236,22 +196,6 @@ def test_a_file_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(isolation, "_machine_memory", lambda: 1111)
     with pytest.raises(isolation.MeshError, match=r"part.msh has 9.31e-07 GiB, more than this mac"):
         isolation._size(path)
-
-
-def test_decks_that_share_their_endings_with_others(tmp_path):
-    texts = {"a.dat": b"$ c\n begin  bulk\n", "b.dat": b"GRID,1\n", "c.pch": b"cend\n"}
-    texts |= {"d.asm": b"x\nGRID*   1\n", "e.dat": b"GRIDS\n", "f.dat": b"TITLE\n"}
-    texts |= {"g.txt": b"GRID 1\n"}
-    found = {}
-    for name, content in texts.items():
-        (tmp_path / name).write_bytes(content)
-        found[name] = is_deck(tmp_path / name)
-    assert [name for name, deck in found.items() if deck] == ["a.dat", "b.dat", "c.pch", "d.asm"]
-    assert not is_deck(tmp_path / "none.dat")
-    for name in ("a.inp", "a.BDF", "a.nas", "a.fem"):
-        assert is_deck(name)
-    assert not is_deck("a.vtu")
-    assert reader_of("a.stl", solid=True).read is by_gmsh.generate
 
 
 OPTIONS = {
@@ -271,7 +215,6 @@ def test_options_that_do_not_fit_a_file(tmp_path, case):
         reading.read(tmp_path / name, **dict(options))
 
 
-GROUPS = ("antiosc.readers", "antiosc.matrices")
 PROGRAM = '''
 import numpy as np
 
@@ -329,49 +272,6 @@ def test_a_package_adds_a_reader(package):
     path.with_suffix(".inp").write_text("*NODE\n1,0,0,0\n2,1,0,0\n*ELEMENT,TYPE=B31\n1,1,2\n")
     assert is_deck(path.with_suffix(".inp"))
     assert len(reading.read(path.with_suffix(".inp")).cells) == 1
-
-
-@pytest.mark.slow
-def test_a_reader_that_cannot_be_loaded_is_told_for_its_files_alone(package):
-    for ending, word in (("bad", "FileReader"), ("lost", "nowhere")):
-        path = package / f"a.{ending}"
-        path.write_text("0 0 0\n1 0 0\n")
-        with pytest.raises(ao.MissingDependencyError, match=word):
-            reading.read(path)
-    path = package / "wire.xyz"
-    path.write_text("0 0 0\n1 0 0\n")
-    assert len(reading.read(path).cells) == 1
-
-
-def test_packages_in_the_working_folder_register_nothing(package, monkeypatch):
-    monkeypatch.chdir(package / "site")
-    monkeypatch.setattr(sys, "path", ["", *sys.path[:-1]])
-    assert "xyz" not in {entry.name for entry in request.registered("antiosc.readers")}
-
-
-@pytest.mark.slow
-def test_decks_are_found_in_sources_that_are_not_installed(tmp_path):
-    script = "from antiosc.io.request import registered as f\n"
-    script += "print(*(e.name for g in {} for e in f(g)))"
-    done = subprocess.run(
-        [sys.executable, "-S", "-c", script.format(GROUPS)],
-        cwd=tmp_path, capture_output=True, text=True, check=True,
-        env={"PYTHONPATH": f"{ROOT / 'src'}:{Path(np.__file__).parents[1]}"},
-    )  # fmt: skip
-    here = [entry.name for group in GROUPS for entry in request.registered(group)]
-    assert sorted(set(done.stdout.split())) == sorted(here)
-    assert {"inp", "bdf", "op4", "dmig", "harwell-boeing"} <= set(here)
-    assert deck_endings() == [".bdf", ".fem", ".inp", ".nas"]
-
-
-def test_readers_of_decks_know_the_neutral_model_alone():
-    """What a reader of another package may import, too; `read_model` stands beside them."""
-    ground = {"base", "io", "io.matrices"}
-    for path in (ROOT / "src" / "antiosc_decks").glob("*.py"):
-        used = set(re.findall(r"^ *(?:from|import) antiosc\.([.\w]*)", path.read_text(), re.M))
-        if path.stem not in ("from_deck", "shared_nodes"):
-            used.discard("extension")  # where its names come from is read in tests/test_house.py
-            assert not {m for m in used if m not in ground and m.rpartition(".")[0] not in ground}
 
 
 @pytest.mark.slow

@@ -24,17 +24,6 @@ def same(one: dict, other: dict) -> None:
     inp.alike([row[:3] for row in one["families"]], [row[:3] for row in other["families"]])
 
 
-def freedom(model: dict) -> int:
-    """Number of motions that the constraints leave of those on which they act."""
-    equations = model["joints"]["equations"]
-    motions = sorted({(n, m) for terms in equations for n, m, _ in terms})
-    rows = np.zeros((len(equations), len(motions)))
-    for row, terms in zip(rows, equations, strict=True):
-        for node, motion, coefficient in terms:
-            row[motions.index((node, motion))] += coefficient
-    return len(motions) - int(np.linalg.matrix_rank(rows))
-
-
 PLANE = inp.CUBE.split("*ELEMENT")[0] + "*ELEMENT,TYPE=CPS3,ELSET=ALL\n1,1,2,3\n" + inp.STEEL
 BUSH = BLOCK + "PBUSH,3,K,4.,5.,6.\n" + bdf.CYCLIC + "CBUSH,9,3,1,2,,,,0\n,"
 RIGID = BLOCK + "RBE2,9,1,{},2\nSPC1,1,{},3\nGRID,9,,0.,0.,0.,,{}\n"
@@ -60,25 +49,6 @@ def test_one_model_written_otherwise(tmp_path, plain, other, told):
     models = [read(tmp_path, text)[0] for text in (plain, other)]
     same(*models)
     assert not told or any(told in text for text in models[1]["ignored"])
-
-
-def test_components_are_digits_from_1_to_6(tmp_path):
-    with pytest.raises(MeshError, match="components"):
-        bdf.read(tmp_path, BLOCK + "SPC1,1,1 7,3\n")
-
-
-def test_a_rigid_body_without_a_reference_node_has_six_motions(tmp_path):
-    body = inp.CUBE + inp.SOLID + inp.STEEL + "*NSET,NSET=P\n1,2,3,6\n*RIGID BODY,NSET=P\n"
-    model, _ = inp.read(tmp_path, body)
-    assert freedom(model) == 6
-
-
-@pytest.mark.parametrize("mass", ["CONM2,9,99,,1.\n", "CONM2,9,99,,1.,1.,0.,0.\n"])
-def test_masses_that_nothing_joins_are_told(tmp_path, mass):
-    plain, _ = bdf.read(tmp_path, BLOCK)
-    model, _ = bdf.read(tmp_path, BLOCK + "GRID,99,,50.,0.,0.\n" + mass)
-    same(model, plain)
-    assert any("nothing joins" in text for text in model["ignored"])
 
 
 INCLUDES = {
@@ -128,46 +98,6 @@ def test_several_pieces_are_read_where_each_is_held(tmp_path, given, held):
     assert bdf.read(tmp_path, cubes + given)[0]["held"] is held
 
 
-def test_bulk_data_by_the_name_of_an_abaqus_deck_are_called_so(tmp_path):
-    with pytest.raises(MeshError, match=r"line 1 of part\.inp.*Nastran"):
-        inp.read(tmp_path, BLOCK)
-
-
-def test_copies_of_shells_add_up(tmp_path):
-    """Their nodes follow those of the first; a triangle copies the half of a quadrilateral."""
-    plate = PLATE + "PSHELL,7,1,.4,1,,1\nSPC1,1,123456,1\n"
-    more = plate + "CQUAD4,2,7,2,3,4,1\nCTRIA3,3,7,1,2,3\n"
-    model, deck = bdf.read(tmp_path, more)
-    assert [len(block) for block in deck.blocks] == [2, 1]
-    followed = {(own, node): 0 for (own, *_), (node, *_) in model["joints"]["equations"]}
-    assert len(followed) == 7
-    for own, node in followed:
-        assert np.array_equal(deck.points[own], deck.points[node])
-    assert len(model["joints"]["equations"]) == 6 * 7
-    assert any("repeat" in text for text in deck.remarks)
-
-
-def test_materials_without_density_beside_masses(tmp_path):
-    bare = BLOCK.replace(",8.-9", "")
-    with pytest.raises(MeshError, match="density"):
-        bdf.read(tmp_path, bare)
-    model, _ = bdf.read(tmp_path, bare + "CONM2,9,1,,1.\n")
-    ((_, _, arguments, _),) = model["families"]
-    assert 0 < arguments["rho"] < 1e-8 * bdf.RHO
-    assert any("MAT1 1" in text for text in model["ignored"])
-
-
-def test_a_shear_modulus_of_beams_that_does_not_follow(tmp_path):
-    """E and G of a beam are those of its material, also where ν would be 0.5 or more."""
-    bar = BAR.replace(bdf.MAT1, "MAT1,1,2.+5,4.+4,,8.-9\n")
-    bar += "CBAR,1,7,1,2,0.,1.,0.\nPBAR,7,1,1.,1.,1.,2.\n,,,,,,,,\n,.8,.8\n"
-    model, _ = bdf.read(tmp_path, bar)
-    ((_, _, arguments, _),) = model["families"]
-    section, G = arguments["section"], arguments["E"] / (2 + 2 * arguments["nu"])
-    assert G * section["J"] == pytest.approx(4e10 * 2e-12)
-    assert G * section["A"] * section["shear"] == pytest.approx(4e10 * 0.8e-6)
-
-
 def test_orthotropic_solids_by_nine_constants(tmp_path):
     """MAT11: E1 to G23 as stated; with those of an isotropic material it is MAT1."""
     given = "MAT11,1,2.+5,2.+5,2.+5,.3,.3,.3,{0},\n,{0},{0},8.-9\n".format(repr(2e5 / 2.6))
@@ -190,20 +120,6 @@ def test_layers_of_one_material_are_a_solid(tmp_path):
         bdf.read(
             tmp_path, BLOCK.replace("PSOLID,7,1\n", layers + ",3,2,5.\nMAT1,2,1.+5,,.3,8.-9\n")
         )
-
-
-def test_rigid_bodies_with_one_rotation_node_turn_alike(tmp_path):
-    """As hinges do: their displacements are free of each other."""
-    bodies = "*NODE\n99,0,0,0\n*NSET,NSET=P\n1,2,3\n*NSET,NSET=Q\n5,6,8\n"
-    bodies += "*RIGID BODY,NSET=P,ROT NODE=99\n*RIGID BODY,NSET=Q,ROT NODE=99\n"
-    model, _ = inp.read(tmp_path, inp.CUBE + inp.SOLID + inp.STEEL + bodies)
-    assert freedom(model) == 3 + 3 + 3
-
-
-def test_an_include_below_loads_may_have_a_name_that_is_too_long(tmp_path):
-    cube = inp.CUBE + inp.SOLID + inp.STEEL
-    model, _ = inp.read(tmp_path, f"{cube}*STEP\n*CLOAD\n*INCLUDE, INPUT={'x' * 300}\n")
-    same(model, inp.read(tmp_path, cube)[0])
 
 
 CUBE = inp.CUBE + inp.SOLID + inp.STEEL
@@ -242,28 +158,6 @@ def test_other_cards_name_what_is_there(tmp_path, cards):
         inp.read(tmp_path, CUBE + cards)
 
 
-def test_missing_members_of_a_set_are_told(tmp_path):
-    text = f"{CUBE}*NSET,NSET=A\n1,2,77,LATER\n*NSET,NSET=LATER\n3\n*BOUNDARY\nA,1\n"
-    _, deck = inp.read(tmp_path, text)
-    (told,) = deck.remarks
-    assert told.startswith(inp.line(text, "*NSET,NSET=A"))
-    assert "2 of 4 members" in told
-    assert held(deck) == {"x": [0, 1]}
-
-
-def test_motions_that_are_none_are_told(tmp_path):
-    """Temperatures and the like: 0 and 11 in CalculiX."""
-    model, deck = inp.read(tmp_path, f"{CUBE}*BOUNDARY\n1,2\n2,11,11,20.\n3,0,0\n")
-    assert held(deck) == {"y": [0]}
-    assert any("no motion of *BOUNDARY" in text for text in model["ignored"])
-
-
-def test_supports_of_the_first_step_in_place_of_those_of_the_model(tmp_path):
-    text = CUBE + "*BOUNDARY\n1,1\n*STEP\n*BOUNDARY,OP={}\n2,2\n*BOUNDARY,OP={}\n3,3\n*END STEP\n"
-    assert held(inp.read(tmp_path, text.format("MOD", "MOD"))[1]) == {"x": [0], "y": [1], "z": [2]}
-    assert held(inp.read(tmp_path, text.format("NEW", "NEW"))[1]) == {"y": [1], "z": [2]}
-
-
 @pytest.mark.parametrize("members", ["\n1,2\n", ",GENERATE\n1,2\n"])
 def test_sets_of_the_assembly_name_their_instance(tmp_path, members):
     text = PLACED.format("*NSET,NSET=F{}" + members) + "*BOUNDARY\nF,1\n"
@@ -273,11 +167,6 @@ def test_sets_of_the_assembly_name_their_instance(tmp_path, members):
     second = "*END INSTANCE\n*INSTANCE,NAME=J,PART=P\n90,0,0\n*END INSTANCE\n"
     with pytest.raises(MeshError, match="INSTANCE="):
         inp.read(tmp_path, text.format("").replace("*END INSTANCE\n", second))
-
-
-def test_a_part_without_an_instance_is_told(tmp_path):
-    _, deck = inp.read(tmp_path, PLACED.format("") + "*PART,NAME=Q\n*NODE\n1,0,0,0\n*END PART\n")
-    assert any("'Q'" in text for text in deck.remarks)
 
 
 SUPPORTS = "SPC1,1,1,1\nSPC1,2,2,2\nSPC,3,3,3,,4,2,.5\nSPCADD,9,1,3\n"
@@ -297,11 +186,6 @@ def test_the_supports_are_those_that_the_first_subcase_selects(tmp_path, control
     assert set(held(deck)) == set(motions)
     (told,) = deck.remarks
     assert f"SPC set{'s' * (len(others) > 1)} {', '.join(map(str, others))}, which" in told
-
-
-def test_a_set_of_supports_that_is_not_there(tmp_path):
-    with pytest.raises(MeshError, match="SPC = 5"):
-        bdf.read(tmp_path, f"SPC=5\nBEGIN BULK\n{BLOCK}{SUPPORTS}")
 
 
 TWICE = {
@@ -333,42 +217,4 @@ def test_springs_along_an_orientation(tmp_path):
         assert found == pytest.approx(expected, abs=1e-12)
 
 
-RODDED = bdf.GRIDS + "CBAR,1,7,1,2,0.,1.,0.\n" + bdf.MAT1
 PBAR = "PBAR,7,1,2.,3.,3.,4.\n"
-
-
-def test_a_bar_with_one_blank_inertia_is_soft_there(tmp_path):
-    """It is read, with a small stiffness in that plane, and told."""
-    model, _ = bdf.read(tmp_path, RODDED + "PBAR,7,1,2.,3.,,4.\n")
-    ((_, kind, arguments, _),) = model["families"]
-    assert kind == "Beam"
-    section = arguments["section"]
-    small, large = sorted((section["I"], section["I_side"]))
-    assert small < 1e-5 * large
-    assert any("hinge" in sentence for sentence in model["ignored"])
-
-
-def test_an_include_before_the_bulk_data_may_be_missing(tmp_path):
-    text = (
-        "INCLUDE 'dmap.txt'\nSOL 103\nCEND\nBEGIN BULK\n"
-        + RODDED
-        + "PBAR,7,1,2.,3.,3.,4.\nENDDATA\n"
-    )
-    _, deck = bdf.read(tmp_path, text)
-    assert any("dmap.txt" in sentence for sentence in deck.remarks)
-
-
-def test_the_displacement_of_nodes_on_a_line_is_their_mean(tmp_path):
-    """RBE3 to a node beside the middle of two nodes, on their line: no rotation matters."""
-    rbe3 = "RBE3,9,,2,1,1.,123,1,10\n"
-    text = RODDED + PBAR + "GRID,10,,60.,0.,0.\nCBAR,2,7,1,10,0.,1.,0.\n" + rbe3
-    model, _ = bdf.read(tmp_path, text)
-    (terms,) = model["joints"]["equations"]
-    assert {n: c for n, m, c in terms if m == 0} == pytest.approx({1: 1.0, 0: -0.5, 8: -0.5})
-
-
-def test_a_file_of_loads_may_be_missing(tmp_path):
-    """The loads are not read either; it is told."""
-    loads = "*STEP\n*STATIC\n*DLOAD\n*INCLUDE, INPUT=pressure.dlo\n*END STEP\n"
-    model, _ = inp.read(tmp_path, inp.CUBE + inp.SOLID + inp.STEEL + loads)
-    assert any("*INCLUDE" in sentence for sentence in model["ignored"])

@@ -19,7 +19,6 @@ from antiosc.io import by_gmsh
 from antiosc.io.conversion import EDGES
 from antiosc.io.mesh_files import GMSH_EDGES, GMSH_FACES
 from antiosc.io.neutral import CELLS, rectangles
-from mesh_files import refusal
 from parts import gmsh_session
 from paths import MESHES
 
@@ -38,17 +37,6 @@ def cube(session, path: Path, kernel: str) -> Path:
         f"Mesh.ElementOrder = {2 if kernel == 'own, order 2' else 1};\n"
     )
     return path
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kernel", ["occ", "own"])
-def test_a_size_that_would_fill_the_machine_is_refused(tmp_path, session, kernel):
-    path = cube(session, tmp_path / "cube", kernel)
-    for size in (1e-30, 1e-8):
-        assert "more than 1e+07" in refusal(path, size=size)
-    if kernel == "occ":
-        assert "8.5e+07 cells at a size of 0.00464 m" in refusal(path, size=0.00464)
-    assert ao.read_mesh(path, size=0.5).n_cells > 10
 
 
 def damaged(content: bytes, rng: random.Random) -> bytes:
@@ -136,16 +124,6 @@ def write_brep(path: Path, axis: bool = False) -> None:
         gmsh.write(str(path))
 
 
-@pytest.mark.slow
-def test_curves_besides_a_solid_are_told_and_left_out(tmp_path):
-    """An axis through a box, as sketches leave it in CAD files."""
-    path = tmp_path / "box.brep"
-    write_brep(path, axis=True)
-    with pytest.warns(ao.AntioscWarning, match="volumes"):
-        mesh = ao.read_mesh(path, size=5.0)
-    assert mesh.cell == "tetrahedron"
-
-
 @pytest.fixture(scope="module")
 def assembly(tmp_path_factory) -> Path:
     """Two boxes that touch on half of a face, in a STEP file in mm."""
@@ -176,13 +154,6 @@ def test_solids_of_an_assembly_share_nodes_and_have_their_names(assembly):
     assert ao.Structure(mesh, both).mass == pytest.approx(mass, rel=1e-9)
     alone = ao.read_mesh(assembly, size=8e-3, parts=["post"])
     assert ao.Structure(alone, STEEL).mass == pytest.approx(7850 * 4e-6, rel=1e-9)
-
-
-def test_parts_and_cells_are_one_choice(tmp_path):
-    path = stl(tmp_path / "box.stl")
-    for options in ({"parts": ["a"], "cells": 2}, {"parts": "a"}, {"parts": 3.5}, {"parts": []}):
-        with pytest.raises(ao.InputError, match=r"cells (or parts|must be)|parts must be|cells"):
-            ao.read_mesh(path, **options)
 
 
 @pytest.mark.slow
@@ -309,17 +280,6 @@ def test_gmsh_orders_its_second_order_nodes_as_the_table_says(name):
             GMSH_FACES.get(shape, rectangles(shape)), x[corners + len(edges) :], strict=False
         ):
             np.testing.assert_allclose(x[list(face)].mean(axis=0), node, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_triangles_beside_quadrilaterals(tmp_path):
-    points = [*SQUARE, [2, 0, 0], [2, 1, 0]]
-    path = write(
-        tmp_path / "a.vtu", points, ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2], [4, 5, 2]])
-    )
-    sheet = ao.Structure(ao.read_mesh(path, gdim=3), ao.Shell(210e9, 0.3, 7850.0, 1e-2))
-    assert sheet.mesh.cell == "triangle"
-    assert sheet.mass == pytest.approx(2 * 78.5, rel=1e-12)
 
 
 @pytest.mark.slow

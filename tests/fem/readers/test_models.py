@@ -12,7 +12,6 @@ import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc_decks.properties import (
     constants_of_stiffness,
-    fixed_along_axes,
     isotropic,
 )
 
@@ -100,37 +99,6 @@ MAT = "MAT1,1,2.+5,,.3,2.-9\n"
 QUAD = bdf.UNIT_GRIDS + "CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,5,6,7,8\nPSHELL,1,1,.1,1\n" + MAT
 
 
-@pytest.mark.parametrize(
-    ("given", "E", "nu"),
-    [("2.+5,,.3", 2e11, 0.3), (",1.+5,.3", 2.6e11, 0.3), ("2.+5,8.+4,", 2e11, 0.25)],
-)
-def test_one_of_the_three_constants_may_be_missing(bulk, given, E, nu):
-    model, _ = bulk(QUAD.replace("2.+5,,.3", given))
-    assert model["families"][0][2]["E"] == pytest.approx(E)
-    assert model["families"][0][2]["nu"] == pytest.approx(nu)
-    assert not any("MAT1" in text for text in model["ignored"])
-
-
-@pytest.mark.parametrize(
-    ("own", "expected"),
-    [
-        ([0, 0, 0], [0, 0, 0]),
-        ([1, 1, 1], [1, 1, 1]),
-        ([1, 0, 0], None),
-        ([0, 1, 0], None),
-        ([0, 0, 1], [0, 1, 0]),
-        ([1, 1, 0], [1, 0, 1]),
-        ([1, 0, 1], None),
-    ],
-)
-def test_directions_askew_in_a_plane(own, expected):
-    """Rows 1 and 2 lie askew in the plane of x and z, row 3 along −y."""
-    c = np.sqrt(0.5)
-    frame = np.array([[c, 0, c], [c, 0, -c], [0, -1, 0]])
-    found = fixed_along_axes(np.array(own, dtype=bool), frame)
-    assert (found if found is None else found.astype(int).tolist()) == expected
-
-
 def test_stiffness_gives_back_the_constants():
     E, nu, G = [9e4, 2e4, 1e4], [0.3, 0.25, 0.4], [5e3, 4e3, 3e3]
     np.testing.assert_allclose(
@@ -164,26 +132,6 @@ def test_springs_and_supports_follow_the_system_of_their_node(bulk):
     assert fixed(deck) == {"x": [4], "y": [4], "z": [3, 4], "rz": [3]}
 
 
-def test_masses_with_a_factor(bulk):
-    """WTMASS: densities, point and nonstructural masses are weights."""
-    quad = QUAD.replace("PSHELL,1,1,.1,1", "PSHELL,1,1,.1,1,,,,4.-9")
-    model, _ = bulk(quad + "PARAM,WTMASS,.5\nCONM2,9,2,,3.-3,,,,\n,1.,,2.,,,3.\n")
-    ((_, _, given, _),) = model["families"]
-    assert given["rho"] == pytest.approx(0.5 * (2e3 + 4e-9 / 0.1 * 1e12))
-    ((point, mass, inertia),) = model["masses"]
-    assert point == pytest.approx([1e-3, 0, 0])
-    assert mass == pytest.approx(1.5)
-    assert inertia == pytest.approx([5e-4, 1e-3, 1.5e-3])
-
-
-@pytest.mark.parametrize("kind", ["BEAM", "TIE", "PIN", "LINK"])
-def test_a_node_that_is_joined_with_itself_is_refused(tmp_path, kind):
-    sheets = inp.BENT + "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n2.\n"
-    text = sheets + f"*MPC\n{kind},5,5\n" + inp.STEEL
-    with pytest.raises(MeshError, match=f"MPC of type {kind} joins a node with itself"):
-        inp.read(tmp_path, text)
-
-
 #: A rotation by 90° about the line along z through (5, 0, 0), after a shift by 100.
 ROTATED = "*INSTANCE,NAME=I,PART=P\n100,0,0\n5,0,0,5,0,1,90\n*END INSTANCE\n"
 STRAIGHT = "*INSTANCE,NAME=J,PART=P\n0,0,50\n*END INSTANCE\n"
@@ -206,31 +154,6 @@ def test_the_axes_of_layers(tmp_path, points):
     found = {name: arguments["axis"] for name, _, arguments, _ in model["families"]}
     assert found["I.All"] == pytest.approx([0, 1, 0], abs=1e-12)
     assert found["J.All"] == pytest.approx([1, 0, 0], abs=1e-12)
-
-
-def test_orientations_of_the_same_name_belong_to_their_parts(tmp_path):
-    sheet = inp.SHEET + ALONG + COMPOSITE.format(",ORIENTATION=O")
-    parts = "".join(
-        f"*PART,NAME={name}\n{sheet.format(points)}*END PART\n"
-        for name, points in (("P", "1,0,0,0,1,0"), ("Q", "0,1,0,-1,0,0"))
-    )
-    placed = STRAIGHT + "*INSTANCE,NAME=K,PART=Q\n*END INSTANCE\n"
-    model, _ = inp.read(tmp_path, f"{parts}*ASSEMBLY\n{placed}*END ASSEMBLY\n{ORTHOTROPIC}")
-    found = {name: arguments["axis"] for name, _, arguments, _ in model["families"]}
-    assert found == {"J.All": [1, 0, 0], "K.All": [0, 1, 0]}
-
-
-@pytest.mark.parametrize(
-    ("transform", "fixed"),
-    [
-        ("*TRANSFORM,NSET=N\n0,1,0,-1,0,0\n", "fixed x"),  # 1 along y of the part
-        ("*TRANSFORM,NSET=N\n1,0,0,0,1,0\n", "fixed y"),
-    ],
-)
-def test_supports_in_the_axes_of_their_part(tmp_path, transform, fixed):
-    part = inp.BENT + "*NSET,NSET=E\n9\n*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.5\n" + transform
-    _, found = inp.read(tmp_path, deck(part, ROTATED, "*BOUNDARY\nI.E,1,1\n"))
-    assert {name: rows.tolist() for name, rows in found.fixed.items()} == {fixed: [8]}
 
 
 @pytest.mark.parametrize(
@@ -263,12 +186,3 @@ def test_the_axes_of_beams(tmp_path):
     found = {name: arguments["orientation"] for name, _, arguments, _ in model["families"]}
     assert found["I.ALL"] == pytest.approx([-1, 0, 0], abs=1e-12)
     assert found["J.ALL"] == [0, 1, 0]
-
-
-def test_springs_along_axes_of_their_part(tmp_path):
-    spring = "*ELEMENT,TYPE=SPRING1,ELSET=K\n5,2\n*SPRING,ELSET=K,ORIENTATION=O\n1\n4.\n"
-    part = inp.BARS + BEAM + "0,1,0\n" + ALONG.format("1,0,0,0,0,1") + spring
-    for placed, motion in ((ROTATED, "y"), (STRAIGHT, "x")):
-        model, _ = inp.read(tmp_path, deck(part, placed))
-        ((_, stiffness),) = model["springs"]
-        assert stiffness == {motion: pytest.approx(4e3)}

@@ -13,7 +13,6 @@ from antiosc.fem.platform import compat
 from antiosc_decks import nastran_mesh as nastran
 from antiosc_decks.nastran_mesh import CoordinateSystem
 from antiosc_decks.sources import Sources
-from nastran_decks import UNIT_GRIDS
 from paths import DECKS
 from refusals import refused
 
@@ -47,29 +46,6 @@ def test_systems_agree_with_their_derivatives(kind):
         moved[k] += step
         along = system.point(moved) - x
         np.testing.assert_allclose(along / np.linalg.norm(along), row, atol=1e-6)
-
-
-CUBE = UNIT_GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n"
-
-
-def test_copies_of_entries(tmp_path):
-    """= keeps a field, == all that follow, *(x) adds; =(n) repeats the last copy."""
-    text = "GRID,1,,0.,1.,2.,,123\n=,*1,=,*.5,==\n=(2)\n=,*(10),=,=,7.,==\n"
-    text += "CROD,1,1,1,2\nGRID*,99,,1.,2.,\n*,3.\n"
-    path = tmp_path / "part.bdf"
-    path.write_text(text)
-    found = nastran.read(Sources(path, path.name))
-    assert sorted(found.nodes.labels) == [1, 2, 3, 4, 14, 99]
-    expected = [[0, 1, 2], [0.5, 1, 2], [1, 1, 2], [1.5, 1, 2], [1.5, 7, 2], [1, 2, 3]]
-    np.testing.assert_allclose(found.deck.points, expected)
-    assert [grid.text(6) for grid in found.grids[:5]] == ["123"] * 5
-
-
-def test_a_list_that_goes_on_after_a_comma(tmp_path):
-    path = tmp_path / "part.bdf"
-    path.write_text(CUBE + "BSURF,1,1,2,3,4,5,6,7,\n8,9,10\n")
-    (entry,) = nastran.read(Sources(path, path.name)).named("BSURF")
-    assert [entry.text(k) for k in (7, 8, 9, 10)] == ["7", "8", "9", "10"]
 
 
 def test_systems_by_grids_and_within_each_other(tmp_path):
@@ -138,14 +114,6 @@ def test_a_plate_of_quadrilaterals_and_triangles():
     with pytest.warns(ao.AccuracyWarning, match="edge"):
         k0 = [ao.extract(part, corner, n=4).k0 for part in (plate, by_hand)]
     assert k0[0] == pytest.approx(k0[1], rel=0.03)
-
-
-@pytest.mark.slow
-def test_units_scale_the_mesh():
-    assert volume(ao.read_mesh(DECKS / "sets.inp", unit="mm")) == pytest.approx(2e-9, rel=1e-12)
-    assert volume(ao.read_mesh(DECKS / "sets.inp", unit=0.5)) == pytest.approx(0.25, rel=1e-12)
-    with pytest.raises(ao.InputError, match="unit must be one of 'm', 'mm'"):
-        ao.read_mesh(DECKS / "sets.inp", unit="miles")
 
 
 @pytest.mark.slow

@@ -167,14 +167,6 @@ def test_a_bush_deforms_at_its_place(joints, share, oriented):
     assert u.ravel() @ C @ u.ravel() == pytest.approx(0.1 * energy, rel=1e-9)
 
 
-def test_only_the_constants_that_an_element_uses_count(joints):
-    """An entry that is not read is no matter where nothing uses it; GE is told once."""
-    cards = "PBUSH,3,K,10.\n,,GE,.1\nCBUSH,8,3,2,5\nCBUSH,9,3,3,5\nPELAS,4,40.,.2\nPELAS,6,1.,.2\n"
-    cards += "CELAS1,10,4,1,2\nCELAS1,11,4,2,2\nPBUSH,7,M,1.\n"
-    told = [text for text in joints(cards)["ignored"] if "GE of" in text]
-    assert told == ["GE of PELAS 4", "GE of PBUSH 3"]
-
-
 @pytest.mark.parametrize(("letter", "kind"), [("K", "springs"), ("B", "dampers")])
 def test_bushes_without_orientation_act_along_their_line_and_about_it(joints, letter, kind):
     cards = f"PBUSH,3,{letter},10.,,,4.\nCBUSH,9,3,2,5\n"
@@ -223,15 +215,6 @@ def test_a_mass_beside_its_node(joints, number, factor):
     assert not (M @ np.ones(6 * COUNT)).reshape(COUNT, 6)[[0, 1, 3, 4, 5, 6]].any()
 
 
-@pytest.mark.parametrize("card", ["PMASS,3,8.,4,6.\nCMASS1,9,4,2,3,5,1\n", "CMASS2,9,6.,2,3,5,1\n"])
-@pytest.mark.parametrize("turned", [None, 2])
-def test_a_mass_on_the_difference_of_two_motions(joints, card, turned):
-    M, total = mass_matrix(joints(card, turned))
-    row = along(1, 2, axes()[2] if turned else None) - along(4, 0)
-    np.testing.assert_allclose(M, 6 * np.outer(row, row), atol=1e-12)
-    assert total == 0
-
-
 WRONG = {
     "CMASS2,9,-6.,2,3\n": "CMASS2 has a negative mass",
     "CONM2,9,3,,7.,,,,\n,1.,2.,1.\n": "the mass or the inertia of CONM2 is negative",
@@ -255,41 +238,3 @@ def test_what_is_wrong_is_told_with_its_line(joints, card):
     line = frame_of_bars().count("\n") + 1 + card.startswith(("PBUSH,3,K", "PVISC"))
     with pytest.raises(MeshError, match=f"line {line} of .*{WRONG[card]}"):
         joints(card)
-
-
-def test_a_bush_to_the_ground_is_along_the_axes(joints):
-    K = stiffness(joints("PBUSH,3,K,10.,,30.,,5.\nCBUSH,9,3,2\n"), X)
-    expected = 10 * np.outer(along(1, 0), along(1, 0)) + 30 * np.outer(along(1, 2), along(1, 2))
-    np.testing.assert_allclose(K, expected + 5 * np.outer(along(1, 4), along(1, 4)), atol=1e-12)
-
-
-def test_three_masses_on_the_axes_of_a_node_are_one(joints):
-    M, total = mass_matrix(joints("".join(f"CMASS2,{k},6.,2,{k}\n" for k in (1, 2, 3))))
-    np.testing.assert_allclose(M[6:9, 6:9], 6 * np.eye(3), atol=1e-12)
-    assert total == pytest.approx(6)
-
-
-def test_rotations_of_nodes_on_a_line_count_with_the_square_of_their_distance(tmp_path):
-    """RBE3, 123456: U and θ that minimise Σ w (u − U − θ × r)² + w L² (φ − θ)²."""
-    line = np.array([0.3, -0.1, 0.2]) * np.arange(1, 4)[:, None]
-    at = np.array([0.5, 0.5, 0.5])
-    grids = "".join(f"GRID,{k},,{','.join(map(str, x))}\n" for k, x in enumerate([*line, at], 1))
-    bars = "MAT1,1,2.+11,,.3,7800.\nPBAR,1,1,1.-4,1.-9,1.-9,2.-9\n"
-    bars += "".join(f"CBAR,{k},1,{k},{k + 1},.1,.2,.9\n" for k in (1, 2))
-    card = "RBE3,9,,4,123456,1.,123456,1,2\n,2.5,123456,3\n"
-    model = bdf.read(tmp_path, grids + bars + card, unit="m")[0]
-    w, r = np.array([1, 1, 2.5]), line - at
-    L = np.linalg.norm(r, axis=1).mean()
-    u = RNG.normal(size=(4, 6))
-    cross = [np.cross(np.eye(3), one).T for one in r]  # θ × r
-    sides = [np.hstack([np.eye(3), one]) for one in cross]
-    sides = [np.vstack([one, L * np.eye(6)[3:]]) for one in sides]
-    given = [np.concatenate([one[:3], L * one[3:]]) for one in u[:3]]
-    root = np.sqrt(np.repeat(w, 6))
-    table, wanted = root[:, None] * np.vstack(sides), root * np.concatenate(given)
-    u[3] = np.linalg.lstsq(table, wanted, rcond=None)[0]
-    equations = model["joints"]["equations"]
-    assert len(equations) == 6
-    for terms in equations:
-        values = [c * u[n if n >= 0 else 3, motion] for n, motion, c in terms]
-        assert abs(sum(values)) < 1e-12 * np.abs(values).sum()

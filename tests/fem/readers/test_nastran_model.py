@@ -12,7 +12,7 @@ from abaqus_decks import alike
 from antiosc_decks import nastran_mesh as nastran
 from antiosc_decks.nastran_cards import Bulk
 from antiosc_decks.sources import Sources
-from nastran_decks import CORNERS, CYCLIC, GRIDS, HEXA, MAT1, NU, RHO, E, groups, line, read
+from nastran_decks import CYCLIC, GRIDS, HEXA, MAT1, NU, RHO, E, groups, line, read
 from refusals import refused
 
 
@@ -69,24 +69,6 @@ def test_rods_alone_are_a_truss(tmp_path, cards, factor):
     assert not model["supports"]
 
 
-def test_motions_against_which_no_rod_is_stiff_are_held(tmp_path):
-    """Rods along x and along the diagonal of x and y: y of the end of the first, z of all."""
-    cards = "CROD,1,7,1,2\nCROD,2,7,1,3\nPROD,7,1,3.\n" + MAT1
-    model, deck = read(tmp_path, GRIDS + cards + "SPC1,1,3,1\n")
-    assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {
-        "fixed y": [1], "fixed z": [0, 1, 2],
-    }  # fmt: skip
-    assert "3 motions of nodes of part.bdf" in deck.remarks[0]
-    assert model["supports"] == [["fixed y", ["y"]], ["fixed z", ["z"]]]
-    for param in ("PARAM,AUTOSPC,NO\n", "PARAM,AUTOSPC,no\n"):
-        _, deck = read(tmp_path, GRIDS + cards + "SPC1,1,3,1\n" + param)
-        assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {"fixed z": [0]}
-        assert deck.remarks == []
-    _, deck = read(tmp_path, GRIDS + cards + "CELAS2,9,1.,2,2\nMPC,1,2,3,1.,3,3,-1.\n")
-    assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {"fixed z": [0]}
-    assert deck.remarks[0].startswith("1 motions")
-
-
 BAR = "PBAR,7,1,6.,5.,3.,4.,2.-9\n"
 SECTION = {"A": 6e-6, "I": 5e-12, "I_side": 3e-12, "J": 4e-12, "shear": 5 / 6}
 HALF = math.sqrt(0.5)
@@ -130,50 +112,6 @@ def test_a_section_is_turned_to_its_principal_axes(tmp_path):
     off = bar.replace("1.,0.\n", "1.,0.,,\n,,,0.,.1,0.,0.,.1,0.\n")
     with pytest.raises(ao.MeshError, match="with I12 and offsets"):
         read(tmp_path, GRIDS + off + pbar + MAT1)
-
-
-def test_what_of_a_beam_is_not_taken_is_told(tmp_path):
-    beam = "CBEAM,1,7,1,2,0.,1.,0.\n"
-    pbeam = "PBEAM,7,1,6.,5.,3.,,4.,,\n,,,,,,,,,\n,.8,.6,1.,2.,3.,4.,5.,6.\n,1.,2.,3.,4.\n"
-    model, _ = read(tmp_path, GRIDS + beam + pbeam + MAT1)
-    assert sorted(model["ignored"]) == [
-        "S1, S2, NSI(A), NSI(B), CW(A), CW(B), M1(A), M2(A), M1(B), M2(B) of PBEAM 7",
-    ]
-    walls = "PBARL,7,1,,T\n,3.,2.,.2,.1\n"
-    model, _ = read(tmp_path, GRIDS + beam.replace("CBEAM", "CBAR") + walls + MAT1)
-    assert "torsion constant that Nastran gives PBARL 7 (T)" in model["ignored"][0]
-    mixed = "PBEAM,7,1,6.,5.,3.,1.,4.,,\n,,,,,,,,,\n,.8,.6\n"
-    model, _ = read(tmp_path, GRIDS + beam + mixed + MAT1)
-    assert model["ignored"] == ["how I12 of PBEAM 7 couples shear in planes 1 and 2 (K1, K2)"]
-
-
-def test_directions_that_turn_are_given_at_the_middles_of_elements(tmp_path):
-    """Those of the first sides, at the middle of each quadrilateral and of its four triangles."""
-    quads = "CQUAD4,1,7,1,2,3,4\nCTRIA3,2,7,7,8,5\n"
-    stack = "PCOMP,7\n,2,.5,10.\nMAT8,2,9.+4,2.+4,.25,5.+3,4.+3,3.+3,2.-9\n"
-    model, _ = read(tmp_path, GRIDS + quads + stack)
-    ((_, kind, given, _),) = model["families"]
-    assert kind == "Laminate"
-    assert given["top"] == [0, 0, 1]
-    x = 1e-3 * np.array(CORNERS, dtype=float)
-    middles = [x[:4].mean(axis=0), *(np.delete(x[:4], k, axis=0).mean(axis=0) for k in range(4))]
-    np.testing.assert_allclose(given["axis"]["places"], [*middles, x[[6, 7, 4]].mean(axis=0)])
-    expected = [[1, 0, 0]] * 5 + [[-1, 0, 0]]
-    np.testing.assert_allclose(given["axis"]["directions"], expected, atol=1e-12)
-
-
-def test_the_offset_of_a_curved_shell_is_told(tmp_path):
-    quads = "CQUAD4,1,7,1,2,3,4\nCQUAD4,2,7,2,6,7,3\nPSHELL,7,1,.4,1,,1\n"
-    off = quads.replace("3,4\n", "3,4,,.1\n").replace("7,3\n", "7,3,,.1\n")
-    model, _ = read(tmp_path, GRIDS + off + MAT1)
-    assert "offset surface of curved shells" in model["ignored"][0]
-    stack = "PCOMP,7,-.1\n,2,.5,10.\nMAT8,2,9.+4,2.+4,.25,5.+3,4.+3,3.+3,2.-9\n"
-    layered, _ = read(tmp_path, GRIDS + quads.partition("PSHELL")[0] + stack)
-    assert "offset surface of curved shells" in layered["ignored"][0]
-    for _, _, given, _ in model["families"]:
-        alike(given, {"E": E, "nu": NU, "rho": RHO, "thickness": 4e-4, "offset": 1e-4})
-    model, _ = read(tmp_path, GRIDS + quads.replace("1,.4,1,,1", "1,.4,1") + MAT1)
-    assert "transverse shear of PSHELL 7 (no MID3)" in model["ignored"][0]
 
 
 #: Names and fields of entries of one to four lines.
@@ -258,16 +196,6 @@ def test_every_form_has_the_same_fields(tmp_path, form, control):
     assert str(found.entries[0].place) == f"line {first} of part.bdf"
 
 
-def test_a_line_in_large_fields_after_one_in_small_fields(tmp_path):
-    """Each line of large fields is half a line of small ones."""
-    text = large("MAT9", list("abcd")) + small("", list("ABCDEFGH"))
-    (entry,) = bulk(tmp_path, text).entries
-    assert [entry.text(k) for k in range(16)] == [*"abcd", *[""] * 4, *"ABCDEFGH"]
-    text = small("MAT9", list("ABCDEFGH")) + large("", list("abcdefgh")).replace("*   ", "*A  ", 1)
-    (entry,) = bulk(tmp_path, text).entries
-    assert [entry.text(k) for k in range(16)] == [*"ABCDEFGH", *"abcdefgh"]
-
-
 def test_case_control_and_names_in_comments(tmp_path):
     text = "SPC = 3\n  mpc=4\nSUBCASE 2\nSPC=5\nMPC = 6\nSPC(PLOT) = ALL\nBEGIN BULK\n"
     text += '$HMNAME PROP           7"skin"\n$ANSA_NAME;8;PSHELL;a rib;\n'
@@ -306,46 +234,7 @@ def test_a_continuation_goes_to_the_entry_of_its_mark(tmp_path, case, between):
     assert [word for word in other.fields if word][:3] == ["2", "1", "3"]
 
 
-@pytest.mark.parametrize("row", ["+AB,1", "        404, 405", "{},1,2,3,4,5,6,7,8,+A,9"])
-@pytest.mark.parametrize(("name", "read"), [("CAERO7", True), ("SPC1", False)])
-def test_faults_of_entries_that_are_not_read_are_none(tmp_path, row, name, read):
-    """Continuations, numbers and fields that do not fit."""
-    path = tmp_path / "a.bdf"
-    path.write_text(f"GRID,1\n{name},1,1,1,,,,,,+CD\n{row.format(name)}\nENDDATA\n")
-    if read:
-        assert nastran.read(Sources(path, path.name)).account.cards
-        return
-    with pytest.raises(ao.MeshError, match="line 3 of"):
-        nastran.read(Sources(path, path.name))
-
-
-def test_equations_are_texts(tmp_path):
-    """DEQATN has commas that divide no fields."""
-    found = bulk(tmp_path, "DEQATN  1       F(A,B,C,D,E,G,H,I,J,K,L)=A+B\n        +C,1\nGRID,1\n")
-    assert [entry.name for entry in found.entries] == ["DEQATN", "GRID"]
-
-
 ROW = "".join(f"GRID,{k},,{k}.,0.,0.\n" for k in range(1, 9))
-
-
-def test_groups_by_property_and_by_support(tmp_path):
-    text = '$HMNAME PROP           7"skin"\n' + ROW + "CQUAD4,1,7,1,2,3,4\nCBAR,2,,1,2\n"
-    text += "CONROD,3,1,2,9,.1\nCTRIA3,4,7,5,6,7\nSPOINT,20,THRU,22\nSPOINT,30,40\n"
-    text += "SPC,5,1,123,,3,4\nSPC1,5,12,4,THRU,6\nSPC1,6,1,8,7,99\n"
-    text += "CELAS2,70,1.,1,1\nRBE2,71,1,1,2\n"
-    path = tmp_path / "part.bdf"
-    path.write_text(text)
-    found = nastran.read(Sources(path, path.name))
-    assert {name: rows.tolist() for name, rows in found.deck.element_sets.items()} == {
-        "2": [1], "7": [0, 3], "skin": [0, 3],
-    }  # fmt: skip
-    assert {name: rows.tolist() for name, rows in found.deck.node_sets.items()} == {
-        "SPC 5": [0, 2, 3, 4, 5], "SPC 6": [6, 7],
-    }  # fmt: skip
-    assert found.scalar == {8: 20, 9: 21, 10: 22, 11: 30, 12: 40}
-    assert found.deck.left == {"CELAS2": 1, "RBE2": 1}
-    assert found.deck.points.shape == (13, 3)
-    assert not found.deck.points[8:].any()
 
 
 WRONG = {

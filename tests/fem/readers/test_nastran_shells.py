@@ -115,24 +115,6 @@ def test_thicknesses_and_directions_of_elements(families, name, flag):
     assert any("thickness within 1 elements of PSHELL 7" in text for text in ignored)
 
 
-def test_a_thickness_of_zero_is_no_blank(families):
-    card = "CQUAD4,1,7,1,2,3,4\n,,,{}\nPSHELL,7,1,.5,1,,1\n" + MAT1
-    for given, mean in (("0.,.2,.2,0.0", 0.1), ("0.,.2,.2", 0.225), (",.2,.2,", 0.35)):
-        (((_, found),), _) = families(card.format(given))
-        assert found["thickness"] == pytest.approx(1e-3 * mean)
-    with pytest.raises(MeshError, match="no thickness"):
-        families(card.format("0.,0.,0.,0."))
-
-
-def test_moduli_of_zero_are_told(families):
-    """G = 0 of MAT1 and G1Z = 0 of MAT8 are no blanks; both are not taken."""
-    shell = QUAD_CARD + "PSHELL,7,{},.5,{},,{}\n"
-    _, ignored = families(shell.format(1, 1, 1) + MAT1.replace(",,.25", ",0.,.25"))
-    assert any("G of MAT1" in text for text in ignored)
-    _, ignored = families(shell.format(8, 8, 8) + "MAT8,8,9.+4,2.+4,.3,5.+3,0.,3.+3,2.-9\n")
-    assert any("transverse shear of MAT8 8" in text for text in ignored)
-
-
 @pytest.mark.parametrize("name", ["PCOMP", "PCOMPG"])
 @pytest.mark.parametrize("symmetric", ["", "SYM"])
 @pytest.mark.parametrize("bottom", ["", "-.5", "0."])
@@ -162,20 +144,6 @@ def test_plies_from_the_bottom(families, name, symmetric, bottom):
     middle = float(bottom) * 1e-3 + total / 2 if bottom else 0.0
     assert given["offset"] == pytest.approx(middle + 2e-5)
     np.testing.assert_allclose(given["axis"], turned(30), atol=1e-9)
-
-
-def test_a_ply_of_a_mat2_has_its_engineering_constants(families):
-    """Those of the inverse of its stiffness; G33 is that of transverse shear too."""
-    cards = QUAD_CARD + "PCOMP,7\n,3,.1,0.\n" + "MAT2,3,100.,20.,,80.,,50.,3.-9\n"
-    (((_, given),), ignored) = families(cards)
-    (layer,) = given["layers"]
-    det = 100 * 80 - 20**2
-    assert layer["E1"] == pytest.approx(det / 80 * 1e6)
-    assert layer["E2"] == pytest.approx(det / 100 * 1e6)
-    assert layer["nu12"] == pytest.approx(20 / 80)
-    assert layer["G12"] == layer["G13"] == layer["G23"] == pytest.approx(50e6)
-    assert layer["rho"] == pytest.approx(3e3)
-    assert sum("transverse shear of MAT2 3" in text for text in ignored) == 1
 
 
 WRONG = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import meshio
 import numpy as np
 import pytest
 
@@ -102,17 +101,6 @@ def test_a_support_on_numbered_nodes_is_that_on_their_face(mesh):
     np.testing.assert_allclose(found, found[0], rtol=1e-9)
 
 
-def test_a_probe_at_a_numbered_node_is_that_at_its_point(mesh):
-    part = ao.Structure(mesh, STEEL, [ao.Support(plane=((0, 0, 0), (1, 0, 0)))])
-    model = ao.extract(part, ao.Site(node=number(4, 1, 2), direction=(0, 0, -1)), n=4)
-    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Linear(1e6), 1e-3)
-    at = ao.probe(part, hit, node=number(2, 1, 2))
-    np.testing.assert_array_equal(at, ao.probe(part, hit, (0.2, 0.05, 0.1)))
-    for options in ({}, {"point": (0, 0, 0), "node": 1000}, {"node": 3}):
-        with pytest.raises(ao.InputError, match="node"):
-            ao.probe(part, hit, **options)
-
-
 @pytest.mark.slow
 def test_numbers_that_a_mesh_does_not_have(mesh):
     part = ao.Structure(mesh, STEEL, [ao.Support(plane=((0, 0, 0), (1, 0, 0)))])
@@ -126,13 +114,6 @@ def test_numbers_that_a_mesh_does_not_have(mesh):
     made = ao.box_mesh((0.1, 0.1, 0.1), 0.1)
     with pytest.raises(ao.InputError, match="have no numbers"):
         ao.Structure(made, STEEL, [ao.Support(nodes=[3])])
-
-
-@pytest.mark.slow
-def test_unused(tmp_path):
-    points, cells = bar()
-    meshio.write(tmp_path / "a.vtu", meshio.Mesh(points, [("hexahedron", cells)]))
-    assert not len(ao.read_mesh(tmp_path / "a.vtu").labels)
 
 
 @pytest.mark.slow
@@ -150,13 +131,6 @@ def test_groups_of_elements_by_their_numbers(tmp_path, name):
     for wrong in (["a"], {"some": 3}, {"some": []}, {"some": [1.5]}, {3: [1]}):
         with pytest.raises(ao.InputError, match="elements"):
             ao.read_mesh(tmp_path / name, elements=wrong)
-
-
-@pytest.mark.slow
-def test_elements_without_numbers(tmp_path):
-    gmsh4(tmp_path / "a.msh")
-    with pytest.raises(ao.MeshError, match=r"a\.msh have no numbers"):
-        ao.read_mesh(tmp_path / "a.msh", elements={"some": [1]})
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ import pytest
 import abaqus_decks as inp
 import antiosc as ao
 import nastran_decks as bdf
-from antiosc.base.errors import AntioscError, PiecesError
+from antiosc.base.errors import AntioscError
 from antiosc.io.deck import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import (
@@ -28,12 +28,10 @@ from antiosc_decks import (
     nastran_model,
 )
 from antiosc_decks.builder import Unstated
-from antiosc_decks.constraints import one_piece
 from antiosc_decks.sources import Sources
 from paths import DECKS
 from refusals import refused
 
-ENUMERATED = list(enumerate(bdf.CORNERS, 1))
 FACE = "*NSET,NSET=FIX\n1,2,3,4\n"
 CUBE = inp.CUBE + inp.SOLID + inp.STEEL + FACE + "*BOUNDARY\nFIX,1,3\n"
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1 + "SPC1,1,123,1,THRU,4\n"
@@ -125,51 +123,6 @@ def test_the_same_deck_otherwise(tmp_path, name):
     assert model["ignored"] == deck.remarks == []
 
 
-PART = (f"*PART,NAME=P\n{inp.CUBE}{inp.SOLID}*END PART\n*ASSEMBLY,NAME=A\n*INSTANCE,NAME=I,PART=P\n"
-        "*END INSTANCE\n*INSTANCE,NAME=J,PART=P\n{}\n*END INSTANCE\n*END ASSEMBLY\n")  # fmt: skip
-REFUSED = {
-    "wide.inp": (CUBE.encode("utf-16"), None, "UTF-16; save it as UTF-8"),
-    "outside.inp": (CUBE + "*INCLUDE,INPUT=/etc/passwd\n", 24, "(root)"),
-    "number.inp": (otherwise(CUBE, ("8,0,10,10", "8,0,nan,10")), 9, "nan"),
-    "instance.inp": (PART.format("1.,0.,0.").replace("=J", "=I"), 20, "twice"),
-    "loop.bdf": (BLOCK + "INCLUDE 'sub/loop.bdf'\n", 1, "itself"),
-    "systems.bdf": (otherwise(BLOCK, ("GRID,1,", "GRID,1,5")) + "CORD2R,5,6,0.,0.,0.,0.,0.,1.\n"
-                    ",1.,0.,0.\nCORD2R,6,5,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n", None, "itself"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_a_sentence_with_the_line_at_fault(tmp_path, name):
-    text, line, word = REFUSED[name]
-    with refused(line, word, ao.MeshError):
-        read(tmp_path, name, text)
-
-
-def test_surfaces_as_cgx_of_debian_writes_them(tmp_path):
-    """Without the keyword line; the comment says the name, before which decks put an S."""
-    node = (
-        "*NODE\n99,10,5,20\n*COUPLING,SURFACE=Stop,REFNODE=99,CONSTRAINT NAME=C\n*KINEMATIC\n1,3\n"
-    )
-    tops = "*SURFACE,NAME=Stop\n1,S2\n", "** Surfaces based on top\n1, S2\n\n** end\n"
-    with_card, as_cgx = (read(tmp_path, "a.inp", CUBE + top + node)[0] for top in tops)
-    inp.alike(as_cgx["joints"], with_card["joints"])
-    assert as_cgx["joints"] != read(tmp_path, "b.inp", CUBE)[0]["joints"]
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-@pytest.mark.filterwarnings("ignore:the density")
-def test_six_equal_bars_have_each_frequency_six_times(tmp_path):
-    """A Krylov space finds each frequency once: what SLEPc breaks off, LAPACK finds."""
-    star = "GRID,9,,0.,0.,0.\nSPC1,1,123456,9\nPBAR,7,1,.4,4.,5.,1.5\nMAT1,1,1.+7,,.33,.1\n"
-    for k in range(6):
-        x, y = np.cos(k * np.pi / 3), np.sin(k * np.pi / 3)
-        star += f"GRID,{k},,{10 * x:.6f},{10 * y:.6f},0.\nCBAR,{k + 11},7,9,{k},0.,0.,1.\n"
-    (tmp_path / "star.bdf").write_text(star.replace("GRID,0,", "GRID,7,").replace("9,0,", "9,7,"))
-    every = ao.natural_modes(ao.read_model(tmp_path / "star.bdf"), 12).frequency
-    np.testing.assert_allclose(every.reshape(2, 6).std(axis=1), 0.0, atol=1e-6 * every[0])
-
-
 BEAM = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION="
 
 
@@ -208,12 +161,6 @@ def test_nastran(tmp_path, case):
         bdf.read(tmp_path, text)
 
 
-def test_a_piece_of_no_elements(tmp_path):
-    deck = Deck("part.inp", piece=1)
-    with pytest.raises(ao.MeshError, match=r"0 pieces .* no piece 1"):
-        one_piece(deck, np.zeros(0, dtype=bool), 1.0)
-
-
 TUBE, BEAM = "CTUBE,1,7,1,2\n", "CBEAM,1,7,1,2,0.,1.,0.\n"
 PLATE = "CQUAD4,1,7,1,2,3,4\n"
 WITH_LINES = {
@@ -248,8 +195,6 @@ def test_nastran_by_its_line(tmp_path, case):
         bdf.read(tmp_path, bdf.GRIDS + text + bdf.MAT1)
 
 
-SECTIONED = inp.CUBE + inp.SOLID + inp.STEEL
-CARDS = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1
 READERS = {".inp": abaqus_assembly, ".bdf": nastran}
 #: Decks that others include, with nodes or materials alone.
 INCLUDED = ("include_grids.bdf", "include_material.inp", "include_nodes.inp")
@@ -282,47 +227,6 @@ def test_as_many_cards_come_out_as_go_in(name):
     counts = Counter(fate.kind for _, _, fate in account.cards)
     assert set(counts) <= {"read", "harmless", "ignored"}
     assert counts.total() == written(name).total()
-
-
-@pytest.mark.parametrize(
-    ("deck", "read", "card"), [(SECTIONED, inp.read, "*FOOBAR"), (CARDS, bdf.read, "FOOBAR")]
-)
-def test_unknown_cards_are_told_with_their_lines(tmp_path, deck, read, card):
-    first = deck.count("\n") + 1
-    model, _ = read(tmp_path, f"{deck}{card},1,2\n{card},3\n")
-    (told,) = (sentence for sentence in model["ignored"] if card in sentence)
-    assert f"2 {card} (lines {first}, {first + 1} of" in told
-
-
-def test_cards_of_steps(tmp_path):
-    """Later steps are ignored; a card of the model has no place in the first."""
-    later = "*STEP\n*STATIC\n*END STEP\n*STEP\n*CONNECTOR SECTION\nA,B\n*END STEP\n"
-    model, _ = inp.read(tmp_path, SECTIONED + later)
-    assert any("*CONNECTOR SECTION of later steps" in text for text in model["ignored"])
-    with pytest.raises(ao.MeshError, match="MATERIAL is in a step"):
-        inp.read(tmp_path, SECTIONED + "*STEP\n*MATERIAL,NAME=N\n*END STEP\n")
-
-
-def test_options_are_told_or_refused(tmp_path):
-    model, _ = inp.read(
-        tmp_path, SECTIONED.replace("*SOLID SECTION", "*SOLID SECTION,New  Thing=3")
-    )
-    assert any("*SOLID SECTION, NEW THING=" in text for text in model["ignored"])
-    sheet = inp.SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE{}\n1,,M,0\n" + inp.STEEL
-    inp.read(tmp_path, sheet.format(""))
-    for text in (
-        sheet.format(",SYMMETRIC"), SECTIONED + "*EQUATION,REMOVE\n",
-        SECTIONED + "*TIE,MULTISTAGE\nA,B\n",
-    ):  # fmt: skip
-        with pytest.raises(ao.MeshError, match="would change the result"):
-            inp.read(tmp_path, text)
-
-
-def test_damping_of_materials_is_told(tmp_path):
-    model, _ = bdf.read(tmp_path, CARDS.replace("8.-9", "8.-9,,,.02") + "PARAM,G,.04\n")
-    assert [text.partition(" (")[0] for text in model["ignored"]] == [
-        "1 GE of MAT1, damping", "1 PARAM,G, damping",
-    ]  # fmt: skip
 
 
 #: Quantity -> powers of length, force and mass, where mass is force / length.
@@ -448,49 +352,3 @@ def numbers(value) -> list[float]:
     if isinstance(value, list | tuple):
         return [number for one in value for number in numbers(one)]
     return [float(value)]
-
-
-def test_a_bolt_is_whole_as_once_tightened(tmp_path):
-    bolt = CUBE + "*SURFACE,NAME=CUT\n1,S3\n*NODE\n99,0.,0.,0.\n"
-    plain, _ = read(tmp_path, "plain.inp", bolt)
-    cut = "*PRE-TENSION SECTION,SURFACE=CUT,NODE=99\n0.,0.,1.\n"
-    tight, _ = read(tmp_path, "plain.inp", bolt + cut)
-    assert any("*PRE-TENSION SECTION whose" in words for words in tight.pop("ignored"))
-    plain.pop("ignored")
-    assert tight == plain
-
-
-FLAT_SOLID = "*ELEMENT,TYPE=C3D8,ELSET=ALL\n7,1,2,2,1,1,2,2,1\n"
-IN_A_PLANE = "*ELEMENT,TYPE=C3D8,ELSET=ALL\n7,1,2,3,4,1,2,3,4\n"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("flat", [FLAT_SOLID, IN_A_PLANE])
-def test_cells_without_volume_are_refused(tmp_path, flat):
-    text = inp.CUBE + flat + inp.SOLID + inp.STEEL
-    (tmp_path / "part.inp").write_text(text)
-    with refused(None, "volume"):
-        ao.read_model(tmp_path / "part.inp", unit="mm")
-
-
-@pytest.mark.slow
-def test_a_deck_of_cells_without_volume_alone_is_refused(tmp_path):
-    (tmp_path / "part.inp").write_text(inp.NODES + FLAT_SOLID + inp.SOLID + inp.STEEL)
-    with refused(None, "no volume"):
-        ao.read_model(tmp_path / "part.inp", unit="mm")
-
-
-@pytest.mark.slow
-def test_contact_is_ignored_where_one_piece_is_read(tmp_path):
-    """The larger of two blocks; together they are refused, as nothing else joins them."""
-    more = "".join(f"GRID,{k + 10},,{x}.,{y}.,{z + 30}.\n" for k, (x, y, z) in ENUMERATED)
-    more += "CHEXA,2,7,11,12,13,14,15,16,\n,17,18\n"
-    more += "CHEXA,3,7,15,16,17,18,25,26,\n,27,28\n"
-    more += "".join(f"GRID,{k + 20},,{x}.,{y}.,{z + 50}.\n" for k, (x, y, z) in ENUMERATED[4:])
-    text = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1 + more
-    (tmp_path / "part.bdf").write_text(text + "BCTABLE,1,,,1\n")
-    with pytest.raises(PiecesError, match="contact"):
-        ao.read_model(tmp_path / "part.bdf", unit="mm")
-    with pytest.warns(ao.AntioscWarning, match=r"contact between .* is not modelled \(1 BCTABLE"):
-        part = ao.read_model(tmp_path / "part.bdf", unit="mm", piece=1)
-    assert part.mass == pytest.approx(bdf.RHO * 0.02 * 0.01 * (0.01 + 0.02), rel=1e-9)

@@ -169,20 +169,6 @@ def test_torsion_of_rectangles_is_prandtls(name):
     assert pytest.approx(prandtl(inside), rel=5e-3) == profile.J
 
 
-def test_constants_of_the_general_sections():
-    """PBAR: A, I1 (plane 1), I2, J; *BEAM GENERAL SECTION: A, I11, I12, I22, J about 1 and 2."""
-    one = beam("PBAR", ["1", "1", "6.", "4.5", "2.", "4.7", "0.3"])
-    bar = one.profile
-    assert (bar.A, bar.I, bar.I_side, bar.J, one.extra, one.sheared) == (6, 4.5, 2, 4.7, 0.3, False)
-    general = abaqus("GENERAL", 6.0, 2.0, 0.0, 4.5, 4.7)
-    assert (general.A, general.I, general.I_side, general.J) == (6, 4.5, 2, 4.7)
-    fields = ["1", "1", "6.", "4.5", "2.", "4.7", "0.3", *10 * [""]]
-    fields[16:] = [".8", ".6"]
-    one = beam("PBAR", fields)
-    assert one.sheared
-    assert one.profile.shears == (0.8, 0.6)
-
-
 #: K1 and K2 of PBEAM, blank 1 and 0 rigid in shear; of PBAR, blank is 0.
 @pytest.mark.parametrize(
     ("name", "K", "wanted"),
@@ -204,18 +190,6 @@ def test_shear_coefficients_that_are_blank_or_0(name, K, wanted):
     one = beam(name, fields)
     assert one.sheared == bool(wanted)
     assert not wanted or one.profile.shears == wanted
-
-
-def test_shear_coefficients_along_principal_axes():
-    """By the compliances in shear, as a tensor: those of plane 1 and 2 are exchanged at 90°."""
-    fields = ["1", "1", "6.", "3.", "3.", "1.", "4.7", *9 * [""], ".8", ".2"]
-    for mixed, angle in (("1.", 45), ("-1.", -45)):
-        fields[5] = mixed
-        one = beam("PBEAM", fields)
-        assert np.degrees(one.angle) == pytest.approx(angle)
-        assert one.profile.shears == pytest.approx((0.32, 0.32))
-    fields[3:6] = ["3.", "5.", "1e-9"]
-    assert beam("PBEAM", fields).profile.shears == pytest.approx((0.2, 0.8))
 
 
 @pytest.mark.slow
@@ -249,24 +223,6 @@ def test_a_cantilever_bends_and_shears_in_both_planes(tmp_path, v, turned, name,
         assert 1 / k0 == pytest.approx(flexibility, rel=1e-5)
 
 
-def test_unequal_walls_are_refused():
-    for walls in ((0.4, 0.2, 0.3, 0.2), (0.4, 0.2, 0.4, 0.3)):
-        with pytest.raises(ao.MeshError, match="unequal opposite walls"):
-            abaqus("BOX", 3.0, 2.0, *walls)
-
-
-@pytest.mark.parametrize("name", ["PBAR", "PBEAM"])
-def test_a_torsion_constant_that_is_missing_is_told(name):
-    """(I1 + I2)/2 stands for it."""
-    for J in (0.0, 0.7):
-        where = {"PBAR": ["1", "1", "6.", "5.", "2.", f"{J}"],
-                 "PBEAM": ["1", "1", "6.", "5.", "2.", "", f"{J}", ""]}  # fmt: skip
-        profiles_ = nastran_profiles.BeamProfiles(Entry(name, PLACE, where[name]))
-        profile = profiles_.mean().profile
-        assert pytest.approx(J or 3.5) == profile.J
-        assert any("missing torsion constant J" in one for one in profiles_.remarks) == (not J)
-
-
 def test_torsion_of_hollow_sections():
     """Bredt: 4 A²/∮ds/t with the area A within the middle line; round, it is the polar moment."""
     for name in ("TUBE", "PIPE"):
@@ -283,30 +239,6 @@ def test_torsion_of_ellipses_is_saint_venants(name):
     profile = SECTIONS[name][0]
     first, second = profile.I, profile.I_side
     assert pytest.approx(4 * first * second / (first + second)) == profile.J
-
-
-def test_a_taper_is_its_mean_section():
-    """Linear between the stations; blank values at the end are those of the start."""
-    fields = ["1", "1", "6.", "4.", "2.", "", "1.", "", *8 * [""]]
-    fields += ["NO", "1.", "3.", "2.", "", "", "", "", "NO", ".5", "", "4.", "", "", "", "", ".8"]
-    found = BeamProfiles(Entry("PBEAM", PLACE, fields))
-    mean = found.mean().profile
-    assert (mean.A, mean.I, mean.I_side) == pytest.approx((4.5, (4 + 3) / 2, 2.0))
-    assert any("taper" in told for told in found.remarks)
-
-    round_ = ["1", "1", "", "ROD", "", "", "", "", ".2", "", "YES", "1.", ".1"]
-    area = np.pi * (0.04 + 0.01) / 2
-    assert pytest.approx(area) == beam("PBEAML", round_).profile.A
-
-
-def test_a_tube_with_a_wall_of_its_radius_is_a_bar():
-    """Nothing is hollow; a thicker wall is no more than that."""
-    full = profiles.ellipse(4.0, 4.0)
-    for wall in (2.0, 3.0):
-        found = profiles.tube(2.0, wall)
-        assert pytest.approx(4 * np.pi, rel=1e-12) == found.A
-        assert (found.I, found.I_side) == pytest.approx((4 * np.pi, 4 * np.pi), rel=1e-12)
-        assert pytest.approx(found.A) == full.A
 
 
 RNG = np.random.default_rng(43)
@@ -397,25 +329,6 @@ def test_thin_open_sections_have_the_torsion_of_their_walls(case):
     assert found.shear == 0.5
 
 
-def test_torsion_of_boxes_and_hexagons():
-    """Bredt's 4 A²/∮ds/t with four walls; Saint-Venant's A⁴/(40 Ip) of a full section."""
-    w, h = 2.0 - (0.1 + 0.3) / 2, 3.0 - (0.4 + 0.2) / 2
-    around = w / 0.4 + w / 0.2 + h / 0.1 + h / 0.3
-    box1 = profile("BOX1", 2.0, 3.0, 0.4, 0.2, 0.1, 0.3)
-    assert pytest.approx(4 * (w * h) ** 2 / around) == box1.J
-    hexa = profile("HEXA", 0.6, 3.0, 1.5)
-    polar = hexa.I + hexa.I_side
-    assert pytest.approx(1.5 * (3.0 - 0.6)) == hexa.A
-    assert pytest.approx(hexa.A**4 / (40 * polar)) == hexa.J
-    assert hexa.shear == 5 / 6
-    for kind, shear in (("ROD", 0.9), ("TUBE", 0.5), ("TUBE2", 0.5), ("BAR", 5 / 6), ("BOX", 0.5)):
-        own = {"ROD": [1.0], "BAR": [1.0, 2.0], "BOX": [3.0, 2.0, 0.2, 0.1]}.get(kind, [1.0, 0.4])
-        assert profile(kind, *own).shear == shear
-    tube, other = profile("TUBE", 1.0, 0.4), profile("TUBE2", 1.0, 0.6)
-    assert (tube.A, tube.I, tube.J) == (other.A, other.I, other.J)
-    assert pytest.approx(np.pi) == profile("TUBE", 1.0, 0.0).A
-
-
 # --- Beams whose neutral axis lies beside the shear centre, against closed forms ------------------
 
 
@@ -440,25 +353,3 @@ def test_a_beam_bends_at_its_shear_centre(tmp_path):
     values = 1 / np.linalg.eigvalsh(m * flexibility / (E * I))
     wanted = np.sqrt(sorted([*values, 3 * E * 2e-6 / (m * L**3)])) / (2 * np.pi)
     np.testing.assert_allclose(found, wanted, rtol=1e-4)
-
-
-def test_the_neutral_axis_of_an_angle():
-    """Beside the crossing of the middle lines of its legs; I12 = ∫ y z dA."""
-    fields = ["1", "1", "", "L", *[""] * 4, "10.", "20.", "1.", "3."]
-    one = BeamProfiles(Entry("PBEAML", PLACE, fields))
-    A, legs = 10 + 19 * 3, np.array([[10, 0.5, 5.0], [57, 10.5, 1.5]])
-    centroid = legs[:, 0] @ legs[:, 1:] / A
-    np.testing.assert_allclose(one.neutral[0], centroid - [0.5, 1.5])
-    y, z = (legs[:, 1:] - centroid).T
-    mixed = legs[:, 0] @ (y * z)
-    angle = np.arctan2(2 * mixed, 10 / 12 + 3 * 19**3 / 12 + legs[:, 0] @ (y**2 - z**2)
-                       - 10**3 / 12 - 19 * 27 / 12) / 2  # fmt: skip
-    assert one.mean().angle == pytest.approx(angle)
-
-
-def test_the_product_of_inertia_of_a_z():
-    """-t a (a + w) (h + t)/2, as MYSTRAN has it."""
-    fields = ["1", "1", "", "Z", *[""] * 4, "10.", "1.", "22.", "28."]
-    ((A, _, _, mixed, _, _),) = BeamProfiles(Entry("PBARL", PLACE, fields)).stations.values()
-    assert mixed == pytest.approx(-3 * 10 * 11 * 25 / 2)
-    assert pytest.approx(2 * 33 + 22) == A

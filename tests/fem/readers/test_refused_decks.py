@@ -13,7 +13,6 @@ from refusals import refused
 
 SOLID = inp.CUBE + inp.SOLID + inp.STEEL
 BRICK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1
-PLATE = inp.SHEET + "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n2.\n" + inp.STEEL
 
 #: Cards behind a sound deck -> a word of what to do.
 ABAQUS = {
@@ -75,14 +74,6 @@ def test_a_shell_that_bends_by_another_material_is_refused(tmp_path):
     plate = bdf.GRIDS + "CQUAD4,1,7,1,2,3,4\nPSHELL,7,1,.1,2\n" + bdf.MAT1
     with refused(10, "MID2", ao.MeshError):
         bdf.read(tmp_path, plate + bdf.MAT1.replace("MAT1,1", "MAT1,2"))
-
-
-def test_many_properties_are_told_in_one_sentence(tmp_path):
-    shells = "".join(f"CQUAD4,{k},{k},1,2,3,4\nPSHELL,{k},1,.1,1,,1,,5.-9\n" for k in range(1, 12))
-    model, _ = bdf.read(tmp_path, bdf.GRIDS + bdf.MAT1 + shells)
-    told = [text for text in model["ignored"] if "nonstructural mass" in text]
-    assert len(told) == 1
-    assert "11 PSHELL" in told[0]
 
 
 # --- Every element is taken, told with its number, or refused -------------------------------------

@@ -7,10 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import abaqus_decks as inp
-import antiosc as ao
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Deck, DeckPlace
 from antiosc_decks import abaqus_assembly, abaqus_joints as ties
 from antiosc_decks.abaqus_joints import read_joints, surfaces_of
 from antiosc_decks.constraints import DeckConstraints
@@ -130,27 +127,6 @@ def test_a_node_beside_a_face_follows_its_nearest_point(tmp_path, at, corner):
         np.testing.assert_allclose(rows[c, :4, c], -np.array(corner), atol=1e-12)
 
 
-def test_the_nearest_of_many_faces_is_taken(tmp_path):
-    """A strip of 30 squares: each node follows the corners of the square below it."""
-    count = 30
-    x = np.array([(k, y, 0.0) for y in (0, 1) for k in range(count + 1)])
-    over = np.column_stack([np.arange(count) + 0.25, np.full((count, 1), 0.5), np.zeros(count)])
-    every = np.vstack([x, over])
-    text = "*ELEMENT,TYPE=S4,ELSET=E\n"
-    text += "".join(
-        f"{k + 1},{k + 1},{k + 2},{k + count + 3},{k + count + 2}\n" for k in range(count)
-    )
-    text += f"*NSET,NSET=N,GENERATE\n{len(x) + 1},{len(every)}\n"
-    text += "*SURFACE,NAME=M\nE,SNEG\n*SURFACE,NAME=S,TYPE=NODE\nN,\n*TIE\nS,M\n"
-    joints, _ = joints_of(tmp_path, every, text)
-    assert len(joints.equations) == 3 * count
-    for k, terms in enumerate(joints.equations[::3]):
-        found = {n: v for n, _, v in terms if abs(v) > 1e-12}
-        right = {len(x) + k: 1.0, k: -0.375, k + 1: -0.125}
-        right |= {count + 1 + k: -0.375, count + 2 + k: -0.125}
-        assert found == pytest.approx(right)
-
-
 #: Nodes of the sides S1, S2, … of elements, by Abaqus' manual.
 SIDES = {
     "C3D8": "1234 5876 1562 2673 3784 4851",
@@ -232,21 +208,6 @@ def test_coupled_motions_are_those_of_the_rigid_body(tmp_path, case):
     assert seen == {(n, int(m)) for n in range(3) for m in motions}
 
 
-def test_the_reference_node_does_not_follow_itself(tmp_path):
-    found = []
-    for surface in ("S", "L"):
-        cards = SET + COUPLING.replace("SURFACE=S", f"SURFACE={surface}")
-        joints, _ = joints_of(tmp_path, ANY, f"{cards}*KINEMATIC\n1,3\n", turning=True)
-        found.append(joints.equations)
-    assert found[0] == found[1] != []
-
-
-def test_no_node_follows_a_mean_of_which_it_is_a_part(tmp_path):
-    cards = SET + COUPLING.replace("SURFACE=S", "SURFACE=L") + "*DISTRIBUTING\n"
-    with pytest.raises(MeshError, match="a node of its own"):
-        joints_of(tmp_path, ANY, cards, turning=True)
-
-
 PAIR = "*NSET,NSET=P\n1,2\n*NSET,NSET=Q\n3,4\n"
 WRONG = {
     "*EQUATION\n2\n1,1,1.\n": (2, "ends"),
@@ -270,51 +231,6 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path, cards):
     beyond, word = WRONG[cards]
     with refused(8 + beyond, word, MeshError):
         joints_of(tmp_path, ANY, cards)
-
-
-def test_an_equation_of_a_set_is_one_for_each_of_its_nodes(tmp_path):
-    """A node that stands last belongs to each; a set whose nodes stand second is summed singly."""
-    cards = f"{PAIR}*EQUATION\n2\nP,1,2.,\n6,3,-1.\n3,\n5,2,1.,6,2,1.\n4,1,.5\n"
-    joints, _ = joints_of(tmp_path, ANY, cards)
-    rows = np.array([row_of(terms, 6) for terms in joints.equations])
-    expected = np.zeros((3, 6, 6))
-    expected[:2, 5, 2] = -1.0
-    expected[0, 0, 0] = expected[1, 1, 0] = 2.0
-    expected[2, 4, 1], expected[2, 5, 1], expected[2, 3, 0] = 1.0, 1.0, 0.5
-    np.testing.assert_array_equal(rows, expected)
-    cards = f"{PAIR}*EQUATION\n3\nP,1,1.,Q,1,1.,6,1,1.\n"
-    with pytest.raises(MeshError, match="pairs them by their order"):
-        joints_of(tmp_path, ANY, cards)
-    cards = f"{PAIR}*EQUATION\n1000001\n"
-    with pytest.raises(MeshError, match=r"an .EQUATION of 1000001 terms"):
-        joints_of(tmp_path, ANY, cards)
-
-
-EDGES = {
-    # type of elements, names of its edges 1-2, 2-3, 3-4 and 4-1
-    "S8R": ("S3 S4 S5 S6", "E1 E2 E3 E4"),
-    "CPS4": ("S1 S2 S3 S4", "E1 E2 E3 E4"),
-}
-
-
-@pytest.mark.parametrize("kind", EDGES)
-def test_a_surface_of_edges_has_the_nodes_of_these_alone(tmp_path, kind):
-    """By CalculiX' manual: S1 and S2 of a shell are its faces, S3 and on its edges."""
-    count = int(kind.strip("CPSR"))
-    text = f"*ELEMENT,TYPE={kind},ELSET=E\n1,{','.join(map(str, range(1, count + 1)))}\n"
-    for names in EDGES[kind]:
-        text += "".join(f"*SURFACE,NAME={name}\nE,{name}\n" for name in names.split())
-    found = surfaces_of(*deck_of(tmp_path, faces(8)[0][:count], f"{text}*SURFACE,NAME=N\nE,SNEG\n"))
-    for names in EDGES[kind]:
-        for k, name in enumerate(names.split()):
-            middle = [5 + k] * (count == 8)
-            expected = sorted([k + 1, (k + 1) % 4 + 1, *middle])
-            assert (found[name].nodes + 1).tolist() == expected
-            ((corners, _),) = found[name].faces  # what is tied to an edge is tied to its face
-            assert (corners + 1).tolist() == [1, 2, 3, 4]
-    assert len(found["N"].nodes) == count
-    with pytest.raises(MeshError, match="no edge"):
-        surfaces_of(*deck_of(tmp_path, faces(8)[0][:count], f"{text}*SURFACE,NAME=W\nE,E5\n"))
 
 
 RANDOM = np.random.default_rng(17)
@@ -373,32 +289,6 @@ def test_a_rigid_body_fulfils_what_joins_its_nodes(tmp_path, case, turning):
     assert np.abs(flat @ rigid(x).reshape(6 * len(x), 6)).max() < 1e-12 * size
 
 
-@pytest.mark.parametrize(("kind", "motions"), [("TIE", 6), ("PIN", 3)])
-def test_two_nodes_at_one_place_move_alike(tmp_path, kind, motions):
-    x = np.vstack([POINTS[:2], POINTS[0]])
-    for turning, count in ((True, motions), (False, 3)):
-        C = equations(tmp_path, x, f"*MPC\n{kind},1,3\n", turning)
-        assert not C[:, 1].any()
-        np.testing.assert_array_equal(C[:, 0], np.eye(6)[:count])
-        np.testing.assert_array_equal(C[:, 2], -np.eye(6)[:count])
-
-
-def test_the_weighted_mean_of_a_rigid_body_is_its_motion(tmp_path):
-    """The six motions of a point beside it, by the mean ones of five nodes of unequal weights."""
-    surface = "*NSET,NSET=N\n1,2,3,4,5\n*SURFACE,TYPE=NODE,NAME=S\nN,\n"
-    coupling = "*COUPLING,REF NODE=6,SURFACE=S,CONSTRAINT NAME=C\n*DISTRIBUTING\n"
-    C = equations(tmp_path, POINTS, surface + coupling)
-    assert len(C) == 6
-    np.testing.assert_allclose(C[:, 5], np.eye(6), atol=1e-15)
-    assert np.abs(C.reshape(6, -1) @ rigid(POINTS).reshape(36, 6)).max() < 1e-12
-    deck, nodes = Deck("a", points=POINTS), np.arange(5)
-    joints = DeckConstraints(deck, np.ones(6, dtype=bool), np.ones(6, dtype=bool))
-    joints.mean(5, range(6), nodes, RANDOM.uniform(0.2, 1.0, 5), DeckPlace(tmp_path, 1))
-    for terms in joints.equations:
-        moved = sum(value * rigid(POINTS)[node, motion] for node, motion, value in terms)
-        assert np.abs(moved).max() < 1e-12
-
-
 @pytest.mark.parametrize("count", [3, 4, 6, 8])
 def test_shapes_of_faces_are_one_at_their_node_and_have_their_slopes(count):
     corners = np.array([(0, 0), (1, 0), (0, 1)], dtype=float)
@@ -414,37 +304,3 @@ def test_shapes_of_faces_are_one_at_their_node_and_have_their_slopes(count):
     for k, step in enumerate(h * np.eye(2)):
         rise = ties._shapes(count, xi + step)[0] - ties._shapes(count, xi - step)[0]
         np.testing.assert_allclose(slopes[:, k], rise / (2 * h), atol=1e-9)
-
-
-@pytest.mark.parametrize("motion", [1, 3, 4, 6])
-def test_one_mean_motion_is_along_the_axis_of_its_orientation(tmp_path, motion):
-    """A rigid body fulfils it, and it acts on the motion of the reference node along that axis."""
-    a, b = np.array([0.6, 0.0, 0.8]), np.array([0.0, 1.0, 0.0])
-    axes = np.array([a, b, np.cross(a, b)])
-    surface = "*NSET,NSET=N\n1,2,3,4,5\n*SURFACE,TYPE=NODE,NAME=S\nN,\n"
-    text = f"{surface}*ORIENTATION,NAME=O\n0.6,0.,0.8,0.,1.,0.\n"
-    text += "*COUPLING,REF NODE=6,SURFACE=S,CONSTRAINT NAME=C,ORIENTATION=O\n"
-    C = equations(tmp_path, POINTS, f"{text}*DISTRIBUTING\n{motion},{motion}\n")
-    assert len(C) == 1
-    assert np.abs(C.reshape(1, -1) @ rigid(POINTS).reshape(36, 6)).max() < 1e-12
-    of_node = C[0, 5].reshape(2, 3)
-    direction = of_node[(motion - 1) // 3] / np.linalg.norm(of_node)
-    assert abs(direction @ axes[(motion - 1) % 3]) == pytest.approx(1, abs=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
-def test_a_mean_rotation_of_a_point_on_which_nothing_acts_joins_nothing(tmp_path):
-    """Only a moment would act on it: the part is as without the coupling."""
-    surface = "*SURFACE,NAME=S\n1,S1\n*NODE\n90,1.,2.,3.\n*ORIENTATION,NAME=O\n.6,0.,.8,0.,1.,0.\n"
-    coupling = (
-        "*COUPLING,REF NODE=90,SURFACE=S,CONSTRAINT NAME=C,ORIENTATION=O\n*DISTRIBUTING\n4,4\n"
-    )
-    plain = inp.CUBE + inp.SOLID + inp.STEEL
-    parts = []
-    for name, more in (("plain", ""), ("coupled", surface + coupling)):
-        (tmp_path / f"{name}.inp").write_text(plain + more)
-        parts.append(ao.read_model(tmp_path / f"{name}.inp", unit="mm"))
-    site = ao.Site(point=(0.01, 0.005, 0.01), direction=(0, 0, -1), radius=0.004)
-    k0 = [ao.extract(part, site, n=5).k0 for part in parts]
-    assert k0[1] == pytest.approx(k0[0], rel=1e-9)

@@ -16,12 +16,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.errors import ChoiceWarning
-from antiosc.fem.platform import compat
 from antiosc.io import geo_script, isolation
-from antiosc.io.neutral import FileMesh, packed
 from antiosc.io.reading import read
-from mesh_files import grid, refusal
+from mesh_files import refusal
 from paths import MESHES
 
 BAR = "Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Line(1) = {1, 2};\n"
@@ -63,16 +60,6 @@ def test_options_beside_a_file_are_not_read(tmp_path, marked, suffix):
     assert not happened()
     assert ao.read_mesh(path, size=size, trust=True).n_cells
     assert happened()
-
-
-@pytest.mark.slow
-def test_modules_in_the_working_folder_are_not_imported(tmp_path, monkeypatch):
-    """The path of a notebook, or of `python -c`, has the working folder in front."""
-    (tmp_path / "gmsh.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w').close()")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", ["", *sys.path])
-    assert ao.read_mesh(MESHES / "lever.msh").n_cells
-    assert not (tmp_path / "mark").exists()
 
 
 @pytest.mark.slow
@@ -177,21 +164,6 @@ def test_scripts_that_describe_a_part_keep_their_meaning(tmp_path, session, text
     assert found[0] == found[1]
 
 
-def test_scripts_of_this_repository_are_harmless():
-    for path in MESHES.glob("*.geo"):
-        _, merged = geo_script.harmless(path.read_text(), path.name)
-        step = path.with_suffix(".step")  # some merge it, others draw the part themselves
-        assert merged == ([step.name] if step.exists() else [])
-
-
-@pytest.mark.slow
-def test_cad_beside_a_script_is_merged(tmp_path):
-    (tmp_path / "part.geo").write_text('Merge "bracket.step";\nMesh.MeshSizeMax = 0.03;')
-    assert "merges bracket.step, but there is no such file" in refusal(tmp_path / "part.geo")
-    (tmp_path / "bracket.step").write_bytes((MESHES / "bracket.step").read_bytes())
-    assert ao.read_mesh(tmp_path / "part.geo").n_cells > 100
-
-
 @pytest.mark.parametrize("kind", ["folder", "pipe", "device", "empty", "loop", "long"])
 @pytest.mark.parametrize("suffix", ["msh", "step", "vtu"])
 def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
@@ -275,36 +247,6 @@ def test_counts_of_a_header_take_no_memory(tmp_path):
     refusal(path, timeout=30)
 
 
-def test_the_answer_of_a_reader_is_checked(tmp_path, monkeypatch):
-    mesh = FileMesh(np.eye(3), {"line": np.array([[0, 1], [1, 2]])}, "gmsh")
-    mesh.groups, mesh.node_sets = {"a": {"line": np.array([0])}}, {"n": np.array([1])}
-    mesh.labels = np.array([7, 8, 9])
-    good, arrays = packed(mesh)  # rows of the group, then of the nodes; points, labels, cells
-
-    def answer(head, arrays):
-        return isolation._answer("part.msh", archive(head, arrays), 1)
-
-    assert answer(good, arrays).groups["a"]["line"].tolist() == [0]
-    for k, wrong in (
-        (0, np.array([2, 1])), (0, np.array([0, 3])), (0, np.array([0, -1])), (1, np.eye(2)),
-        (3, np.array([[0, 3]])), (3, np.array([[0, -1]])), (3, np.array([[0, 1, 2]])),
-        (0, np.array([0.0, 1.0])), (0, np.array([0])), (2, np.arange(4)), (2, np.array([0.5])),
-    ):  # fmt: skip
-        with pytest.raises(ao.MeshError, match=r"part\.msh is damaged"):
-            answer(good, [*arrays[:k], wrong, *arrays[k + 1 :]])
-    with pytest.raises(ao.MeshError, match="damaged"):
-        answer({**good, "cells": ["wedge"]}, arrays)
-
-
-@pytest.mark.slow
-def test_a_script_sees_little_of_the_environment(tmp_path, monkeypatch):
-    for name in ("SECRET", "OMPI_COMM_WORLD_RANK"):
-        monkeypatch.setenv(name, "told")
-    path = tmp_path / "part.geo"
-    path.write_text(BAR + 'Physical Curve(StrCat("of ", GetEnv("SECRET"))) = {1};')
-    assert set(ao.read_mesh(path).groups) == {"of "}
-
-
 @pytest.mark.slow
 def test_a_file_comes_back_as_gmsh_holds_it(session):
     """Coordinates, node order and groups of the child's answer, against gmsh in this process."""
@@ -323,48 +265,3 @@ def test_a_file_comes_back_as_gmsh_holds_it(session):
         np.testing.assert_array_equal(raw.points[raw.cells], expected)
         names = {gmsh.model.getPhysicalName(d, t) for d, t in gmsh.model.getPhysicalGroups()}
         assert set(raw.groups) == names
-
-
-@pytest.mark.slow
-def test_many_groups_are_found_by_one_pass_over_the_mesh(tmp_path, monkeypatch):
-    passes = []
-    vertices = compat.entity_vertices
-    monkeypatch.setattr(
-        compat, "entity_vertices", lambda mesh, dim: passes.append(dim) or vertices(mesh, dim)
-    )
-    mesh = ao.read_mesh(grid(tmp_path / "many.msh", 20, 400))
-    assert passes == [2]
-    assert len(mesh.groups) == 400
-    corners = mesh.dolfinx.geometry.x[vertices(mesh.dolfinx, 2)].min(axis=1)
-    for k in (1, 37, 400):
-        cells = mesh.group(str(k))[2]
-        assert len(cells) == 2
-        squares = [(k - 1 + 400 * half) // 2 for half in (0, 1)]
-        expected = [[s % 20 / 20, s // 20 / 20, 0] for s in squares]
-        np.testing.assert_allclose(sorted(corners[cells].tolist()), sorted(expected), atol=1e-15)
-
-
-@pytest.mark.mpi
-def test_groups_are_the_same_on_two_ranks(tmp_path):
-    from mpi import run_ranks
-
-    script = """
-        import sys
-        import numpy as np
-        import antiosc as ao
-        mesh = ao.read_mesh(sys.argv[1])
-        own = mesh.dolfinx.topology.index_map(2).size_local
-        sizes = [mesh.comm.allreduce(int(np.sum(mesh.group(str(k))[2] < own))) for k in range(1, 9)]
-        print(sizes)
-    """
-    path = str(grid(tmp_path / "many.msh", 10, 8))
-    assert run_ranks(2, script, path) == ["[25, 25, 25, 25, 25, 25, 25, 25]\n"] * 2
-
-
-@pytest.mark.slow
-def test_what_a_script_asks_of_the_mesh_gives_way_where_it_fails(tmp_path):
-    """HXT of Debian's gmsh ends with a fault from the triangles of this algorithm."""
-    box = 'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 1, 1, 1};\nMesh.Algorithm = 8;'
-    (tmp_path / "box.geo").write_text(f"{box} Mesh.Algorithm3D = 10; Mesh.OptimizeNetgen = 1;\n")
-    with pytest.warns(ChoiceWarning, match="follow the curvature"):
-        assert ao.read_mesh(tmp_path / "box.geo", size=0.3).n_cells > 50

@@ -19,20 +19,6 @@ def block(material: ao.Solid) -> ao.Structure:
     return ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), material, [ao.Support("-z")])
 
 
-def struck(part: ao.Structure, speed: float) -> ao.History:
-    model = ao.extract(part, ao.Site((0.05, 0.05, 0.1), (0, 0, -1), radius=0.026), n=6)
-    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=speed)
-    return ao.simulate(model, ball, duration=2e-4)
-
-
-@pytest.mark.slow
-def test_a_verdict_says_that_cracks_are_not_computed():
-    hit = struck(block(ao.material("glass, soda-lime")), 1.0)
-    assert "Whether glass, soda-lime cracks" in hit.verdict
-    assert "stays elastic" in hit.verdict  # the ball
-    assert "crack" not in struck(block(ao.material("steel S235")), 1.0).verdict
-
-
 def test_the_tension_is_the_largest_principal_stress():
     six = np.random.default_rng(3).standard_normal((50, 6))
     eigenvalues = np.linalg.eigvalsh(tensors_of(six))[:, -1]

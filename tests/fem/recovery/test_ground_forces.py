@@ -6,8 +6,6 @@ contact: a balance that knows nothing of their laws.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -104,26 +102,6 @@ def test_impulses_of_clamp_and_damper_are_the_change_of_momentum(c):
     assert abs(trapezoid(found.force["damper 1"][:, 2], found.time)) > 0.1 * contact
 
 
-def test_a_part_on_springs_alone_has_their_forces():
-    """At rest under a force the springs hold it by the lever rule."""
-    springs = [
-        ao.Spring((0.0, 0.0, 0.0), {"x": 1e6, "y": 1e6, "z": 1e5, "rx": 1e3, "rz": 1e3}),
-        ao.Spring(TIP, {"z": 2e5}),
-        ao.Damper(TIP, {"z": 200.0}),
-    ]
-    part, site = bar(springs, ()), ao.Site((0.2, 0.0, 0.0), Z)
-    scene = ao.Scene(
-        {"part": ao.extract(part, {"site": site}, 10), "far": ao.Obstacle()},
-        [ao.Contact("part:site", "far", ao.Linear(1.0), gap=1.0)],
-        loads=[ao.Load("part:site", [0.0, 0.5, 2.0], [0.0, 5.0, 5.0])],
-    )
-    hit = scene.run(2.0)
-    found = ao.reactions(part, hit, {"site": site}, [2.0], body="part")
-    np.testing.assert_allclose(found.force["spring 1"][0], [0, 0, -3.0], atol=1e-3)
-    np.testing.assert_allclose(found.force["spring 2"][0], [0, 0, -2.0], atol=1e-3)
-    np.testing.assert_allclose(found.total + found.applied, found.inertia, atol=1e-9)
-
-
 @pytest.mark.slow
 def test_a_spring_and_a_damper_of_one_name_are_one_row_in_a_part_and_in_an_assembly():
     site = ao.Site(TIP, Z)
@@ -177,11 +155,3 @@ def test_a_layer_that_relaxes_acts_on_the_supports():
     moment = trapezoid(points[:, None] * a, points, axis=0) * BEAM.rho * SECTION.A
     exact = LENGTH * found.applied[:, 2] - moment
     np.testing.assert_allclose(found.moment["left"][:, 1], exact, atol=0.02 * np.abs(exact).max())
-
-
-def test_a_model_without_the_dampers_of_its_structure_is_refused():
-    part, site = bar([ao.Damper(TIP, {"z": 50.0})]), ao.Site(TIP, Z)
-    model = replace(ao.extract(part, site, n=5), damping=None)
-    hit = ao.simulate(model, BALL, LAW, DURATION)
-    with pytest.raises(ao.InputError, match="damping of the model is not that of the structure"):
-        ao.reactions(part, hit, site)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 import antiosc as ao
 import parts
@@ -18,7 +17,6 @@ from antiosc.engine.contact.half_space import hertz_stresses, von_mises
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.fields.deformed import deformed
 from antiosc.fields.margin import Nodal, Zones, judged
 from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
 from antiosc.recovery import mesh_fields
@@ -118,18 +116,6 @@ def test_stress_in_the_outline_of_a_beam_is_that_of_oblique_bending(round_):
     assert values.max() == pytest.approx(expected, rel=6e-3 if round_ else 1e-6)
 
 
-@pytest.mark.slow
-def test_pictures_show_the_stress_and_mark_its_worst_point(strip, tmp_path):
-    part, hit = strip
-    peak = ao.peak_field(part, hit, body="part")
-    found = deformed(part, hit, 0.0, "part", "von_mises")
-    assert found.values.max() == pytest.approx(1e-6 * peak.values.max(), rel=1e-6)
-    assert "MPa" in found.label
-    assert np.ptp(found.moved - found.points, axis=0)[1] > 0.05 * 0.2
-    path = peak.plot(tmp_path / "peak.png", view=(90, -90))
-    assert path.stat().st_size > 5000
-
-
 # --- Stresses at surfaces and their estimated errors: a hole (Kirsch), corners, edges of suppor
 
 
@@ -193,24 +179,6 @@ def test_a_re_entrant_corner_is_told_and_its_stress_grows_with_the_mesh():
     assert largest[1] > 1.2 * largest[0]
 
 
-@pytest.mark.slow
-def test_a_contact_that_yields_is_told_beside_the_margin():
-    """The pressure is Hertz's of `contact_stress`; a soft blow and a part of rubber say nothing."""
-    shell = ao.Shell(210e9, 0.3, 7850.0, thickness=8e-3, yield_strength=355e6)
-    mesh = ao.read_mesh(parts.plate((8, 4), (0.2, 0.1)).dolfinx, gdim=3)
-    part = ao.Structure(mesh, shell, [ao.Support(lambda x: x[0] < 1e-9)])
-    model = ao.extract(part, ao.Site((0.1, 0.05, 0.0), (0, 0, -1)), n=20)
-    for speed, yields in ((2.0, True), (1e-4, False)):
-        ball = ao.Sphere(0.015, 210e9, 0.3, 7850.0, velocity=speed)
-        hit = ao.simulate(model, ball, ball.hertz(210e9, 0.3), 3e-4)
-        margin = ao.peak_field(part, hit).margin()
-        pressure = ao.contact_stress(ball, hit.peak_force, 210e9, 0.3).pressure
-        assert (pressure > 1.6 * 355e6) == yields
-        assert margin.contact == yields
-        assert ("apart from the contact, where a dent remains. The" in margin.sentence) == yields
-        assert not margin.scope  # a sheet has no zone of the contact
-
-
 def test_the_margin_leaves_out_balls_that_are_given(strip):
     """Without the clamp's surroundings it is that of bending at the next section, F (L - x)/W."""
     part, hit = strip
@@ -270,18 +238,6 @@ def test_the_range_of_a_yield_strength_belongs_to_the_verdict(stress, verdict):
     assert f"margin of safety {1 / stress - 1:.3g}, {0.8 / stress - 1:.3g}" in margin.sentence
 
 
-@pytest.mark.slow
-def test_a_peak_takes_the_range_of_its_material():
-    strengths = {"yield_strength": YIELD, "yield_range": (0.9 * YIELD, 1.2 * YIELD)}
-    steel = ao.Solid(210e9, 0.3, 7850.0, **strengths)
-    mesh = ao.box_mesh((0.1, 0.02, 0.01), size=0.01)
-    part = ao.Structure(mesh, steel, [ao.Support("-x")])
-    model = ao.extract(part, ao.Site((0.09, 0.01, 0.01), (0, 0, -1), radius=0.012), n=6)
-    hit = ao.simulate(model, ao.RigidMass(0.1, 0.1), ao.Linear(1e6), duration=2e-3)
-    margin = ao.peak_field(part, hit).margin()
-    assert margin.strength_range == (0.9 * YIELD, 1.2 * YIELD)
-
-
 def test_stresses_under_hertz_s_pressure():
     """The closed forms on the axis and on the surface (Johnson, 3.4)."""
     nu, a, pressure = 0.3, 1e-3, 1.5 / np.pi / 1e-6
@@ -322,52 +278,6 @@ def test_at_each_strength_the_exposure_is_1(criterion):
             stress[entry] = stress[entry[::-1]] = size * 1e6
             assert getattr(PLY, criterion)(stress) == pytest.approx(1.0)
             assert getattr(PLY, criterion)(stress / 3) == pytest.approx(1 / 3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("turned", [False, True])
-def test_sheets_that_meet_at_a_fold_are_not_compared(turned):
-    """A cantilever with a fin across it: the fin has no stress, and the error of the cantilever,
-    bent by a force at its end, stays that of one without a fin, whichever face is its top.
-    """
-    x, y = (
-        grid.ravel() for grid in np.meshgrid(np.arange(9) / 40, np.arange(3) / 40, indexing="ij")
-    )
-    plate = np.column_stack([x, y, 0 * x])
-    fin = np.array([(0.1, b / 40, z / 40) for z in (1, 2) for b in range(3)])
-    rows = [
-        (3 * i + j, 3 * i + 3 + j, 3 * i + 1 + j, 3 * i + 4 + j) for i in range(8) for j in (0, 1)
-    ]
-    above = [(12, 13, 27, 28), (13, 14, 28, 29), (27, 28, 30, 31), (28, 29, 31, 32)]
-    if turned:  # the other face of every second cell is its top
-        rows[::2] = [(a, c, b, d) for a, b, c, d in rows[::2]]
-    shares = []
-    for cells, points in ((rows, plate), (rows + above, np.vstack([plate, fin]))):
-        made = compat.create_mesh(MPI.COMM_WORLD, np.array(cells), points, "quadrilateral", 1)
-        shell = ao.Shell(210e9, 0.0, 7850.0, thickness=2e-3)
-        part = ao.Structure(ao.read_mesh(made), shell, [ao.Support(lambda x: x[0] < 1e-9)])
-        part, hit = held(part, ao.Site((0.19, 0.025, 0.0), (0, 0, -1)), 1.0)
-        peak = ao.peak_field(part, hit, body="part")
-        at_fin = np.isclose(peak.points[:, 0], 0.1) & np.isclose(peak.points[:, 2], 0)
-        shares.append(float((peak.mesh_error / peak.values)[at_fin].max()))
-    assert shares[1] < 0.05
-    assert shares[1] < 3 * shares[0] + 1e-3
-
-
-def test_the_worst_of_two_materials_is_the_one_nearest_to_its_strength():
-    """A bar under tension: equal stress, the half with the lower yield strength is worse."""
-    mesh = parts.box(
-        (4, 1, 1), (0.4, 0.1, 0.1),
-        groups={"soft": (3, lambda x: x[0] < 0.2 + 1e-9), "hard": (3, lambda x: x[0] > 0.2 - 1e-9)},
-    )  # fmt: skip
-    soft, hard = (ao.Solid(70e9, 0.0, 2700.0, yield_strength=s) for s in (100e6, 900e6))
-    part = ao.Structure(mesh, {"soft": soft, "hard": hard}, [ao.Support(lambda x: x[0] < 1e-9)])
-    with pytest.warns(ao.AntioscWarning):
-        part, hit = held(part, ao.Site((0.4, 0.05, 0.05), (1, 0, 0), radius=0.2), 1e4)
-    peak = ao.peak_field(part, hit, body="part")
-    worst = peak.margin()
-    assert worst.strength == 100e6
-    np.testing.assert_allclose(peak.exposure[peak.points[:, 0] < 0.15], 1e6 / 100e6, rtol=0.05)
 
 
 CARBON = ao.Layer(
@@ -524,25 +434,6 @@ def test_rigid_motions_of_any_sheet_have_no_strain(cell, order):
     assert (weight > 0).all()
 
 
-@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning")
-@pytest.mark.parametrize("kind", ["tetrahedron", "beam", "triangle", "quadrilateral"])
-def test_superposed_stresses_are_those_of_the_motions(kind):
-    """Of more motions than a cell has dofs, as of each motion alone, which is not superposed."""
-    if kind == "tetrahedron":
-        part = ao.Structure(parts.box((2, 1, 1), cell=kind), ao.Solid(**parts.STEEL))
-    elif kind == "beam":
-        part = ao.Structure(parts.line(0.8, 3, (1, 2, -2)), BEAM)
-    else:
-        part = ao.Structure(mapped(2, lambda s, t: (s, t, s * t), kind, 2), skin("laminate"))
-    meshed = on_mesh(part)
-    motions = np.random.default_rng(4).standard_normal((compat.local_size(meshed.form.space), 150))
-    place = Place(fibre=(0.01, 0.004))
-    together = mesh_fields.tensors_of_part(meshed, motions, "stress", place, [0])[2]
-    for k in (0, 149):
-        alone = mesh_fields.tensors_of_part(meshed, motions[:, [k]], "stress", place, [0])[2]
-        np.testing.assert_allclose(together[..., [k]], alone, atol=1e-11 * np.abs(alone).max())
-
-
 @pytest.mark.parametrize("stack", ["shell", "laminate"])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_layers_of_a_bent_and_stretched_sheet(stack, cell):
@@ -594,17 +485,6 @@ def test_layers_of_a_bent_and_stretched_sheet(stack, cell):
             assert np.abs(s[2, 2]) < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("up", [1, -1])
-def test_a_direction_names_the_surface(up):
-    part = ao.Structure(parts.plate((2, 2), (0.3, 0.2), "triangle"), skin("shell"))
-    shapes = field(part, ry=lambda x, y, z: x, z=lambda x, y, z: -(x**2) / 2)
-    at = PointsInCells(on_mesh(part), shapes, np.array([0]), np.array([[0.2, 0.3]]))
-    found = evaluator(on_mesh(part), "strain", Place((0.1, 0, up)))(at)
-    assert found[0, 0, 0, 0] == pytest.approx(up * 2e-3, rel=1e-9)
-    with pytest.raises(ao.InputError, match="along"):
-        evaluator(on_mesh(part), "strain", Place((1.0, 0, 0.01)))(at)
-
-
 def test_shear_stresses_of_layers_are_in_equilibrium():
     """Their integral is the shear force, and the surfaces are free; 3/2 Q/t in the middle."""
     from antiosc.fem.elements import shear_stresses
@@ -642,20 +522,6 @@ def test_section_forces_of_triangles_carry_the_energy_of_K(stack):
     strains = np.hstack([s[..., 0] for s in middle_strains(at, axes)])
     energy = weight @ (forces * strains).sum(axis=1)
     assert energy == pytest.approx(float((shapes.T @ csr(part.K) @ shapes)[0, 0]), rel=1e-9)
-
-
-@pytest.mark.slow
-def test_balls_that_are_given_do_not_replace_the_zone_of_the_contact():
-    mesh = ao.box_mesh((0.06, 0.04, 0.02), size=0.005)
-    part = ao.Structure(mesh, ao.Solid(70e9, 0.33, 2700.0, yield_strength=40e6), [ao.Support("-z")])
-    model = ao.extract(part, ao.Site((0.03, 0.02, 0.02), (0, 0, -1), radius=0.006), n=8)
-    ball = ao.Sphere(0.01, 210e9, 0.3, 7850.0, velocity=1.0)
-    hit = ao.simulate(model, ball, ball.hertz(70e9, 0.33), duration=2e-4)
-    alone = ao.peak_field(part, hit).margin()
-    with_ball = ao.peak_field(part, hit, leave_out=[(0.0, 0.0, 0.0, 0.004)]).margin()
-    assert "3 radii of the contact" in alone.scope
-    before = "outside the balls of leave_out, and "
-    assert with_ball.scope == alone.scope.replace("outside ", before)
 
 
 def row_of_nodes(values, error=0.02, size=1e-3) -> Nodal:

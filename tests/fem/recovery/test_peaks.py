@@ -8,11 +8,8 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.base.stresses import extreme_principal
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fields import peaks
-from antiosc.impact.histories import factors
 from antiosc.reduce.site import functional
 from mpi import START, one_and_several
 from parts import unreduced
@@ -69,61 +66,6 @@ def test_no_peak_of_a_long_run_is_missed(struck, quantity):
     assert again.values[i] == pytest.approx(peak.values[i], rel=1e-3)
 
 
-def test_a_run_too_long_for_all_its_motion_is_told(struck, monkeypatch):
-    part, hit = struck
-    monkeypatch.setattr(peaks, "MOST", peaks.FEWEST)
-    long = ao.simulate(hit.model, BALL, LAW, 1e-2)
-    with pytest.warns(ao.AccuracyWarning, match="give times"):
-        peak = ao.peak_field(part, long, "acceleration")
-    assert f"up to {peak.error:.3g} m/s² more" in peak.summary()
-
-
-def test_runs_of_many_nodes_are_looked_at_in_parts(struck, monkeypatch):
-    """The same peaks, while the motion at few times is in the memory together."""
-    part, hit = struck
-    fine = ao.simulate(hit.model, BALL, LAW, 5e-4, step=1e-7)
-    once, counts, at = ao.peak_field(part, fine, "acceleration"), [], ao.History.at
-    monkeypatch.setattr(peaks, "MOST", len(fine.time) // 3)
-    monkeypatch.setattr(peaks, "NODES", len(fine.time) // 5)
-    monkeypatch.setattr(factors, "AT_ONCE", 100)
-    monkeypatch.setattr(ao.History, "at", lambda h, t: (counts.append(len(t)), at(h, t))[1])
-    seldom = ao.peak_field(part, fine, "acceleration")
-    np.testing.assert_allclose(seldom.values, once.values, rtol=1e-3, atol=1e-6 * once.values.max())
-    assert max(counts) <= max(2 * peaks.FEWEST, peaks.AT_ONCE) < len(fine.time)
-
-
-def test_times_and_nodes_of_an_envelope(struck, monkeypatch):
-    """The same in any number of blocks of nodes and times."""
-    part, hit = struck
-    peak = ao.peak_field(part, hit, "velocity")
-    monkeypatch.setattr(peaks, "BLOCK_BYTES", 8 * 3 * 12 * 100 * 5)
-    monkeypatch.setattr(peaks, "AT_ONCE", 100)
-    blocks = ao.peak_field(part, hit, "velocity")
-    np.testing.assert_allclose(blocks.values, peak.values, rtol=1e-12)
-    np.testing.assert_allclose(blocks.times, peak.times, rtol=1e-12)
-    with pytest.raises(ao.InputError, match="one number or more"):
-        ao.peak_field(part, hit, "velocity", [])
-    with pytest.raises(ao.InputError, match="quantity must be"):
-        ao.peak_field(part, hit, "pressure")
-
-
-def test_the_largest_values_keep_apart():
-    """Each outside of the balls around those before; by default of a twentieth of the part."""
-    x = np.array([[0.0, 0, 0], [0.04, 0, 0], [0.06, 0, 0], [0.5, 0.3, 0], [1.0, 0, 0]])
-    values, times = np.array([5.0, 4.5, 4.0, 1.0, 3.0]), np.arange(5.0)
-    peak = peaks.PeakField("speed", "m/s", x, values, times, [("vertex", np.arange(5)[:, None])])
-    assert [(v, t) for v, _, t in peak.largest()] == [(5, 0), (4, 2), (3, 4), (1, 3)]
-    assert [v for v, _, _ in peak.largest(3, apart=0.02)] == [5, 4.5, 3]
-    assert [v for v, _, _ in peak.largest(9, apart=0.0)] == [5, 4.5, 4, 3, 1]
-    assert [v for v, _, _ in peak.largest(2, apart=9.0)] == [5]
-    rows = peak.summary(2).splitlines()
-    assert rows[0].startswith("largest speed")
-    assert rows[2].split() == ["4.000", "m/s", "(60,", "0,", "0)", "mm", "2.00", "s"]
-    for wrong in ({"count": 0}, {"apart": -1.0}):
-        with pytest.raises(ao.InputError, match=next(iter(wrong))):
-            peak.largest(**wrong)
-
-
 def test_at_an_interface_the_larger_of_both_materials_counts():
     """A bar of two moduli in a row under tension: strains of each, means within each."""
     mesh = parts.box(
@@ -168,35 +110,6 @@ def test_two_ranks_give_the_envelopes_of_one():
     one, two = one_and_several(START + PEAKS)
     for a, b in zip(one, two, strict=True):
         np.testing.assert_allclose(b, a, atol=1e-6 * np.max(a))
-
-
-def test_stress_in_a_corner_of_one_cell_is_the_probe_there(struck):
-    part, hit = struck
-    times = np.linspace(0, 5e-4, 41)
-    corner = (0.2, 0.0)  # of one cell alone
-    stress = ao.probe(part, hit, corner, "stress", times)
-    expected = {
-        "von_mises": ao.von_mises(stress),
-        "stress": np.abs(ao.principal(stress)).max(axis=1),
-        "strain": np.abs(ao.principal(ao.probe(part, hit, corner, "strain", times))).max(axis=1),
-    }
-    for quantity, own in expected.items():
-        peak = ao.peak_field(part, hit, quantity, times)
-        i = np.argmin(np.linalg.norm(peak.points[:, :2] - corner, axis=1))
-        assert peak.values[i] == pytest.approx(own.max(), rel=1e-6)
-    # by itself the times are dense enough
-    assert ao.peak_field(part, hit).values.max() == pytest.approx(
-        ao.peak_field(part, hit, times=np.linspace(0, 5e-4, 4001)).values.max(), rel=2e-3
-    )
-
-
-def test_extreme_principal_values():
-    rng = np.random.default_rng(0)
-    six = rng.standard_normal((200, 6))
-    six[:3] = [[1, 1, 1, 0, 0, 0], [0] * 6, [2, 2, -1, 0, 0, 0]]
-    np.testing.assert_allclose(
-        extreme_principal(six), np.abs(ao.principal(six)).max(axis=1), rtol=1e-7, atol=1e-12
-    )
 
 
 @pytest.mark.slow
@@ -298,26 +211,6 @@ def test_what_has_no_reactions_is_refused(held):
     ):
         with pytest.raises(ao.InputError, match=message):
             ao.reactions(structure, history, site)
-
-
-@pytest.mark.slow
-def test_what_moves_the_whole_part_is_refused(held):
-    """A moving ground, and gravity on a part that may slide; the weight of a held part is none."""
-    part, _ = held
-    ends = {"part": ao.extract(part, STRUCK_AT, 4), "far": ao.Obstacle()}
-    apart = [ao.Contact("part", "far", ao.Linear(1.0), gap=1.0)]
-    shaken = ao.Scene(ends, apart, base=ao.Base([0.0, 1.0], [(0.2, -1, 0)] * 2))
-    with pytest.raises(ao.InputError, match="moving"):
-        ao.reactions(part, shaken.run(1e-5), STRUCK_AT, body="part")
-    hanging = ao.Scene(ends, apart, gravity=(0, -9.81, 0), preload=True)
-    found = ao.reactions(part, hanging.run(1e-6), STRUCK_AT, body="part")
-    assert np.abs(found.total).max() < 1e-6 * 9.81 * part.mass
-    with pytest.warns(ao.AntioscWarning, match="free to move"):
-        slides = sheet([ao.Support("left", "y"), ao.Support("right", "y")])
-    ends = {"part": ao.extract(slides, STRUCK_AT, 4), "far": ao.Obstacle()}
-    falling = ao.Scene(ends, apart, gravity=(0, -9.81, 0))
-    with pytest.raises(ao.InputError, match="part"):
-        ao.reactions(slides, falling.run(1e-5), STRUCK_AT, body="part")
 
 
 @pytest.mark.slow

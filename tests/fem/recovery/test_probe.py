@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import pickle
 import warnings
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.base.texts import percent
-from antiosc.extension import ProbeError, check_point
+from antiosc.extension import ProbeError
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.reach import Reach
 from antiosc.recovery import mesh_fields
@@ -201,25 +200,6 @@ def test_a_filtered_vibration_has_the_gains_of_the_filter(sheet, kind, quantity)
     np.testing.assert_allclose(seen, expected, atol=2e-3 * np.abs(expected).max())
 
 
-def test_a_filter_sees_the_motion_after_the_run(sheet):
-    """The same signal as in a run that has it, or a warning where it is not known."""
-    part = sheet[0]
-    model = ao.extract(part, SITE, 6)
-    short, long = (ao.simulate(model, BALL, LAW, duration) for duration in (1e-3, 4e-3))
-    times = np.linspace(0, 1e-3, 50)
-
-    def seen(hit, **options):
-        return ao.probe(part, hit, POINTS[1], "acceleration", times, filter="CFC1000", **options)
-
-    np.testing.assert_allclose(seen(short), seen(long), atol=2e-3 * np.abs(seen(long)).max())
-    with pytest.warns(ao.AccuracyWarning, match=r"ends at 1\.00 ms.*Simulate for 3\.00 ms"):
-        seen(replace(short, source=None))
-    with pytest.raises(ao.InputError, match=r"filter must be 'CFC60'.*got 'CFC100'"):
-        ao.probe(part, short, POINTS[1], "acceleration", filter="CFC100")
-    with pytest.raises(ao.InputError, match="before and after the times"):
-        ao.probe(part, short.bodies["structure"], POINTS[1], filter="CFC1000")
-
-
 @pytest.mark.parametrize("kind", ["history", "scene"])
 def test_rates_of_a_damped_body_are_derivatives(sheet, kind):
     """Velocity and acceleration against differences of the displacement, in contact and after."""
@@ -272,13 +252,6 @@ def test_a_strain_gauge_is_the_stretch_between_its_ends(sheet):
     assert np.abs(gauge - tensor).max() < 0.1 * np.abs(tensor).max()
     with pytest.raises(ao.InputError, match="off the structure"):
         ao.strain_gauge(part, hit, (0.195, 0.02), (1, 0), 0.03, times)
-
-
-@pytest.mark.parametrize("place", [{}, {"point": (0.1, 0.0), "node": 1}])
-def test_a_probe_has_one_place_before_the_impact_too(sheet, place):
-    part, *_ = sheet
-    with pytest.raises(ao.InputError, match="a point or the number of a node"):
-        check_point(part, **place)
 
 
 def test_a_loaded_shell_bends():
@@ -346,14 +319,6 @@ def test_a_part_that_an_assembly_turns_feels_the_same():
         np.testing.assert_allclose(seen, expected, atol=1e-4 * np.abs(own).max())
 
 
-@pytest.mark.slow
-def test_a_superposition_gives_them_too(sheet):
-    part, times, solved = sheet
-    hit = ao.simulate(ao.full(part, SITE), BALL, LAW, DURATION, tol=1e-5)
-    worst = errors(part, hit, times, solved)
-    assert max(worst.values()) < 1e-3
-
-
 def test_section_forces_of_a_plane_beam():
     """A cantilever under a slow force at its end: V = F, M = F (l − x), to rounding."""
     beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.01, 0.02))
@@ -364,26 +329,6 @@ def test_section_forces_of_a_plane_beam():
     assert abs(N) < 1e-6
     fibre = ao.probe(part, hit, (0.3, 0.0), "stress", fibre=(0.01, 0.0))[-1]
     np.testing.assert_allclose(fibre[0, 0], -M * 0.01 / beam.section.I, rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_a_body_of_a_scene(sheet):
-    part, times, solved = sheet
-    scene = ao.Scene(
-        {"part": ao.extract(part, {"tip": SITE}, 24), "ball": BALL},
-        [ao.Contact("part:tip", "ball", LAW)],
-    )
-    hit = scene.run(DURATION, tol=1e-5)
-    worst = errors(part, hit, times, solved, body="part")
-    assert worst["stress"] < 2e-4
-    assert worst["acceleration"] < 1.5e-2
-    at = hit.at(times)["part"]
-    for quantity in ("displacement", "velocity", "acceleration", "stress"):
-        one = ao.probe(part, hit, POINTS[1], quantity, times)
-        other = ao.probe(part, at, POINTS[1], quantity)
-        np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(one).max())
-    with pytest.raises(ao.InputError, match="its own times"):
-        ao.probe(part, hit.bodies["part"], POINTS[1], times=times)
 
 
 @pytest.mark.slow

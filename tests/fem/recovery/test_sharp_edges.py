@@ -7,7 +7,6 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fields.margin import is_within
 from antiosc.recovery import source
 from antiosc.recovery.sharp_edges import sharp_points
 from static_loads import held
@@ -95,11 +94,3 @@ def edges_of(part):
     """(points of sharp edges, volume over surface) of a part."""
     points, cells, _ = source(part).at_nodes(part, np.ones((part.rows, 1)))
     return sharp_points(points, cells)
-
-
-def test_points_within_any_of_many_balls_are_found():
-    rng = np.random.default_rng(4)
-    points = rng.random((300, 3))
-    balls = np.column_stack([rng.random((40, 3)), rng.choice([0.05, 0.1], 40)])
-    gaps = np.linalg.norm(points[:, None] - balls[None, :, :3], axis=2)
-    np.testing.assert_array_equal(is_within(points, balls), (gaps <= balls[:, 3]).any(axis=1))

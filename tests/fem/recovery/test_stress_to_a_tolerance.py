@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.fields.peaks import PeakField
 from antiosc.strikes import stress
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -22,23 +20,6 @@ Fillet{1}{e()}{0.002}
 """
 SITE = ao.Site((0.08, 0.01, 0.005), (0, -1, 0), radius=3e-3)
 BALL = ao.RigidMass(0.05, 0.5)
-
-
-def field(values, errors, counts=True) -> PeakField:
-    """A field of nodes 10 mm apart."""
-    x = 0.01 * np.arange(len(values))
-    points = np.column_stack([x, 0 * x, 0 * x])
-    line = np.column_stack([np.arange(len(x) - 1), np.arange(1, len(x))])
-    known = {"mesh_error": np.array(errors), "counts": np.full(len(x), counts)}
-    return PeakField("von_mises", "Pa", points, np.array(values), 0 * x, [("line", line)], **known)
-
-
-def test_the_place_of_the_largest_bound_is_refined_too():
-    told = field([100.0, 10.0, 60.0, 99.0], [10.0, 20.0, 60.0, 1.0])
-    assert stress.bar(told) == pytest.approx((0.02, 0.2))  # of 99 − 1, and of 60 + 60
-    places = stress._places(told, 0.15)
-    assert [point[0] for point, _ in places] == [0.02, 0.0]
-    assert places[0][1] < places[1][1] == pytest.approx(0.5 * 0.01)
 
 
 @pytest.fixture(scope="module")
@@ -78,10 +59,3 @@ def test_straight_cells_are_bisected():
     hit = ao.strike(mesh, site, BALL, ao.Linear(1e6), 2e-3, stress_tol=0.2, **asked)
     (closed,) = hit.stresses.values()
     assert max(stress.bar(closed)) <= 0.2 < max(stress.bar(ao.peak_field(hit.structure, hit)))
-
-
-def test_cells_that_stay_are_told():
-    part = ao.Structure(ao.box_mesh((0.06, 0.02, 0.01), 0.01), STEEL, [ao.Support("-x")])
-    site = ao.Site((0.05, 0.01, 0.01), (0, 0, -1), radius=8e-3)
-    hit = ao.strike(part, site, BALL, ao.Linear(1e7), 1e-3, tol=0.5, stress_tol=1e-3)
-    assert "since the Structure was used as it is" in hit.stresses["von_mises"].rounds

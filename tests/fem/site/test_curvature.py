@@ -9,12 +9,11 @@ import pytest
 from scipy.integrate import quad
 
 import antiosc as ao
-from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE
+from antiosc.engine.contact.curvature import CURVED, EDGE, LINE, PLANE
 from antiosc.engine.contact.line import line_indentation, line_law
 from antiosc.fem.mesh.curvature import curvature
 from antiosc.fem.mesh.surface import Faces
 from antiosc.reduce.site.surface import curvature_at
-from mpi import START, run_ranks
 from parts import STEEL
 from sheets import sheet
 
@@ -59,29 +58,6 @@ def test_a_fit_to_nodes_is_within_its_spread(tmp_path: Path, name: str, order: i
         assert found.kind == kind
         assert np.abs(found.values - known).max() <= found.error
     assert found.error <= (0.15 if name == "fillet of 4 mm" else 0.08) * max(np.abs(known))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 2])
-def test_edges_and_corners_have_no_curvature(tmp_path: Path, order: int) -> None:
-    mesh = meshed(tmp_path, "Box(1) = {0, 0, 0, 0.06, 0.06, 0.02};", 0.008, order)
-    faces = Faces(mesh, sheet=False)
-    for site, kind in (((0, 0, 0.011), EDGE), ((0, 0, 0), CORNER), ((0, 0.03, 0.01), PLANE)):
-        found = curvature(mesh, faces, np.array(site, dtype=float))
-        assert found.kind == kind
-        assert np.isnan(found.values).all() == (kind != PLANE)
-
-
-def test_a_blunt_edge_is_an_edge() -> None:
-    """Two planes at 20 degrees: fits of all sizes bend, the more the smaller they are."""
-
-    def roof(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
-        x = 0.1 * (s - 0.5)
-        return x, 0.1 * t, -np.tan(np.radians(10)) * np.abs(x)
-
-    mesh = sheet(40, roof)
-    found = curvature(mesh, Faces(mesh, sheet=True), np.array([0, 0.0515, 0.0]))
-    assert found.kind == EDGE
 
 
 @pytest.mark.slow
@@ -137,46 +113,3 @@ def test_the_law_of_a_line_is_the_field_of_its_pressure() -> None:
     depth = line_indentation(force, E, R, L)
     found = [law.force(float(d), 0.0, law.touch(1.0)) for d in depth]
     np.testing.assert_allclose(found, force, rtol=1e-3)
-
-
-@pytest.mark.slow
-def test_a_flat_side_of_one_face_is_flat_and_a_bent_one_is_not_known():
-    part = ao.Structure(ao.box_mesh((0.01, 0.01, 0.01), size=0.01), ao.Solid(**STEEL))
-    found = curvature_at(part, (0.004, 0.005, 0.01), (0.0, 0.0, -1.0))
-    assert found.kind == PLANE
-    np.testing.assert_allclose(found.normal, (0, 0, 1), atol=1e-12)
-
-
-@pytest.mark.slow
-def test_a_flat_place_beside_a_fillet_is_flat(tmp_path: Path) -> None:
-    """A fit as wide as the part takes in nodes of the fillet, and has a hollow of 0.1 m."""
-    shape = "Box(1) = {0, 0, 0, 0.06, 0.04, 0.03}; v() = Fillet{1}{9, 10, 11, 12}{0.004};"
-    mesh = meshed(tmp_path, shape, 0.003, 1)
-    part = ao.Structure(mesh, ao.Solid(**STEEL))
-    for site in ((0.01, 0.0, 0.02), (0.02, 0.0, 0.01), (0.03, 0.008, 0.03)):
-        found = curvature_at(part, site)
-        assert (found.kind, found.error) == (PLANE, 0.0)
-
-
-RANKS = (
-    START
-    + """
-from antiosc.reduce.site.surface import curvature_at
-
-mesh = ao.read_mesh(sys.argv[1], size=0.006)
-part = ao.Structure(mesh, ao.Solid(**parts.STEEL))
-for site in ((0.01, 0.0, 0.022), (0.0, 0.01, 0.03), (0.003, 0.0, 0.05), (0.01, 0.0, 0.05)):
-    found = curvature_at(part, site)
-    print(found.kind, *(np.round([*found.values, *found.point], 9) + 0.0))
-"""
-)
-
-
-@pytest.mark.mpi
-def test_curvature_on_two_ranks_is_that_on_one(tmp_path: Path) -> None:
-    shape = "Cylinder(1) = {0, 0, 0, 0, 0, 0.05, 0.01};"
-    path = tmp_path / "part.geo"
-    path.write_text(f'SetFactory("OpenCASCADE"); {shape}')
-    (alone,), both = (run_ranks(n, RANKS, str(path)) for n in (1, 2))
-    assert both == [alone, alone]
-    assert [line.split()[0] for line in alone.splitlines()] == [LINE, LINE, PLANE, EDGE]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
-from dataclasses import replace
 from functools import cache
 from math import factorial
 
@@ -17,13 +16,9 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.mesh.surface import Faces
-from antiosc.fem.platform import compat
 from antiosc.reduce.site import functional, sites
-from antiosc.reduce.site.map_sites import resolved_radius, surface
-from antiosc.reduce.site.sites import patches
-from assemblies import SOLID, box
+from antiosc.reduce.site.map_sites import surface
 
 SIZE = np.array([0.04, 0.04, 0.02])
 TOP = (0.02, 0.02, 0.02)
@@ -116,21 +111,6 @@ def test_supports_under_a_patch_are_told():
     assert any("a support is within two radii" in str(one.message) for one in said)
 
 
-def test_rounding_does_not_turn_the_rule_of_a_patch():
-    """The normal of a face along an axis has two components of rounding, of which one is less."""
-    mesh = parts.box((4, 4, 2), SIZE)
-    faces = Faces(mesh, False)
-    radii, labels = np.array([0.008]), np.zeros(len(faces.cells), dtype=int)
-    site, down = np.array([[0.015, 0.02, 0.02]]), np.array([[0.0, 0.0, -1.0]])
-    contact = faces.contact(site, down, radii, labels)
-    found = []
-    for normal in ((1e-17, 2e-17, 1.0), (2e-17, 1e-17, 1.0)):
-        turned = replace(contact, normals=np.array([normal]))
-        found.append(patches(faces, site, radii, turned)[0])
-    np.testing.assert_array_equal(found[0].cell, found[1].cell)
-    np.testing.assert_allclose(found[0].X, found[1].X, atol=1e-12)
-
-
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 def test_moments_of_hertzs_pressure(cell):
     """Of a unit force p = (3/2πa²)√(1 - r²/a²): force 1, no moment, ∫p x² = a²/5, ∫p xy = 0.
@@ -166,31 +146,6 @@ def test_derivatives_of_a_face_are_those_of_its_points(cell):
         move = step * np.eye(2)[axis]
         ahead, back = faces.at(every, xi + move)[0], faces.at(every, xi - move)[0]
         np.testing.assert_allclose(derivatives[:, :, axis], (ahead - back) / (2 * step), atol=1e-8)
-
-
-def forces(part: ao.Structure, site: ao.Site, axis: str) -> tuple[np.ndarray, np.ndarray]:
-    """(nodal forces along an axis, their nodes)."""
-    dofs, x = compat.dof_coordinates(part.form.space, part.form.components[axis])
-    return functional(part, site).b[dofs], x
-
-
-def test_a_disc_with_many_elements():
-    n, a = 26, 0.05
-    part = ao.Structure(
-        parts.box((n, n, 1), (0.12, 0.12, 0.01)), STEEL, [ao.Support("left")], order=1
-    )
-    b, x = forces(part, ao.Site((0.06, 0.06, 0.01), (0, 0, -1), radius=a), "z")
-    b = -b
-    line = (np.arange(800) + 0.5) / 400 - 1
-    X, Y = np.meshgrid(line, line)
-    inside = X**2 + Y**2 < 1
-    weight = np.where(inside, np.sqrt(np.maximum(1 - X**2 - Y**2, 0.0)), 0.0)
-    weight /= weight.sum()
-    top = x[:, 2] > 0.009
-    distance = [np.abs(0.06 + a * line - x[top, k : k + 1]) for k in (0, 1)]
-    along, across = (np.maximum(0.0, 1 - each * n / 0.12) for each in distance)
-    exact = np.einsum("nx,yx,ny->n", along, weight, across, optimize=True)
-    assert np.abs(b[top] - exact).max() < 0.05 * exact.max()
 
 
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
@@ -243,21 +198,6 @@ def test_the_impact_does_not_depend_on_the_patch(block):
     assert max(bare) < min(peaks)
 
 
-def test_a_segment_with_many_elements():
-    n, a = 200, 0.05
-    mesh = parts.plate((n, 1), (0.12, 0.01))
-    part = ao.Structure(
-        mesh, ao.Solid(**parts.STEEL, plane="stress"), [ao.Support("left")], order=1
-    )
-    b, x = forces(part, ao.Site((0.06, 0.01), (0, -1), radius=a), "y")
-    b, x = -b[x[:, 1] > 0.009], x[x[:, 1] > 0.009]
-    fine = np.linspace(-1, 1, 20_001)
-    pressure = 2 / np.pi * np.sqrt(1 - fine**2)
-    hats = np.maximum(0.0, 1 - np.abs(0.06 + a * fine - x[:, :1]) / (0.12 / n))
-    exact = hats @ pressure * (fine[1] - fine[0])
-    assert np.abs(b - exact).max() < 0.05 * exact.max()
-
-
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
 def test_rules_of_patches_are_exact(count):
     """Moments of Hertz's pressure on a disc, and on a segment (Catalan numbers)."""
@@ -280,33 +220,3 @@ def test_rules_of_patches_are_exact(count):
             assert w @ (x[:, 0] ** (2 * a) * x[:, 1] ** (2 * b)) == pytest.approx(radial * angular)
         assert w @ (x[:, 0] ** (2 * k) * x[:, 1]) == pytest.approx(0, abs=1e-14)
         radial *= (2 * k + 2) / (2 * k + 5)
-
-
-@pytest.mark.slow
-def test_the_radius_of_a_patch_of_a_point_within_the_solid_is_that_on_its_surface():
-    """As one between the corners of a curved facet: it was struck at a point, without a patch."""
-    part = with_parts(ao.Structure(box((0, 0, 0), (0.1, 0.1, 0.02), (10, 10, 2)), SOLID))
-    on, within = (
-        resolved_radius(part, ao.Site((0.052, 0.05, z), (0, 0, -1))) for z in (0.02, 0.0198)
-    )
-    assert on == pytest.approx(1.05 * 0.01, rel=1e-9)
-    assert within == on
-
-
-@pytest.mark.slow
-def test_a_wide_patch_beside_small_ones_gives_these_no_more_faces():
-    """Sites together are as each alone, from about as many pairs of faces and sites."""
-    faces = Faces(ao.box_mesh((0.1, 0.08, 0.02), size=4e-3), False)
-    points = faces.corners.mean(axis=1)[::7]
-    directions = -faces.normals[::7]
-    radii = np.full(len(points), 2e-3)
-    radii[0] = 0.05
-    labels = np.zeros(len(faces.facets), dtype=int)
-    together = faces.contact(points, directions, radii, labels)
-    alone = [slice(k, k + 1) for k in range(len(points))]
-    one_by_one = [faces.contact(points[k], directions[k], radii[k], labels) for k in alone]
-    for name, values in vars(together).items():
-        each = np.concatenate([getattr(one, name) for one in one_by_one])
-        np.testing.assert_allclose(values, each, atol=1e-12)
-    pairs = sum(len(faces._within(points[k], radii[k])[0]) for k in alone)
-    assert len(faces._within(points, radii)[0]) == pairs

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from dataclasses import replace
 
@@ -11,14 +10,12 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.base.texts import percent
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.doubts import warn_of_doubts
 from antiosc.reduce.site.sites import located
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
-from sheets import sheet
 
 pytestmark = FREE_ON_PURPOSE
 
@@ -123,85 +120,6 @@ def test_a_snap_reaches_two_hundredths_of_the_part_or_one_element():
         ao.Site(off, (0, 0, -1), snap=-1e-3)
 
 
-@pytest.mark.slow
-def test_a_probe_reaches_as_far_as_a_snap():
-    part = ao.Structure(parts.box((40, 4, 4)), SOLID, [ao.Support("left")], order=1)
-    model = ao.extract(part, ao.Site((0.15, 0.02, 0.045), (0, 0, -1), radius=0.01, snap=True), n=2)
-    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4)
-    for quantity in ("displacement", "strain"):
-        with pytest.raises(ao.InputError, match=r"\(300, 0, 0\) m is 300 m off .* \(0.2, 0, 0\)"):
-            ao.probe(part, hit, (300, 0), quantity)
-        moved = ao.probe(part, hit, (0.21, 0, 0), quantity)
-        near = ao.probe(part, hit, (0.2, 0, 0), quantity)
-        np.testing.assert_allclose(moved, near, rtol=1e-9)
-        far = ao.probe(part, hit, (0.3, 0, 0), quantity, snap=0.11)
-        np.testing.assert_allclose(far, near, rtol=1e-9)
-    assert "(150, 20, 40) mm" in hit.summary()
-    assert hit.numbers()["sites"][""] == pytest.approx([0.15, 0.02, 0.04])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("error", [None, "estimate"])
-def test_a_summary_tells_what_its_error_covers(error):
-    part = ao.Structure(parts.box((8, 4, 4), cell="tetrahedron"), SOLID, [ao.Support("left")])
-    model = ao.extract(part, ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.03), n=2, error=error)
-    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4)
-    covers = 'time integration; truncation and mesh are not estimated: the error "estimate"'
-    told = covers
-    if error:
-        covers = "time integration; law, truncation and mesh: see the error budget"
-        told = " ± "
-    assert told in hit.summary()
-    assert covers in hit.numbers()["error_covers"]
-
-
-@pytest.mark.slow
-def test_a_summary_has_one_figure_of_the_law_that_of_the_budget():
-    box = parts.box((8, 4, 4), cell="tetrahedron")
-    part = ao.Structure(box, ao.material("steel S235"), [ao.Support("left")])
-    site = ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.03)
-    model = ao.extract(part, site, n=4, error="estimate")
-    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
-    hit = ao.simulate(model, ball, duration=1e-4)
-    assert len(re.findall(r"law [\d.]+ %", hit.summary())) == 1
-    share = hit.error_budget["peak_force"].law
-    assert f"law {percent(share)}" in hit.summary()
-
-
-@pytest.mark.slow
-def test_a_shell_of_quadrilaterals_is_advised_of_an_estimate_that_is_given():
-    shell = ao.Shell(thickness=2e-3, **STEEL)
-    square = sheet(4, lambda s, t: (0.2 * s, 0.2 * t, 0 * s), "quadrilateral")
-    part = ao.Structure(square, shell, [ao.Support(lambda x: x[0] < 1e-9)])
-    site = ao.Site((0.15, 0.1, 0.0), (0, 0, -1), snap=True)
-    hit = ao.simulate(ao.extract(part, site, n=2), ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4)
-    assert '"estimate"' in hit.summary()
-    model = ao.extract(part, site, n=2, error="estimate")
-    assert model.strain_error is not None
-
-
-def test_a_point_above_a_plane_part_is_off_it():
-    structure = ao.Structure(parts.plate(), PLANE)
-    with pytest.raises(ao.InputError, match=r"is 0.01 m off the structure"):
-        at(structure, (0.1, 0.02, 0.01), (0, 1, 0))
-    with pytest.raises(ao.InputError, match=r"leaves the plane of .* which is 2-D"):
-        at(structure, (0.1, 0.02, 0.0), (0, 1, 1))
-
-
-@pytest.mark.slow
-def test_a_patch_on_an_edge_takes_the_face_that_is_struck():
-    """Half of the patch is missing, which is said; the other face carries nothing."""
-    structure = ao.Structure(parts.box((6, 6, 6), (0.1, 0.1, 0.1)), SOLID)
-    with pytest.warns(
-        ao.AntioscWarning, match="an edge cuts the patch: only 50 % of its load area"
-    ):
-        result = functional(structure, ao.Site((0.05, 0.0, 0.1), (0, 0.1, -1), radius=0.03))
-    side = parts.nodal(structure, lambda x: np.outer([0, 0, -1], x[2] < 0.0999))
-    assert abs(result.b @ side) < 1e-12
-    top = parts.nodal(structure, lambda x: np.outer([0, 0, -1], np.ones(x.shape[1])))
-    assert result.b @ top == pytest.approx(1 / np.hypot(1, 0.1), rel=1e-12)
-
-
 def test_a_patch_needs_a_surface():
     structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
     with pytest.raises(
@@ -257,48 +175,6 @@ def told(part, count=3, **facts) -> list[str]:
     with warnings.catch_warnings(record=True, action="always") as found:
         warn_of_doubts(part, replace(places, **arrays))
     return [str(one.message) for one in found]
-
-
-def test_the_worst_of_the_doubtful_patches_is_told(part):
-    (text,) = told(part, size=[0.0401, 0.01, 0.06], radii=[0.04, 0.04, 0.045])
-    assert "At 2 of 3 sites" in text
-    assert "more than the radius 45.0 mm" in text
-    (text,) = told(part, 1, size=[0.0107], radii=[0.00386])  # rounded so that both help
-    assert "at most 3.8 mm" in text
-    assert "or a radius of 11 mm" in text
-    (text,) = told(part, share=[0.89, 1.0, 0.5])
-    assert "only 50 %" in text
-    (text,) = told(part, moving=[1.0, 0.89, 0.25])
-    assert "supports fix 75 %" in text
-    (text,) = told(part, radii=[np.nan, 0.04, 0.04])
-    assert "180 mm or more" in text
-
-
-@pytest.mark.slow
-def test_a_sheet_is_told_whose_cells_are_far_larger_than_the_radius():
-    """Thick sheets become some per cent too stiff; of thin ones bending hides it: not told."""
-    site = ao.Site((0.07, 0.08, 0.0), (0, 0, -1), radius=5e-4)
-    stiffness = {}
-    for thickness, size, count in ((16e-3, 4e-3, 0), (16e-3, 0.04, 1), (2e-3, 0.04, 0)):
-        mesh = ao.box_mesh((0.2, 0.2), size=0.04, refine=[(site.point, size)])
-        plate = ao.Structure(mesh, ao.Shell(**STEEL, thickness=thickness), [ao.Support("rim")])
-        with warnings.catch_warnings(record=True, action="always") as found:
-            stiffness[thickness, size] = ao.extract(plate, site, n=5).k0
-        assert len(found) == count
-        assert all("8 times the radius 500 µm" in str(one.message) for one in found)
-    assert 0.02 < stiffness[16e-3, 0.04] / stiffness[16e-3, 4e-3] - 1 < 0.15
-
-
-def test_a_blow_along_the_surface_is_told(part):
-    points = np.tile([0.1, 0.05, 0.1], (2, 1))
-    directions = np.array([[0.0, 0.0, -1.0], [0.999, 0.0, -0.0447]])
-    places = located(part, points, directions, np.full(2, 0.04))
-    with pytest.warns(ao.AccuracyWarning, match="lies along .*At 1 of 2") as all_:
-        warn_of_doubts(part, replace(places, size=np.full(2, 0.01)))
-    assert len(all_) == 1
-    alone = located(part, points[:1], directions[1:], np.full(1, 0.04))
-    with pytest.warns(ao.AccuracyWarning, match=r"against the normal \(0, 0, 1\)"):
-        warn_of_doubts(part, replace(alone, size=np.full(1, 0.01)))
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from free_bodies import (
     CASES,
-    SIZE,
     centre_and_inertia,
     effective_mass,
     extract,
@@ -188,26 +187,6 @@ def test_mass_felt_at_the_site(name):
     assert model.m_st == pytest.approx(effective_mass(structure, site), rel=1e-10)
 
 
-@TURNS_FAR
-def test_a_sliding_body_starts_along_its_guide_only_by_a_motion():
-    """Held along the impact, free across it: the site sees no rigid motion, but the body slides."""
-    guide = ao.Support(lambda x: np.isclose(x[2], 0.0), fix=("y", "z"))
-    structure = ao.Structure(parts.box((4, 2, 2), SIZE), ao.Solid(**parts.STEEL), [guide], order=1)
-    site = ao.Site((0.11, 0.04, 0.04), (0, 0, -1))
-    model = model_of("krylov", structure, site)
-    assert model.k0 > 0
-    hit = ao.simulate(
-        model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3, gap=5e-4, gravity=(2.0, 0, -9.81),
-        initial_velocity=ao.Motion((0.7, 0, 0)),
-    )  # fmt: skip
-    slid = rigid_field(structure, np.array([0.7 * 4e-4 + 4e-4**2, 0, 0]), np.zeros(3), np.zeros(3))
-    assert np.abs(hit.field(4e-4) - slid).max() < 1e-9 * slid.max()
-    mass = 7850.0 * np.prod(SIZE)
-    assert hit.momentum[-1, 0] == pytest.approx(mass * (0.7 + 2.0 * 1e-3), rel=1e-6)
-    with pytest.raises(ao.InputError, match="asked of a supported body"):
-        ao.simulate(model, ao.RigidMass(0.1), ao.Hertz(1e9), 1e-3, initial_velocity=1.0)
-
-
 SOLID = ao.Solid(70e9, 0.3, 2700.0)
 LONG = (0.4, 0.1, 0.2)
 
@@ -274,23 +253,6 @@ def fixed(**where) -> np.ndarray:
 @pytest.fixture(scope="module")
 def x() -> np.ndarray:
     return parts.box().dolfinx.geometry.x
-
-
-def test_what_lies_outside_by_a_millionth_belongs_to_it(x):
-    size = float(np.linalg.norm(np.ptp(x, axis=0)))
-    low = x.min(axis=0)
-    exact = fixed(plane=(low, (1, 0, 0)))
-    for share, same in ((0.9e-6, True), (1.1e-6, False)):
-        off = low - [share * size, 0, 0]
-        for where in (
-            {"plane": (off, (1, 0, 0))},
-            {"box": (off - size, [off[0], size, size])},
-        ):
-            if same:
-                np.testing.assert_array_equal(fixed(**where), exact)
-            else:
-                with pytest.raises(ao.InputError, match="fixes nothing"):
-                    fixed(**where)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from petsc4py import PETSc
 import antiosc as ao
 import parts
 from antiosc import fem
-from antiosc.reduce.site import functional
 from mpi import run_ranks
 
 N, STIFF = 8, 1e4
@@ -65,24 +64,6 @@ def test_a_penalty_is_a_support(penalty, n, method):
             ao.extract(structure, ao.Site(dof=0))
 
 
-def test_penalties_in_both_matrices():
-    """FreeFEM's `on` in the form of the mass as well: the dofs are held all the same."""
-    K, M = chain(N + 1), (4 * np.eye(N + 1) + np.eye(N + 1, k=1) + np.eye(N + 1, k=-1)) / 6
-    structure = ao.Structure.from_matrices(*_with(K, M, 1e30, 1e30))
-    model = ao.extract(structure, ao.Site(dof=N))
-    k0, omega = exact(K[1:, 1:], M[1:, 1:])
-    assert model.k0 == pytest.approx(k0, rel=1e-12)
-    np.testing.assert_allclose(model.omega[:3], omega[:3], rtol=1e-9)
-    with refused("M has a penalty on its diagonal"):
-        ao.Structure.from_matrices(*_with(K, M, STIFF, 1e30))
-
-
-def _with(K, M, first_of_K, first_of_M):
-    K, M = K.copy(), M.copy()
-    K[0, 0], M[0, 0] = first_of_K, first_of_M
-    return K, M
-
-
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("penalty", [1e8, 1e10, 1e18, 1e24, 1e30])
@@ -103,13 +84,6 @@ def test_a_coupling_by_penalty_is_right_or_refused(penalty, free):
     np.testing.assert_allclose(model.omega[:3], exact(k + 1e-9 * m, m)[1][:3], rtol=1e-3)
     if not free:
         assert model.k0 == pytest.approx(exact(k, m)[0], rel=1e-3)
-
-
-def test_indefinite_matrices():
-    with refused(r"K must be positive semidefinite; its entry \(0, 1\) = 2 exceeds"):
-        ao.Structure.from_matrices([[1.0, -2.0], [-2.0, 1.0]], np.eye(2))
-    with refused("K must be positive semidefinite"):
-        ao.Structure.from_matrices(chain() - 0.3 * STIFF * np.eye(N), np.eye(N))
 
 
 @pytest.mark.parametrize(
@@ -170,18 +144,6 @@ def test_dofs_without_stiffness_or_mass():
     M[2, 2] = 0
     with refused("1 dofs have neither stiffness nor mass, the first is 2"):
         ao.Structure.from_matrices(K, M)
-
-
-def test_matrices_of_a_slender_beam_keep_their_strains():
-    section = ao.Section.rectangle(1e-5, 1e-5)
-    beam = ao.Structure(
-        parts.line(1.0, 200), ao.Beam(**parts.STEEL, section=section), [ao.Support("left")]
-    )
-    again = ao.Structure.from_matrices(beam.K, beam.M)
-    site = ao.Site((1.0, 0), (0, 1))
-    tip = int(np.argmax(np.abs(functional(beam, site).b)))
-    models = ao.extract(beam, site, n=5), ao.extract(again, ao.Site(dof=tip), n=5)
-    assert models[1].k0 == pytest.approx(models[0].k0, rel=1e-10)
 
 
 @pytest.mark.mpi

@@ -11,8 +11,6 @@ import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.base import process
-from antiosc.fem.linalg import scipy_factors
 from chains import loose_chains, receptance
 
 
@@ -143,47 +141,3 @@ def test_both_back_ends_agree(supported):
         np.testing.assert_allclose(
             one.dynamic_stiffness(omega), other.dynamic_stiffness(omega), rtol=1e-10
         )
-
-
-def lattice(n: int, dofs: int):
-    """A definite matrix on a cube of n³ nodes with some dofs each."""
-    line = scipy.sparse.diags([-1.0, 2.5, -1.0], [-1, 0, 1], shape=(n, n))
-    one = scipy.sparse.identity(n)
-    kron = scipy.sparse.kron
-    cube = kron(kron(line, one), one) + kron(kron(one, line), one) + kron(kron(one, one), line)
-    own = np.eye(dofs) + 0.1
-    return kron(cube, own).tocsr()
-
-
-@pytest.mark.parametrize("dofs", [2, 3])
-def test_the_entries_of_a_factor_are_forecast(dofs):
-    A = lattice(9, dofs)
-    found = scipy_factors.entries_of_factor(A)
-    assert found == pytest.approx(scipy_factors.SuperLU(A).entries / 2, rel=0.25)
-    assert scipy_factors.entries_of_factor(lattice(4, 1)) == 0
-
-
-def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
-    A = lattice(9, 3)
-    monkeypatch.setattr(scipy_factors, "FORECAST_ROWS", 100)
-    monkeypatch.setattr(process, "NEGLIGIBLE", 0)
-    monkeypatch.setattr(process, "free_memory", lambda: 1e6)
-    monkeypatch.setattr(scipy_factors.SuperLU, "_set_up", lambda self: pytest.fail("factored"))
-    with pytest.raises(
-        ao.OutOfMemoryError, match=r"the factor of 2187 dofs needs about .* GB are free"
-    ):
-        scipy_factors.factorize(A)
-
-
-def test_factors_of_matrices_that_are_not_positive_definite():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        A = rng.standard_normal((12, 12))
-        A = A + A.T + np.diag(rng.uniform(-2, 8, 12))
-        values = np.linalg.eigvalsh(A)
-        if values[0] > 1e-6:
-            X = scipy_factors.factorize(scipy.sparse.csr_matrix(A)).solve_block(np.eye(12))
-            np.testing.assert_allclose(X @ A, np.eye(12), atol=1e-9)
-        else:
-            with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
-                scipy_factors.factorize(scipy.sparse.csr_matrix(A))

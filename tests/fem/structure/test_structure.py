@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -14,10 +12,9 @@ from antiosc import PointMass, Spring
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.structure import support
 from antiosc.reduce.site import functional
 from marks import FREE_ON_PURPOSE
-from mpi import START, one_and_several, run_ranks
+from mpi import one_and_several
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
 
 pytestmark = FREE_ON_PURPOSE
@@ -69,43 +66,6 @@ def test_a_named_group_holds_all_motions_of_its_face(cell):
     assert abs(K[fixed]).sum() == 75
 
 
-def test_reading_never_changes_the_shift(monkeypatch):
-    """A first estimate of the shift that is far too high is brought closer before it is read."""
-    of_mesh = support.mesh_modes
-
-    def rough(*arguments):
-        modes, shift = of_mesh(*arguments)
-        return modes, 1e3 * shift
-
-    section = ao.Section.rectangle(1e-3, 1e-3)
-    bar = ao.Beam(**parts.STEEL, section=section)
-    monkeypatch.setattr(support, "mesh_modes", rough)
-    bar = ao.Structure(parts.line(1.0, 40), bar)
-    before = bar.shift
-    first = 4.730041**4 * parts.STEEL["E"] * 1e-3**2 / (12 * parts.STEEL["rho"])  # ω², length 1 m
-    assert first / 100 < before < first
-    factor = bar.factorize()
-    assert bar.shift == before
-    assert bar.factorize() is factor
-    A = csr(bar.K) + before * csr(bar.M)
-    assert abs(csr(factor.A) - A).max() <= 1e-14 * abs(A).max()
-    with pytest.raises(AttributeError):
-        bar.shift = 2 * before
-
-
-def test_a_structure_is_one_whether_of_a_mesh_or_of_matrices():
-    meshed = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
-    given = ao.Structure.from_matrices(meshed.K, meshed.M)
-    assert isinstance(meshed, ao.Structure)
-    assert isinstance(given, ao.Structure)
-    assert not hasattr(given, "mesh")
-    assert given.uniform_inertia([0, 0, 1]) is None
-    assert given.rigid_inertia is None
-    for ask in (lambda: given.mass, lambda: given.dimensions, given.constants):
-        with pytest.raises(ao.InputError, match="matrices"):
-            ask()
-
-
 class Rubbery:
     """A material of one's own, with the weak form of a solid and a patch by default."""
 
@@ -154,42 +114,6 @@ def test_matrices_give_the_model_of_the_mesh(kind, supports):
         np.testing.assert_allclose(model.m, expected.m, rtol=1e-7)
         assert model.k0 == pytest.approx(expected.k0, rel=1e-8)
         assert model.m0 == pytest.approx(expected.m0, rel=1e-6)
-
-
-def test_matrices_of_which_one_part_slides():
-    """A free chain beside a grounded one: struck on either, Z is that of the dense matrices."""
-    K = np.zeros((6, 6))
-    for i, j, k in [(0, 1, 1e6), (1, 2, 2e6), (3, 4, 3e6), (4, 5, 1e6)]:
-        K[np.ix_([i, j], [i, j])] += k * np.array([[1, -1], [-1, 1]])
-    K[3, 3] += 1e6
-    M = np.diag([1.0, 2.0, 1.0, 1.0, 1.5, 1.0])
-    structure = ao.Structure.from_matrices(K, M)
-    assert structure.rigid_modes.shape == (6, 1)
-    omega = np.linspace(100, 3000, 7)
-    for row, k0 in [(0, 0.0), (5, 1 / (1e-6 + 1 / 3e6 + 1e-6))]:
-        model = ao.extract(structure, ao.Site(dof=row), n=5)
-        exact = [1 / np.linalg.inv(K - w**2 * M)[row, row] for w in omega]
-        assert model.k0 == pytest.approx(k0, rel=1e-12)
-        np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-10)
-
-
-def test_a_point_group_holds_a_node():
-    """Three nodes held along three, two and one axes leave no rigid motion, and no more is held."""
-    size = (0.2, 0.05, 0.04)
-    corners = {
-        "origin": (0, lambda x: np.linalg.norm(x, axis=0) < 1e-9),
-        "along x": (0, lambda x: np.linalg.norm(x - [[size[0]], [0], [0]], axis=0) < 1e-9),
-        "along y": (0, lambda x: np.linalg.norm(x - [[0], [size[1]], [0]], axis=0) < 1e-9),
-    }
-    mesh = parts.box(size=size, groups=corners)
-    supports = [ao.Support("origin"), ao.Support("along x", "yz"), ao.Support("along y", "z")]
-    with pytest.raises(ao.InputError, match="fix 'yz'"):
-        ao.Structure(mesh, SOLID, supports)
-    supports[1] = ao.Support("along x", ("y", "z"))
-    structure = ao.Structure(mesh, SOLID, supports)
-    assert len(structure.fixed) == 6
-    assert structure.rigid_modes.shape[1] == 0
-    np.testing.assert_array_equal(structure.K.getSize()[0] - structure.dofs, 6)
 
 
 E, RHO = 70e9, 2700.0
@@ -263,29 +187,6 @@ def test_two_ranks_find_what_one_finds():
     assert two == pytest.approx(one, rel=1e-5)
 
 
-#: Growth of the memory by each of some structures, which are dropped, in units of one's K and M.
-#: The median: a leak is there each time (2.3 where the structures stay), a pool that grows is not.
-GROWTH = """
-import json, resource
-
-peaks = []
-for _ in range(8):
-    part = ao.Structure(parts.box((6, 5, 4)), ao.Solid(**parts.STEEL), [ao.Support("left")])
-    ao.extract(part, ao.Site((0.1, 0.03, 0.03), (0, 0, -1), radius=0.03), n=2)
-    size = 2 * 12 * part.K.getInfo(part.K.InfoType.LOCAL)["nz_used"]
-    del part
-    peaks.append(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-print(json.dumps(float(np.median(np.diff(peaks[2:]))) / size))
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_memory_does_not_grow():
-    for text in run_ranks(2, START + GROWTH, alone=True):
-        assert json.loads(text) < 0.3
-
-
 @pytest.mark.slow
 def test_a_stiff_plate_on_springs_heaves_as_one_mass():
     mesh = grouped(
@@ -302,14 +203,3 @@ def test_a_stiff_plate_on_springs_heaves_as_one_mass():
     polar = (mass - 0.5) * (0.2**2 + 0.2**2) / 12 + 1e-3  # about z; thin normals add a little
     squares = sorted([400 / mass] * 3 + [4 * 100 * 0.1**2 / J] * 2 + [400 * 0.02 / polar])
     assert frequencies(part, 6) ** 2 == pytest.approx(squares, rel=2e-3)
-
-
-@pytest.mark.slow
-def test_a_support_holds_the_stiffener_too():
-    """A rib along a clamped edge adds nothing but mass."""
-    mesh = grouped(rectangle((4, 4), 0.4, 0.4), lambda x: np.isclose(x[0], 0))
-    held = [ao.Support(at(0, 0.0))]
-    with_rib = ao.Structure(mesh, {"sheet": SHEET, "rib": RIB}, held)
-    without = ao.Structure(mesh, {"sheet": SHEET}, held)
-    assert np.abs(csr(with_rib.K) - csr(without.K)).max() <= 1e-12 * abs(csr(without.K)).max()
-    assert with_rib.mass > without.mass
