@@ -1,9 +1,8 @@
-"""Curvature of the surface of a mesh at a point, by a fit to nodes of the surface.
+"""Curvature of the surface of a mesh at a point, and the largest ball that touches it there.
 
-The nodes of a mesh lie on the surface that was meshed; its faces do not. The fit is a polynomial
-over the tangent plane. It uses the nodes within a radius that depends on the surface and not on the
-cells: a third of the radius of curvature, or more if there are too few nodes. The uncertainty is
-the difference from a fit with another radius, and the standard error of the fit.
+The nodes of a mesh lie on the surface that was meshed; its faces do not. A quadric is fitted to the
+nearest nodes. The uncertainty is the difference from a fit to twice as many, and the standard error
+of the fit.
 
 Faces are parts of one smooth surface across edges at which their normals turn by less than
 `SHARP_ANGLE`.
@@ -16,8 +15,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse
-from numpy.polynomial.polynomial import polyvander2d
-from scipy.linalg import eigh
 from scipy.sparse.csgraph import connected_components
 
 from antiosc.base._types import Array, BoolArray, IntArray
@@ -27,39 +24,21 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import clamped, projected
 from antiosc.fem.mesh.surface import Faces
 
-# Measured: fits on a sphere, a cylinder and a torus, cells of a quarter of the radius of curvature
-# with straight sides. True curvatures are 20, 33.3, 50 and 12.5 1/m; the fits have 20.0, 33.9, 50.9
-# and 12.5, each within its uncertainty. Factors of 2 on the constants below change nothing unless
-# stated.
 #: Least angle between the normals of two faces whose common edge is a sharp edge of the part
 #: [degree].
 SHARP_ANGLE = 40.0
-#: Radius of the fit over the radius of curvature. With 1/6: 20.1, 33.6 and 50.6, from fewer nodes,
-#: which noise of the nodes moves more; with 2/3: 19.8, 33.0 and 49.5, with 1.4 to 4.5 times the
-#: uncertainty.
-FIT_SHARE = 1 / 3
-#: Largest radius of a fit over the size of the part, …
-WIDEST = 0.1
-#: … and over the size of the faces at the point: half as many change the cylinder by 0.2 %.
-FACES_WIDE = 5.0
-#: Ratio of the radii of two fits, whose difference is an uncertainty; with 3 it is 1.7 to 8 times
-#: as large.
-OTHER_SHARE = 1.5
-#: Most iterations of the radius of a fit, …
-CHOICES = 8
-#: … and the relative change that ends them.
-SETTLED = 0.1
-#: Degrees of the polynomials, …
-DEGREES = (4, 2)
-#: … and nodes over coefficients that each needs. With 3 the sphere has 20.4, as the degree falls;
-#: with 0.75 the fits have 20.0, 33.3 and 50.0, but few spare nodes against their noise.
-NODES_EACH = 1.5
+#: Nodes of a fit of nine coefficients; twice as many give its uncertainty.
+NODES = 24
+#: Coefficients of a fit.
+COEFFICIENTS = 9
+#: Faces whose nodes are taken: those within this many radii of the face at the point.
+FACES_WIDE = 8.0
+#: Least relative error that is told: CAD itself has digits alone.
+LEAST_ERROR = 1e-3
 #: Singular values below this share of the largest one count as zero.
 RANK = 1e-6
-#: Least cosine between the normals of the faces in a fit and that of the point, …
+#: Least cosine between the normals of the faces in a fit and that of the point.
 LARGEST_TURN = 0.35
-#: … and the cosine at which the first fit ends.
-STARTS = 0.75
 #: Distance of nodes from a plane over the radius of the fit, up to which they lie on it.
 ON_PLANE = 1e-6
 #: Distance of a middle node from the chord over the length of the side, from which it is curved.
@@ -67,14 +46,9 @@ BENT = 1e-6
 #: The smaller of the two curvatures counts as zero below these multiples of the error and of the
 #: larger one; above the third multiple of the larger one it never does.
 NONE = (3.0, 1e-3, 0.2)
-#: If a surface turns within a smaller radius by this share of its turn within a larger one, the
-#: point lies on an edge.
-SAME_TURN = 0.8
-#: Relative error of a curvature k by a fit of a circle within a radius r, of degree 2 and of degree
-#: 4: these times (k r)^2 and (k r)^4. Measured on spheres and cylinders: 0.25 and 0.07.
-CUT_OFF = 0.35, 0.15
-#: A fit within a radius r does not resolve a curvature k if k r is above this.
-UNRESOLVED = 0.8
+#: A surface that turns by more than this [rad] within a fit, and by as much within a wider one, has
+#: an edge there: least share of the two turns.
+EDGE_TURN, SAME_TURN = 0.3, 0.9
 #: A sheet is struck on its rim if the direction has less than this cosine to the normal.
 RIM = 0.5
 #: Faces touch the point within this share of their size.
@@ -179,23 +153,19 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
     if abs(float(towards @ normal)) < RIM * float(np.linalg.norm(towards)):
         return _sharp(EDGE, x, normal)
 
-    patch = _patch(faces, point, WIDEST * mesh.extent(), FACES_WIDE)
+    patch = _patch(faces, point, FACES_WIDE)
     label = patch.surfaces(faces.sheet)
     return _from_nodes(patch.only(np.isin(label, label[patch.touching])), x, normal)
 
 
-def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) -> Patch:
-    """The faces of all ranks near a point.
-
-    They are no farther from it than the nearest face plus `reach` [m], or plus `wide` radii of the
-    faces there if that is more.
-    """
+def _patch(faces: Faces, point: Array, wide: float = 1.0) -> Patch:
+    """The faces of all ranks that are within `wide` radii of the face nearest to a point."""
     comm = faces.mesh.comm
     distances = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
     nearest = comm.allgather(float(distances.min(initial=np.inf)))
     near_faces = np.flatnonzero(distances <= min(nearest) + faces.radii)
     largest = max(comm.allgather(float(faces.radii[near_faces].max(initial=0.0))))
-    facets = np.flatnonzero(distances <= min(nearest) + max(reach, wide * largest))
+    facets = np.flatnonzero(distances <= min(nearest) + wide * largest)
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
     xi = projected(
@@ -251,16 +221,14 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
 
 
 @dataclass(frozen=True)
-class SurfaceFit:
-    """A polynomial w(u, v) over the tangent plane through nodes of the surface.
+class _Quadric:
+    """A quadric through nodes of the surface.
 
     Attributes
     ----------
     values, directions : (2,) principal curvatures [1/m], ascending, and (2, 3) their directions.
-    normal : (3,) normal of the polynomial surface at the point.
+    normal : (3,) normal of the quadric at the point.
     deviation : standard error of the curvatures [1/m].
-    flat : whether all nodes lie on a plane.
-    degree : degree of the polynomial.
     radius : of the nodes around the point [m].
     """
 
@@ -268,8 +236,6 @@ class SurfaceFit:
     directions: Array
     normal: Array
     deviation: float
-    flat: bool
-    degree: int
     radius: float
 
     @property
@@ -286,54 +252,37 @@ class SurfaceFit:
 def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     """Curvature from a fit to the nodes of a smooth surface (see the module's docstring)."""
     cosine = np.abs(smooth.normals.mean(axis=1) @ normal)
-    distances = np.linalg.norm(smooth.corners.mean(axis=1) - x, axis=1)
     nodes = smooth.only(cosine > LARGEST_TURN).nodes() - x
-    widest = float(np.linalg.norm(nodes, axis=1).max()) * (1 + TOUCH)
+    nodes = nodes[np.argsort(np.linalg.norm(nodes, axis=1), kind="stable")]
 
-    start = _fit_within(nodes, normal, float(distances[cosine < STARTS].min(initial=widest)))
-    if start is None:
-        everywhere = smooth.nodes() - x
-        size = float(np.linalg.norm(everywhere, axis=1).max())
-        if np.abs(everywhere @ normal).max() <= TOUCH * size:  # sharp edges all around
-            return _plane(x, normal)
+    if _level(nodes[:NODES]):
+        return _plane(x, normal)
+    if len(nodes) < COEFFICIENTS:
         raise InputError(
             f"the mesh has {len(nodes)} nodes on the surface around the site, too few for its "
             "curvature: refine it there, or give the radius."
         )
 
-    fit = start
-    for _ in range(CHOICES):
-        if fit.flat or (1 - SETTLED) * fit.turn < FIT_SHARE:
-            break
-        smaller = _fit_within(nodes, fit.normal, FIT_SHARE / fit.curvature)
-        if smaller is None or smaller.radius >= fit.radius:
-            break
-        fit = smaller
-    if fit.flat:
-        return _plane(x, fit.normal)
-    if fit.turn > max(FIT_SHARE, SAME_TURN * start.turn) and fit.radius < start.radius / 2:
+    count = min(NODES, max(COEFFICIENTS, len(nodes) // 2))
+    fit = _fitted(nodes[:count], normal)
+    wider = _fitted(nodes[: 2 * count], normal)
+    if fit.turn > max(EDGE_TURN, SAME_TURN * wider.turn) and wider.radius > fit.radius:
         return _sharp(EDGE, x, fit.normal)
-
-    error = _error(fit, nodes)
-    smallest = _fit_within(nodes, fit.normal, 0.0)
-    if error > fit.curvature / 2 and smallest is not None and smallest.flat:
-        return _plane(x, fit.normal)  # a flat beside a rounded edge
+    known = len(nodes) > count
+    change = float(np.abs(fit.values - wider.values).max()) if known else fit.curvature
+    error = max(2 * fit.deviation, 2 * change, LEAST_ERROR * fit.curvature)
+    if error > fit.curvature / 2 and _level(nodes[:COEFFICIENTS]):
+        return _plane(x, normal)  # a flat beside a rounded edge
     values, kind = _kind(fit.values, error)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)
 
 
-def _error(fit: SurfaceFit, nodes: Array) -> float:
-    """Bound on the error of the curvatures of a fit [1/m]."""
-    if fit.turn > UNRESOLVED:
-        return fit.curvature
-
-    power, factor = (4, CUT_OFF[1]) if fit.degree == 4 else (2, CUT_OFF[0])
-    errors = [2 * fit.deviation, factor * fit.turn**power * fit.curvature]
-    for ratio in (1 / OTHER_SHARE, OTHER_SHARE):
-        other = _fit(nodes, fit.normal, fit.radius * ratio)
-        if other is not None:
-            errors.append(float(np.abs(fit.values - other.values).max()))
-    return max(errors)
+def _level(nodes: Array) -> bool:
+    """Whether nodes (n, 3) around the origin lie on one plane."""
+    from_middle = nodes - nodes.mean(axis=0)
+    across = np.linalg.svd(from_middle)[2][2]
+    size = np.linalg.norm(nodes, axis=1).max()
+    return bool(np.abs(from_middle @ across).max() <= ON_PLANE * size)
 
 
 def _plane(x: Array, normal: Array) -> Curvature:
@@ -351,58 +300,67 @@ def _tangents(normal: Array) -> Array:
     return np.asarray(np.linalg.svd(normal[None])[2][1:])
 
 
-def _fit_within(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
-    """The fit within a radius [m], or within the smallest larger one that holds enough nodes."""
-    distance = np.sort(np.linalg.norm(nodes, axis=1))
-    while True:
-        fit = _fit(nodes, normal, radius)
-        if fit is not None or radius >= distance[-1]:
-            return fit
-        nearest = float(distance[distance > 0].min(initial=distance[-1]))  # a site may be a node
-        radius = min(max(1.1 * radius, nearest), float(distance[-1]) * 1.001)
+def _fitted(nodes: Array, normal: Array) -> _Quadric:
+    """The quadric w = c + b·y + yᵀ H y/2 through nodes y (n, 3), w their height, by least squares.
 
-
-def _fit(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
-    """The fit of the highest degree for which there are enough nodes (n, 3); None if there are too
-    few.
+    It contains spheres, cylinders and ellipsoids exactly.
     """
-    near_nodes = nodes[np.linalg.norm(nodes, axis=1) < radius]
-    basis = _tangents(normal)
-    u, v = basis @ near_nodes.T / radius if radius else np.zeros((2, 0))
-    w = near_nodes @ normal / radius if radius else np.zeros(0)
-    weight = np.sqrt(np.clip(1 - u * u - v * v, 0.0, 1.0))
+    radius = float(np.linalg.norm(nodes[-1])) * (1 + TOUCH)
+    basis = np.vstack([_tangents(normal), normal])
+    u, v, w = basis @ nodes.T / radius
+    weight = np.sqrt(1 - u * u - v * v - w * w)
 
-    for degree in DEGREES:
-        powers = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)])
-        if len(near_nodes) < NODES_EACH * len(powers):
-            continue
-        rows = polyvander2d(u, v, [degree, degree]).reshape(len(near_nodes), degree + 1, -1)
-        rows = rows[:, powers[:, 0], powers[:, 1]]
-        U, s, V = np.linalg.svd(weight[:, None] * rows, full_matrices=False)
-        if s[-1] < RANK * s[0]:
-            continue
+    columns = [np.ones_like(u), u, v, u * u / 2, u * v, v * v / 2, u * w, v * w, w * w / 2]
+    rows = weight[:, None] * np.column_stack(columns)
+    U, s, V = np.linalg.svd(rows, full_matrices=False)
+    inverse = np.where(s > RANK * s[0], 1 / np.maximum(s, np.finfo(float).tiny), 0.0)
+    c = V.T @ (inverse * (U.T @ (weight * w)))
+    residual = rows @ c - weight * w
+    variance = float(residual @ residual) / max(len(nodes) - len(c), 1)
+    spread = np.sqrt(variance * ((V.T * inverse) ** 2).sum(axis=1))[3:6]
 
-        c = V.T @ ((U.T @ (weight * w)) / s)
-        residuals = weight * (w - rows @ c)
-        variance = float(residuals @ residuals) / max(len(near_nodes) - len(c), 1)
-        number = {(int(i), int(j)): k for k, (i, j) in enumerate(powers)}
-        second_order = [number[power] for power in ((2, 0), (1, 1), (0, 2))]
-        deviation = np.sqrt(variance * ((V.T / s) ** 2).sum(axis=1))[second_order] * [2, 1, 2]
+    # principal curvatures: the Hessian of the height over the slope, on the tangent plane
+    H = np.array([[c[3], c[4], c[6]], [c[4], c[5], c[7]], [c[6], c[7], c[8]]])
+    gradient = np.array([-c[1], -c[2], 1.0])
+    slope = float(np.linalg.norm(gradient))
+    tangents = _tangents(gradient / slope)
+    values, vectors = np.linalg.eigh(-tangents @ H @ tangents.T / (slope * radius))
+    directions = vectors.T @ tangents @ basis
+    up = gradient @ basis / slope
+    return _Quadric(values, directions, up, float(spread.max()) / radius, radius)
 
-        # principal curvatures from the two fundamental forms at the point
-        a, b = c[number[1, 0]], c[number[0, 1]]
-        cuu, cuv, cvv = c[second_order]
-        first = np.array([[1 + a * a, a * b], [a * b, 1 + b * b]])
-        slope = np.sqrt(1 + a * a + b * b)
-        second = -np.array([[2 * cuu, cuv], [cuv, 2 * cvv]]) / (slope * radius)
-        values, vectors = eigh(second, first)
-        tangents = basis + np.outer([a, b], normal)
-        up = (normal - a * basis[0] - b * basis[1]) / slope
 
-        plane = rows[:, [number[power] for power in ((0, 0), (1, 0), (0, 1))]]
-        level = plane @ np.linalg.lstsq(plane, w, rcond=None)[0]
-        flat = bool(np.abs(w - level).max() <= ON_PLANE)
-        return SurfaceFit(
-            values, vectors.T @ tangents, up, float(deviation.max()) / radius, flat, degree, radius
-        )
-    return None
+# -- the largest ball that touches the surface at a site and meets the part nowhere else
+
+
+#: Points of the surface so near the site, over the radius of its patch or the size of its face, are
+#: those of the contact itself.
+BESIDE = 2.0
+#: Height of a point over the tangent plane, over its distance from the site, that the error of the
+#: normal may make: at facets of 15° it is 0.03. A wall at a distance D is met by balls from 1.08 D.
+SLOPE = 0.05
+#: Height of a point over its distance from which on it is another face, half as near too. A post
+#: beside a site, 1.6 patch radii away, was left out: a ball of 4 mm struck it 0.3 mm before.
+STEEP = 0.3
+
+
+def largest_ball(
+    faces: Faces, point: Array, normal: Array, patch_radius: float
+) -> tuple[float, Array]:
+    """(radius [m], the point (3,) that a larger ball meets); inf if there is none.
+
+    `point`, `normal` : (3,) of the site; `patch_radius` : radius of its patch [m], 0 of a point.
+    """
+    r = faces.samples - point
+    distance = np.linalg.norm(r, axis=1)
+    mean = faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))] if r.size else 0
+    height = r @ normal - SLOPE * distance
+    near = np.where(height > STEEP * distance, BESIDE / 2, BESIDE) * max(patch_radius, float(mean))
+    touched = (height > 0) & (distance > near)
+    radii = np.where(touched, distance**2 / (2 * np.where(touched, height, 1.0)), np.inf)
+    ball = (np.inf, point)
+    if radii.size:
+        i = int(np.argmin(radii))
+        ball = float(radii[i]), faces.samples[i]
+    everywhere: list[tuple[float, Array]] = faces.mesh.comm.allgather(ball)
+    return min(everywhere, key=lambda found: found[0])

@@ -19,8 +19,7 @@ from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh.closest import closest
-from antiosc.fem.mesh.curvature import curvature
-from antiosc.fem.mesh.room import largest_ball
+from antiosc.fem.mesh.curvature import curvature, largest_ball
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import Body
