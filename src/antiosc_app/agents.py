@@ -40,11 +40,20 @@ except ImportError as error:
 AT_ONCE, WAITING, KNOWN = 2, 16, 64
 #: Largest arguments of a call, and largest answer [bytes].
 LARGEST, LARGEST_ANSWER = 1_000_000, 2**26
-#: Pages of documentation that are resources, and where they are besides.
-PAGES = {"glossary": "What the terms mean", "limits": "What the numbers leave out, and sizes"}
+#: Resources: pages of the documentation, and the schema of scenes.
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 ELSEWHERE = "https://github.com/antiosc/antiosc/tree/main/docs"
+RESOURCES = {
+    "glossary": "What the terms mean",
+    "limits": "What the numbers leave out, and sizes",
+    "scene": "JSON schema of a scene, with all keys",
+}
 
+INSTRUCTIONS = (
+    "Impacts on structures, in SI units. An answer has text, quantities (value, unit, bar [low,"
+    " high] and its causes), cautions, and what was assumed, each with its key. Read a number with"
+    " its bar and the cautions; a refusal names the key to give and its choices."
+)
 #: Tool -> its arguments, and what it does.
 ABOUT = {
     "look": ("file unit piece", "Look at a part (mesh, CAD, deck): pieces, faces with the support"
@@ -79,18 +88,6 @@ SCENE = (
     ' "Sphere", "radius": 0.01, "material": "bearing steel 100Cr6", "velocity": 1.0}, "simulate":'
     ' {"duration": "auto"}}. Keys of all sections: the resource antiosc://scene.'
 )
-#: What every answer has.
-ANSWER = {
-    "type": "object",
-    "required": ["tool", "status", "hash", "version", "text", "quantities"],
-    "properties": {
-        "status": {"type": "string", "description": '"refused": then refusal says what to give'},
-        "hash": {"type": "string", "description": "of the inputs and the files that they name"},
-        "quantities": {"type": "array", "description": "value, unit, bar [low, high], its causes"},
-        "assumed": {"type": "array", "description": "what was not given, each with its key"},
-        "cautions": {"type": "array", "description": "what must be read with the numbers"},
-    },
-}
 
 
 # -- schemas
@@ -137,10 +134,9 @@ class Tools:
 
     async def listed(self, _context: Any, _params: Any) -> types.ListToolsResult:
         """The tools."""
-        schemas = {"output_schema": ANSWER}
         tools = [
-            types.Tool(name=name, description=text, input_schema=input_schema(name), **schemas)
-            for name, (_, text) in ABOUT.items()
+            types.Tool(name=name, description=about, input_schema=input_schema(name))
+            for name, (_, about) in ABOUT.items()
         ]
         return types.ListToolsResult(tools=tools)
 
@@ -244,22 +240,22 @@ class Tools:
 
     async def resources(self, _context: Any, _params: Any) -> types.ListResourcesResult:
         """The pages, and the schema of scenes."""
-        told = {**PAGES, "scene": "JSON schema of a scene, with all keys"}
-        pages = [
+        resources = [
             types.Resource(uri=f"antiosc://{name}", name=name, description=about)
-            for name, about in told.items()
+            for name, about in RESOURCES.items()
         ]
-        return types.ListResourcesResult(resources=pages)
+        return types.ListResourcesResult(resources=resources)
 
     async def read(self, _context: Any, params: Any) -> types.ReadResourceResult:
         """One resource."""
         name = str(params.uri).removeprefix("antiosc://").rstrip("/")
-        if name not in (*PAGES, "scene"):
+        if name not in RESOURCES:
             raise InputError(f"there is no resource {checks.shown(name)}.")
+
+        page = DOCS / f"{name}.md"
         if name == "scene":
             text = json.dumps(scene_schema(whole=True), indent=1)
         else:
-            page = DOCS / f"{name}.md"
             text = page.read_text(encoding="utf-8") if page.is_file() else f"{ELSEWHERE}/{name}.md"
         contents = types.TextResourceContents(uri=str(params.uri), text=text)
         return types.ReadResourceResult(contents=[contents])
@@ -278,10 +274,7 @@ def serve(folder: str, seconds: float, gigabytes: float) -> None:
         server: Server[Any] = Server(
             "antiosc",
             version=info.version(),
-            instructions=(
-                "Impacts on structures, in SI units. Read each number with its bar and its"
-                " cautions; a refusal names the key to give and its choices."
-            ),
+            instructions=INSTRUCTIONS,
             on_list_tools=tools.listed,
             on_call_tool=tools.called,
             on_list_resources=tools.resources,

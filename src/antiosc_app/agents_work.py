@@ -43,8 +43,6 @@ Table: TypeAlias = dict[str, Any]
 Answer: TypeAlias = tuple[Table, list[Picture]]
 #: What `status` of a history or a fall means.
 STATUS = ("completed", "completed: tol is not met", "stopped early", "completed: contact goes on")
-#: Why numbers of files and of materials have no bar.
-AS_READ, ONE_VALUE = "it is read from the file", "its sources give one value"
 #: Objects of a scene whose defaults are told.
 OBJECTS = ("structure", "model", "impactor", "contact", "scene", "history", "fall", "map")
 
@@ -180,7 +178,9 @@ def look(root: Path, file: str, unit: str | None = None, piece: int | None = Non
     drawing = partial(new.draw, replace(part, held=np.zeros_like(part.held)))
     return {
         "text": "\n".join([f"{path.name}: {part.cells}, {part.sides_text()}.", *part.notes]),
-        "quantities": [quantity(f"size {axis}", size, "m", AS_READ) for axis, size in sizes],
+        "quantities": [
+            quantity(f"size {axis}", size, "m", "it is read from the file") for axis, size in sizes
+        ],
         "pieces": [{"low": one.low.tolist(), "high": one.high.tolist()} for one in part.pieces],
         "faces": [{"name": n, "at": where.get(n, ""), "support": t} for n, t in faces.items()],
         "guessed_unit": part.unit_text() if guessed else None,
@@ -201,7 +201,7 @@ def materials_named(_root: Path, query: str = "") -> Answer:
         for key, unit in (("E", "Pa"), ("nu", "1"), ("rho", "kg/m³"), ("yield_strength", "Pa")):
             value = getattr(one, key)
             known = key == "yield_strength" and one.yield_range
-            bar = (value - known[0], known[1] - value) if known else ONE_VALUE
+            bar = (value - known[0], known[1] - value) if known else "its sources give one value"
             if value is not None:
                 told.append(quantity(f"{one.name}: {key}", value, unit, bar))
     return {"text": "\n".join(lines), "quantities": told}, []

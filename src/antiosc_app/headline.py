@@ -20,7 +20,7 @@ WIDE = 0.5
 #: Share of a bar below which its cause is not told.
 LEAST_SHARE = 0.05
 #: Cause of the largest share of a bar -> what reduces it.
-REMEDIES = {
+REMEDIES: dict[str, str] = {
     "mesh": "use smaller elements around the site",
     "truncation": "extract more anti-oscillators",
     "time": "use a smaller tol",

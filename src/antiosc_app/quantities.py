@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import product
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from antiosc_app.probes import probes_of
 from antiosc_app.results import FALLS
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import SceneResults, error_budget, varied
+
+if TYPE_CHECKING:
+    from antiosc import Many
 
 #: A number with its name, unit and bar, as JSON.
 Quantity: TypeAlias = dict[str, Any]
@@ -52,7 +55,7 @@ def quantity(
 def quantities(results: SceneResults) -> list[Quantity]:
     """All numbers of a result."""
     kinds = {
-        **{"history": _of_history, "fall": _of_fall, "batch": _of_sweep},
+        **{"history": _of_history, "fall": _of_fall, "batch": _of_sweep, "sample": _of_sample},
         **{"map": _of_map, "tradeoff": _of_tradeoff},
     }
     made = (kinds[name](results) for name in kinds if getattr(results, name) is not None)
@@ -123,11 +126,7 @@ def _of_fall(results: SceneResults) -> Iterator[Quantity]:
     """The hardest impact of a fall, its shock and its stress; of an ensemble its quantiles."""
     fall, worst = results.fall, results.worst
     if not hasattr(fall, "flights"):
-        for name, unit in FALLS.items():
-            for q in fall.quantiles:
-                one = fall.quantile(name, q)
-                sides = one.value - one.low, one.high - one.value
-                yield quantity(name, one.value, unit, sides, {"number": sides}, quantile=q)
+        yield from _quantiles(fall, FALLS)
     elif fall.hardest is not None:
         impact = fall.impacts[fall.hardest]
         error = None if impact.law_error is None else impact.law_error * impact.peak_force
@@ -139,6 +138,20 @@ def _of_fall(results: SceneResults) -> Iterator[Quantity]:
             yield quantity(name, g, "g", OF_FALL)
         if worst is not None and worst.exposure is not None:
             yield _judged(worst.quantity, worst, worst.margin(), bar_of_fall(fall, worst))
+
+
+def _of_sample(results: SceneResults) -> Iterator[Quantity]:
+    """The quantiles of a Monte Carlo study."""
+    return _quantiles(results.sample, QUANTITIES)
+
+
+def _quantiles(ensemble: Many, units: Mapping[str, str]) -> Iterator[Quantity]:
+    """The quantiles of an ensemble, with bars of the number of its runs."""
+    for name, unit in units.items():
+        for q in ensemble.quantiles:
+            one = ensemble.quantile(name, q)
+            sides = one.value - one.low, one.high - one.value
+            yield quantity(name, one.value, unit, sides, {"number": sides}, quantile=q)
 
 
 def _of_sweep(results: SceneResults) -> Iterator[Quantity]:

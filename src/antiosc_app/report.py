@@ -46,6 +46,7 @@ from antiosc_app.presentation import (
     format_number,
     with_prefixes,
 )
+from antiosc_app.quantities import quantities
 from antiosc_app.results import presentations
 from antiosc_app.scene_file.run import SceneResults, error_budget, on_first
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
@@ -116,6 +117,7 @@ def write_output(results: SceneResults, parts: Sequence[Presentation], target: P
         content |= {
             name: value for part_shown in parts for name, value in part_shown.numbers.items()
         }
+        content["quantities"] = quantities(results)
 
     def files_of_first() -> tuple[list[Path], list[str]]:
         warnings: list[str] = []
