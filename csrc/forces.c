@@ -108,14 +108,15 @@ static bool alone(const aom_stepper *st, int g) { return st->first[g] == st->sec
  * those of the groups, and what its own coupling is beyond its group's. */
 static void subtract_coupled(const aom_stepper *st, const influence *local, int stage, int i,
                              int node, double *delta, double *rate) {
-    int g = st->group[i], G = st->n_groups;
+    int g = st->group[i];
     const influence *by = local + pair_of(st, g, 0);
     double d = 0.0, v = 0.0, own = st->work.force[i].f[node];
-    for (int h = 0; h < G; h++) {
+    for (int n = 0; n < st->n_touching; n++) {
+        int h = st->work.touching[n];
         d += by[h].depth[stage][node] * st->work.sum[h].f[node];
         v += by[h].rate[stage][node] * st->work.sum[h].f[node];
     }
-    if (!alone(st, g)) {
+    if (!alone(st, g) && own != 0.0) {
         d += (local[i].depth[stage][node] - by[g].depth[stage][node]) * own;
         v += (local[i].rate[stage][node] - by[g].rate[stage][node]) * own;
     }

@@ -27,7 +27,8 @@ enum {
     SLOTS = LEVELS + 2
 };
 
-/* What the `local` of a slot holds: nothing, or the rate of what has no mass as ready_local says. */
+/* What the `local` of a slot holds of a group's forces: nothing, or the rate of what has no mass as
+ * ready_local says. */
 enum { NO_LOCAL, PLAIN, WITH_SLOPE };
 
 #define SHARP 1e-9 /* of the depth or the speed: a bound is met */
@@ -80,8 +81,9 @@ typedef struct nodes {
 /* Responses after a time `span`, for the length of a step. */
 typedef struct slot {
     double span; /* [s], NaN: none */
-    bool has_rows, has_coupling;
-    int local_kind;
+    bool has_rows;
+    bool *has_coupling; /* [G] with the forces of a group */
+    int *local_kind;    /* [G] the same */
     double *response; /* [6][J]: P, W, S, J0, J1, J2 */
     double *rows;     /* [m][(J + 1)/2][4][2]: depth by q, by v; rate by q, by v, of two modes */
     double *coupling; /* [4][pairs]: beta S beta^T, beta J0 beta^T, ... */
@@ -159,6 +161,7 @@ typedef struct workspace {
     newton_row *newton;   /* [p] */
     int *place;           /* [G] of a group among those that press */
     nodes *sum;           /* [G] of the forces of a group */
+    int *touching;        /* [G] groups of contacts that touch, and of stretching: others have no force */
     nodes *before;        /* [m] */
     int *active;          /* [p] */
     int *unknown;         /* [p + s] rows, s those of stretching */
@@ -180,7 +183,7 @@ struct aom_stepper {
      * between two rows the coupling is that of their groups. A pair is a row by itself (m of them),
      * or two groups (G G). A group of one row has its own coupling. */
     row_span *spans;     /* [m] */
-    int n_groups;
+    int n_groups, n_touching;
     int *group;          /* [m] */
     int *owner;          /* [m] the contact of a row */
     int *first, *second; /* [G] two rows of a group, the same of a group of one */
@@ -205,6 +208,7 @@ struct aom_stepper {
 /* ---- responses.c */
 static void ready_rows(aom_stepper *st, int slot, double t);
 static void ready_step(aom_stepper *st, int slot, double h);
+static void find_touching(aom_stepper *st);
 static void ready_local(aom_stepper *st, int slot, double h);
 static int count_groups(const aom_system *system);
 static void find_groups(aom_stepper *st);

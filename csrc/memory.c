@@ -36,8 +36,10 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
         double *rows = take(a, 8 * m * ((J + 1) / 2), sizeof(double));
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
+        bool *has_coupling = take(a, G, sizeof(bool));
+        int *local_kind = take(a, G, sizeof(int));
         if (s != NULL)
-            *s = (slot){NAN, false, false, NO_LOCAL, response, rows, coupling, local};
+            *s = (slot){NAN, false, has_coupling, local_kind, response, rows, coupling, local};
     }
 }
 
@@ -60,6 +62,7 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->newton = take(a, p, sizeof(newton_row));
     w->place = take(a, G, sizeof(int));
     w->sum = take(a, G, sizeof *w->sum);
+    w->touching = take(a, G, sizeof(int));
     w->active = take(a, p, sizeof(int));
     w->unknown = take(a, p + s, sizeof(int));
     w->correction = take(a, 2 * (p + s), sizeof(double));

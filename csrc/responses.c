@@ -172,8 +172,10 @@ static void fill_rows(aom_stepper *st, slot *s, double t) {
         add_rates(st, s);
     s->span = t;
     s->has_rows = true;
-    s->has_coupling = false;
-    s->local_kind = NO_LOCAL;
+    for (int g = 0; g < st->n_groups; g++) {
+        s->has_coupling[g] = false;
+        s->local_kind[g] = NO_LOCAL;
+    }
 }
 
 /* See to it that a slot holds the responses after t. */
@@ -273,40 +275,84 @@ void find_spans(aom_stepper *st) {
     }
 }
 
-/* The rows between which a pair is the coupling. */
-static void rows_of_pair(const aom_stepper *st, ptrdiff_t n, int *a, int *b) {
-    int m = st->system.n_rows, G = st->n_groups;
-    *a = *b = (int)n;
-    if (n >= m) {
-        int g = (int)(n - m) / G, h = (int)(n - m) % G;
-        *a = st->first[g];
-        *b = g == h ? st->second[g] : st->first[h];
-    }
+/* The groups of contacts that touch, and of stretching. */
+void find_touching(aom_stepper *st) {
+    const aom_system *system = &st->system;
+    int *place = st->work.place, first = system->n_rows - system->n_stretch;
+    for (int g = 0; g < st->n_groups; g++)
+        place[g] = -1;
+    for (int i = 0; i < system->n_rows; i++)
+        if (i >= first || st->contacts[st->owner[i]].branch != AOM_APART)
+            place[st->group[i]] = 0;
+
+    st->n_touching = 0;
+    for (int g = 0; g < st->n_groups; g++)
+        if (place[g] == 0)
+            st->work.touching[st->n_touching++] = g;
 }
 
-/* beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T of the pairs. */
-static void ready_coupling(aom_stepper *st, slot *s) {
+/* beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T of two rows into a pair. */
+static void couple_rows(aom_stepper *st, slot *s, ptrdiff_t pair, int a, int b) {
+    double total[4] = {0.0, 0.0, 0.0, 0.0};
+    couple(st, s->response, st->spans + a, row_vector(st, a), row_vector(st, b), total);
+    for (int k = 0; k < 4; k++)
+        s->coupling[k * n_pairs(st) + pair] = total[k];
+}
+
+/* See to it that a slot holds the coupling of all groups with a group, and that of its rows. */
+static void ready_coupling(aom_stepper *st, slot *s, int h) {
     ptrdiff_t pairs = n_pairs(st);
-    if (s->has_coupling)
+    if (s->has_coupling[h])
         return;
-    for (ptrdiff_t n = 0; n < pairs; n++) {
-        int a, b;
-        rows_of_pair(st, n, &a, &b);
-        if (n >= st->system.n_rows && b <= a) { /* known: as the other way round, or by itself */
-            ptrdiff_t known = a == b ? a : pair_of(st, st->group[b], st->group[a]);
-            for (int k = 0; k < 4; k++)
-                s->coupling[k * pairs + n] = s->coupling[k * pairs + known];
-            continue;
-        }
-        double total[4] = {0.0, 0.0, 0.0, 0.0};
-        couple(st, s->response, st->spans + a, row_vector(st, a), row_vector(st, b), total);
-        for (int k = 0; k < 4; k++)
-            s->coupling[k * pairs + n] = total[k];
+    for (int i = 0; i < st->system.n_rows; i++)
+        if (st->group[i] == h)
+            couple_rows(st, s, i, i, i);
+
+    for (int g = 0; g < st->n_groups; g++) {
+        ptrdiff_t pair = pair_of(st, g, h), known = -1;
+        if (g == h && st->first[h] == st->second[h])
+            known = st->first[h];
+        else if (g != h && s->has_coupling[g])
+            known = pair_of(st, h, g);
+        if (known < 0)
+            couple_rows(st, s, pair, st->first[g], g == h ? st->second[h] : st->first[h]);
+        for (int k = 0; k < 4 && known >= 0; k++)
+            s->coupling[k * pairs + pair] = s->coupling[k * pairs + known];
     }
-    s->has_coupling = true;
+    s->has_coupling[h] = true;
 }
 
-/* See to it that the slot of a step holds how the forces at its nodes hold back the motion.
+/* How the forces of row b at the nodes of a step h hold back row a, from the coupling of their pair. */
+static void fill_local(aom_stepper *st, int index, double h, ptrdiff_t pair, int a, int b,
+                       double quarter) {
+    slot *whole = st->slots + index;
+    influence *to = whole->local + pair;
+    ptrdiff_t pairs = n_pairs(st);
+    for (int stage = 0; stage < 2; stage++) {
+        const double *K = (stage == 0 ? whole + 1 : whole)->coupling + pair;
+        for (int k = 0; k < 2; k++) {
+            double *out = k == 0 ? to->depth[stage] : to->rate[stage];
+            double zero = K[(1 - k) * pairs], one = K[(2 - k) * pairs] / h;
+            double two = K[(3 - k) * pairs] / (h * h);
+            out[0] = zero - 3.0 * one + 4.0 * two;
+            out[1] = 4.0 * one - 8.0 * two;
+            out[2] = 4.0 * two - one;
+        }
+    }
+
+    double r = st->system.residual[(ptrdiff_t)a * st->system.n_rows + b], rate = r / h;
+    to->depth[0][1] += r;
+    to->depth[1][2] += r;
+    to->rate[0][0] -= (1.0 + 3.0 * quarter) * rate;
+    to->rate[0][1] += 4.0 * quarter * rate;
+    to->rate[0][2] += (1.0 - quarter) * rate;
+    to->rate[1][0] += rate;
+    to->rate[1][1] -= 4.0 * rate;
+    to->rate[1][2] += 3.0 * rate;
+}
+
+/* See to it that the slot of a step holds how the forces at its nodes, of groups that touch, hold back
+ * the motion.
  *
  * The rate of what has no mass, -R F', is that of the parabola. Where a law depends on the rate, this
  * is a differential equation of F, stiff where the contact is hardly closed: at h it is met by the
@@ -317,36 +363,20 @@ static void ready_coupling(aom_stepper *st, slot *s) {
 void ready_local(aom_stepper *st, int index, double h) {
     slot *whole = st->slots + index;
     int kind = with_slope(st) ? WITH_SLOPE : PLAIN;
-    if (whole->local_kind == kind)
-        return;
-    ready_coupling(st, whole);
-    ready_coupling(st, whole + 1);
     double quarter = kind == WITH_SLOPE ? 0.25 : 0.0;
-    ptrdiff_t pairs = n_pairs(st);
-    for (ptrdiff_t n = 0; n < pairs; n++) {
-        int a, b;
-        rows_of_pair(st, n, &a, &b);
-        influence *to = whole->local + n;
-        for (int stage = 0; stage < 2; stage++) {
-            const double *K = (stage == 0 ? whole + 1 : whole)->coupling + n;
-            for (int k = 0; k < 2; k++) {
-                double *out = k == 0 ? to->depth[stage] : to->rate[stage];
-                double zero = K[(1 - k) * pairs], one = K[(2 - k) * pairs] / h;
-                double two = K[(3 - k) * pairs] / (h * h);
-                out[0] = zero - 3.0 * one + 4.0 * two;
-                out[1] = 4.0 * one - 8.0 * two;
-                out[2] = 4.0 * two - one;
-            }
+    for (int n = 0; n < st->n_touching; n++) {
+        int b = st->work.touching[n], row = st->first[b];
+        if (whole->local_kind[b] == kind)
+            continue;
+        ready_coupling(st, whole, b);
+        ready_coupling(st, whole + 1, b);
+        for (int i = 0; i < st->system.n_rows; i++)
+            if (st->group[i] == b)
+                fill_local(st, index, h, i, i, i, quarter);
+        for (int g = 0; g < st->n_groups; g++) {
+            int other = g == b ? st->second[b] : row;
+            fill_local(st, index, h, pair_of(st, g, b), st->first[g], other, quarter);
         }
-        double r = st->system.residual[(ptrdiff_t)a * st->system.n_rows + b], rate = r / h;
-        to->depth[0][1] += r;
-        to->depth[1][2] += r;
-        to->rate[0][0] -= (1.0 + 3.0 * quarter) * rate;
-        to->rate[0][1] += 4.0 * quarter * rate;
-        to->rate[0][2] += (1.0 - quarter) * rate;
-        to->rate[1][0] += rate;
-        to->rate[1][1] -= 4.0 * rate;
-        to->rate[1][2] += 3.0 * rate;
+        whole->local_kind[b] = kind;
     }
-    whole->local_kind = kind;
 }

@@ -36,6 +36,7 @@ static bool attempt(aom_stepper *st, int index, double h) {
         memset(st->work.force, 0, (size_t)m * sizeof *st->work.force);
         return true;
     }
+    find_touching(st);
     ready_local(st, index, h);
     free_step(st, index, h, st->work.base);
     st->now.lacking = 0.0;
