@@ -10,8 +10,8 @@ from case import Case, Row
 from frequencies import meshed, quadrilateral
 
 import antiosc as ao
+import zener
 from antiosc import plotting
-from antiosc.models.closed_form import zener
 from plates import SupportedPlate
 
 

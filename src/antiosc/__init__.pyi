@@ -173,7 +173,6 @@ from antiosc.models.body import (
     LinearBody as LinearBody,
     resolved_frequency as resolved_frequency,
 )
-from antiosc.models.closed_form.soil import soil_cone as soil_cone
 from antiosc.models.free_modes import from_free_modes as from_free_modes
 from antiosc.models.modal import (
     Damping as Damping,

@@ -1,4 +1,4 @@
-"""Joints of assemblies; springs, dampers, masses and soil under a part: `antiosc.joints.Bolt`."""
+"""Joints of assemblies; springs, dampers and masses: `antiosc.joints.Bolt`."""
 
 from antiosc.base import lazily
 

@@ -19,4 +19,3 @@ from antiosc.fem.structure.attachments import (
     PointMass as PointMass,
     Spring as Spring,
 )
-from antiosc.models.closed_form.soil import soil_cone as soil_cone

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+import zener
 from antiosc import closed_form
-from antiosc.models.closed_form import zener
 from plates import SupportedPlate
 
 MODEL: dict[str, Any] = {"m0": 0.05, "k0": 2e5, "m": [0.3, 0.1, 0.05], "omega": [2e3, 6e3, 1.4e4]}

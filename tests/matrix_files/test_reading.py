@@ -165,7 +165,7 @@ def test_the_matrices_have_the_driving_point_of_the_model(model):
 def test_written_matrices_read_again(model, tmp_path):
     p = len(model.sites) or 1
     dofs = ["z", "x"][:p]
-    written = model.to_matrices([70, 71][:p], dofs, first=900001).save(tmp_path / "x.mtx")
+    written = model.to_matrices([70, 71][:p], dofs).save(tmp_path / "x.mtx")
     assert all(path.is_file() for path in written)
     pair = read_pair(*written[:2])
     assert abs(pair.K - pair.K.T).max() == 0
@@ -185,7 +185,6 @@ def test_written_matrices_read_again(model, tmp_path):
         ({"nodes": [1, 2]}, "must name the 1 site dofs"),
         ({"nodes": 0}, "nodes must be"),
         ({"dofs": "w"}, "dof must be one of"),
-        ({"nodes": 5, "first": 4}, "meet the nodes of the sites"),
     ],
 )
 def test_numbers_that_do_not_fit(arguments, says):

@@ -79,22 +79,6 @@ def test_several_sites_and_files(tmp_path):
         np.testing.assert_allclose(one.site_modes().receptance(OMEGA), exact, rtol=1e-7)
 
 
-def test_the_soil_cone_is_static_as_the_half_space_and_radiates():
-    """4 G r/(1 - nu), 8 G r/(2 - nu): the exact stiffnesses of a disk; rho c A of plane waves."""
-    r, G, rho = 0.5, 60e6, 1800.0
-    for nu in (0.0, 0.25, 0.45):
-        up, side = ao.soil_cone(r, G, nu, rho), ao.soil_cone(r, G, nu, rho, "horizontal")
-        assert up.stiffness == pytest.approx(4 * G * r / (1 - nu))
-        assert side.stiffness == pytest.approx(8 * G * r / (2 - nu))
-        assert side.damping == pytest.approx(np.sqrt(G * rho) * np.pi * r**2)
-        assert (up.mass > 0) == (nu > 1 / 3)
-    model = ao.soil_cone(r, G, 0.25, rho).model(mass=300.0)
-    w = np.array([200.0])
-    cone = ao.soil_cone(r, G, 0.25, rho)
-    exact = 1 / (cone.stiffness - 300 * w**2 + 1j * w * cone.damping)
-    np.testing.assert_allclose(model.modal().receptance(w), exact, rtol=1e-9)
-
-
 @pytest.mark.slow
 def test_truncated_models_and_all_others_are_passive():
     rng = np.random.default_rng(2)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import antiosc as ao
 from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
 from antiosc.models.driving_point import stiffness_error
 from antiosc.models.free_modes import error_bound, from_free_modes, site_models
-from antiosc.models.motion import with_rigid_mode
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 
@@ -117,21 +115,3 @@ def test_many_sites_are_many_times_one(rng, method, monkeypatch):
         )
     assert models.model(4).n < 10
     assert np.all(models.m[4, models.model(4).n :] == 0)
-
-
-def test_a_rigid_motion_beside_the_elastic_ones(rng):
-    """H = H_elastic - a²/ω²; the shapes are those of the static mode and the motion together."""
-    elastic = ao.AntiOscillators(m0=0.05, k0=2e5, m=[0.3, 0.1], omega=[700.0, 2500.0])
-    a = 1.3
-    m0, m, omega, residual, psi = with_rigid_mode(2e5, 0.05, elastic.m, elastic.omega, a)
-    whole = ao.AntiOscillators(m0=m0, k0=0.0, m=m, omega=omega)
-    at = np.linspace(20, 4e3, 30) * (1 + 0.01j)
-    H = 1 / elastic.dynamic_stiffness(at) - a**2 / at**2
-    np.testing.assert_allclose(whole.dynamic_stiffness(at) * H, 1, rtol=1e-9)
-    # r moves the site by a, phi_st by 1, the psi_i not at all
-    site = np.array([a, 1.0, 0, 0])
-    np.testing.assert_allclose(site @ np.column_stack((residual, psi)), [1, 0, 0, 0], atol=1e-12)
-    mass = np.diag([1.0, elastic.m_st, *elastic.m])
-    mass[1, 2:] = mass[2:, 1] = elastic.m
-    shapes = np.column_stack((residual, psi))
-    np.testing.assert_allclose(shapes.T @ mass @ shapes, np.diag([m0, *m]), rtol=0, atol=1e-12)

@@ -18,7 +18,6 @@ from antiosc.models.closed_form import (
     UniformBeam,
     cantilever,
     pinned_pinned,
-    zener,
 )  # fmt: skip
 from antiosc.models.free_modes import error_bound, from_free_modes, site_models as at_sites_of
 from antiosc.models.modal import SiteModes
@@ -164,8 +163,6 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ao.impact_band(ao.Obstacle(), ao.Hertz(1e9)), "velocity > 0"),
     # closed forms and laws
     (lambda: Tabulated([0, 1], [0, 1], 3.0), "unloading"),
-    (lambda: zener.restitution(1e9), "lam"),
-    (lambda: zener.inelasticity(0.0, 2.0, 1e9, 50.0, 8.0), "mass"),
     (lambda: UniformBeam(1, 1, 1, kGA=0), "kGA"),
     (lambda: UniformBeam(1, 1, 1, kGA=-np.inf), "kGA"),  # rigid in shear is +inf alone
     (lambda: UniformBeam.timoshenko(**ARTICLE, nu=0.5), "nu"),

@@ -19,7 +19,6 @@ from paths import MESHES, ROOT
 from scene_files import (
     ASKED,
     BLOW,
-    BODIES,
     BRACKET,
     FALL,
     HIT,
@@ -219,17 +218,6 @@ def test_a_fall_is_that_of_drop(box_folder: Path, capsys: pytest.CaptureFixture[
         told = map(float, re.findall(r"([\d.]+) g\b", text))
         assert any(g == pytest.approx(peak.g, rel=1e-3) for g in told)
     assert page.count("<img") >= 2
-
-
-def test_soil_as_a_body(box_folder: Path) -> None:
-    soil = "radius = 0.4, G = 60e6, nu = 0.3, rho = 1800"
-    cone = ao.soil_cone(0.4, 60e6, 0.3, 1800.0)
-    body = '[bodies.b]\nkind = "soil_cone"\n' + soil.replace(", ", "\n") + "\n"
-    ground = BODIES.replace('[bodies.b]\nkind = "Obstacle"\n', body)
-    (box_folder / "ground.toml").write_text(f'{MATRICES}dof = "z"\n{ground}')
-    scene = compiled(read("ground.toml")).scene
-    assert scene is not None
-    assert scene.arguments["bodies"]["b"].made == cone
 
 
 #: A block of one element of steel.

@@ -25,14 +25,12 @@ import numpy as np
 import antiosc as ao
 from antiosc import closed_form, plotting
 from antiosc.engine import contact
-from antiosc.models.closed_form import zener
 from paths import DECKS
 
 MODULES = {
     "": (ao, [*ao._MODULES]),
     "closed_form.": (closed_form, closed_form.__all__),
     "contact.": (contact, contact.__all__),
-    "zener.": (zener, ["inelasticity", "time_unit", "restitution", "contact_time"]),
     "plotting.": (plotting, [name for name in plotting.__all__ if name[:4] in ("plot", "runn")]),
 }
 
@@ -536,7 +534,6 @@ OWN: dict[str, dict[str, Any]] = {
     "BodyHistory.displacement": {"direction": (0, 0, 1)},
     "SceneHistory.at": {"times": [0.0, 1e-5]},
     "Damper": {"damping": {"z": 10.0}},
-    "soil_cone": {"radius": 0.4, "G": 6e7, "nu": 0.3, "rho": 1800.0},
     "DampingMatrix": {"matrix": np.eye(2), "branches": [(np.eye(2), 1e-3)]},
     "DampingMatrix.stiffness": {"omega": 1e3},
     "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
@@ -576,7 +573,7 @@ OWN: dict[str, dict[str, Any]] = {
     "SceneHistory.plot": {"path": "hit.png"},
     "plotting.plot_model": {"path": "model.png"}, "AntiOscillators.plot": {"path": "model.png"},
     "plotting.plot_map": {"impact_map": surface_map, "quantity": "k0", "path": "map.png"},
-    "zener.restitution": {}, "Power": {"stiffness": 1e6},
+    "Power": {"stiffness": 1e6},
 }  # fmt: skip
 
 SELVES: dict[str, Callable[[], Any]] = {

@@ -105,10 +105,6 @@ class AntiOscillators(ReprMixin, Parameters):
     rigid : array_like, shape (p, q), optional
         Displacements u of several sites in the rigid-body modes of unit mass that move them;
         default: from the null vectors of k0.
-    slide : array_like, shape (p, h), optional
-        Displacements u of several sites in the hidden rigid-body motions, default 0. A motion that
-        hardly moves the sites (share in their compliance below 1e-4) is hidden too; k0, m0, P and
-        omega are then those of all other motions.
     strain_error : array_like, shape (N + 1, N + 1), optional
         One site: energies [N/m] of the errors of the strains of psi_0 ... psi_N that the mesh
         leaves, by `extract(..., error="estimate")`; see `corrected`.
@@ -177,9 +173,8 @@ class AntiOscillators(ReprMixin, Parameters):
         poles = self.omega**2
         with np.errstate(divide="ignore", invalid="ignore"):
             dynamic_mass = np.tensordot(poles / (poles - x[..., np.newaxis]), self.m, axes=1)
-        if self.slide is not None:
+        if self.sites:
             x = x[..., np.newaxis, np.newaxis]
-            return _with_rigid_slide(self.k0 - x * (self.m0 + dynamic_mass), x, self.slide)
         return np.asarray(self.k0 - x * (self.m0 + dynamic_mass))
 
     def truncated(self, n: int) -> AntiOscillators:
@@ -339,7 +334,6 @@ class AntiOscillators(ReprMixin, Parameters):
         self,
         nodes: int | Sequence[int] | None = None,
         dofs: int | str | Sequence[int | str] = 0,
-        first: int | None = None,
     ) -> ReducedMatrices:
         """K and M of the undamped model, the dofs of the sites first: a superelement.
 
@@ -352,8 +346,6 @@ class AntiOscillators(ReprMixin, Parameters):
             Numbers of the nodes of the sites in the other program; default 1, 2, ….
         dofs : int, str or sequence
             Their dofs: "x" … "rz", 1 to 6, or 0 for scalar points.
-        first : int, optional
-            Number of the first anti-oscillator's scalar point; default: after the last node.
 
         Raises
         ------
@@ -367,10 +359,9 @@ class AntiOscillators(ReprMixin, Parameters):
                 "some sites follow from others: extract a model without them for its matrices."
             )
         P = np.sqrt(self.m)[None, :] if self.P is None else self.P
-        slide = None if self.slide is None else self.slide[:, self.slide.any(axis=0)]
         k0 = np.atleast_2d(self.k0)
         m_st = np.atleast_2d(self.m_st)
-        return reduced_matrices(k0, m_st, P, self.omega, slide, nodes, dofs, first)
+        return reduced_matrices(k0, m_st, P, self.omega, nodes, dofs)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to one NumPy .npz file with a header in JSON.
@@ -388,16 +379,3 @@ class AntiOscillators(ReprMixin, Parameters):
             return cls(**arguments)
         except (InputError, KeyError, TypeError, ValueError) as error:
             raise model_file.damaged_file(path, error) from error
-
-
-def _with_rigid_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
-    """Z (..., p, p) at x = omega^2 of sites that also move rigidly by a = `slide` (p, h).
-
-    That is the inverse of Z^-1 - a a'/x; x has the shape (..., 1, 1).
-    """
-    if not slide.any():
-        return Z
-    site_slides = slide[:, slide.any(axis=0)]
-    rigid_forces = Z @ site_slides
-    small = x * np.eye(site_slides.shape[1]) - site_slides.T @ rigid_forces
-    return np.asarray(Z + rigid_forces @ np.linalg.solve(small, np.swapaxes(rigid_forces, -1, -2)))

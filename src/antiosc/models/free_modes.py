@@ -16,9 +16,6 @@ one mode and the chord r (1 - p + p/(1 - x/w_J^2)), p = s w_J^2/r, which gives a
 every site. (The small damping at which Z is compared changes it by one per cent; between two
 samples it may rise by a quarter.)
 
-Rigid-body modes that hardly move a site are treated separately and added to its anti-oscillators
-(`antiosc.models.motion`), as in `antiosc.extract`.
-
 In these J + 1 coordinates the stiffness is diagonal, D = diag(w_j^2). The flexibility with the site
 constrained is a rank-one change of A^-1, T = A^-1 - A^-1 b b'A^-1/C with A = D + shift. Its
 eigenvectors are the constraint modes, and the antiresonances are 1/theta - shift of its eigenvalues
@@ -38,7 +35,7 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import InputError
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE, with_rigid_mode
+from antiosc.models.motion import RIGID_SHARE
 
 Method = Literal["krylov", "modes"]
 
@@ -157,47 +154,16 @@ def site_models(
         )
     count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)
     r, s = residual(omega, b, C, G, shift)
-    # the rigid-body modes as one that moves the site by `along`
-    a = np.sqrt(np.sum(b[:, omega == 0] ** 2, axis=1))
-    share = a**2 / shift / C if shift else np.zeros(len(b))
-    elastic = np.where(omega == 0, 0.0, b)
-    result = SiteModels(*np.zeros((3, len(b))), *np.zeros((2, len(b), count)))
-    result.omega[:] = np.inf
-    for group, part, group_size in (
-        (share > SMALL_RIGID_SHARE, b, count),
-        ((share <= SMALL_RIGID_SHARE) & (share > HIDDEN_RIGID_SHARE), elastic, count - 1),
-        (share <= HIDDEN_RIGID_SHARE, elastic, count),
-    ):
-        sites = np.flatnonzero(group)
-        for first in range(0, len(sites), SITES_AT_ONCE):
-            block = sites[first : first + SITES_AT_ONCE]
-            arrays: tuple[Array, ...] = parameters(
-                omega, part[block], r[block], s[block], group_size, shift, method
-            )
-            if group_size < count:
-                arrays = _with_rigid_modes(arrays, a[block])
-            result.k0[block], result.m0[block], result.m_st[block] = arrays[:3]
-            result.omega[block, : arrays[3].shape[1]], result.m[block, : arrays[4].shape[1]] = (
-                arrays[3:]
-            )
-    return result
 
+    # sites that rigid-body modes hardly move are moved by elastic ones alone
+    if shift:
+        rigid = omega == 0
+        share = np.sum(b[:, rigid] ** 2, axis=1) / shift / C
+        b = np.where(rigid & (share <= RIGID_SHARE)[:, None], 0.0, b)
 
-def _with_rigid_modes(elastic: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
-    """Parameters of sites with a rigid-body mode that hardly moves them, joined with the elastic
-    ones.
-    """
-    k0, m0, _, omega, m = elastic
-    padded_arrays = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
-    masses_left = np.zeros_like(m0)
-    for i, a in enumerate(along):
-        has_mass = m[i] > 0
-        masses_left[i], masses, w, _, _ = with_rigid_mode(
-            k0[i], m0[i], m[i, has_mass], omega[i, has_mass], a
-        )
-        padded_arrays[0][i, : len(w)] = w
-        padded_arrays[1][i, : len(w)] = masses
-    return np.zeros_like(k0), masses_left, 1 / along**2, *padded_arrays
+    blocks = [slice(i, i + SITES_AT_ONCE) for i in range(0, len(b), SITES_AT_ONCE)]
+    parts = [parameters(omega, b[i], r[i], s[i], count, shift, method) for i in blocks]
+    return SiteModels(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def residual(

@@ -111,7 +111,7 @@ def _check_regular(path: Path) -> None:
 
 #: Arrays of a model, those of its inertia and of its second-order forces.
 _ARRAYS = (
-    *("m0", "k0", "m", "omega", "P", "participation", "direction", "dependence", "rigid", "slide"),
+    *("m0", "k0", "m", "omega", "P", "participation", "direction", "dependence", "rigid"),
     *("strain_error", "strain_misfit"),
 )
 _PARTS = {
@@ -243,57 +243,34 @@ def reduced_matrices(
     static_mass: Array,
     P: Array,
     omega: Array,
-    slide: Array | None,
-    nodes: int | Sequence[int] | None,
-    dofs: int | str | Sequence[int | str],
-    first: int | None,
+    nodes: int | Sequence[int] | None = None,
+    dofs: int | str | Sequence[int | str] = 0,
 ) -> ReducedMatrices:
-    """The matrices of k0, m_st (p, p), P (p, N) and omega (N,).
-
-    slide : (p, s) rigid motions q of unit mass that hardly move the sites: u = u_e + slide q.
-    The others: see `AntiOscillators.to_matrices`.
-    """
-    count = len(stiffness)
+    """The matrices of k0, m_st (p, p), P (p, N) and omega (N,), as `to_matrices` gives them."""
     K = block_diag(stiffness, np.diag(omega**2))
     M = np.block([[static_mass, P], [P.T, np.eye(len(omega))]])
-    if slide is not None and slide.size:
-        rigid = slide.shape[1]
-        K = block_diag(K, np.zeros((rigid, rigid)))
-        M = block_diag(M, np.eye(rigid))
-        T = np.eye(len(K))
-        T[:count, -rigid:] = -slide
-        K = T.T @ K @ T
-        M = T.T @ M @ T
-    return ReducedMatrices(K, M, _labels(count, len(K), nodes, dofs, first))
+    sites = len(stiffness)
 
-
-def _labels(
-    sites: int,
-    size: int,
-    nodes: int | Sequence[int] | None,
-    dofs: int | str | Sequence[int | str],
-    first: int | None,
-) -> IntArray:
-    of_sites = list(range(1, sites + 1)) if nodes is None else _as_list(nodes)
+    # the sites
+    of_sites = _as_list(range(1, sites + 1) if nodes is None else nodes)
     numbers = [checks.whole("nodes", node, least=1) for node in of_sites]
-    of_columns = _as_list(dofs)
-    of_columns = of_columns * sites if len(of_columns) == 1 else of_columns
-    if len(numbers) != sites or len(of_columns) != sites:
+    components = [component_of(dof) for dof in _as_list(dofs)]
+    components = components * sites if len(components) == 1 else components
+    if len(numbers) != sites or len(components) != sites:
         raise InputError(
             f"nodes and dofs must name the {sites} site dofs; got {len(numbers)} nodes and "
-            f"{len(of_columns)} dofs."
+            f"{len(components)} dofs."
         )
-    start = max(numbers) + 1 if first is None else checks.whole("first", first, least=1)
-    scalars = range(start, start + size - sites)
-    if scalars.stop > 2**31:
-        raise InputError(f"numbers of nodes must be below 2^31; got {max(numbers)} and {start}.")
-    if set(scalars) & set(numbers):
-        raise InputError(f"the scalar points from first = {start} on meet the nodes of the sites.")
-    rows = [(n, component_of(d)) for n, d in zip(numbers, of_columns, strict=True)]
-    labels = np.array([*rows, *((number, 0) for number in scalars)], dtype=np.int64)
-    if len(np.unique(labels, axis=0)) < size:
+
+    # scalar points after the last of them
+    last = max(numbers)
+    if last + len(omega) >= 2**31:
+        raise InputError(f"numbers of nodes must be below 2^31; got {last}.")
+    scalars = [(last + k, 0) for k in range(1, len(omega) + 1)]
+    labels = np.array([*zip(numbers, components, strict=True), *scalars], dtype=np.int64)
+    if len(np.unique(labels, axis=0)) < len(K):
         raise InputError("nodes and dofs name one dof twice.")
-    return labels.reshape(-1, 2)
+    return ReducedMatrices(K, M, labels)
 
 
 def _as_list(value: object) -> list[object]:

@@ -39,7 +39,7 @@ from antiosc.models.stretch import Stretch
 #: Parameters by name, as they are stored.
 ParameterDict = dict[str, object]
 #: Parameters that only a model of several sites has.
-OF_SEVERAL = ("columns", "dependence", "rigid", "slide")
+OF_SEVERAL = ("columns", "dependence", "rigid")
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
 ASYMMETRY = 1e-9
 #: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
@@ -70,7 +70,6 @@ class Parameters(Body):
     columns: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     dependence: Array | None = None
     rigid: Array | None = None
-    slide: Array | None = None
     strain_error: Array | None = None
     strain_misfit: Array | None = None
     stretch: Stretch | None = None
@@ -91,11 +90,9 @@ class Parameters(Body):
     @property
     def hidden_count(self) -> int:
         """Number of hidden rigid-body motions, which do not move the site."""
-        if self.slide is not None:
-            return int(self.slide.shape[1])
         if self.inertia is None:
             return 0
-        return len(self.inertia.momentum) - self.n - 1
+        return len(self.inertia.momentum) - self.n - self.n_sites
 
     @property
     def k(self) -> Array:
@@ -241,9 +238,6 @@ def checked_at_sites(model: Parameters) -> ParameterDict:
     rows = np.concatenate((np.arange(p), p + order))
     rigid = rigid_motions(k0, m0 + P @ P.T, omega) if model.rigid is None else model.rigid
     rigid = checks.floats("rigid", rigid, (p, None))
-    hidden = 0 if model.inertia is None else max(0, len(model.inertia.momentum) - rows.size)
-    slide = np.zeros((p, hidden)) if model.slide is None else model.slide
-    slide = checks.floats("slide", slide, (p, None if model.inertia is None else hidden))
     return {
         "k0": checks.read_only(k0),
         "m0": checks.read_only(m0),
@@ -254,10 +248,9 @@ def checked_at_sites(model: Parameters) -> ParameterDict:
         "columns": columns,
         "dependence": checks.read_only(dependence),
         "rigid": checks.read_only(rigid),
-        "slide": checks.read_only(slide),
         **_patch_parameters(model, len(columns)),
         **_direction_parameters(model, rows, (len(dependence),), (3,)),
-        **spatial_parameters(model, rows, slide.shape[1]),
+        **spatial_parameters(model, rows),
     }
 
 
@@ -322,11 +315,10 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
     return np.asarray(1 / np.sqrt(np.maximum(stiffness + s * mass, np.finfo(float).tiny)))
 
 
-def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None) -> ParameterDict:
+def spatial_parameters(model: Parameters, rows: Index) -> ParameterDict:
     """Check shapes, momenta and hidden motions and sort the shapes by `rows`; else InputError.
 
-    The momenta of the hidden motions follow those of the shapes; `slides` is the number of hidden
-    motions if the momenta do not give it.
+    The momenta of the hidden motions follow those of the shapes.
     """
     stored: ParameterDict = {}
     in_order = np.array_equal(rows, np.arange(rows.size))
@@ -343,10 +335,9 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
         all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
         stored["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
     if model.hidden is not None:
-        if model.inertia is not None:
-            slides = len(model.inertia.momentum) - rows.size
-        if slides is None:
+        if model.inertia is None:
             raise InputError("hidden motions need the inertia, which holds their momentum.")
+        slides = len(model.inertia.momentum) - rows.size
         nodes = None if model.shapes is None else len(model.shapes)
         stored["hidden"] = checks.floats("hidden", model.hidden, (nodes, slides))
     return stored

@@ -146,14 +146,12 @@ def site_modes(model: Parameters) -> SiteModes:
     """The free modes of a model of several sites, hidden rigid motions first."""
     assert model.dependence is not None
     assert model.rigid is not None
-    assert model.slide is not None
     assert model.P is not None
-    p, hidden = model.slide.shape
+    p, hidden = model.n_sites, model.hidden_count
     damped = damped_modes(model, model.k0, model.m0, model.P, model.rigid)
     omega = np.concatenate((np.zeros(hidden), damped.omega))
     shape = np.roll(block_diag(damped.shape, np.eye(hidden)), hidden, axis=1)
-    site_shapes = shape[:p] + np.hstack([model.slide, np.zeros((p, damped.omega.size))])
-    b = site_shapes.T @ model.dependence.T
+    b = shape[:p].T @ model.dependence.T
     residual = np.vstack((damped.residual, np.zeros((hidden, p)))) @ model.dependence.T
     r = model.dependence @ residual[:p]
     inertia = weight = None

@@ -68,11 +68,9 @@ from antiosc.models.auto_contact import (
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.doubts import BEYOND_WALL, EDGE, HOLLOW, NO_RESULT, PIERCED
 from antiosc.models.free_modes import SiteModels
-from antiosc.reduce.extraction import shapes_of_models
+from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.krylov import by_krylov
 from antiosc.reduce.extraction.oscillators import (
-    at_one_site,
-    elastic_count,
     error_bound,
     lumped,
     oscillators,
@@ -380,25 +378,22 @@ def _refined(
     if not 0 < len(worst) <= DIRECT:
         return models, error
 
-    loads = sites.loads[:, worst].toarray()
-    statics = shapes_of_models(structure, np.split(loads, len(worst), axis=1))
     n = models.m.shape[1]
-    counts = [elastic_count(static, n) for static in statics]
-    computed = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
-
     arrays = {name: values.copy() for name, values in vars(models).items()}
-    for i, static, count, (modes, remainder) in zip(worst, statics, counts, computed, strict=True):
+    for i in worst:
+        static = site_shapes(structure, sites.loads[:, [i]].toarray())
+        modes, remainder = by_krylov(structure, static, n, driving_point.UNOBSERVABLE, band, 0.0)
         known = lumped(structure, static, modes)
-        elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
-        model = at_one_site(static, elastic, n)
+        selected = oscillators(known, n, driving_point.UNOBSERVABLE)
         assert remainder is not None  # there is a band
-        bound, _ = error_bound(known, remainder, elastic, band, model.omega)
+        bound, _ = error_bound(known, remainder, selected, band)
         if bound < error[i]:
             error[i] = bound
-            missing = n - len(model.m)
-            omega = np.append(model.omega, np.full(missing, np.inf))
-            masses = np.append(model.m, np.zeros(missing))
-            row = model.k0, model.m0, model.m0 + model.m.sum(), omega, masses
+            missing = n - len(selected.omega)
+            omega = np.append(selected.omega, np.full(missing, np.inf))
+            masses = np.append(selected.P[:, 0] ** 2, np.zeros(missing))
+            k0, m0 = static.k0[0, 0], selected.m0[0, 0]
+            row = k0, m0, m0 + masses.sum(), omega, masses
             for values, value in zip(arrays.values(), row, strict=True):
                 values[i] = value
 

@@ -123,7 +123,7 @@ FILES = ("Structure.from_files.map", "find_impact.signals")
 #: Parameters that take an object of a class or its name, beside those whose annotation says it.
 OBJECTS = {"Floor.material": "Solid", "AntiOscillators.with_surface.material": "Solid"}
 #: Functions and classes that only check and store values, or do more than that.
-LIGHT = ("material", "named_impactor", "normal", "lognormal", "uniform", "soil_cone")
+LIGHT = ("material", "named_impactor", "normal", "lognormal", "uniform")
 HEAVY = ("Structure", "Scene", "AntiOscillators", "Fall")
 
 #: (name, value) -> the value, or InputError
@@ -273,7 +273,7 @@ def constructors_of(kind: type) -> tuple[str, ...]:
     if issubclass(kind, ContactLaw):
         return tuple(LAWS.split())
     if kind is LinearBody:
-        return ("AntiOscillators.load", "soil_cone")
+        return ("AntiOscillators.load",)
     name = kind.__name__
     try:
         methods = inspect.getmembers(resolved(name), inspect.ismethod)
@@ -333,7 +333,7 @@ SECTIONS: dict[str, SceneSection] = {
     "simulate": _table("simulate", "the impact of the impactor", "model impactor contact"),
     "strike": _table("strike", "the impact to a tolerance: mesh, model and step are chosen",
         "source site impactor contact material supports prestress"),
-    "bodies": _named(f"{IMPACTORS} RigidBody AntiOscillators.load soil_cone",
+    "bodies": _named(f"{IMPACTORS} RigidBody AntiOscillators.load",
         "bodies of a scene of several contacts"),
     "contacts": _list("Contact", "contacts between the sites of bodies"),
     "loads": _list("Load", "forces in time"),

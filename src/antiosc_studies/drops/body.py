@@ -224,14 +224,14 @@ def _residual(
     sites = [_site(skin, k, corner) for k in skin_points.tolist()]
     with without_warnings():
         loads = functionals(structure, sites)
-    B = np.column_stack([b for load in loads for b in (load.b, *(side.b for side in load.across))])
+    B = np.hstack([load.B for load in loads])
     Y = structure.factorize().solve_block(B)
     x = omega**2 + structure.shift
     shapes = []
     residual = []
     for n, (k, load) in enumerate(zip(skin_points, loads, strict=True)):
         b, y = (block[:, 3 * n : 3 * n + 3] for block in (B, Y))
-        axes = np.array([load.direction, *(side.direction for side in load.across)])
+        axes = load.directions
         displacements = b.T @ phi
         rigid = b.T @ structure.rigid_modes
         r = b.T @ y - (displacements / x) @ displacements.T - rigid @ rigid.T / structure.shift

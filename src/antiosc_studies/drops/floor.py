@@ -65,7 +65,7 @@ def layer_law(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw
 class Floor(FieldsRepr):
     """The floor of a fall: the plane z = 0, the surface of a half-space or a rigid ground.
 
-    Under an elastic floor, as soil or a plate, the impact is a `Scene` of the part and its model.
+    Under an elastic floor, as a plate, the impact is a `Scene` of the part and its model.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ def _above(name: str) -> tuple[float, ...]:
 
 
 def with_dampers(model: ao.AntiOscillators) -> ao.AntiOscillators:
-    count = len(model.k0) + model.n + (0 if model.slide is None else model.slide.shape[1])
+    count = len(model.k0) + model.n
     return replace(model, m=None, damping=ao.DampingMatrix(np.eye(count)))
 
 

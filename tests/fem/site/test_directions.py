@@ -35,15 +35,6 @@ def test_a_direction_that_leaves_the_material_is_turned_and_told(block):
     assert len(told) == 1
 
 
-@pytest.mark.parametrize(
-    ("point", "direction"), [(TOP, (0, 1, 0)), (EDGE, (1, 0, 0)), (EDGE, (0, 0, 1))]
-)
-def test_a_direction_along_the_surface_is_told_at_an_edge_too(block, point, direction):
-    with pytest.warns(ao.AccuracyWarning) as told:
-        ao.extract(block, ao.Site(point, direction), n=6)
-    assert any("along the surface" in str(one.message) for one in told)
-
-
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0, 1, -1), (0, 0, -1)])
 def test_a_direction_into_an_edge_is_kept(block, direction):
     with pytest.warns(ao.AccuracyWarning, match="point load") as told:

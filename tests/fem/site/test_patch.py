@@ -104,7 +104,7 @@ def test_supports_under_a_patch_are_told():
     mesh = parts.box((12, 8, 2), (0.12, 0.08, 0.03), groups=groups)
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("held")])
     site = ao.Site((0.032, 0.04, 0.03), (0, 0, -1), radius=0.01)
-    with pytest.warns(ao.AccuracyWarning, match=r"fix 50 % of the patch"):
+    with pytest.warns(ao.AccuracyWarning, match=r"only 50 % of its load area"):
         ao.extract(part, site, n=10)
     with warnings.catch_warnings(record=True, action="always") as said:
         ao.impact_map(part, radius=0.01, modes=30)

@@ -94,11 +94,8 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
             "out: damp the model of the assembly (damping=), or put dampers into its attached=."
         )
 
-    slide = model.slide
-    if slide is not None:
-        slide = slide[:, slide.any(axis=0)]
     P = np.asarray(model.P)
-    reduced = reduced_matrices(model.k0, model.m_st, P, model.omega, slide, None, 0, None)
+    reduced = reduced_matrices(model.k0, model.m_st, P, model.omega)
     count = len(model.k0)
     size = len(reduced.K)
     columns = len(model.direction)

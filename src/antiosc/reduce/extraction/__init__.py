@@ -13,15 +13,13 @@ compliance:
 
 With one site that is φ_st = A⁻¹b/(bᵀA⁻¹b), or φ_CR = R Rᵀb/|Rᵀb|², which is M-orthogonal to the
 rigid-body modes that vanish at the site, so that these drop out (Article, section 3.3). A
-rigid-body mode with a share below `SMALL_RIGID_SHARE` is not one of Φ_r: its mass 1/(sσ²)
-would hide all others. The static modes are then those of the elastic motions, and the weak
-rigid-body mode is modelled separately (`antiosc.models.motion`).
+rigid-body mode with a share below `RIGID_SHARE` is not one of Φ_r: its mass 1/(sσ²) would hide all
+others. The static modes are then those of the elastic motions.
 Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W Z Wᵀ of the sites.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -34,7 +32,7 @@ from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE
+from antiosc.models.motion import RIGID_SHARE
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -72,9 +70,7 @@ class SiteShapes:
     moved : (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis];
         0: none.
     nodal : (rows, h) M-orthonormal rigid-body modes to which the constraint modes are orthogonal.
-    weak : (h, p) displacements of the sites in those modes of `nodal` that hardly move the sites
-        and are modelled separately; usually 0.
-    missed : (h, p) displacements of the sites in these modes that the model omits.
+    missed : (h, p) displacements of the sites in these modes, which the model omits.
     y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
     share : largest share σ² of a rigid-body mode in the compliances.
     solver, shift : solver of A = K + sM, and s [rad²/s²].
@@ -90,7 +86,6 @@ class SiteShapes:
     mass: Array
     moved: Array
     nodal: Array
-    weak: Array
     missed: Array
     y: Array
     bAb: Array
@@ -114,11 +109,6 @@ class SiteShapes:
         return np.asarray(np.linalg.solve(self.W.T, np.diag(self.moved)[:, rigid_columns]))
 
     @property
-    def slide(self) -> Array:
-        """Displacements (p, h) of the sites in the modes of `nodal`."""
-        return np.asarray(np.linalg.solve(self.W.T, self.weak.T))
-
-    @property
     def rigid_shapes(self) -> Array:
         """M-orthonormal rigid-body modes (rows, q + h): the q that move the sites, then the h of
         `nodal`.
@@ -129,15 +119,8 @@ class SiteShapes:
 
 def site_shapes(structure: Structure, B: Array) -> SiteShapes:
     """The shapes of the sites whose loads are the columns of B (rows of this rank, c)."""
-    return shapes_of_models(structure, [B])[0]
-
-
-def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteShapes]:
-    """As `site_shapes` for several models, with one block of right-hand sides."""
     solver = structure.factorize()
-    solved = solver.solve_checked(np.hstack(loads))
-    parts = np.split(solved, np.cumsum([B.shape[1] for B in loads])[:-1], axis=1)
-    return [_shapes(structure, solver, B, Y) for B, Y in zip(loads, parts, strict=True)]
+    return _shapes(structure, solver, B, solver.solve_checked(B))
 
 
 def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteShapes:
@@ -147,15 +130,12 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
     B = B[:, columns] @ W
     R = structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
-    q = int(np.sum(sigma**2 > SMALL_RIGID_SHARE))
+    q = int(np.sum(sigma**2 > RIGID_SHARE))
     unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(columns) == 1 else 1.0
     rigid_displacements = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
     strong = R[:, :q]
     nodal = R[:, q:]
     slides = dot(comm, nodal, B)
-    weak = np.zeros_like(slides)
-    weak_modes = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN_RIGID_SHARE)
-    weak[weak_modes, q + weak_modes] = slides[weak_modes, q + weak_modes]
     load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
     y = Y - nodal @ (slides / root**2)
     phi = strong / rigid_displacements[:q]
@@ -181,8 +161,7 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
         mass=dot(comm, phi, m_phi),
         moved=rigid_displacements,
         nodal=nodal,
-        weak=weak,
-        missed=slides - weak,
+        missed=slides,
         y=y,
         bAb=dot(comm, load, y),
         share=float(sigma.max(initial=0.0) ** 2),
@@ -191,22 +170,17 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
     )
 
 
-def expanded_at(
-    structure: Structure, statics: Sequence[SiteShapes], shift: float
-) -> list[SiteShapes]:
+def expanded_at(structure: Structure, static: SiteShapes, shift: float) -> SiteShapes:
     """The same shapes beside a solver of A = K + sM with this shift s [rad²/s²].
 
-    The Krylov spaces of this A are those about the expansion point √s.
+    The Krylov space of this A is that about the expansion point √s.
     """
     if shift <= structure.shift:
-        return list(statics)
-    solver = structure.factorize_at(shift, sum(static.load.shape[1] for static in statics))
-    solved = solver.solve_checked(np.hstack([static.load for static in statics]))
-    ends = np.cumsum([static.load.shape[1] for static in statics])[:-1]
-    return [
-        replace(static, y=y, bAb=dot(structure.comm, static.load, y), solver=solver, shift=shift)
-        for static, y in zip(statics, np.split(solved, ends, axis=1), strict=True)
-    ]
+        return static
+    solver = structure.factorize_at(shift, static.load.shape[1])
+    y = solver.solve_checked(static.load)
+    bAb = dot(structure.comm, static.load, y)
+    return replace(static, y=y, bAb=bAb, solver=solver, shift=shift)
 
 
 def _basis(

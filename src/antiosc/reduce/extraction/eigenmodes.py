@@ -267,7 +267,8 @@ class ModeSolver:
         while not modes.complete and modes.omega.max(initial=0.0) < reach:
             if len(modes.omega) >= most:
                 break
-            modes = self._at_least(int(min(_expected(modes.omega, reach), most)))
+            known = len(modes.omega)
+            modes = self._at_least(int(min(known + max(FEWEST_MORE, known // 2), most)))
         return modes
 
     def _at_least(self, count: int) -> Modes:
@@ -378,24 +379,6 @@ class ModeSolver:
             / float(dot(structure.comm, x, multiply(structure.M, x)))
             + structure.shift
         )
-
-
-def _expected(omega: Array, reach: float) -> int:
-    """Number of modes expected up to `reach` [rad/s], extrapolated from the known ones by a power
-    law.
-
-    The modal density grows as ω^-1/2 in beams, ω^0 in plates and ω² in solids. A good estimate
-    saves rounds of the search, each of which builds a new Krylov space.
-    """
-    known_count = len(omega)
-    extra_modes = max(FEWEST_MORE, known_count // 2)
-    if known_count < FEWEST_MORE or not omega[known_count // 2 - 1] > 0:
-        return known_count + extra_modes
-    octaves = np.log2(omega[-1] / omega[known_count // 2 - 1])
-    power = np.clip(1 / max(octaves, 1 / 3), 0.5, 3.0)
-    return known_count + int(
-        np.clip(known_count * ((reach / omega[-1]) ** power - 1), extra_modes, 4 * known_count)
-    )
 
 
 def _dense_modes(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal, get_args, overload
+from typing import TYPE_CHECKING, Any, Literal, get_args, overload
 
 import numpy as np
 
@@ -30,24 +29,22 @@ from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
 from antiosc.models.stretch import Count, checked_count
-from antiosc.reduce.extraction import expanded_at, shapes_of_models
+from antiosc.reduce.extraction import expanded_at, site_shapes
 from antiosc.reduce.extraction.eigenmodes import AS_SITES
 from antiosc.reduce.extraction.krylov import (
-    BASIS_STEP,
     by_krylov,
     with_damping,
 )
 from antiosc.reduce.extraction.model import (
     UNNAMED,
-    Columns,
+    Sites,
     info_of_model,
     model_of,
 )
 from antiosc.reduce.extraction.oscillators import (
     DEFAULT_COUNT,
-    at_one_site,
+    Remainder,
     by_modes,
-    elastic_count,
     error_bound,
     every_mode,
     lumped,
@@ -86,15 +83,14 @@ class ExtractOptions:
     proof: bool = False
 
 
-def models_of(
+def _model(
     structure: Structure,
-    groups: Sequence[Columns],
+    sites: Sites,
     options: ExtractOptions,
-    shapes: bool,
     spent: float,
     errors: ModelErrors | None,
-) -> list[AntiOscillators]:
-    """The models of groups of sites; `spent`: seconds that the factorization took."""
+) -> AntiOscillators:
+    """The model of a group of sites; `spent`: seconds that the factorization took."""
     start_time = time.perf_counter()
     terms = structure.matrices.dissipation()
     refused = {
@@ -105,66 +101,47 @@ def models_of(
     }
     for argument in (name for name, given in refused.items() if terms and given):
         raise InputError(f"{argument} does not take dampers, nor layers that relax: leave it out.")
-    loads = [
-        np.column_stack([c.b for columns in group.values() for c in columns]) for group in groups
-    ]
-    statics = shapes_of_models(structure, loads)
-    counts = [
-        elastic_count(static, options.n) if UNNAMED in group else options.n
-        for group, static in zip(groups, statics, strict=True)
-    ]
+
+    # the modes
+    n, tol, band = options.n, options.tol, options.band
+    static = site_shapes(structure, np.hstack([site.B for site in sites.values()]))
+    remainder: Remainder | None = None
     if options.method == "krylov":
-        computed = by_krylov(
-            structure,
-            expanded_at(structure, statics, (2 * np.pi * (options.expansion or 0.0)) ** 2),
-            counts,
-            options.tol,
-            options.band,
-            STEP_AIM * options.accuracy,
-            terms,
-            options.proof,
-        )
+        expanded = expanded_at(structure, static, (2 * np.pi * (options.expansion or 0.0)) ** 2)
+        aim = STEP_AIM * options.accuracy
+        modes, remainder = by_krylov(structure, expanded, n, tol, band, aim, terms, options.proof)
     else:
-        limits = options.tol, options.band, options.accuracy
-        pairs = zip(statics, counts, strict=True)
-        computed = [by_modes(structure, static, n, *limits) for static, n in pairs]
-    models: list[AntiOscillators] = []
-    for group, static, n in zip(groups, statics, counts, strict=True):
-        modes, remainder = computed.pop(0)
-        known = lumped(structure, static, modes)
-        selected = every_mode(known, n) if terms else oscillators(known, n, options.tol)
-        at_site = at_one_site(static, selected, options.n) if UNNAMED in group else None
-        band: dict[str, float] | None = None
-        if options.band is not None and remainder is not None:
-            omega = selected.omega if at_site is None else at_site.omega
-            bound, lowest = error_bound(known, remainder, selected, options.band, omega)
-            ends = lowest / (2 * np.pi), options.band / (2 * np.pi)
-            band = {"bottom": ends[0], "top": ends[1], "error_bound": bound}
-        seconds = {
+        modes = by_modes(structure, static, n, tol)
+    known = lumped(structure, static, modes)
+    selected = every_mode(known, n) if terms else oscillators(known, n, tol)
+
+    # the record
+    info = info_of_model(structure, sites, known, selected, options.method)
+    info = info.having(
+        expansion=options.expansion,
+        seconds={
+            **structure.seconds,
             "site": spent,
-            "modes": (time.perf_counter() - start_time) / (len(models) + 1),
-        }
-        record = info_of_model(structure, group, known, selected, options.method)
-        info = record.having(
-            band=band,
-            expansion=options.expansion,
-            seconds={**structure.seconds, **seconds},
-        )
-        complete = modes.complete
-        recurrence = modes.recurrence
-        if at_site is not None:
-            selected = replace(selected, phi=np.zeros((0, 0)))
-        del known, modes  # as large as the shapes, as `selected.phi` was
-        model = model_of(structure, group, static, selected, at_site, info)
-        if not static.weak.any():
-            model = replace(model, recurrence=recurrence)
-        if errors is not None:
-            model = errors.added_to(model, group[UNNAMED][0])
-        if terms or structure.matrices.lossy:
-            model = with_damping(structure, model, static, terms)
-        on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
-        models.append(model if shapes else replace(model, shapes=None, hidden=None))
-    return models
+            "modes": time.perf_counter() - start_time,
+        },
+    )
+    if band is not None and remainder is not None:
+        bound, lowest = error_bound(known, remainder, selected, band)
+        ends = {"bottom": lowest / (2 * np.pi), "top": band / (2 * np.pi)}
+        info = info.having(band={**ends, "error_bound": bound})
+    complete = modes.complete
+    recurrence = modes.recurrence
+    del known, modes  # as large as the shapes
+
+    # the model
+    model = model_of(structure, sites, static, selected, info)
+    model = replace(model, recurrence=recurrence)
+    if errors is not None:
+        model = errors.added_to(model, sites[UNNAMED])
+    if terms or structure.matrices.lossy:
+        model = with_damping(structure, model, static, terms)
+    on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
+    return model
 
 
 def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
@@ -212,45 +189,15 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
 #: elements of a fifth of the radius, and 0.0001 with elements of a tenth; other modes have 500 and
 #: more.
 OBSERVABLE = 0.01
-#: Bytes of basis vectors of the sites that are processed at once.
-SLICE = 5e8
-
-log = logging.getLogger(__name__)
 
 
 @overload
 def extract(
-    structure: Structure,
-    site: Site | Mapping[str, Site],
-    n: int | None = None,
-    method: Method = "krylov",
-    tol: float | None = None,
-    *,
-    band: float | None = None,
-    accuracy: float = 1e-3,
-    shapes: bool = True,
-    error: ErrorOption = None,
-    damping: float | Sequence[float] | Damping | None = None,
-    stretch: Count | Literal[False] = False,
-    expansion: float | None = None,
-    proof: bool | float = False,
+    structure: Structure, site: Site | Mapping[str, Site], *arguments: Any, **options: Any
 ) -> AntiOscillators: ...
 @overload
 def extract(
-    structure: Structure,
-    site: Sequence[Site],
-    n: int | None = None,
-    method: Method = "krylov",
-    tol: float | None = None,
-    *,
-    band: float | None = None,
-    accuracy: float = 1e-3,
-    shapes: bool = True,
-    error: ErrorOption = None,
-    damping: float | Sequence[float] | Damping | None = None,
-    stretch: Count | Literal[False] = False,
-    expansion: float | None = None,
-    proof: bool | float = False,
+    structure: Structure, site: Sequence[Site], *arguments: Any, **options: Any
 ) -> list[AntiOscillators]: ...
 @collective()
 @within_range
@@ -278,7 +225,7 @@ def extract(
     structure : Structure
     site : Site, sequence of Site, or mapping of names to Site
         A mapping gives one model with several sites, which a `Scene` takes. A sequence gives one
-        model for each site; all share one factorization and blocks of right-hand sides.
+        model for each site; all share one factorization.
     n : int, optional
         Number of anti-oscillators, default 20; with `band` the largest number. The result has fewer
         if the structure has fewer observable modes at the site.
@@ -293,8 +240,9 @@ def extract(
         `accuracy`. At a site of symmetry an uneven mesh gives every mode that the symmetry hides a
         little mass.
     band : float, optional
-        Highest frequency of interest, Hz (see `impact_band`); not with dampers. The number of
-        anti-oscillators is chosen so that the error of Z(ω) up to it is at most `accuracy`.
+        Highest frequency of interest, Hz (see `impact_band`); for method="krylov", not with
+        dampers. The number of anti-oscillators is chosen so that the error of Z(ω) up to it is at
+        most `accuracy`.
     accuracy : float
         Largest |ΔZ|/|Z| over the band, at 1 % damping. `info["band"]["error_bound"]` is the bound
         that was reached, 2e-6 at least for rounding. For several sites: the largest relative
@@ -333,8 +281,7 @@ def extract(
         A site that cannot move independently of those before it (for instance a second site on a
         rigid part) follows them: `dependence` of the model. `info` holds the numbers of modes that
         were found and dropped, and the checks. If the share of the rigid-body modes in the
-        compliance of the site (`rigid_share`) is below 1e-4, they are represented by an
-        anti-oscillator of nearly zero frequency; below 1e-16 they are left out, and k0 > 0.
+        compliance of the site (`rigid_share`) is below 1e-5, they are left out, and k0 > 0.
 
     Raises
     ------
@@ -368,33 +315,27 @@ def extract(
     start_time = time.perf_counter()
     targets = functionals(structure, sites)
     factored = "factorization" in structure.seconds
-    width = _models_at_once(structure, options)
-    columns: float = min(len(targets), width)
-    if (
-        names
-    ):  # one model has as many anti-oscillators for several sites, and a static shape of each
-        columns = 1 + (sum(1 + len(target.across) for target in targets) - 1) / SOLVES
-    structure.factorize(max(columns, AS_SITES) if method == "modes" else columns)
+    groups: list[Sites] = [{UNNAMED: target} for target in targets]
+    solves = float(len(targets))
+    if names:  # one model has as many anti-oscillators, and a static shape of each site
+        groups = [dict(zip(names, targets, strict=True))]
+        solves = 1 + (sum(target.B.shape[1] for target in targets) - 1) / SOLVES
+    structure.factorize(max(solves, AS_SITES) if method == "modes" else solves)
     spent = time.perf_counter() - start_time
     if not factored:
         spent -= structure.seconds["factorization"]
-    groups: list[Columns] = [{UNNAMED: [target]} for target in targets]
-    if names:
-        groups = [{n: [target, *target.across] for n, target in zip(names, targets, strict=True)}]
-    models: list[AntiOscillators] = []
-    for first in range(0, len(groups), width):
-        models += models_of(
-            structure, groups[first : first + width], options, shapes, spent, errors
-        )
-        if len(groups) > width:
-            log.info("extracted %d of %d sites", len(models), len(groups))
-    if stretch is not False:
-        models = [with_stretch(structure, model, stretch) for model in models]
-    if damping_of_modes is not None:
-        models = [replace(model, damping=damping_of_modes) for model in models]
-    if isinstance(site, list | tuple):
-        return models
-    return models[0]
+
+    models = []
+    for group in groups:
+        model = _model(structure, group, options, spent, errors)
+        if not shapes:
+            model = replace(model, shapes=None, hidden=None)
+        if stretch is not False:
+            model = with_stretch(structure, model, stretch)
+        if damping_of_modes is not None:
+            model = replace(model, damping=damping_of_modes)
+        models.append(model)
+    return models if isinstance(site, list | tuple) else models[0]
 
 
 #: Periods of the expansion's frequency in a contact time.
@@ -413,14 +354,6 @@ def _checked_proof(
     if proof is True or expansion is not None:
         return expansion
     return PERIODS / positive("proof", proof, "s")
-
-
-def _models_at_once(structure: Structure, options: ExtractOptions) -> int:
-    """Number of models that are solved in one block: their vectors take at most SLICE bytes."""
-    if options.method == "modes":
-        return 1
-    columns = options.n + 2 if options.band is None else 2 * BASIS_STEP
-    return max(1, int(SLICE / (16 * columns * structure.size)))
 
 
 def _checked_options(
@@ -455,6 +388,8 @@ def _checked_options(
         process.require(16 * (n + 2) * structure.rows, basis_text, "reduce n", free)
     else:
         band = checks.band(band)
+        if method != "krylov":
+            raise InputError("a band belongs to the Krylov method: leave band out.")
     accuracy = positive("accuracy", accuracy)
     tol = OBSERVABLE * min(accuracy, 1.0) if tol is None else tolerance(tol)
     if expansion is not None:

@@ -39,7 +39,6 @@ shapes, so that every model is passive.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -140,8 +139,6 @@ BASIS_STEP = 16
 STEPS_PER_ONE = 3
 #: Steps in addition to those.
 MORE = 20
-
-log = logging.getLogger(__name__)
 
 
 class Lanczos:
@@ -272,10 +269,6 @@ class Lanczos:
         omega = np.sqrt(np.maximum(1 / theta - self._shift, 0.0))
         return Modes(omega, self.vectors[:, :n] @ (eigenvectors / np.sqrt(theta)), self.exhausted)
 
-    def release(self) -> None:
-        """Release the memory of the basis."""
-        self._V = self._forces = np.zeros((0, 0))
-
     @property
     def exhausted(self) -> bool:
         """Whether the basis spans every motion that the sites excite."""
@@ -357,52 +350,35 @@ class Lanczos:
 
 def by_krylov(
     structure: Structure,
-    statics: Sequence[SiteShapes],
-    counts: Sequence[int],
+    static: SiteShapes,
+    n: int,
     tol: float,
     band: float | None,
     accuracy: float,
     terms: Sequence[Dissipation] = (),
     proof: bool = False,
-) -> list[tuple[Modes, Remainder | None]]:
-    """(Ritz pairs; with a band the bound on their truncation error) of each model.
+) -> tuple[Modes, Remainder | None]:
+    """(Ritz pairs; with a band the bound on their truncation error) of a model.
 
-    Without a band there are `counts` pairs with more than the share `tol` in Z,
-    if the structure has so many and the largest number of steps finds them. With a band, it is the
-    least number of blocks for which the error of Z is at most `accuracy`, and at most `counts`.
-    Each step solves one block of right-hand sides. `proof`: with the recurrence of each space.
+    Without a band there are `n` pairs with more than the share `tol` in Z, if the structure has so
+    many and the largest number of steps finds them. With a band, it is the least number of blocks
+    for which the error of Z is at most `accuracy`, and at most `n`. `proof`: with the recurrence.
     """
     # room for a few more than are wanted: the system gives memory only to what is written
-    lanczos = [
-        Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
-        for static, n in zip(statics, counts, strict=True)
-    ]
-    results: dict[int, tuple[Modes, Remainder | None]] = {}
-    if band is None:
-        results = {i: (run.modes(0), None) for i, run in enumerate(lanczos) if counts[i] == 0}
+    run = Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
+    count = 0 if band is None and n == 0 else None
     with doing("extracting anti-oscillators", structure.comm.rank) as report:
         step = 0
-        while len(results) < len(lanczos):
+        while count is None:
             step += 1
-            expected = f", about {max(counts)}" * (step <= max(counts))
-            report(f"step {step}{expected}; {len(results)} of {len(lanczos)} models done")
-            active = [i for i in range(len(lanczos)) if i not in results]
-            loads = [lanczos[i].load for i in active]
-            shapes = statics[0].solver.solve_block(np.hstack(loads))
-            ends = np.cumsum([load.shape[1] for load in loads])
-            for i, solution in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
-                steps_before = lanczos[i].steps
-                lanczos[i].advance(solution)
-                count = _kept_count(
-                    lanczos[i], steps_before, counts[i], tol, band, accuracy, bool(terms)
-                )
-                if count is not None:
-                    bound = None if band is None else lanczos[i].remainder(count)
-                    modes = lanczos[i].modes(count)
-                    results[i] = lanczos[i].with_recurrence(modes) if proof else modes, bound
-                    lanczos[i].release()
-            log.debug("Krylov step: %d of %d models done", len(results), len(lanczos))
-    return [results[i] for i in range(len(lanczos))]
+            report(f"step {step}" + f", about {n}" * (step <= n))
+            before = run.steps
+            run.advance(static.solver.solve_block(run.load))
+            count = _kept_count(run, before, n, tol, band, accuracy, bool(terms))
+
+    bound = None if band is None else run.remainder(count)
+    modes = run.modes(count)
+    return run.with_recurrence(modes) if proof else modes, bound
 
 
 def _kept_count(
@@ -419,12 +395,14 @@ def _kept_count(
     """
     if damped:  # also vectors that move dampers but no site
         return min(n, run.steps) if run.steps >= n or run.exhausted else None
+
     if band is not None:
         bounded = min(run.applied, n)  # the truncation error of these is known only now
         sufficient = bounded == n or run.exhausted
         if sufficient or (bounded and run.error(bounded, band) <= accuracy):
             return bounded
         return None
+
     for count in range(max(before + 1, n), run.steps + 1):
         if run.observable(count, tol) >= n:
             return count

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -17,24 +17,24 @@ from antiosc.models.body import UNKNOWN, ModelInfo
 from antiosc.models.motion import Inertia
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.mode_checks import checked_modes
-from antiosc.reduce.extraction.oscillators import ConstraintModes, OneSite, Selection
+from antiosc.reduce.extraction.oscillators import ConstraintModes, Selection
 from antiosc.reduce.site import Functional, surfaces
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Load vectors of each site of a model: the normal one first, then the tangential ones.
-Columns = Mapping[str, Sequence[Functional]]
+#: Sites of a model.
+Sites = Mapping[str, Functional]
 #: The name of the site of a model of one site without a name.
 UNNAMED = ""
 
 
 def info_of_model(
-    structure: Structure, group: Columns, known: ConstraintModes, selected: Selection, method: str
+    structure: Structure, sites: Sites, known: ConstraintModes, selected: Selection, method: str
 ) -> ModelInfo:
     """The record of an extraction."""
     measured, converged = checked_modes(structure, known, method)
-    info = info_of_places(structure, {name: columns[0] for name, columns in group.items()})
+    info = info_of_places(structure, sites)
     return info.having(
         method=method,
         modes_computed=len(known.modes.omega),
@@ -48,7 +48,7 @@ def info_of_model(
     )
 
 
-def info_of_places(structure: Structure, sites: Mapping[str, Functional]) -> ModelInfo:
+def info_of_places(structure: Structure, sites: Sites) -> ModelInfo:
     """What is known of a structure and its sites without modes."""
     cells = {name: site.cell for name, site in sites.items() if site.cell is not None}
     info = UNKNOWN.having(
@@ -62,9 +62,7 @@ def info_of_places(structure: Structure, sites: Mapping[str, Functional]) -> Mod
     return replace(info, thickness=_thickness_at(structure, sites, info.thickness))
 
 
-def _thickness_at(
-    structure: Structure, sites: Mapping[str, Functional], least: float | None
-) -> float | None:
+def _thickness_at(structure: Structure, sites: Sites, least: float | None) -> float | None:
     """The thickness of a sheet at its sites, whose deflection it judges; of others the `least`."""
     if least is None:
         return None
@@ -87,81 +85,73 @@ def _no_estimate(structure: Structure) -> str | None:
 
 def model_of(
     structure: Structure,
-    sites: Columns,
+    sites: Sites,
     static: SiteShapes,
     selected: Selection,
-    one: OneSite | None,
     info: ModelInfo,
 ) -> AntiOscillators:
-    """The model of p >= 1 sites; `one`: the parameters of a single site without a name."""
-    firsts = {name: of_site[0] for name, of_site in sites.items()}
-    directions = [column.direction for of_site in sites.values() for column in of_site]
-    has_directions = all(direction is not None for direction in directions)
-    if one is None:
-        shapes = np.hstack([static.phi @ static.W.T, selected.phi])
-        parameters = _named(sites, static, selected)
-        hidden = static.nodal
-        participation = weights_of(structure, shapes) if has_directions else None
-        points = {name: x.point.tolist() for name, x in firsts.items() if x.point is not None}
+    """The model of p >= 1 sites; the shapes of `selected` are changed in place."""
+    directions = [site.directions for site in sites.values() if site.directions is not None]
+    has_directions = len(directions) == len(sites)
+    points = {name: x.point.tolist() for name, x in sites.items() if x.point is not None}
+
+    P = static.W @ selected.P.T
+    if UNNAMED in sites:  # m_i moves with its site: lambda_i = lambda_0 + an amplitude
+        phi = selected.phi
+        phi *= P[0]  # in place: as large as the shapes
+    shapes = np.hstack([static.phi @ static.W.T, selected.phi])
+    weights = weights_of(structure, shapes) if has_directions else None
+    parameters: dict[str, Any] = {
+        "m0": _in_site_basis(static.W, selected.m0),
+        "k0": _in_site_basis(static.W, static.k0),
+        "omega": selected.omega,
+        "participation": weights,
+        "direction": np.vstack(directions) if has_directions else None,
+    }
+
+    if UNNAMED in sites:
+        (first,) = sites.values()
+        parameters |= {name: float(parameters[name][0, 0]) for name in ("m0", "k0")}
+        parameters |= {"m": P[0] ** 2, "local_compliance": first.local_compliance}
+        parameters |= {"radius": first.radius, "direction": first.direction}
+        if weights is not None:
+            assert first.direction is not None
+            along = weights @ first.direction
+            along[0] -= along[1:].sum()
+            parameters["participation"] = along
+        info = info.having(meshed=structure.matrices.meshed)
+        if points and first.direction is not None:
+            info = replace(info, point=points[UNNAMED], direction=first.direction.tolist())
+    else:
+        parameters |= _of_sites(sites, static) | {"P": P}
         info = info.having(independent=static.kept.tolist())
         info = replace(info, points=points) if has_directions else info
-    else:
-        shapes = one.shapes
-        parameters = {"m0": one.m0, "k0": one.k0, "m": one.m, "omega": one.omega}
-        hidden = one.hidden
-        (first,) = firsts.values()
-        parameters |= {"local_compliance": first.local_compliance, "radius": first.radius}
-        participation = _along(structure, first.direction, shapes)
-        # the weak rigid-body mode has converged
-        converged = (info.converged or 0) + len(one.m) - len(selected.omega)
-        info = info.having(meshed=structure.matrices.meshed, converged=converged)
-        if first.point is not None and first.direction is not None:
-            info = replace(info, point=first.point.tolist(), direction=first.direction.tolist())
 
-    along = np.array(directions) if has_directions else None
-    is_known = one is None or structure.rigid_inertia is not None
     model = AntiOscillators(
         **parameters,
-        participation=participation,
         shapes=shapes,
-        direction=along if one is None or along is None else along[0],
-        inertia=inertia_of(structure, shapes, hidden),
-        hidden=hidden if is_known else None,
+        inertia=inertia_of(structure, shapes, static.nodal),
+        hidden=None if structure.rigid_inertia is None else static.nodal,
         info=info,
     )
     return _with_second_order(structure, model)
 
 
-def _named(sites: Columns, static: SiteShapes, selected: Selection) -> dict[str, Any]:
-    """The parameters of a model of named sites."""
-    ends = np.cumsum([len(of_site) for of_site in sites.values()]).tolist()
-    firsts = [of_site[0] for of_site in sites.values()]
+def _of_sites(sites: Sites, static: SiteShapes) -> dict[str, Any]:
+    """Parameters that only a model of named sites has."""
+    counts = [site.B.shape[1] for site in sites.values()]
+    ends = np.cumsum(counts).tolist()
     return {
-        "m0": _in_site_basis(static.W, selected.m0),
-        "k0": _in_site_basis(static.W, static.k0),
-        "P": static.W @ selected.P.T,
-        "omega": selected.omega,
         "sites": tuple(sites),
         "columns": {
-            name: tuple(range(end - len(of_site), end))
-            for (name, of_site), end in zip(sites.items(), ends, strict=True)
+            name: tuple(range(end - count, end))
+            for name, count, end in zip(sites, counts, ends, strict=True)
         },
         "dependence": static.dependence,
         "rigid": static.rigid,
-        "slide": static.slide,
-        "local_compliance": np.array([first.local_compliance for first in firsts]),
-        "radius": tuple(first.radius for first in firsts),
+        "local_compliance": np.array([site.local_compliance for site in sites.values()]),
+        "radius": tuple(site.radius for site in sites.values()),
     }
-
-
-def _along(structure: Structure, direction: Array | None, shapes: Array) -> Array | None:
-    """Participation of the shapes of one site in a uniform acceleration along the impact."""
-    load = None if direction is None else structure.uniform_inertia(direction)
-    if load is None:
-        return None
-    weights = np.asarray(dot(structure.comm, shapes, load))
-    weights[0] -= weights[1:].sum()
-    return weights
 
 
 def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscillators:

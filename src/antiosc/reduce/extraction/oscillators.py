@@ -22,7 +22,6 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.driving_point import DAMPING, samples
 from antiosc.models.free_modes import MASSLESS
-from antiosc.models.motion import with_rigid_mode
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
 
@@ -233,83 +232,18 @@ def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
     return np.asarray(U @ vectors)
 
 
-@dataclass(frozen=True)
-class OneSite:
-    """The parameters of a model of one site, in units of its displacement.
-
-    Attributes
-    ----------
-    k0, m0, omega, m : as in `AntiOscillators`.
-    shapes : (rows, 1 + N) those of a unit displacement of the site, static and of the m_i.
-    hidden : (rows, h) rigid-body modes that are not in the model.
-    """
-
-    k0: float
-    m0: float
-    omega: Array
-    m: Array
-    shapes: Array
-    hidden: Array
-
-
-def by_modes(
-    structure: Structure,
-    static: SiteShapes,
-    n: int,
-    tol: float,
-    band: float | None,
-    accuracy: float,
-) -> tuple[Modes, Remainder | None]:
-    """The lowest constraint modes until n of them are observable, or Z is accurate enough."""
+def by_modes(structure: Structure, static: SiteShapes, n: int, tol: float) -> Modes:
+    """The lowest constraint modes until n of them are observable."""
     solver = ModeSolver(structure, static)
     limit = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
-    count = n + 2 if n and band is None else min(n, DEFAULT_COUNT)
+    count = n + 2 if n else 0
     while True:
         modes = solver.lowest(count)
-        constraint_modes = lumped(structure, static, modes)
-        selected = oscillators(constraint_modes, n, tol)
-        remainder = None if band is None else left_out(constraint_modes)
-        sufficient = (
-            modes.complete
-            or count >= limit
-            or len(selected.omega) >= n
-            or not constraint_modes.m0.any()
-        )
-        if not sufficient and remainder is not None and band is not None:
-            sufficient = error_bound(constraint_modes, remainder, selected, band)[0] <= accuracy
-        if sufficient:
-            return modes, remainder
+        known = lumped(structure, static, modes)
+        found = len(oscillators(known, n, tol).omega)
+        if modes.complete or count >= limit or found >= n or not known.m0.any():
+            return modes
         count = min(limit, len(modes.omega) + max(8, len(modes.omega) // 2))
-
-
-def elastic_count(static: SiteShapes, n: int) -> int:
-    """How many of n anti-oscillators are elastic: all, or all but one weak rigid-body mode."""
-    if n and static.weak.any():
-        return n - 1
-    return n
-
-
-def at_one_site(static: SiteShapes, selected: Selection, n: int) -> OneSite:
-    """The anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `selected` at a single site.
-
-    A weak rigid-body mode becomes one of them (`antiosc.models.motion`). The shapes of `selected`
-    are changed in place.
-    """
-    w = float(static.W[0, 0])
-    c = w * selected.P[:, 0]
-    k0, m0 = w**2 * float(static.k0[0, 0]), w**2 * float(selected.m0[0, 0])
-    psi = selected.phi
-    psi *= c  # in place: as large as the shapes
-    shapes = np.hstack([w * static.phi, psi])
-    if not (n and static.weak.any()):
-        return OneSite(k0, m0, selected.omega, c**2, shapes, static.nodal)
-
-    a = float(static.slide[0, 0])
-    shapes = np.hstack([np.sign(a) * static.nodal[:, :1], shapes])
-    m0, m, omega, residual, combination = with_rigid_mode(k0, m0, c**2, selected.omega, abs(a))
-    psi = shapes @ combination
-    unit = shapes @ residual + psi.sum(axis=1)
-    return OneSite(0.0, m0, omega, m, np.column_stack([unit, psi]), static.nodal[:, 1:])
 
 
 def error_bound(
@@ -317,16 +251,13 @@ def error_bound(
     remainder: Remainder,
     selected: Selection,
     band: float,
-    omega: Array | None = None,
 ) -> tuple[float, float]:
     """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency) of the band up to `band` [rad/s].
 
-    Below that frequency Z is quasi-static. `omega`: frequencies of the finished model, if they are
-    others than those of `selected`.
+    Below that frequency Z is quasi-static.
     """
     static = known.static
-    poles = (selected.omega if omega is None else omega) ** 2
-    lowest = lowest_frequency_at_sites(static.k0, static.mass, poles)
+    lowest = lowest_frequency_at_sites(static.k0, static.mass, selected.omega**2)
     x = samples(band, lowest, SAMPLE_STEP) ** 2
     elastic = stiffness_at_sites(x, static.k0, selected.m0, selected.P, selected.omega**2)
     change = spectral_norms(known.stiffness(x) - elastic)
@@ -334,30 +265,10 @@ def error_bound(
     share = (1 + SAMPLE_RISE) * (remainder(x) + change) / sizes[:, -1]
     error = np.where(share < 1, share / np.where(share < 1, 1 - share, 1.0), np.inf)
 
-    # with the weak rigid-body modes: H = H_e - a aᵀ/x
-    weak_mobility = static.weak.T @ static.weak / x[:, None, None]
-    ratio = np.linalg.inv(np.eye(len(static.W)) - weak_mobility @ elastic)  # H_e⁻¹ H, its inverse
-    error = error * spectral_norms(ratio)
-
+    # rigid-body modes that hardly move the sites: H = H_e - a aᵀ/x
     hidden = spectral_norms(static.missed[None])
-    error = error + spectral_norms(elastic @ ratio) / np.abs(x) * hidden**2
+    error = error + spectral_norms(elastic) / np.abs(x) * hidden**2
     return max(float(np.max(error)), LEAST_BOUND), float(np.sqrt(x[0]).real)
-
-
-def left_out(known: ConstraintModes) -> Remainder:
-    """Function that bounds the effect of the truncated modes on Z at complex x.
-
-    m0 contains their mass; the bound places it at a pole above the highest known one, where its
-    effect is largest.
-    """
-    mass = 0.0 if known.modes.complete else float(np.linalg.norm(known.m0, 2))
-    top = float(known.poles.max(initial=0.0))
-
-    def bound(x: ComplexArray) -> Array:
-        nearest = np.where(x.real > top, x.imag, np.abs(top - x))
-        return np.asarray(np.abs(x) ** 2 * mass / nearest)
-
-    return bound
 
 
 # -- p >= 1 sites: Z, K0, M0 are (p, p), and mode i has P_i (p,), its inertia at the sites

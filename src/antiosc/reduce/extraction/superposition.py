@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
@@ -28,7 +27,6 @@ from antiosc.models.body import Body, ModelInfo
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
 from antiosc.models.free_modes import RESIDUAL_ROUNDING
 from antiosc.models.modal import Damping, ModalBody, as_damping
-from antiosc.models.motion import Inertia
 from antiosc.recovery import source
 from antiosc.recovery.series import write_vtu
 from antiosc.reduce.extraction import SiteShapes, beside_rigid, site_shapes
@@ -209,13 +207,8 @@ class NaturalModes(ReprMixin, Body):
     ----------
     omega : natural circular frequencies in rad/s, ascending, shape (n,); 0 for the rigid-body mode.
     b : displacement of the site along the impact in each mode, kg^-1/2, shape (n,), > 0.
-    r : compliance in m/N of the modes left out, 0 without static correction.
     shapes : mass-normalised modes as columns, kg^-1/2, on the rows of this rank, shape (rows, n).
-    residual : shape that goes with r, m/N, shape (rows,).
-    weight : modal force of a unit gravity along the impact, kg^1/2, shape (n,), or None.
-    direction : unit vector of the impact, shape (3,), or None.
-    inertia : momentum (h + n, 6) of h hidden rigid-body motions and of the modes, or None.
-    hidden : mass-normalised shapes of the hidden motions, shape (rows, h), or None.
+    body : hidden rigid-body motions, the modes, and with static correction the contact force.
     local_compliance, radius : those of the site's patch, as in `AntiOscillators`.
     damping : Damping of the modes, or None.
     info : facts of the extraction.
@@ -223,13 +216,8 @@ class NaturalModes(ReprMixin, Body):
 
     omega: Array
     b: Array
-    r: float
     shapes: Array
-    residual: Array
-    weight: Array | None = None
-    direction: Array | None = None
-    inertia: Inertia | None = None
-    hidden: Array | None = None
+    body: ModalBody
     local_compliance: float = 0.0
     radius: float | None = None
     damping: Damping | None = None
@@ -241,50 +229,18 @@ class NaturalModes(ReprMixin, Body):
         return len(self.omega)
 
     @property
+    def r(self) -> float:
+        """Compliance in m/N of the modes left out, 0 without static correction."""
+        return self.body.r
+
+    @property
     def patch_radius(self) -> float | None:
         """Radius of the site's patch, m; None for a point."""
         return self.radius
 
     def modal(self) -> ModalBody:
-        """The model as the body of an impact: hidden motions, modes, and the contact force if
-        corrected.
-
-        Its coordinates are those of the hidden motions, of the modes, and with static correction
-        the contact force.
-        """
-        return self._modal
-
-    @cached_property
-    def _modal(self) -> ModalBody:
-        basis = (self.shapes,) if self.hidden is None else (self.hidden, self.shapes)
-        count = 0 if self.hidden is None else self.hidden.shape[1]
-        size = count + self.n
-        zeros = np.zeros(count)
-        weight = self.weight
-        if weight is not None and self.inertia is not None and self.direction is not None:
-            weight = np.append(self.inertia.momentum[:count, :3] @ self.direction, weight)
-        shape = residual = None
-        if self.r > 0:  # the massless deflection is one more shape, its amplitude the force
-            basis = (*basis, self.residual[:, None])
-            shape = np.eye(size + 1, size)
-            residual = np.eye(size + 1)[size]
-        omega = np.append(zeros, self.omega)
-        return ModalBody(
-            omega,
-            np.append(zeros, self.b),
-            self.r,
-            decay=None if self.damping is None else self.damping.decay(omega),
-            weight=weight,
-            shape=shape,
-            residual=residual,
-            basis=basis,
-            direction=self.direction,
-            inertia=self.inertia,
-        )
-
-    def field(self, coordinates: ArrayLike) -> Array:
-        """Nodal displacements (..., rows) from modal coordinates (..., n); without `residual`."""
-        return np.asarray(np.asarray(coordinates, dtype=float) @ self.shapes.T)
+        """The model as the body of an impact."""
+        return self.body
 
 
 @collective()
@@ -344,8 +300,7 @@ def superposition(
     selected = Modes(visible.omega[:n], visible.phi[:, :n], len(visible.omega) <= n)
     all_kept = selected.complete and len(modes.omega) == solver.limit
     correction = static_correction and not all_kept
-    model = _model(structure, site, site_load, static, selected, correction, "superposition")
-    return replace(model, damping=checked_damping)
+    return _model(structure, site_load, static, selected, correction, checked_damping)
 
 
 @collective()
@@ -380,8 +335,8 @@ def full(
     modes = solver.lowest(structure.dofs)
     visible = _observable_modes(structure, site_load, static, modes, UNOBSERVABLE)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
-    model = _model(structure, site, site_load, static, visible, massless, "full")
-    return replace(model, damping=checked_damping)
+    model = _model(structure, site_load, static, visible, massless, checked_damping)
+    return replace(model, info=model.info.having(method="full"))
 
 
 def _check_arguments(structure: Structure, site: Site) -> None:
@@ -420,47 +375,58 @@ def _rigid_modes(static: SiteShapes) -> tuple[Array, Array]:
 
     At most one of them moves the site.
     """
-    a = np.hstack([static.rigid, static.slide])[0]
+    a = np.append(static.rigid[0], np.zeros(static.nodal.shape[1]))
     return static.rigid_shapes * np.where(a < 0, -1.0, 1.0), np.abs(a)
 
 
 def _model(
     structure: Structure,
-    site: Site,
     where: Functional,
     static: SiteShapes,
     modes: Modes,
     static_correction: bool,
-    method: str,
+    damping: Damping | None,
 ) -> NaturalModes:
+    """The model of the modes that move the site."""
     b = np.asarray(dot(structure.comm, modes.phi, where.b))
-    r = 0.0
-    residual = np.zeros_like(where.b)
-    if static_correction:
-        r, residual = _left_out(structure, where, static, modes, b)
-    along = where.direction
-    inertia = None if along is None else structure.uniform_inertia(along)
     rigid, a = _rigid_modes(static)
     hidden = rigid[:, a == 0]
-    return NaturalModes(
-        omega=modes.omega,
-        b=b,
-        r=r,
-        shapes=modes.phi,
+    if structure.rigid_inertia is None:
+        hidden = hidden[:, :0]
+    phi = np.hstack([hidden, modes.phi])
+    omega = np.append(np.zeros(hidden.shape[1]), modes.omega)
+
+    basis: tuple[Array, ...] = (hidden, modes.phi)
+    r, shape, residual = 0.0, None, None
+    if static_correction:
+        r, deflection = _left_out(structure, where, static, modes, b)
+    if r > 0:  # the massless deflection is one more shape, its amplitude the force
+        basis = (*basis, deflection[:, None])
+        shape = np.eye(len(omega) + 1, len(omega))
+        residual = np.eye(len(omega) + 1)[-1]
+
+    load = None if where.direction is None else structure.uniform_inertia(where.direction)
+    body = ModalBody(
+        omega,
+        np.append(np.zeros(hidden.shape[1]), b),
+        r,
+        decay=None if damping is None else damping.decay(omega),
+        weight=None if load is None else np.asarray(dot(structure.comm, phi, load)),
+        shape=shape,
         residual=residual,
-        weight=None if inertia is None else np.asarray(dot(structure.comm, modes.phi, inertia)),
+        basis=basis,
         direction=where.direction,
-        inertia=inertia_of(structure, hidden, modes.phi),
-        hidden=hidden if structure.rigid_inertia is not None else None,
-        local_compliance=where.local_compliance,
-        radius=site.radius,
-        info=ModelInfo(
-            structure=structure.describe(),
-            dofs=structure.dofs,
-            method=method,
-            converged=len(modes.omega),
-            point=None if where.point is None else where.point.tolist(),
-        ),
+        inertia=inertia_of(structure, phi),
+    )
+    info = ModelInfo(
+        structure=structure.describe(),
+        dofs=structure.dofs,
+        method="superposition",
+        converged=len(modes.omega),
+        point=None if where.point is None else where.point.tolist(),
+    )
+    return NaturalModes(
+        modes.omega, b, modes.phi, body, where.local_compliance, where.radius, damping, info
     )
 
 

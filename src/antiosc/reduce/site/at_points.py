@@ -9,6 +9,7 @@ from math import sqrt
 from typing import cast
 
 import numpy as np
+import scipy.sparse
 
 from antiosc.base import plausible
 from antiosc.base._types import Array, BoolArray
@@ -50,23 +51,17 @@ def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functi
     return [_on_q(structure, *pair) for pair in zip(sites, loads, strict=True)]
 
 
-def _mapped(change: Callable[[Array], Array], functional: Functional) -> Functional:
-    """The functional with `change` applied to all of its load vectors."""
-    tangential = tuple(_mapped(change, side) for side in functional.across)
-    return replace(functional, b=change(functional.b), across=tangential)
-
-
 def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functional:
-    """The functional with its load vector on q instead of u; InputError if nothing at the site can
+    """The functional with its load vectors on q instead of u; InputError if nothing at the site can
     move.
     """
-    on_q = _mapped(structure.joined, functional)
+    B = structure.joined(functional.B)
     comm = structure.comm
-    if norm(comm, on_q.b) <= LEAST_FREE_SHARE * norm(comm, functional.b):
+    if norm(comm, B[:, 0]) <= LEAST_FREE_SHARE * norm(comm, functional.b):
         assert functional.point is not None
         place = repr(site.point) if isinstance(site.point, str) else f"at {text(functional.point)}"
         raise SiteError(constrained(f"the site {place}"))
-    return on_q
+    return replace(functional, B=B)
 
 
 def before_joining(
@@ -108,18 +103,20 @@ def before_joining(
 
 
 def _on_whole(structure: MeshedParts, member: Member, functional: Functional) -> Functional:
-    """The functional of a part with its load vector on all dofs of the structure."""
+    """The functional of a part with its load vectors on all dofs of the structure."""
     assert functional.point is not None
-    assert functional.direction is not None
-    b = functional.b
+    assert functional.directions is not None
+    B = functional.B
     if structure.assembled:
-        b = np.zeros(algebra.size(structure.K))  # u and q have as many dofs
-        b[member.rows] = functional.b
-    x = member.at.placed(functional.point[None])[0]
-    d = member.at.rotation @ functional.direction
-    tangential = tuple(_on_whole(structure, member, side) for side in functional.across)
-    place = Place(member, functional.point, functional.direction)
-    return replace(functional, b=b, point=x, direction=d, across=tangential, place=place)
+        B = np.zeros((algebra.size(structure.K), B.shape[1]))  # u and q have as many dofs
+        B[member.rows] = functional.B
+    return replace(
+        functional,
+        B=B,
+        point=member.at.placed(functional.point[None])[0],
+        directions=functional.directions @ member.at.rotation.T,
+        place=Place(member, functional.point, functional.directions[0]),
+    )
 
 
 def _without_mesh(structure: AssembledMatrices, site: Site, end: EndMotion) -> Functional:
@@ -147,7 +144,7 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: EndMotion) -> F
         )
     b = np.asarray(end.displacements.T @ direction)
     place = place_at(structure, end.point, direction) if structure.members() else None
-    functional = Functional(b, point=end.point, direction=direction, place=place)
+    functional = Functional(b[:, None], point=end.point, directions=direction[None], place=place)
     if not name:
         return functional
     interface = layout.condensed[part].ends[name]
@@ -243,27 +240,37 @@ def _beyond_seams(
 
 
 def _site_functionals(
-    structure: MeshedStructure, sites: Sequence[Site], sites_found: Sites
+    structure: MeshedStructure, sites: Sequence[Site], found: Sites
 ) -> list[Functional]:
-    """The load vector and patch data of each site."""
-    columns = sites_found.loads.toarray().T
-    sides = _tangential(structure, sites, sites_found)
-    nearest = closest_many(structure.mesh, sites_found.points)
+    """The load vectors and patch data of each site."""
+    columns, axes = [found.loads], [found.directions]
+    if found.weighted is not None and any(site.tangential for site in sites):
+        for across in tangents(found.directions, "z" not in structure.form.components):
+            B = loads(structure, found.weighted, across)
+            free = on_free_dofs(structure, B)
+            is_movable = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, B)
+            columns.append((free @ scipy.sparse.diags(is_movable.astype(float))).tocsr())
+            axes.append(across)
+
+    nearest = closest_many(structure.mesh, found.points)
     # computed here, since all ranks must take part
     low, high = structure.mesh.box
     thickness = structure.dimensions[2]
-    return [
-        Functional(
-            np.ascontiguousarray(columns[i]),
-            None if np.isnan(sites_found.radii[i]) else float(sites_found.radii[i]),
-            float(sites_found.local[i]),
-            sites_found.points[i],
-            sites_found.directions[i],
-            sides[i],
-            cell_and_waves(structure, nearest[i], sites_found.directions[i], high - low, thickness),
+    functionals = []
+    for i, site in enumerate(sites):
+        count = len(columns) if site.tangential else 1
+        directions = np.array([of_sites[i] for of_sites in axes[:count]])
+        functionals.append(
+            Functional(
+                np.hstack([column[:, [i]].toarray() for column in columns[:count]]),
+                None if np.isnan(found.radii[i]) else float(found.radii[i]),
+                float(found.local[i]),
+                found.points[i],
+                directions,
+                cell_and_waves(structure, nearest[i], directions[0], high - low, thickness),
+            )
         )
-        for i in range(len(sites))
-    ]
+    return functionals
 
 
 #: An impact does not bend a sheet or a thin block if its cosine with the normal is below this.
@@ -298,25 +305,6 @@ def cell_and_waves(
     speed = material.bar_speed()
     gyration = thickness / sqrt(12) if bending_share > ALONG else 0.0
     return size, speed * gyration, speed
-
-
-def _tangential(
-    structure: MeshedStructure, sites: Sequence[Site], sites_found: Sites
-) -> list[tuple[Functional, ...]]:
-    """The tangential load vectors of each site; () for sites without tangential directions."""
-    sides: list[list[Functional]] = [[] for _ in sites]
-    tangential_sites = [i for i, site in enumerate(sites) if site.tangential]
-    if not tangential_sites or sites_found.weighted is None:
-        return [()] * len(sites)
-    for axes in tangents(sites_found.directions, "z" not in structure.form.components):
-        tangential_loads = loads(structure, sites_found.weighted, axes)
-        free = on_free_dofs(structure, tangential_loads)
-        is_movable = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, tangential_loads)
-        columns = free.toarray().T * is_movable[:, None]
-        for i in tangential_sites:
-            b = np.ascontiguousarray(columns[i])
-            sides[i].append(Functional(b, point=sites_found.points[i], direction=axes[i]))
-    return [tuple(side) for side in sides]
 
 
 def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:

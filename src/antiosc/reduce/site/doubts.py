@@ -17,19 +17,13 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.models.doubts import CUT, NEAR
 from antiosc.reduce.site.sites import ON_SHEET, Sites
 
-#: A patch counts as whole if at least this share of its load is on the face,
+#: A patch counts as whole if at least this share of its load is on the face, free of supports.
 WHOLE_PATCH = 0.9
-#: and as partly supported if supports carry more than this share.
-PARTLY = 0.1
 #: Supports nearer than this many radii of a patch hold the surface about it: on a half-space
 #: the displacement at this distance is 0.22 times that in the middle of the patch.
 NEAR_RADII = 2.0
 #: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
 SIZE_ROUNDING = 1e-6
-#: Largest cell of a sheet over the patch radius, at which the compliance is up to 3 % too low.
-COARSE_SHEET = 8.0
-#: Size of the cells over the thickness above which bending hides this error.
-THIN = 4.0
 #: An impact is along the surface if its cosine with the normal is below this.
 ALONG_SURFACE = 0.1
 
@@ -44,7 +38,13 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = Fals
     """
     doubts = list(_mesh_doubts(structure, sites))
     if not marked:
-        doubts += _patch_doubts(sites)
+        cut = _cut(sites)
+        free = percent(np.minimum(sites.share, sites.moving)[cut].min(initial=1.0))
+        text = (
+            f"an edge cuts the patch, or supports hold it: only {free} of its load area is free, so"
+            " its half-space compliance does not hold; move the site or take a smaller radius."
+        )
+        doubts.append((cut, text))
     for which, text in doubts:
         if which.any():
             count = f" (At {which.sum()} of {len(sites)} sites.)" if len(sites) > 1 else ""
@@ -69,7 +69,7 @@ def surface_below(
 
 
 def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
-    """The sites whose radius or direction does not suit the mesh."""
+    """The sites whose radius does not suit the mesh."""
     without_radius = np.isnan(sites.radii)
     if not structure.kind.point_load and without_radius.any():
         x = sites.points[np.argmax(without_radius)]
@@ -80,65 +80,26 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
             f" refined: give a radius of {engineering(rounded_up(size), 'm', 2)} or more, the size"
             " of the element there.",
         )
-    yield from _coarse(structure, sites)
 
-    contact = sites.contact
-    if contact is None and structure.kind.outside:
-        contact = surface_below(structure, sites.points, sites.directions, sites.radii)
-    if contact is not None and structure.mesh.gdim == 3:  # plane parts: loaded in shear, too
-        cosines = np.abs(np.einsum("pd,pd->p", sites.directions, contact.normals))
-        along = np.asarray(np.isfinite(contact.depth) & (cosines < ALONG_SURFACE))
-        normal = ", ".join(f"{c:.3g}" for c in contact.normals[np.argmax(along)].round(9) + 0.0)
-        yield (
-            along,
-            "the direction of the site lies along the surface, where an impactor slides and does"
-            f" not strike: give that in which it flies, against the normal ({normal}).",
-        )
-
-
-def _coarse(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
-    """The sites whose patch is smaller than the facets or cells under it."""
-    kind = structure.kind
-    times = 1.0 if kind.outside else COARSE_SHEET
-    is_coarse = np.asarray(sites.size > (1 + SIZE_ROUNDING) * times * sites.radii)
-    if kind.sheet and sites.contact is not None:
-        default_radii = [material.patch_radius for material, _ in structure.parts]
-        thickness = np.array(default_radii, dtype=float)
-        is_coarse &= sites.size < THIN * thickness[sites.contact.label]
-    if not is_coarse.any():
+    # patches that are smaller than the facets under them
+    is_coarse = np.asarray(sites.size > (1 + SIZE_ROUNDING) * sites.radii)
+    if not (structure.kind.outside and is_coarse.any()):
         return
 
     i = int(np.argmax(np.where(is_coarse, sites.size / sites.radii, 0.0)))
     size, radius = float(sites.size[i]), float(sites.radii[i])
-    entities, rule = ("facets", "") if kind.outside else ("cells", f"{times:g} times ")
     # where an edge cuts the patch, its radius must not be larger
-    larger_radius = f", or a radius of {engineering(rounded_up(size / times), 'm', 2)}"
+    larger_radius = f", or a radius of {engineering(rounded_up(size), 'm', 2)}"
     yield (
         is_coarse,
-        f"the {entities} at the site measure {engineering(size, 'm', 3)}, more than"
-        f" {rule}the radius {engineering(radius, 'm', 3)}: the patch is not resolved; take cells"
-        f" of at most {engineering(rounded_down(times * radius), 'm', 2)} there ({SMALLER_CELLS})"
+        f"the facets at the site measure {engineering(size, 'm', 3)}, more than the radius"
+        f" {engineering(radius, 'm', 3)}: the patch is not resolved; take cells of at most"
+        f" {engineering(rounded_down(radius), 'm', 2)} there ({SMALLER_CELLS})"
         f"{'' if _cut(sites).any() else larger_radius}.",
     )
 
 
-def _patch_doubts(sites: Sites) -> Iterator[Doubt]:
-    """The sites whose patch an edge cuts, or supports fix partly."""
-    is_cut = _cut(sites)
-    yield (
-        is_cut,
-        f"an edge cuts the patch: only {percent(sites.share[is_cut].min(initial=1.0))} of its load"
-        " area lies on the face, so its half-space compliance does not hold; move the site or take"
-        " a smaller radius.",
-    )
-    is_held = np.asarray((1 - sites.moving > PARTLY) & (sites.local > 0))
-    yield (
-        is_held,
-        f"supports fix {percent(1 - sites.moving[is_held].min(initial=1.0))} of the patch: its"
-        " half-space compliance does not hold there; move the site or take a smaller radius.",
-    )
-
-
 def _cut(sites: Sites) -> BoolArray:
-    """Mask of the patches that are cut by an edge."""
-    return np.asarray(sites.share < WHOLE_PATCH)
+    """Mask of the patches that an edge cuts, or supports hold."""
+    held = (sites.moving < WHOLE_PATCH) & (sites.local > 0)
+    return np.asarray((sites.share < WHOLE_PATCH) | held)

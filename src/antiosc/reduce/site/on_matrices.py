@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import cast
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array
 from antiosc.base.checks import floats
 from antiosc.base.errors import InputError, SiteError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
-from antiosc.fem.reach import Reach, check_reach
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
 from antiosc.fem.structure.structure import Structure
 from antiosc.reduce.site.place import Functional
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site, constrained, tangents
 
-#: Largest distance of a point from the node that it denotes, over the part's size.
-AT_NODE = 1e-6
 PATCH = "matrices have no surface for a patch: leave radius out, and the site is a node or a row."
 
 
@@ -51,104 +46,53 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
     b[structure.fixed[structure.fixed < len(b)]] = 0.0
     if norm(comm, b) <= LEAST_FREE_SHARE * size:
         raise SiteError(constrained("the site"))
-    return Functional(b)
+    return Functional(b[:, None])
 
 
 def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
-    """The load vector of a site at a node or point; None for a site given by a row or a vector.
+    """The load vectors of a site at a node; None for a site given by a row or a vector.
 
     Raises
     ------
     InputError
-        A node or dof that is not in the map, a point that is no node, a site whose dofs are fixed.
+        A node or dof that is not in the map, a point, a site whose dofs are fixed.
     """
     matrices = cast(NodalMatrices, structure.matrices)
-    if site.node is None and site.direction is None:
+    node, component = site.node, site.dof
+    if node is None and site.direction is None:
         return None
     if site.radius is not None:
         raise InputError(PATCH)
-    if site.direction is None:
-        return _at_row(structure, matrices, site)
+    if node is None:
+        raise InputError("matrices have no surface: give the number of the node, Site(node=…).")
 
-    direction = in_space(site.direction)
-    direction /= np.linalg.norm(direction)
-    node = _nearest_node(matrices, site) if site.node is None else site.node
+    # one row of a node, or its displacement along directions
     rows = np.flatnonzero(matrices.map.node == node)
-    if not len(rows):
-        raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
+    directions: Array | None = None
+    if isinstance(component, int):
+        rows = np.array([matrices.map.row(node, component)])
+        if 1 <= component <= 3:
+            directions = np.eye(3)[[component - 1]]
+        B = np.zeros((structure.size, 1))
+        B[rows] = 1.0
+    else:
+        if not len(rows):
+            raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
+        along = in_space(site.direction or ())[None]
+        directions = along / np.linalg.norm(along)
+        if site.tangential:
+            plane = not (matrices.map.component == 3).any()
+            directions = np.vstack([directions, *tangents(directions, plane)])
+        axis = matrices.map.component[rows] - 1
+        loaded = (axis >= 0) & (axis < 3)
+        B = np.zeros((structure.size, len(directions)))
+        B[rows[loaded]] = directions[:, axis[loaded]].T
 
-    point = _position(matrices, rows[0])
-    b = _freed(structure, _along(matrices, node, direction))
-    if b is None:
+    # supports
+    size = np.linalg.norm(B, axis=0)
+    B[structure.fixed] = 0.0
+    B[:, np.linalg.norm(B, axis=0) <= LEAST_FREE_SHARE * size] = 0.0
+    if not B[:, 0].any():
         raise SiteError(constrained(f"node {node}"))
-    functional = Functional(b, point=point, direction=direction)
-    if not site.tangential:
-        return functional
-
-    sides = []
-    for (side,) in tangents(direction[None], not (matrices.map.component == 3).any()):
-        b = _freed(structure, _along(matrices, node, side))
-        sides.append(Functional(np.zeros(structure.size) if b is None else b, None, 0, point, side))
-    return replace(functional, across=tuple(sides))
-
-
-def _at_row(structure: Structure, matrices: NodalMatrices, site: Site) -> Functional:
-    """The functional of one dof of a node."""
-    component = cast(int, site.dof)
-    row = matrices.map.row(cast(int, site.node), component)
-    b = np.zeros(structure.size)
-    b[row] = 1.0
-    freed = _freed(structure, b)
-    if freed is None:
-        raise SiteError(constrained(f"node {site.node}"))
-    direction = np.eye(3)[component - 1] if 1 <= component <= 3 else None
-    return Functional(freed, point=_position(matrices, row), direction=direction)
-
-
-def _along(matrices: NodalMatrices, node: int, direction: Array) -> Array:
-    """Load vector of a unit force along `direction` on a node, fixed dofs included."""
-    b = np.zeros(len(matrices.map.node))
-    axis = matrices.map.component - 1
-    loaded = (matrices.map.node == node) & (axis >= 0) & (axis < 3)
-    b[loaded] = direction[axis[loaded]]
-    return b
-
-
-def _freed(structure: Structure, b: Array) -> Array | None:
-    """The load on free dofs; None if supports hold it."""
-    size = float(np.linalg.norm(b))
-    b[structure.fixed] = 0.0
-    held = float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * size
-    return None if held or not size else b
-
-
-def _position(matrices: NodalMatrices, row: int) -> Array | None:
-    """Coordinates of the node of a row; None if unknown."""
-    point = matrices.map.points[row]
-    return point if np.isfinite(point).all() else None
-
-
-def _nearest_node(matrices: NodalMatrices, site: Site) -> int:
-    """The number of the node at the point of a site."""
-    if not matrices.located:
-        raise InputError(
-            "the coordinates of the nodes are not known: give them in the map, or use "
-            "Site(node=…, dof=…)."
-        )
-    if isinstance(site.point, str):
-        raise InputError("matrices have no groups: give the point's coordinates.")
-
-    points, _ = matrices.nodes()
-    located = np.isfinite(matrices.map.points).all(axis=1)
-    numbers = np.unique(matrices.map.node[located])
-    point = in_space(site.point or ())
-    distance, nearest = cKDTree(points).query(point)
-    if site.snap:
-        snap = None if site.snap is True else site.snap
-        check_reach(Reach("the point of the site", snap), point, points, int(nearest))
-    elif distance > AT_NODE * float(np.ptp(points, axis=0).max()):
-        raise InputError(
-            f"the point is no node: the nearest is node {numbers[nearest]}, {distance:.3g} m "
-            "away; use that, or Site(..., snap=True)."
-        )
-    return int(numbers[nearest])
+    point = matrices.map.points[rows[0]]
+    return Functional(B, point=point if np.isfinite(point).all() else None, directions=directions)

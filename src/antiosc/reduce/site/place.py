@@ -49,23 +49,32 @@ class Place:
 
 @dataclass(frozen=True)
 class Functional:
-    """The load vector of a site, and the properties of its patch."""
+    """The load vectors of a site, and the properties of its patch."""
 
-    #: b on the rows of this rank, zero on fixed dofs
-    b: Array
+    #: load vectors on the rows of this rank, zero on fixed dofs: along the direction of impact, and
+    #: across it if requested
+    B: Array
     #: radius of the patch, m; None for a point
     radius: float | None = None
     #: half-space compliance of the patch, m/N (0 for a point)
     local_compliance: float = 0.0
-    #: actual point (3,), m, and unit vector of the direction of impact
+    #: actual point (3,), m, and unit vectors of the directions (columns of B, 3)
     point: Array | None = None
-    direction: Array | None = None
-    #: load vectors along the directions perpendicular to it, if requested
-    across: tuple[Functional, ...] = ()
+    directions: Array | None = None
     #: cell size and wave speeds at the site (`ModelInfo.cells`); None without a mesh
     cell: tuple[float, float, float] | None = None
     #: where it acts on a mesh; None of rows and vectors
     place: Place | None = None
+
+    @property
+    def b(self) -> Array:
+        """The load vector along the direction of impact."""
+        return self.B[:, 0]
+
+    @property
+    def direction(self) -> Array | None:
+        """Unit vector of the direction of impact."""
+        return None if self.directions is None else self.directions[0]
 
 
 def place_at(

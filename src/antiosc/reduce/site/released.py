@@ -114,13 +114,7 @@ class Released:
         """(bᵀg (P, 6 S), bᵀr (P, 3)) for the load vectors b of the sites along their contacts."""
         with without_warnings():  # they were told of when the model was extracted
             functionals_found = [self._functional(site) for site in sites]
-        b = np.column_stack(
-            [
-                load.b
-                for functional in functionals_found
-                for load in (functional, *functional.across)
-            ]
-        )
+        b = np.hstack([functional.B for functional in functionals_found])
         return dot(self._of.comm, b, self._motions), dot(self._of.comm, b, rigid)
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:

@@ -32,6 +32,16 @@ from antiosc.models.body import ModalModel
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia
 
+__all__ = [
+    "StruckBeam",
+    "UniformBeam",
+    "cantilever",
+    "clamped_clamped",
+    "free_free",
+    "pinned_free",
+    "pinned_pinned",
+]
+
 #: End supports: which of the motions w (0) and θ (1) they hold.
 ENDS: dict[str, tuple[int, ...]] = {"free": (), "pinned": (0,), "clamped": (0, 1), "guided": (1,)}
 #: Direction of the impact in the axes of `inertia`, the beam on x.
@@ -419,3 +429,39 @@ class Solved(Polynomials):
 
 def _count_of(n: object) -> int:
     return checks.whole("n", n, most=MOST_FREQUENCIES)
+
+
+def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    """Pinned at x = 0, free at x = L, struck at `site` (m), the free tip unless given.
+
+    At the tip k0 = 0, φ_st = x/L and the constraint modes are the hinged beam's: Article (24)-(27).
+    """
+    return _struck(beam, "pinned", "free", 1.0, site)
+
+
+def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    """Pinned at both ends, struck at `site` (m), mid-span unless given."""
+    return _struck(beam, "pinned", "pinned", 0.5, site)
+
+
+def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    """Clamped at x = 0, struck at `site` (m), the free tip unless given: 1/k0 = a³/3EI + a/kGA."""
+    return _struck(beam, "clamped", "free", 1.0, site)
+
+
+def free_free(beam: UniformBeam, site: float) -> StruckBeam:
+    """Free at both ends, struck at `site` (m): k0 = 0."""
+    return StruckBeam(beam, "free", "free", site)
+
+
+def clamped_clamped(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    """Clamped at both ends, struck at `site` (m), mid-span unless given (L³/192EI + L/4kGA)."""
+    return _struck(beam, "clamped", "clamped", 0.5, site)
+
+
+def _struck(
+    beam: UniformBeam, left: str, right: str, share: float, site: float | None
+) -> StruckBeam:
+    """A beam struck at `site`, or at this share of its length."""
+    checks.instance("beam", beam, UniformBeam, "a UniformBeam")
+    return StruckBeam(beam, left, right, share * beam.length if site is None else site)
