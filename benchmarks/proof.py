@@ -100,19 +100,25 @@ def beam(rng, dofs):
     return K[kept][:, kept], M[kept][:, kept], loads
 
 
-def true_depth(omega, beta, v, k, p, c, duration):
+def after_a_step(omega, decay, h):
+    """(J, 2, 4): q, v after a step by q, v before it, the modal force at its start and end."""
+    A = np.zeros((omega.size, 4, 4))
+    A[:, 0, 1] = A[:, 1, 2] = h
+    A[:, 1, 0], A[:, 1, 1] = -h * omega**2, -2 * h * decay
+    A[:, 2, 3] = 1  # the force in its own units, its change over the step
+    steps = np.array([scipy.linalg.expm(each) for each in A])[:, :2]
+    steps[:, :, 2] -= steps[:, :, 3]
+    return steps
+
+
+def true_depth(omega, decay, beta, v, k, p, c, duration):
     """Indentations at the steps of the truth; F = k (indentation + c F)^p."""
-    h = duration / STEPS
-    z = np.maximum(omega * h, 1e-4)
-    sine = np.where(omega * h > 1e-4, np.sin(z) / z, 1 - (omega * h) ** 2 / 6)
-    half = np.where(omega * h > 1e-4, 2 * np.sin(z / 2) ** 2 / z**2, 0.5 - (omega * h) ** 2 / 24)
-    late = np.where(omega * h > 1e-2, (1 - sine) / z**2, 1 / 6 - (omega * h) ** 2 / 120)
-    C, S, one, ramp = np.cos(omega * h), sine * h, half * h**2, late * h**2
-    give = beta @ (beta * ramp) - c
+    step = after_a_step(omega, decay, duration / STEPS)
+    (C, S, first, last), (own, rate, kick, late) = step.transpose(1, 2, 0)
+    give = beta @ (beta * last) - c
     q, F, force, depths = np.zeros_like(v), 0.0, 0.0, [0.0]
-    first, second, own = beta * (one - ramp), beta * (S - half * h), -(omega**2) * S
     for _ in range(STEPS):
-        free = C * q + S * v - F * first
+        free = C * q + S * v - F * first * beta
         reach = float(beta @ free)
         new = F
         for _ in range(60):
@@ -121,11 +127,17 @@ def true_depth(omega, beta, v, k, p, c, duration):
             new = max(new - change, 0.0)
             if abs(change) <= 1e-13 * force:
                 break
-        v = own * q + C * v - F * second - (new * half * h) * beta
-        q = free - new * ramp * beta
+        v = own * q + rate * v - (F * kick + new * late) * beta
+        q = free - new * last * beta
         F, force = new, max(force, new)
         depths.append(float(beta @ q))
     return np.array(depths)
+
+
+def random_damping(rng, contact):
+    """A damping ratio and Rayleigh's, or none; ratios up to 5 % at the times of the contact."""
+    ratio, alpha, tau = rng.choice([0, 1], 3, p=[0.6, 0.4]) * 10 ** rng.uniform(-3.5, -1.3, 3)
+    return ao.Damping(ratio, alpha * 2 / contact, tau * contact / np.pi)
 
 
 def scene(rng, one, other):
@@ -139,18 +151,20 @@ def scene(rng, one, other):
     deep = speed * contact / 3
     k = mass * speed**2 / deep ** (p + 1)
     n = int(rng.integers(4, 50))
-    options = {"n": n, "proof": True if rng.random() < 0.3 else contact}
+    damping = random_damping(rng, contact)
+    options = {"n": n, "proof": True if rng.random() < 0.3 else contact, "damping": damping}
     model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), **options)
     rigid = ao.RigidMass(mass, speed)
     root = np.array([np.sqrt(mass)])
-    sets = [(omega, -shares, 0 * omega), (np.zeros(1), 1 / root, speed * root)]
+    decay = damping.decay(omega)
+    sets = [(omega, decay, -shares, 0 * omega), (np.zeros(1), np.zeros(1), 1 / root, speed * root)]
     if other is not None:
         K2, M2, b2, omega2, shares2 = other
         second = ao.extract(ao.Structure.from_matrices(K2, M2), ao.Site(vector=b2), **options)
         rigid = ao.Impactor(second, speed)
         moved = np.where(omega2 == 0, shares2, 0.0)
         v = speed * moved / (moved @ moved)
-        sets[1] = (omega2, shares2, v)
+        sets[1] = (omega2, damping.decay(omega2), shares2, v)
     law = ao.Linear(k) if p == 1 else ao.Hertz(k) if p == 1.5 else ao.laws.Power(k, p)
     c = 0.0
     if p == 1.5 and rng.random() < 0.3:
@@ -222,7 +236,9 @@ def main():
             print("refused:", error)
             continue
         inside, width, _ = rows[-1]
+        damping = blow[0].damping
         kinds = f"{type(blow[2]).__name__}, {type(blow[1]).__name__}, n {blow[0].n}"
+        kinds += f", {damping.ratio:.1e} {damping.alpha:.1e} {damping.beta:.1e}"
         told = "inside" if inside else "OUTSIDE"
         print(f"{len(rows)}: {len(one[2])} dofs, {kinds}: {100 * width:.3g} %, {told}", flush=True)
         if len(rows) == arguments.runs:

@@ -457,14 +457,18 @@ AOM_API int aom_batch_solve(aom_batch *batch, int64_t n, const aom_impact *impac
 
 /* ---- Bounds of what a model leaves out ------------------------------------------------------- */
 
-/* A run with m contacts in modes without damping, and the residual of the model in the whole body.
+/* A run with m contacts, and the residual of the model in the whole body.
  * Laws: AOM_LINEAR, AOM_POWER without a patch, AOM_HERTZ. The run starts with forces of 0. */
 typedef struct aom_enclosure {
-    int n_modes, n_channels, n_contacts;
-    const double *omega, *load, *q, *v; /* [n_modes]; constant load, state at the start */
+    int n_modes, n_channels, n_losses, n_contacts;
+    const double *omega, *decay; /* [n_modes] */
+    const double *load, *q, *v;  /* [n_modes]; constant load, state at the start */
     const double *beta;                 /* [m][n_modes], delta = beta q - gap */
     const double *gap;                  /* [m] */
-    const double *rows, *shift;         /* [k][n_modes], [k]: |sum y (d2/dt2 - s)^2 q| drives the error */
+    /* [k + l][5][n_modes]: channels by q, v, the modal forces and two of their rates; k of them drive
+     * the error, the squares of l feed its energy */
+    const double *rows;
+    const double *brake;                /* [n_modes], sum brake |v| drives the error, too */
     int n_spans;                        /* times that a motion has lasted, ascending */
     const double *spans, *kappa;        /* [n_spans], [m][n_spans] |D| <= kappa sqrt(2 E) by them */
     const aom_law *laws;                /* [m] */

@@ -7,16 +7,18 @@
  *
  * of the error e and the difference D of the indentations, obeys
  *
- *     E' <= sum R delta'+ + sum d D' + sqrt(2 E) |phi|,
+ *     E' <= sum R delta'+ + sum d D' + sqrt(2 E) (|phi| + sum brake |q'|) + |psi|^2,
  *
  * with R(D) = g(delta + D) - g(delta) - g'(delta) D >= 0 for a convex g, the forces' defect
- * d = F - g(delta), and the channels phi = sum y (d2/dt2 - s)^2 q of the residual. The terms are
- * integrated over a piece of time as upper bounds: R at the ends of all D with H <= E and
+ * d = F - g(delta), and what the residual of the model drives: channels phi, and others psi, linear in
+ * the motion of the modes and their forces, and brakes on the modes. The terms are integrated over a
+ * piece of time as upper bounds: R at the ends of all D with H <= E and
  * |D| <= kappa(P/sqrt(2 E)) sqrt(2 E), P the integral of sqrt(2 E), d D' by parts, |phi| by its cubic
  * between the ends. A bound of E in a piece is assumed, and accepted where it implies a smaller one. */
 #include "internal.h"
 
 #define RESOLVED 4.0 /* largest phase of a mode in a piece that the cubic follows */
+#define APART 1.25 /* damping ratio from which the two decays of a mode are bounded by themselves */
 #define TRIES 60
 #define TOUCHING 16 /* pieces more where a contact opens or closes */
 #define KINDS 8 /* lengths of pieces whose responses are kept */
@@ -170,274 +172,539 @@ static double reach_of(const aom_enclosure *e, int c, double lasted) {
     return e->spans[i] < lasted ? INFINITY : e->kappa[c * e->n_spans + i];
 }
 
-/* The motion of all modes at one time: displacements, velocities, modal forces with two rates. */
-typedef struct modal_motion {
-    const double *q, *v, *f0, *f1, *f2;
-} modal_motion;
+/* A channel in a piece: value and rate at its start and at its end; bounds on the fourth derivative of
+ * what is resolved, and on what is not. */
+typedef struct channel {
+    double value[2], rate[2], fourth, left_out;
+} channel;
 
-/* Value and rate of a channel, y (d2/dt2 - s)^2 q; of modes that a piece of length h does not
- * resolve, that of the parabola of the force alone. */
-static void channel_at(const aom_enclosure *e, int k, double h, modal_motion at, double sums[2]) {
-    const double *y = e->rows + k * e->n_modes, shift = e->shift[k];
-
-    sums[0] = sums[1] = 0.0;
-    for (int j = 0; j < e->n_modes; j++) {
-        double x = e->omega[j] * e->omega[j], z = (x + shift) * (x + shift);
-        if (y[j] == 0.0)
-            continue;
-        bool resolved = e->omega[j] * h < RESOLVED;
-        double moved = resolved ? at.q[j] : (at.f0[j] - at.f2[j] / x) / x;
-        double rate = resolved ? at.v[j] : at.f1[j] / x;
-        sums[0] += y[j] * (z * moved - (x + 2.0 * shift) * at.f0[j] + at.f2[j]);
-        sums[1] += y[j] * (z * rate - (x + 2.0 * shift) * at.f1[j]);
-    }
-}
+/* A free motion of a mode, and bounds: |q^(k)| <= size rate^k. */
+typedef struct part {
+    double q, v, size, rate;
+    bool decays; /* as exp(-rate t) */
+} part;
 
 /* Responses of all modes after one length of time. */
 typedef struct responses_of {
     double length;
-    const double *values; /* [6][n_modes] */
+    double *values; /* [6][n_modes] */
 } responses_of;
+
+typedef struct enclosing {
+    const aom_enclosure *e;
+    double *q, *v;             /* [J] of the reference motion */
+    double *f0, *f1, *f2;      /* [J] modal forces with two rates */
+    double *third;             /* [J] bound on q''' */
+    double *seen[3];           /* [J] q, v, q'' without what a piece does not resolve */
+    double *kink;              /* [k][m] of a channel, by a change of a force's rate */
+    double *bend, *begin, *end; /* [m] second derivative of a force; its rate at both ends of a half */
+    double *far, *near;        /* [m] largest differences of the indentation */
+    channel *channels;         /* [k + l] */
+    piece *pieces;             /* [m] */
+    part *ringing;             /* [J][2] */
+    responses_of kept[KINDS];
+    int n_kept, next;
+    double h, half;            /* length of a piece; of all those of half a step */
+    int64_t count;
+    double energy, bound;      /* relative energy without the defects' share; its largest bound */
+    double integral, t;        /* of sqrt(2 E) */
+} enclosing;
 
 size_t aom_enclosure_size(const aom_enclosure *e) {
     size_t J = (size_t)e->n_modes, m = (size_t)e->n_contacts, k = (size_t)e->n_channels;
-    return sizeof(double) * (J * (6 * KINDS + 9) + k * m + 8 * k + 8 * m) + sizeof(piece) * m;
+    size_t numbers = J * (6 * KINDS + 9) + k * m + 5 * m;
+    size_t bytes = sizeof(double) * numbers + sizeof(piece) * m + sizeof(part) * 2 * J;
+    return bytes + sizeof(channel) * (k + (size_t)e->n_losses);
+}
+
+static double *taken(double **at, size_t count) {
+    double *here = *at;
+    memset(here, 0, sizeof(double) * count);
+    *at += count;
+    return here;
+}
+
+static enclosing laid_out(const aom_enclosure *e, void *memory) {
+    size_t J = (size_t)e->n_modes, m = (size_t)e->n_contacts, k = (size_t)e->n_channels;
+    double *at = memory;
+    enclosing x = {.e = e, .t = e->time[0]};
+
+    double **modal[] = {&x.q, &x.v, &x.f0, &x.f1, &x.f2, &x.third, x.seen, x.seen + 1, x.seen + 2};
+    for (size_t i = 0; i < sizeof modal / sizeof *modal; i++)
+        *modal[i] = taken(&at, J);
+    for (int i = 0; i < KINDS; i++)
+        x.kept[i].values = taken(&at, 6 * J);
+
+    double **of_contacts[] = {&x.bend, &x.begin, &x.end, &x.far, &x.near};
+    for (size_t i = 0; i < sizeof of_contacts / sizeof *of_contacts; i++)
+        *of_contacts[i] = taken(&at, m);
+    x.kink = taken(&at, k * m);
+
+    x.channels = (channel *)at;
+    x.pieces = (piece *)(x.channels + k + (size_t)e->n_losses);
+    x.ringing = (part *)(x.pieces + m);
+    return x;
+}
+
+static double along(int n, const double *a, const double *b) {
+    double sum = 0.0;
+    for (int j = 0; j < n; j++)
+        sum += a[j] * b[j];
+    return sum;
+}
+
+static double acceleration(const enclosing *x, int j, double q, double v) {
+    const aom_enclosure *e = x->e;
+    return x->f0[j] - e->omega[j] * e->omega[j] * q - 2.0 * e->decay[j] * v;
+}
+
+/* Indentation, rate and second derivative of all contacts at the end of a piece. */
+static void observe(enclosing *x) {
+    const aom_enclosure *e = x->e;
+
+    for (int c = 0; c < e->n_contacts; c++) {
+        const double *beta = e->beta + c * e->n_modes;
+        piece *at = x->pieces + c;
+        at->delta[1] = along(e->n_modes, beta, x->q) - e->gap[c];
+        at->rate[1] = along(e->n_modes, beta, x->v);
+        at->pull[1] = 0.0;
+        for (int j = 0; j < e->n_modes; j++)
+            at->pull[1] += beta[j] * acceleration(x, j, x->q[j], x->v[j]);
+    }
+}
+
+static void start(enclosing *x) {
+    const aom_enclosure *e = x->e;
+    int J = e->n_modes, m = e->n_contacts;
+
+    for (int j = 0; j < J; j++) {
+        x->q[j] = e->q[j];
+        x->v[j] = e->v[j];
+        x->f0[j] = e->load[j];
+    }
+    observe(x);
+
+    for (int k = 0; k < e->n_channels; k++)
+        for (int c = 0; c < m; c++)
+            x->kink[k * m + c] = along(J, e->rows + (5 * k + 4) * J, e->beta + c * J);
+    memset(e->peak, 0, sizeof(double) * 2 * (size_t)m);
+    memset(e->impulse, 0, sizeof(double) * 2 * (size_t)m);
+    memset(e->lower, 0, sizeof(double) * (size_t)m);
+    memset(e->upper, 0, sizeof(double) * (size_t)m);
+    e->clock[0] = x->t;
+}
+
+/* The responses after a piece; lengths that agree but for rounding are one. */
+static const double *responses(enclosing *x) {
+    for (int i = 0; i < x->n_kept; i++)
+        if (fabs(x->h - x->kept[i].length) <= 1e-9 * x->h) {
+            x->h = x->kept[i].length;
+            return x->kept[i].values;
+        }
+
+    responses_of *new = x->kept + x->next;
+    new->length = x->h;
+    aom_responses(x->e->n_modes, x->e->omega, x->e->decay, &x->h, 0, new->values);
+    x->next = (x->next + 1) % KINDS;
+    x->n_kept = x->n_kept < KINDS ? x->n_kept + 1 : KINDS;
+    return new->values;
+}
+
+/* The pieces of half a step, whose forces are F at 0, h/2 and h of the step. */
+static const double *divide(enclosing *x, int64_t node) {
+    const aom_enclosure *e = x->e;
+    int m = e->n_contacts;
+    const double *F = e->force + (node & ~(int64_t)1) * m;
+    bool touching = false;
+
+    for (int c = 0; c < m; c++) {
+        double a = F[c], b = F[m + c], d = F[2 * m + c], least = smaller(a, smaller(b, d));
+        touching |= least <= 0.0 && larger(a, larger(b, d)) > 0.0;
+    }
+    x->half = e->time[node + 1] - e->time[node];
+    int64_t count = (int64_t)ceil(x->half / e->longest);
+    x->count = (count < 1 ? 1 : count) * (touching ? TOUCHING : 1);
+    x->h = x->half / (double)x->count;
+    const double *response = responses(x);
+
+    x->half = x->h * (double)x->count;
+    for (int c = 0; c < m; c++) {
+        double a = F[c], b = F[m + c], d = F[2 * m + c];
+        double mean = (d - a) / (2.0 * x->half);
+        x->bend[c] = (a - 2.0 * b + d) / (x->half * x->half);
+        x->begin[c] = node % 2 ? mean : mean - x->bend[c] * x->half;
+    }
+    return response;
+}
+
+/* Integral of the root of the channels' squares where the rates of the forces jump. */
+static double jumped(const enclosing *x) {
+    int m = x->e->n_contacts;
+    double squares = 0.0;
+
+    for (int k = 0; k < x->e->n_channels; k++) {
+        double sum = 0.0;
+        for (int c = 0; c < m; c++)
+            sum += x->kink[k * m + c] * (x->begin[c] - x->end[c]);
+        squares += sum * sum;
+    }
+    return sqrt(squares);
+}
+
+/* The forces in a piece that begins so long after the half of a step. */
+static void begin_piece(enclosing *x, int64_t node, double from) {
+    const aom_enclosure *e = x->e;
+    int J = e->n_modes, m = e->n_contacts;
+
+    memcpy(x->f0, e->load, sizeof(double) * (size_t)J);
+    memset(x->f1, 0, sizeof(double) * (size_t)J);
+    memset(x->f2, 0, sizeof(double) * (size_t)J);
+    for (int c = 0; c < m; c++) {
+        piece *at = x->pieces + c;
+        const double *beta = e->beta + c * J;
+        for (int i = 0; i < 2; i++) {
+            double u = from + (i ? x->h : 0.0);
+            at->force[i] = e->force[node * m + c] + (x->begin[c] + 0.5 * x->bend[c] * u) * u;
+            at->force_rate[i] = x->begin[c] + x->bend[c] * u;
+        }
+        at->delta[0] = at->delta[1];
+        at->rate[0] = at->rate[1];
+        at->pull[0] = at->pull[1];
+        for (int j = 0; j < J; j++) {
+            x->f0[j] -= beta[j] * at->force[0];
+            x->f1[j] -= beta[j] * at->force_rate[0];
+            x->f2[j] -= beta[j] * x->bend[c];
+        }
+    }
+}
+
+/* q, v of the motion that a mode has of the parabola of the force alone. */
+static void own_motion(const enclosing *x, int j, double own[2]) {
+    double square = x->e->omega[j] * x->e->omega[j], d = x->e->decay[j];
+    double bend = x->f2[j] / square;
+
+    own[1] = (x->f1[j] - 2.0 * d * bend) / square;
+    own[0] = (x->f0[j] - 2.0 * d * own[1] - bend) / square;
+}
+
+/* What rings in a mode beside that: all of it, or the two decays of a mode of much damping. */
+static void split_ringing(const enclosing *x, int j, part parts[2]) {
+    double w = x->e->omega[j], d = x->e->decay[j], own[2];
+    memset(parts, 0, 2 * sizeof *parts);
+    if (w == 0.0)
+        return;
+    own_motion(x, j, own);
+    double q = x->q[j] - own[0], v = x->v[j] - own[1];
+
+    if (d < APART * w) { /* its energy does not grow */
+        double size = sqrt(q * q + v * v / (w * w));
+        parts[0] = (part){q, v, size, d + sqrt(d * d + w * w), false};
+        return;
+    }
+    double fast = d + sqrt(d * d - w * w), slow = w * w / fast;
+    double rest = (v + fast * q) / (fast - slow), gone = -(v + slow * q) / (fast - slow);
+    parts[0] = (part){rest, -slow * rest, fabs(rest), slow, true};
+    parts[1] = (part){gone, -fast * gone, fabs(gone), fast, true};
+}
+
+static bool resolved(const enclosing *x, const part *ringing) {
+    return ringing->rate * x->h < RESOLVED;
+}
+
+/* What rings in the modes, and their third derivatives. */
+static void bound_modes(enclosing *x) {
+    const aom_enclosure *e = x->e;
+
+    for (int j = 0; j < e->n_modes; j++) {
+        part *ringing = x->ringing + 2 * j;
+        double w = e->omega[j], d = e->decay[j], third = 0.0;
+        split_ringing(x, j, ringing);
+        if (w == 0.0) {
+            double change = larger(fabs(x->f1[j]), fabs(x->f1[j] + x->f2[j] * x->h));
+            double pull = fabs(acceleration(x, j, x->q[j], x->v[j])) + x->h * change;
+            third = change + 2.0 * d * pull;
+        }
+        for (int i = 0; i < 2; i++) {
+            part at = ringing[i];
+            double cube = at.size * at.rate * at.rate * at.rate;
+            double now = fabs(w * w * at.v - 2.0 * d * (w * w * at.q + 2.0 * d * at.v));
+            third += at.decays ? cube : smaller(cube, now + x->h * cube * at.rate);
+        }
+        x->third[j] = third;
+    }
+}
+
+/* The integral of the rates of the modes over a piece, weighed: the trapezoidal rule, half of which
+ * belongs to each end, and what it may miss. */
+static double braked_at_end(const enclosing *x) {
+    double sum = 0.0;
+    for (int j = 0; j < x->e->n_modes; j++)
+        sum += x->e->brake[j] * fabs(x->v[j]);
+    return 0.5 * x->h * sum;
+}
+static double braked_between(const enclosing *x) {
+    const aom_enclosure *e = x->e;
+    double h = x->h, sum = 0.0;
+
+    for (int j = 0; j < e->n_modes; j++) {
+        double w = e->omega[j], rate = 0.0, turning = 0.0;
+        if (w == 0.0 || e->brake[j] == 0.0)
+            continue;
+        for (int i = 0; i < 2; i++) {
+            part at = x->ringing[2 * j + i];
+            rate += at.size * at.rate;
+            turning += at.size * at.rate * at.rate;
+        }
+        turning += fabs(x->f2[j]) / (w * w);
+        sum += e->brake[j] * smaller(0.25 * h * turning, 2.0 * rate);
+    }
+    return h * sum;
+}
+
+/* Values and rates of the channels at one end of a piece. */
+static void read_channels(enclosing *x, int end) {
+    const aom_enclosure *e = x->e;
+    int J = e->n_modes;
+
+    for (int j = 0; j < J; j++) {
+        part parts[2];
+        double q = x->q[j], v = x->v[j];
+        split_ringing(x, j, parts);
+        for (int i = 0; i < 2; i++)
+            if (!resolved(x, parts + i)) {
+                q -= parts[i].q;
+                v -= parts[i].v;
+            }
+        x->seen[0][j] = q;
+        x->seen[1][j] = v;
+        x->seen[2][j] = acceleration(x, j, q, v);
+    }
+    for (int k = 0; k < e->n_channels + e->n_losses; k++) {
+        const double *y = e->rows + 5 * k * J;
+        const double *by_q = y, *by_v = y + J, *by_f = y + 2 * J;
+        channel *at = x->channels + k;
+        at->value[end] = at->rate[end] = 0.0;
+        for (int j = 0; j < J; j++) {
+            double force = by_f[j] * x->f0[j] + by_f[J + j] * x->f1[j] + by_f[2 * J + j] * x->f2[j];
+            double rate = by_f[j] * x->f1[j] + by_f[J + j] * x->f2[j];
+            at->value[end] += by_q[j] * x->seen[0][j] + by_v[j] * x->seen[1][j] + force;
+            at->rate[end] += by_q[j] * x->seen[1][j] + by_v[j] * x->seen[2][j] + rate;
+        }
+    }
+}
+
+/* What the cubics between the ends of a piece leave of the channels. */
+static void bound_channels(enclosing *x) {
+    const aom_enclosure *e = x->e;
+    int J = e->n_modes;
+
+    for (int k = 0; k < e->n_channels + e->n_losses; k++) {
+        const double *y = e->rows + 5 * k * J;
+        channel *at = x->channels + k;
+        at->fourth = at->left_out = 0.0;
+        for (int j = 0; j < J; j++)
+            for (int i = 0; i < 2; i++) {
+                part each = x->ringing[2 * j + i];
+                double most = each.size * (fabs(y[j]) + fabs(y[J + j]) * each.rate);
+                if (each.decays)
+                    most = fabs(y[j] * each.q + y[J + j] * each.v);
+                double square = each.rate * each.rate;
+                if (resolved(x, &each))
+                    at->fourth += most * square * square;
+                else
+                    at->left_out += most;
+            }
+    }
+}
+
+static void advance(enclosing *x, const double *response) {
+    const aom_enclosure *e = x->e;
+    int J = e->n_modes;
+    const double *P = response, *W = P + J, *S = W + J, *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
+    double h = x->h;
+
+    for (int j = 0; j < J; j++) {
+        double q = x->q[j], v = x->v[j], f0 = x->f0[j], f1 = x->f1[j], f2 = x->f2[j];
+        x->q[j] = P[j] * q + S[j] * v + J0[j] * f0 + J1[j] * f1 + J2[j] * f2;
+        x->v[j] = W[j] * v - e->omega[j] * e->omega[j] * S[j] * q + S[j] * f0 + J0[j] * f1 + J1[j] * f2;
+        x->f0[j] += (f1 + 0.5 * f2 * h) * h;
+        x->f1[j] += f2 * h;
+    }
+}
+
+/* Sums of squares of some channels: of the four coefficients of Bernstein's polynomials of their
+ * cubics, whose integrals are h/4 each, and of what these leave. */
+static void sum_squares(const enclosing *x, int first, int count, double squares[6]) {
+    memset(squares, 0, sizeof(double) * 6);
+    for (int k = first; k < first + count; k++) {
+        const channel *at = x->channels + k;
+        double third = x->h / 3.0;
+        double terms[6] = {at->value[0], at->value[0] + third * at->rate[0],
+                           at->value[1] - third * at->rate[1], at->value[1], at->fourth, at->left_out};
+        for (int i = 0; i < 6; i++)
+            squares[i] += terms[i] * terms[i];
+    }
+}
+
+/* The integral of the channels that drive the error, over a piece. */
+static double driven(const enclosing *x) {
+    double h = x->h, squares[6];
+
+    sum_squares(x, 0, x->e->n_channels, squares);
+    double source = h * h * h * h * h / 720.0 * sqrt(squares[4]) + h * sqrt(squares[5]);
+    for (int i = 0; i < 4; i++)
+        source += 0.25 * h * sqrt(squares[i]);
+    return source;
+}
+
+/* The energy that the other channels give it. */
+static double fed(const enclosing *x) {
+    double h = x->h, squares[6], sum = 0.0;
+
+    sum_squares(x, x->e->n_channels, x->e->n_losses, squares);
+    for (int i = 0; i < 4; i++)
+        sum += 0.25 * h * squares[i];
+    double rest = h * h * h * h / 384.0 * sqrt(squares[4]) + sqrt(squares[5]);
+    double root = sqrt(sum) + sqrt(h) * rest;
+    return root * root;
+}
+
+/* The energy at the end of a piece, and the defects' share in it, if it is at most `assumed`. */
+static double implied(enclosing *x, double assumed, double source, double given, double *offset) {
+    const aom_enclosure *e = x->e;
+    double root = sqrt(2.0 * assumed), grown = given, factor = 1.0;
+
+    *offset = 0.0;
+    for (int c = 0; c < e->n_contacts; c++) {
+        const aom_law *law = e->laws + c;
+        const piece *at = x->pieces + c;
+        double reach = root > 0.0 ? root * reach_of(e, c, x->integral / root + x->h) : 0.0;
+        double far = x->far[c] = farther(law, at->low, assumed, reach);
+        double near = x->near[c] = nearer(law, at->low, assumed, reach);
+        double most = larger(far, near);
+        if (at->high + far > convex_end(law))
+            return INFINITY;
+        grown += growth(law, x->h, at, far, near, assumed, &factor) + at->drift * most;
+        *offset += (at->defect + at->drift) * most;
+    }
+    root = sqrt(factor) * (sqrt(2.0 * (x->energy + *offset + grown)) + source);
+    return 0.5 * root * root;
+}
+
+/* Whether a bound of the energy in a piece was found: one that implies a smaller one. */
+static bool bound_energy(enclosing *x, double source, double given) {
+    double assumed = larger(x->bound, x->energy);
+
+    for (int tries = 0; tries < TRIES; tries++) {
+        double offset, after = implied(x, assumed, source, given, &offset);
+        if (!isfinite(after))
+            return false;
+        if (tries > 0 && after <= assumed) {
+            x->bound = larger(x->bound, after) * (1.0 + 1e-14);
+            x->energy = after - offset;
+            x->integral += x->h * sqrt(2.0 * x->bound);
+            x->t += x->h;
+            return true;
+        }
+        assumed = larger(x->bound, after) * (tries < 3 ? 1.02 : 1.5);
+    }
+    return false;
+}
+
+/* Whether the bounds go on over a piece. */
+static bool over_piece(enclosing *x, const double *response, double jump) {
+    const aom_enclosure *e = x->e;
+
+    bound_modes(x);
+    read_channels(x, 0);
+    bound_channels(x);
+    double source = jump + braked_at_end(x) + braked_between(x);
+    advance(x, response);
+    observe(x);
+    read_channels(x, 1);
+
+    for (int c = 0; c < e->n_contacts; c++) {
+        piece *at = x->pieces + c;
+        at->jerk = 0.0;
+        for (int j = 0; j < e->n_modes; j++)
+            at->jerk += fabs(e->beta[c * e->n_modes + j]) * x->third[j];
+        bound_piece(e->laws + c, x->h, at);
+    }
+    source += driven(x) + braked_at_end(x);
+    return bound_energy(x, source, fed(x));
+}
+
+/* The largest force and error of the impulse in a piece. */
+static void record_piece(const enclosing *x) {
+    const aom_enclosure *e = x->e;
+
+    for (int c = 0; c < e->n_contacts; c++) {
+        const piece *at = x->pieces + c;
+        convex top = convex_at(e->laws + c, at->high + x->far[c]);
+        double inside = larger(x->far[c], smaller(x->near[c], larger(at->high, 0.0)));
+        double error = smaller(top.g, top.slope * inside) + at->defect + at->drift;
+        e->peak[2 * c + 1] = larger(e->peak[2 * c + 1], top.g);
+        e->impulse[2 * c + 1] += x->h * error;
+    }
+}
+
+/* The bounds at a node, the end of half a step. */
+static void record_node(enclosing *x, int64_t node) {
+    const aom_enclosure *e = x->e;
+    double root = sqrt(2.0 * x->bound), half = x->half;
+
+    for (int c = 0; c < e->n_contacts; c++) {
+        const piece *at = x->pieces + c;
+        const aom_law *law = e->laws + c;
+        double reach = root > 0.0 ? root * reach_of(e, c, x->integral / root) : 0.0;
+        double high = at->delta[1] + farther(law, at->delta[1], x->bound, reach);
+        double low = at->delta[1] - nearer(law, at->delta[1], x->bound, reach);
+        double least = convex_at(law, low).g;
+        e->upper[node * e->n_contacts + c] = convex_at(law, high).g;
+        e->lower[node * e->n_contacts + c] = least;
+        e->peak[2 * c] = larger(e->peak[2 * c], least);
+
+        double mean = at->force[1] - 0.5 * at->force_rate[1] * half + x->bend[c] * half * half / 6.0;
+        e->impulse[2 * c] += half * mean;
+        x->end[c] = at->force_rate[1];
+    }
+    e->clock[node] = x->t;
+    *e->energy = x->bound;
+    *e->reached = node;
+}
+
+/* A step without length. */
+static void repeat_node(const enclosing *x, int64_t node) {
+    const aom_enclosure *e = x->e;
+    int64_t m = e->n_contacts;
+
+    for (int64_t i = node * m; i < (node + 1) * m; i++) {
+        e->upper[i] = e->upper[i - m];
+        e->lower[i] = e->lower[i - m];
+    }
+    e->clock[node] = x->t;
+    *e->reached = node;
 }
 
 int aom_enclose(const aom_enclosure *e, void *memory) {
-    const int J = e->n_modes, m = e->n_contacts, K = e->n_channels;
-    double *q = memory, *v = q + J, *f0 = v + J, *f1 = f0 + J, *f2 = f1 + J, *amplitude = f2 + J;
-    double *still = amplitude + J, *none = still + J, *spare = none + J, *store = spare + J;
-    double *kink = store + 6 * KINDS * J, *channel = kink + K * m, *slope = channel + 8 * K;
-    double *last_slope = slope, *bends = last_slope + m, *begin = bends + m, *reach = begin + m;
-    double *far = reach + m, *near = far + m, *wide = near + m;
-    piece *pieces = (piece *)(wide + 2 * m);
-    responses_of kept[KINDS];
-    int n_kept = 0, next = 0;
-    const double *s = e->shift;
-    const modal_motion now = {q, v, f0, f1, f2};
+    enclosing x = laid_out(e, memory);
+    start(&x);
+    *e->reached = 0;
 
-    memcpy(q, e->q, sizeof(double) * (size_t)J);
-    memcpy(v, e->v, sizeof(double) * (size_t)J);
-    memset(none, 0, sizeof(double) * (size_t)J);
-    memset(last_slope, 0, sizeof(double) * (size_t)m);
-    for (int k = 0; k < K; k++)
-        for (int c = 0; c < m; c++) {
-            kink[k * m + c] = 0.0;
-            for (int j = 0; j < J; j++)
-                kink[k * m + c] += e->rows[k * J + j] * e->beta[c * J + j];
-        }
-
-    double energy = 0.0, bound = 0.0, integral = 0.0, t = e->time[0];
-    for (int c = 0; c < m; c++) {
-        e->peak[2 * c] = e->peak[2 * c + 1] = e->impulse[2 * c] = e->impulse[2 * c + 1] = 0.0;
-        e->lower[c] = e->upper[c] = 0.0;
-        pieces[c].delta[1] = -e->gap[c];
-        pieces[c].rate[1] = pieces[c].pull[1] = 0.0;
-        for (int j = 0; j < J; j++) {
-            pieces[c].delta[1] += e->beta[c * J + j] * q[j];
-            pieces[c].rate[1] += e->beta[c * J + j] * v[j];
-            pieces[c].pull[1] += e->beta[c * J + j] * (e->load[j] - e->omega[j] * e->omega[j] * q[j]);
-        }
-        for (int d = 0; d < m; d++)
-            for (int j = 0; j < J; j++)
-                pieces[c].pull[1] -= e->beta[c * J + j] * e->beta[d * J + j] * e->force[d];
-    }
-    e->clock[0] = t;
-
-    for (int64_t node = 0; node + 2 < e->n_nodes + 1; node++) {
-        /* the forces of this half of a step */
-        const double *F = e->force + (node & ~(int64_t)1) * m;
-        double half = e->time[node + 1] - e->time[node];
-        int64_t count = (int64_t)ceil(half / e->longest);
-        bool touching = false;
-        for (int c = 0; c < m; c++) {
-            double a = F[c], b = F[m + c], d = F[2 * m + c], least = smaller(a, smaller(b, d));
-            touching |= least <= 0.0 && larger(a, larger(b, d)) > 0.0;
-        }
-        count = (count < 1 ? 1 : count) * (touching ? TOUCHING : 1);
-        double h = half / (double)count;
-        if (!(half > 0.0)) { /* a step without length */
-            for (int c = 0; c < m; c++) {
-                e->upper[(node + 1) * m + c] = e->upper[node * m + c];
-                e->lower[(node + 1) * m + c] = e->lower[node * m + c];
-            }
-            e->clock[node + 1] = t;
+    for (int64_t node = 0; node < e->n_nodes - 1; node++) {
+        if (!(e->time[node + 1] > e->time[node])) {
+            repeat_node(&x, node + 1);
             continue;
         }
-        const double *response = NULL;
-        for (int i = 0; i < n_kept && !response; i++)
-            if (fabs(h - kept[i].length) <= 1e-9 * h) {
-                h = kept[i].length;
-                response = kept[i].values;
-            }
-        if (!response) {
-            double *values = store + (size_t)(6 * J) * (size_t)next;
-            aom_responses(J, e->omega, none, &h, 0, values);
-            kept[next] = (responses_of){h, values};
-            response = values;
-            next = (next + 1) % KINDS;
-            n_kept = n_kept < KINDS ? n_kept + 1 : KINDS;
-        }
-        const double *P = response, *S = P + 2 * J, *J0 = P + 3 * J, *J1 = P + 4 * J, *J2 = P + 5 * J;
-        half = h * (double)count;
-
-        for (int c = 0; c < m; c++) {
-            double a = F[c], b = F[m + c], d = F[2 * m + c];
-            bends[c] = (a - 2.0 * b + d) / (half * half);
-            begin[c] = node % 2 ? (d - a) / (2.0 * half) : (4.0 * b - 3.0 * a - d) / (2.0 * half);
-        }
-        double jump = 0.0;
-        for (int k = 0; k < K; k++) {
-            double total = 0.0;
-            for (int c = 0; c < m; c++)
-                total += kink[k * m + c] * (begin[c] - last_slope[c]);
-            jump += total * total;
-        }
-
-        for (int64_t part = 0; part < count; part++) {
-            double from = h * (double)part;
-            for (int c = 0; c < m; c++) {
-                piece *x = pieces + c;
-                double at = e->force[node * m + c];
-                for (int i = 0; i < 2; i++) {
-                    double u = from + (i ? h : 0.0);
-                    x->force[i] = at + (begin[c] + 0.5 * bends[c] * u) * u;
-                    x->force_rate[i] = begin[c] + bends[c] * u;
-                }
-                x->delta[0] = x->delta[1];
-                x->rate[0] = x->rate[1];
-                x->pull[0] = x->pull[1];
-                x->jerk = x->delta[1] = x->rate[1] = x->pull[1] = 0.0;
-                x->delta[1] = -e->gap[c];
-            }
-
-            /* the modes, and what rings in them beside the parabola's own motion */
-            for (int j = 0; j < J; j++) {
-                f0[j] = e->load[j];
-                f1[j] = f2[j] = 0.0;
-            }
-            for (int c = 0; c < m; c++)
-                for (int j = 0; j < J; j++) {
-                    double b = e->beta[c * J + j];
-                    f0[j] -= b * pieces[c].force[0];
-                    f1[j] -= b * pieces[c].force_rate[0];
-                    f2[j] -= b * bends[c];
-                }
-            memset(channel, 0, sizeof(double) * 6 * (size_t)K);
-            for (int j = 0; j < J; j++) {
-                double w = e->omega[j], x = w * w, a = 0.0, third;
-                if (x > 0.0) {
-                    double own = (f0[j] - f2[j] / x) / x, rate = (v[j] - f1[j] / x) / w;
-                    a = sqrt((q[j] - own) * (q[j] - own) + rate * rate);
-                    third = smaller(w * x * a, w * x * fabs(rate) + h * x * x * a);
-                } else
-                    third = larger(fabs(f1[j]), fabs(f1[j] + f2[j] * h));
-                amplitude[j] = a;
-                still[j] = third;
-            }
-            for (int k = 0; k < K; k++) {
-                double *sum = channel + 6 * k;
-                const double *y = e->rows + k * J;
-                channel_at(e, k, h, now, sum);
-                for (int j = 0; j < J; j++) {
-                    double x = e->omega[j] * e->omega[j], z = (x + s[k]) * (x + s[k]);
-                    double most = fabs(y[j]) * z * amplitude[j];
-                    if (e->omega[j] * h < RESOLVED)
-                        sum[4] += most * x * x;
-                    else
-                        sum[5] += most;
-                }
-            }
-            for (int j = 0; j < J; j++) {
-                double x = e->omega[j] * e->omega[j], a = q[j], b = v[j];
-                q[j] = P[j] * a + S[j] * b + J0[j] * f0[j] + J1[j] * f1[j] + J2[j] * f2[j];
-                v[j] = P[j] * b - x * S[j] * a + S[j] * f0[j] + J0[j] * f1[j] + J1[j] * f2[j];
-                f0[j] += (f1[j] + 0.5 * f2[j] * h) * h;
-                f1[j] += f2[j] * h;
-            }
-            for (int c = 0; c < m; c++) {
-                piece *x = pieces + c;
-                const double *beta = e->beta + c * J;
-                for (int j = 0; j < J; j++) {
-                    x->delta[1] += beta[j] * q[j];
-                    x->rate[1] += beta[j] * v[j];
-                    x->pull[1] += beta[j] * (f0[j] - e->omega[j] * e->omega[j] * q[j]);
-                    x->jerk += fabs(beta[j]) * still[j];
-                }
-                bound_piece(e->laws + c, h, x);
-            }
-            double squares[6] = {0.0};
-            for (int k = 0; k < K; k++) {
-                double *sum = channel + 6 * k;
-                channel_at(e, k, h, now, sum + 2);
-                double cubic[6] = {sum[0], sum[0] + h / 3.0 * sum[1], sum[2] - h / 3.0 * sum[3],
-                                   sum[2], sum[4], sum[5]};
-                for (int i = 0; i < 6; i++)
-                    squares[i] += cubic[i] * cubic[i];
-            }
-            double source = part ? 0.0 : sqrt(jump);
-            source += h * h * h * h * h / 720.0 * sqrt(squares[4]) + h * sqrt(squares[5]);
-            for (int i = 0; i < 4; i++)
-                source += 0.25 * h * sqrt(squares[i]);
-
-            /* an assumed bound of the energy that implies a smaller one */
-            double assumed = larger(bound, energy), after = INFINITY, offset = 0.0;
-            int tries = 0;
-            for (; tries < TRIES; tries++) {
-                double grown = 0.0, factor = 1.0;
-                offset = 0.0;
-                double root = sqrt(2.0 * assumed);
-                for (int c = 0; c < m; c++) {
-                    const aom_law *law = e->laws + c;
-                    piece *x = pieces + c;
-                    reach[c] = root > 0.0 ? root * reach_of(e, c, integral / root + h) : 0.0;
-                    far[c] = farther(law, x->low, assumed, reach[c]);
-                    near[c] = nearer(law, x->low, assumed, reach[c]);
-                    if (x->high + far[c] > convex_end(law))
-                        grown = INFINITY;
-                    grown += growth(law, h, x, far[c], near[c], assumed, &factor) + x->drift * larger(far[c], near[c]);
-                    offset += (x->defect + x->drift) * larger(far[c], near[c]);
-                }
-                root = sqrt(factor) * (sqrt(2.0 * (energy + offset + grown)) + source);
-                after = 0.5 * root * root;
-                if (!isfinite(after) || (tries > 0 && after <= assumed))
-                    break;
-                assumed = larger(bound, after) * (tries < 3 ? 1.02 : 1.5);
-            }
-            if (!isfinite(after) || tries == TRIES) {
-                *e->reached = node;
+        const double *response = divide(&x, node);
+        double jump = jumped(&x);
+        for (int64_t i = 0; i < x.count; i++) {
+            begin_piece(&x, node, x.h * (double)i);
+            if (!over_piece(&x, response, i ? 0.0 : jump))
                 return AOM_STUCK;
-            }
-            bound = larger(bound, after) * (1.0 + 1e-14);
-            energy = after - offset;
-            integral += h * sqrt(2.0 * bound);
-            t += h;
-            for (int c = 0; c < m; c++) {
-                piece *x = pieces + c;
-                double top = convex_at(e->laws + c, x->high + far[c]).g;
-                double inside = larger(far[c], smaller(near[c], larger(x->high, 0.0)));
-                e->peak[2 * c + 1] = larger(e->peak[2 * c + 1], top);
-                wide[c] = smaller(top, convex_at(e->laws + c, x->high + far[c]).slope * inside);
-                e->impulse[2 * c + 1] += h * (wide[c] + x->defect + x->drift);
-            }
+            record_piece(&x);
         }
-        double root = sqrt(2.0 * bound);
-        e->clock[node + 1] = t;
-        for (int c = 0; c < m; c++) {
-            piece *x = pieces + c;
-            const aom_law *law = e->laws + c;
-            reach[c] = root > 0.0 ? root * reach_of(e, c, integral / root) : 0.0;
-            double high = x->delta[1] + farther(law, x->delta[1], bound, reach[c]);
-            double low = x->delta[1] - nearer(law, x->delta[1], bound, reach[c]);
-            e->upper[(node + 1) * m + c] = convex_at(law, high).g;
-            e->lower[(node + 1) * m + c] = convex_at(law, low).g;
-            e->peak[2 * c] = larger(e->peak[2 * c], convex_at(law, low).g);
-            e->impulse[2 * c] += half * (x->force[1] - 0.5 * x->force_rate[1] * half + bends[c] * half * half / 6.0);
-            last_slope[c] = x->force_rate[1];
-        }
-        *e->energy = bound;
+        record_node(&x, node + 1);
     }
-    *e->reached = e->n_nodes - 1;
     return AOM_DONE;
 }

@@ -189,8 +189,9 @@ class CEnclosure(Structure):
     """The C structure `aom_enclosure`."""
 
     _fields_ = [
-        *_fields("int n_modes, n_channels, n_contacts; pointer omega, load, q, v, beta, gap, rows"),
-        *_fields("pointer shift; int n_spans; pointer spans, kappa, laws; double longest"),
+        *_fields("int n_modes, n_channels, n_losses, n_contacts; pointer omega, decay, load, q, v"),
+        *_fields("pointer beta, gap, rows, brake; int n_spans; pointer spans, kappa, laws"),
+        *_fields("double longest"),
         *_fields("int64 n_nodes; pointer time, force, clock, lower, upper, peak, impulse, energy"),
         *_fields("pointer reached"),
     ]

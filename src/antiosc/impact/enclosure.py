@@ -2,9 +2,9 @@
 
 The displacements ũ of a Krylov model leave the residual -(K + sM) w f(t) in the structure
 (`antiosc.models.recurrence`). Lifted by z = -w f, which does not move the site, the error
-e = u - ũ - z of a run is driven by Mw (∂² - s) f alone. The relative energy of e and of the
-contacts' potentials bounds the difference of the indentations, and so the forces: one scalar
-beside the run (`csrc/enclosure.c`). The run itself gives the forces of the reference motion and
+e = u - ũ - z of a run is driven by Mw (∂² - s) f and by what damping leaves. The relative energy
+of e and of the contacts' potentials bounds the difference of the indentations, and so the forces:
+one scalar beside the run (`csrc/enclosure.c`). The run gives the forces of the reference motion and
 nothing else; what its steps leave of the contact laws is inside the bounds.
 
 The difference D of two indentations, of an energy below E and P = ∫√(2E) dt, is at most
@@ -32,6 +32,7 @@ from antiosc.engine.system import side_by_side
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import Obstacle, RigidBody, RigidMass, SceneBody, Sphere
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.modal import Damping
 from antiosc.models.recurrence import ReferenceModes
 
 #: Width of the bounds over the largest force from which the model predicts nothing.
@@ -47,6 +48,7 @@ HALVES = 2.0 ** np.arange(-16, 0.25, 0.25)
 OTHER = 1e-6
 #: Share of a modal amplitude that is rounding.
 REST = 1e-9
+UNDAMPED = Damping()
 #: Laws that are Hertz's until they yield: stiffness and yield indentation come first.
 YIELDING = (library.THORNTON, library.YANG_SUN, library.ELASTIC_PLASTIC)
 
@@ -87,16 +89,19 @@ class Enclosure(FieldsRepr):
 
 
 class _Body(NamedTuple):
-    """A body in its reference modes: frequencies, columns of the contacts, load, start, residual.
+    """A body in its reference modes: frequencies, decay, columns of the contacts, load, start.
 
-    residual : (J,) over the shift s; None of a rigid body. compliance : [m/N] by s'.
+    modes : those with the residual; None of a rigid body. scale : (m,) displacements of the
+    contacts for one of the site.
     """
 
     omega: Array
+    decay: Array
     beta: Array
     load: Array
     v: Array
     modes: ReferenceModes | None = None
+    damping: Damping = UNDAMPED
     k0: float = 0.0
     scale: Array | None = None
 
@@ -161,8 +166,11 @@ def _check_run(assembly: Assembly, run: Run) -> None:
     system = assembly.system
     if assembly.stretches:
         raise _refused("linear bodies, and one of these stretches: extract it without stretch.")
-    if system.damped:
-        raise _refused("bodies without damping, and one of these has some: leave it out.")
+    if system.first is not None:
+        raise _refused(
+            "one damping ratio of all modes or Rayleigh's damping, and one of these bodies has"
+            " dampers or materials with losses."
+        )
     if system.breaks.size > 1:
         raise _refused("loads that do not change, and this scene has some that do.")
     if len(system.R) > len(assembly.laws):
@@ -221,6 +229,11 @@ def _most_vectors(body: SceneBody) -> int:
                 f"the stiffness and mass of the extraction, and those of {body.name!r} were"
                 " changed afterwards: extract it anew."
             )
+        if isinstance(inner.damping, Damping) and np.ndim(inner.damping.ratio):
+            raise _refused(
+                "one damping ratio of all modes or Rayleigh's damping, and the ratios of"
+                f" {body.name!r} are those of single modes of the model."
+            )
         return known.n
     if isinstance(inner, RigidMass | Sphere | Obstacle | RigidBody) and not body.omega.any():
         return 0
@@ -236,7 +249,7 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _Bod
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
     inner = getattr(body.body, "body", body.body)
     if not isinstance(inner, AntiOscillators):
-        return _Body(body.omega, beta, load, v)
+        return _Body(body.omega, 0 * body.omega, beta, load, v)
 
     assert inner.recurrence is not None
     b = body.B[:, 0]
@@ -246,6 +259,7 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _Bod
         if np.abs(values[elastic]).max(initial=0.0) > REST * np.abs(values).max(initial=0.0):
             raise _refused(f"bodies that {name}, and {body.name!r} does not.")
     modes = inner.recurrence.modes(n)
+    damping = inner.damping if isinstance(inner.damping, Damping) else UNDAMPED
     scale = beta @ b / (b @ b)  # of each contact, in displacements of the site
 
     def of_rigid(values: Array) -> Array:
@@ -255,10 +269,12 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _Bod
 
     return _Body(
         modes.omega,
+        damping.decay(modes.omega),
         np.outer(scale, modes.b),
         of_rigid(load),
         of_rigid(v),
         modes,
+        damping,
         inner.recurrence.k0,
         scale,
     )
@@ -280,35 +296,49 @@ def _kappa(bodies: Sequence[_Body], spans: Array) -> Array:
     return np.sqrt(squares.min(axis=2))
 
 
+def _channels(bodies: Sequence[_Body]) -> tuple[Array, Array, Array]:
+    """The channels (k, 5, J) of the residuals, those of their damping, and the brakes (J,)."""
+    size = sum(body.omega.size for body in bodies)
+    places = side_by_side([body.omega.size for body in bodies])
+    rows, losses, brake = [np.zeros((0, 5, size))], [np.zeros((0, 5, size))], np.zeros(size)
+
+    for body, place in zip(bodies, places, strict=True):
+        if body.modes is None:
+            continue
+        drive = np.zeros((1, 5, size))
+        drive[0, :, place] = body.modes.drive(body.damping)
+        rows.append(drive)
+        if body.decay.any():
+            roots = np.zeros((2, 5, size))
+            roots[:, :, place] = body.modes.losses(body.damping)
+            losses.append(roots)
+            brake[place] = body.modes.brake(body.damping)
+
+    return np.concatenate(rows), np.concatenate(losses), brake
+
+
 def _enclosed(
     assembly: Assembly, run: Run, bodies: Sequence[_Body], laws: Sequence[ContactLaw], n: int
 ) -> tuple[Enclosure, ...]:
     """The bounds of a run by the reference modes of its bodies."""
     m = len(laws)
-    omega, load, v = (
-        np.concatenate([getattr(body, name) for body in bodies]) for name in ("omega", "load", "v")
+    omega, decay, load, v = (
+        np.concatenate([getattr(body, name) for body in bodies])
+        for name in ("omega", "decay", "load", "v")
     )
     beta = np.ascontiguousarray(np.hstack([body.beta for body in bodies]))
     spans = float(run.time[-1]) * (1 + ROUNDING) * HALVES
     kappa = np.ascontiguousarray(_kappa(bodies, spans))
 
-    places = side_by_side([body.omega.size for body in bodies])
-    rows, shifts = [], []
-    for body, span in zip(bodies, places, strict=True):
-        if body.modes is not None:
-            row = np.zeros(omega.size)
-            row[span] = np.sqrt(body.modes.inertia) * body.modes.residual
-            rows.append(row)
-            shifts.append(body.modes.shift)
-
+    rows, losses, brake = _channels(bodies)
     kernels = (library.CLaw * m)(*[packed(law)[0] for law in laws])
     nodes = run.time.size
     lower = np.zeros((nodes, m))
     upper = np.full((nodes, m), np.inf)
     time, peak, impulse = np.array(run.time), np.zeros((m, 2)), np.zeros((m, 2))
     energy, reached = np.zeros(1), np.zeros(1, dtype=np.int64)
-    inputs = [omega, load, np.zeros_like(omega), v, beta, assembly.system.offsets[0, :m].copy()]
-    inputs += [np.array(rows).reshape(-1, omega.size), np.array(shifts)]
+    inputs = [omega, decay, load, np.zeros_like(omega), v, beta]
+    inputs += [assembly.system.offsets[0, :m].copy(), np.concatenate([rows, losses]), brake]
     times, forces = np.ascontiguousarray(run.time), np.ascontiguousarray(run.force[:, :m])
     outputs = [time, lower, upper, peak, impulse, energy, reached]
 
@@ -317,6 +347,7 @@ def _enclosed(
     problem = library.CEnclosure(
         omega.size,
         len(rows),
+        len(losses),
         m,
         *map(library.address, inputs),
         spans.size,

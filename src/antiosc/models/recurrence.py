@@ -7,6 +7,12 @@ residual in the structure,
     bF - Mü - Ku = -A w f,    f = β (a_n'' - s a_n),    bᵀw = 0,
 
 where w is the next vector of the recurrence, β its last coefficient and a_n the last amplitude.
+
+With C = αM + τK + 2ζM(M⁻¹K)^(1/2), the modes of the model have the decay ζω_j + α/2 + τω_j²/2. Of
+the modal forces b_j F and c_j = q_j + τq_j', f = Σ r_j (b_j F - (ω_j² + s) c_j), and ζ leaves
+2ζMΣ((M⁻¹K)^(1/2) - ω_j) ψ_j q_j' besides, ψ_j the mode's shape, with
+
+    ‖((M⁻¹K)^(1/2) - ω_j) ψ_j‖_M ≤ |r_j| (ω_j² + s) max(1, √s/ω_j).
 """
 
 from __future__ import annotations
@@ -20,9 +26,15 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
+from antiosc.models.modal import Damping
 
 #: Entries beside the three diagonals of VᵀMV, over its own, from which the recurrence broke down.
 BROKEN = 1e-9
+
+
+def _ratio(damping: Damping) -> float:
+    """The one damping ratio of all modes."""
+    return float(np.max(damping.ratio))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +55,30 @@ class ReferenceModes:
     residual: Array
     inertia: float
     shift: float
+
+    def drive(self, damping: Damping) -> Array:
+        """‖w‖_M (f'' + αf' - sf + ...) of each mode by q, v, the modal force, two rates, (5, J)."""
+        s, stiff = self.shift, self.omega**2 + self.shift
+        by_v = stiff * (damping.beta * stiff + 2 * _ratio(damping) * self.omega)
+        one = np.ones_like(stiff)
+        rows = stiff**2, by_v, -stiff - s, damping.alpha * one, one
+        return np.sqrt(self.inertia) * self.residual * np.array(rows)
+
+    def losses(self, damping: Damping) -> Array:
+        """The roots of the energies that the damping of the lift gives, by the same, (2, 5, J)."""
+        stiff = self.omega**2 + self.shift
+        stiffness = max(1 - self.shift * self.inertia, 0.0)  # wᵀKw
+        rows = np.zeros((2, 5, stiff.size))
+        rows[0, 3] = np.sqrt(damping.beta * stiffness) / 2
+        size = np.sqrt(_ratio(damping) / 2) * (self.inertia * stiffness) ** 0.25
+        rows[1, 1], rows[1, 3] = -size * stiff, size
+        return self.residual * rows
+
+    def brake(self, damping: Damping) -> Array:
+        """Bounds on what ζ leaves of each mode's rate in the structure, (J,)."""
+        far = np.sqrt(self.shift) / np.where(self.omega > 0, self.omega, np.inf)
+        own = abs(self.residual) * (self.omega**2 + self.shift) * np.maximum(far, 1.0)
+        return 2 * _ratio(damping) * own
 
     def receptance(self, x: Array) -> Array:
         """Upper bounds [m/N] of bᵀ(K + xM)⁻¹b at x > 0 [rad²/s²], (n,)."""
