@@ -14,6 +14,7 @@ keep their shape.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,67 +34,58 @@ from antiosc.io.neutral import (
     rectangles,
 )
 
-#: Most nodes between which a new one lies: those of a hexahedron.
-MOST_AROUND = 20
-#: Nodes around a middle -> (corners of them, weight of a corner, weight of the middle of an edge):
-#: those of an edge, of a face and of a hexahedron.
-WEIGHTS = {2: (2, 0.5, 0.0), 8: (4, -0.25, 0.5), 20: (8, -0.25, 0.25)}
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 
 class NodeTable:
-    """The points of a mesh, with the middle node of each pair of nodes."""
+    """The nodes of a file, and new ones between them: sums of the nodes of the file with weights.
+
+    New nodes in the middle of an edge lie halfway unless `place` has set them elsewhere.
+    """
 
     def __init__(self, points: Array) -> None:
+        from scipy.sparse import eye, vstack  # the reading process needs it for few files
+
         self.points = points
-        self._more: list[Array] = []
-        self.count = len(points)
-        #: sorted keys of pairs, and the node between each
+        self._vstack = vstack
+        #: weights (count, len(points)) of all nodes
+        self.weights = eye(len(points), format="csr")
         self._pairs = PairTable(len(points))
-        #: sorted keys of pairs, and the row in `_placed` of their middle nodes
+        #: weights of the middles of pairs that are set, and the row of each
         self._places = PairTable(len(points))
-        self._placed: list[Array] = []
-        #: nodes between which each place and each new node lies, -1 where there are fewer
-        self._around: list[IntArray] = []
-        self._parents: list[IntArray] = []
-        self._n_placed = 0
+        self._placed = self.weights[:0]
         self._faces: dict[bytes, int] = {}
+
+    @property
+    def count(self) -> int:
+        """Number of all nodes."""
+        return int(self.weights.shape[0])
 
     def all_points(self) -> Array:
         """Coordinates of all nodes, those of the file first."""
-        return np.vstack([self.points, *self._more])
+        return np.vstack([self.points, self.weights[len(self.points) :] @ self.points])
 
-    def new(self, points: Array, parents: IntArray) -> IntArray:
-        """New nodes at these points, between their `parents` (n, k)."""
-        self._more.append(points)
-        self._parents.append(parents)
-        self.count += len(points)
-        return np.arange(self.count - len(points), self.count)
+    def mixed(self, nodes: IntArray, weights: Sequence[float]) -> csr_matrix:
+        """Weights (n, len(points)) of the sums of `nodes` (n, k) with `weights` (k,)."""
+        shares = (w * self.weights[column] for column, w in zip(nodes.T, weights, strict=True))
+        return sum(shares).tocsr()
+
+    def new(self, weights: csr_matrix) -> IntArray:
+        """New nodes with these weights."""
+        first = self.count
+        self.weights = self._vstack([self.weights, weights], format="csr")
+        return np.arange(first, self.count)
 
     def give(self, ends: IntArray, nodes: IntArray) -> None:
         """Store `nodes` (n,) of the file as the middle nodes of the pairs `ends` (n, 2)."""
         self._pairs.add(ends, nodes)
 
-    def place(self, ends: IntArray, points: Array, around: IntArray) -> None:
-        """Set the coordinates at which middle nodes of `ends` (n, 2) are made if needed, with nodes
-        `around`.
-        """
-        self._placed.append(points)
-        self._around.append(_padded(around))
-        self._places.add(ends, np.arange(self._n_placed, self._n_placed + len(points)))
-        self._n_placed += len(points)
-
-    def points_between(self, ends: IntArray) -> Array:
-        """Coordinates (…, 3) of the middle nodes of `ends` (…, 2)."""
-        flat = ends.reshape(-1, 2)
-        x = self.points[flat].mean(axis=1)
-        row = self._places.find(flat)
-        if (row >= 0).any():
-            x[row >= 0] = np.vstack(self._placed)[row[row >= 0]]
-        node = self._pairs.find(flat)
-        # a new node lies at its given place, otherwise halfway
-        exists = (node >= 0) & (node < len(self.points))
-        x[exists] = self.points[node[exists]]
-        return x.reshape(*ends.shape[:-1], 3)
+    def place(self, ends: IntArray, weights: csr_matrix) -> None:
+        """Set where the middle nodes of `ends` (n, 2) are made if needed."""
+        first = self._placed.shape[0]
+        self._places.add(ends, np.arange(first, first + len(ends)))
+        self._placed = self._vstack([self._placed, weights], format="csr")
 
     def between(self, ends: IntArray) -> IntArray:
         """Middle nodes (…,) of `ends` (…, 2), created if they do not exist."""
@@ -101,77 +93,43 @@ class NodeTable:
         absent = flat[self._pairs.find(flat) < 0]
         if len(absent):
             pairs = np.unique(np.sort(absent, axis=1), axis=0)
-            self._pairs.add(pairs, self.new(self.points_between(pairs), self._among(pairs)))
+            row = self._places.find(pairs)
+            halfway = pairs[row < 0]
+            self._pairs.add(halfway, self.new(self.mixed(halfway, (0.5, 0.5))))
+            self._pairs.add(pairs[row >= 0], self.new(self._placed[row[row >= 0]]))
         return self._pairs.find(flat).reshape(ends.shape[:-1])
 
-    def _among(self, ends: IntArray) -> IntArray:
-        padded_ends = _padded(ends)
-        row = self._places.find(ends)
-        if (row >= 0).any():
-            padded_ends[row >= 0] = np.vstack(self._around)[row[row >= 0]]
-        return padded_ends
-
-    def of_face(self, corners: IntArray, points: Array, around: IntArray) -> IntArray:
-        """Nodes (n,) inside faces with corners (n, 4); new ones get the coordinates `points`."""
+    def of_face(self, corners: IntArray, weights: csr_matrix) -> IntArray:
+        """Nodes (n,) inside faces with corners (n, 4); new ones get these weights."""
         ordered = np.ascontiguousarray(np.sort(corners, axis=1))
         _, first, face_index = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
         keys = [ordered[k].tobytes() for k in first]
-        is_missing = np.array([key not in self._faces for key in keys], dtype=bool)
-        new_nodes = self.new(points[first[is_missing]], _padded(around[first[is_missing]]))
-        for k, node in zip(np.flatnonzero(is_missing), new_nodes, strict=True):
+        missing = np.flatnonzero([key not in self._faces for key in keys])
+        for k, node in zip(missing, self.new(weights[first[missing]]), strict=True):
             self._faces[keys[k]] = int(node)
         nodes = np.array([self._faces[key] for key in keys], dtype=np.int64)
         return nodes[np.ravel(face_index)]
 
     def with_inner_nodes(self, nodes: IntArray) -> IntArray:
-        """The `nodes` of the file, and the new nodes whose parents are all among them."""
-        selected = np.zeros(self.count + 1, dtype=bool)
-        selected[nodes] = True
-        selected[-1] = True  # the entry of index -1, which stands for no node
-        start = len(self.points)
-        for parents in self._parents:
-            selected[start : start + len(parents)] = selected[parents].all(axis=1)
-            start += len(parents)
-        return np.flatnonzero(selected[:-1])
+        """The nodes that lie between some `nodes` of the file alone, these included."""
+        others = np.ones(len(self.points))
+        others[nodes] = 0.0
+        return np.flatnonzero(abs(self.weights) @ others == 0)
 
     def near(self, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
-        """New nodes among some of the file, each with its nodes of the file and their weights.
-
-        Weights are those of the serendipity functions in the middle of an edge, a face or a cell.
-        """
-        selected = np.zeros(self.count + 1, dtype=bool)
-        selected[nodes] = True
-        selected[-1] = False  # the entry of index -1, which stands for no node
-        if not self._parents:
-            return []
-        parents = np.vstack([_padded(block) for block in self._parents])
-        start = len(self.points)
+        """New nodes among some of the file, each with its nodes of the file and their weights."""
+        among = np.zeros(len(self.points))
+        among[nodes] = 1.0
+        between = np.flatnonzero(abs(self.weights) @ among)
+        between = between[between >= len(self.points)]
+        rows = self.weights[between]
+        rows.eliminate_zeros()
+        rows.sort_indices()
+        parts = (slice(*ends) for ends in zip(rows.indptr[:-1], rows.indptr[1:], strict=True))
         return [
-            (start + int(k), sorted(self._weights(parents, start + int(k)).items()))
-            for k in np.flatnonzero(selected[parents].any(axis=1))
+            (int(k), list(zip(rows.indices[p].tolist(), rows.data[p].tolist(), strict=True)))
+            for k, p in zip(between, parts, strict=True)
         ]
-
-    def _weights(self, parents: IntArray, node: int) -> dict[int, float]:
-        """Weights of the nodes of the file; a new middle node is replaced by its ends."""
-        start = len(self.points)
-        if node < start:
-            return {node: 1.0}
-        row = parents[node - start]
-        row = row[row >= 0]
-        corners, of_corner, of_middle = WEIGHTS[len(row)]
-        result: dict[int, float] = {}
-        for k, parent in enumerate(row):
-            weight = of_corner if k < corners else of_middle
-            for file_node, share in self._weights(parents, int(parent)).items():
-                result[file_node] = result.get(file_node, 0.0) + weight * share
-        return {known: weight for known, weight in result.items() if weight}
-
-
-def _padded(nodes: IntArray) -> IntArray:
-    """Rows padded to equal width."""
-    result = np.full((len(nodes), MOST_AROUND), -1, dtype=np.int64)
-    result[:, : nodes.shape[1]] = nodes
-    return result
 
 
 class PairTable:
@@ -408,18 +366,16 @@ def _note_middles(block: Block, nodes: NodeTable) -> None:
         nodes.give(ends[has_middle], block.mids[has_middle])
 
 
-def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> tuple[Array, IntArray]:
-    """(middles of faces of four corners, or of hexahedra; the nodes around them).
+def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> csr_matrix:
+    """Weights of the middles of faces of four corners, or of hexahedra.
 
-    The weights are −1/4 for corners, and for the middles of edges 1/2 on a face and 1/4 in a
-    hexahedron.
+    They are −1/4 for corners, and for the middles of edges 1/2 on a face and 1/4 in a hexahedron.
     """
     corners = block.corners[:, list(face)] if face else block.corners
     edges = np.stack([face, np.roll(face, -1)], axis=1) if face else np.array(EDGES[block.shape])
-    ends = block.corners[:, edges]
-    of_edges = nodes.points_between(ends).sum(axis=1) * (0.5 if face else 0.25)
-    centres = of_edges - nodes.points[corners].sum(axis=1) / 4
-    return np.asarray(centres), np.hstack([corners, nodes.between(ends)])
+    mids = nodes.between(block.corners[:, edges])
+    weights = [-0.25] * corners.shape[1] + [0.5 if face else 0.25] * mids.shape[1]
+    return nodes.mixed(np.hstack([corners, mids]), weights)
 
 
 def _inner(block: Block, nodes: NodeTable) -> IntArray:
@@ -430,9 +386,10 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
         return block.inner
     columns = []
     for face in rectangles(block.shape):
-        columns.append(nodes.of_face(block.corners[:, list(face)], *_middles(block, nodes, face)))
+        middles = _middles(block, nodes, face)
+        columns.append(nodes.of_face(block.corners[:, list(face)], middles))
     if block.shape == "hexahedron":
-        columns.append(nodes.new(*_middles(block, nodes)))
+        columns.append(nodes.new(_middles(block, nodes)))
     return np.stack(columns, axis=1)
 
 
@@ -445,12 +402,12 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
         whole = ~_repeats(block.corners[:, list(face)])  # the diagonals of others are edges
         middles = _middles(block[whole], nodes, face)
         for k in (0, 1):
-            nodes.place(block.corners[whole][:, [face[k], face[k + 2]]], *middles)
+            nodes.place(block.corners[whole][:, [face[k], face[k + 2]]], middles)
     if block.shape == "hexahedron":
         whole = ~_folded(block)
         middles = _middles(block[whole], nodes)
         for ends in DIAGONALS:
-            nodes.place(block.corners[whole][:, list(ends)], *middles)
+            nodes.place(block.corners[whole][:, list(ends)], middles)
 
 
 def _note_inner(block: Block, nodes: NodeTable) -> None:
