@@ -33,9 +33,8 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.impact.error_budget import amplitudes
 from antiosc.impact.histories.bars import QUANTITIES, differences
-from antiosc.reduce.error import sizes
 from antiosc.reduce.error.model_errors import ModelErrors
-from antiosc.reduce.error.remeshing import source_of
+from antiosc.reduce.error.remeshing import growth, ratios, source_of
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Error of a reference over that of the mesh, and its largest one (shares of the energy), by
@@ -210,8 +209,8 @@ def finer(part, model, hit, goal, order, most):  # type: ignore[no-untyped-def]
     # also the first shape, whose stiffness is compared
     first = ModelErrors(part).of_cells(model, np.eye(len(values))[:, :2])
     energies = energies / energies.sum() + first / first.sum()
-    ratio = sizes.ratios(mesh.comm, energies, goal, order, mesh.tdim)
-    grown = sizes.growth(mesh.comm, ratio, mesh.tdim)
+    ratio = ratios(mesh.comm, energies, goal, order, mesh.tdim)
+    grown = growth(mesh.comm, ratio, mesh.tdim)
     return ratio * max(1.0, grown / most) ** (1 / mesh.tdim)
 
 

@@ -37,7 +37,7 @@ from speed_tables import plot, tables
 import antiosc as ao
 from antiosc.base import files
 from antiosc.fem.linalg.compliance import compliances
-from antiosc.models.driving_point import stiffness_error
+from antiosc.models.free_modes import stiffness_error
 from antiosc.reduce.site.map_sites import sites_of
 
 #: A measurement in a process of its own.

@@ -16,7 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.models.driving_point import stiffness_error
+from antiosc.models.free_modes import stiffness_error
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}

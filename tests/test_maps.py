@@ -21,8 +21,8 @@ import antiosc as ao
 import parts
 from antiosc.base.stresses import DEVIATOR, equivalent
 from antiosc.base.texts import percent
-from antiosc.models.doubts import NO_RESULT
-from antiosc.models.driving_point import stiffness_error
+from antiosc.models.body import NO_RESULT
+from antiosc.models.free_modes import stiffness_error
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import sites_of, surface
 from antiosc.reduce.site.sites import located

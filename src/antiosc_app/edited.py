@@ -17,7 +17,7 @@ from antiosc import IMPACTORS
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
 from antiosc.base.texts import rounded_up
-from antiosc.models.auto_contact import AUTO
+from antiosc.models.body import AUTO
 from antiosc_app import new
 from antiosc_app.inspection import Inspection
 from antiosc_app.scene_file.compiled import compiled

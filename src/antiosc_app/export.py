@@ -10,8 +10,7 @@ from antiosc import Contact, LinearBody, Motion, Scene
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.extension import SceneParts
-from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
-from antiosc.models.body import checked_body
+from antiosc.models.body import AUTO, AnyLaw, checked_body, is_auto, law_of
 from antiosc_app.fmu import write_c, write_fmu
 from antiosc_app.run_data import model_run, scene_run
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from antiosc import History, ImpactMap, LinearBody, SceneHistory
 from antiosc.base.texts import capitalised, engineering, percent, plus_minus, point_text
 from antiosc.extension import ErrorBudget, hardest, left_out_text, low_band, trusted
-from antiosc.models.auto_contact import piercing
+from antiosc.models.body import piercing
 from antiosc_app.scene_file.run import coarse_cells
 
 if TYPE_CHECKING:

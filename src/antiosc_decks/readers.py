@@ -9,8 +9,8 @@ from typing import TypeVar
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import listed
+from antiosc.io.isolation import FileReader, Request
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
-from antiosc.io.request import FileReader, Request
 from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
 from antiosc_decks.builder import Unstated
 from antiosc_decks.sources import BULK as _BULK, Sources

@@ -26,7 +26,7 @@ from antiosc.fem.assembly.joint import HeldDofs, Joint, Rows, Stiffness, followi
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import Member
-from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS
+from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import Term
 
 #: Columns and values of a row of a matrix.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.models.auto_contact import piercing
+from antiosc.models.body import piercing
 from antiosc.reduce.site.surface import surface_at
 from antiosc_app.headline import caution_of
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.fem import structure
-from antiosc.io.dof_map import dof_map, rows_of
+from antiosc.io.matrices import dof_map, rows_of
 from matrix_writers import dmig, matrix_market, spring_frame
 from refusals import refused
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
-from antiosc.models.driving_point import stiffness_error
-from antiosc.models.free_modes import error_bound, from_free_modes, site_models
+from antiosc.models.free_modes import error_bound, from_free_modes, site_models, stiffness_error
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 

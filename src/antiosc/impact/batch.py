@@ -34,8 +34,7 @@ from antiosc.impact.many import Many
 from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
 from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
-from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
-from antiosc.models.body import LinearBody, info_of
+from antiosc.models.body import AUTO, AnyLaw, LinearBody, info_of, is_auto, law_of
 
 T = TypeVar("T")
 

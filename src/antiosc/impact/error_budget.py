@@ -50,11 +50,11 @@ from antiosc.impact.stretching import (
 )
 from antiosc.impact.truncation import WARN_SHARE, is_reduced, truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.auto_contact import choice_of
 from antiosc.models.body import (
     Coarse,
     LinearBody,
     ModalModel,
+    choice_of,
     coarse_at,
     info_of,
     wide_patch,

@@ -60,8 +60,7 @@ from antiosc.impact.truncation import (
 )
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
-from antiosc.models.body import LinearBody, coarse_cell, info_of
+from antiosc.models.body import AUTO, AnyLaw, LinearBody, coarse_cell, info_of, is_auto, law_of
 from antiosc.models.motion import ModalState, Motion
 
 H = TypeVar("H", bound=History)

@@ -32,8 +32,7 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.engine.system import side_by_side
 from antiosc.impact.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.auto_contact import AUTO, LAW, choice_at_sites, is_auto
-from antiosc.models.body import checked_body
+from antiosc.models.body import AUTO, LAW, checked_body, choice_at_sites, is_auto
 from antiosc.models.modal import SiteModes
 from antiosc.models.motion import ModalState, Motion
 

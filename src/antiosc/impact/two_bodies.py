@@ -33,8 +33,7 @@ from antiosc.impact.bodies import (
     stacked_first_order,
 )
 from antiosc.impact.scene_parts import two_body_parts
-from antiosc.models.auto_contact import AUTO, LAW, AnyLaw, law_of
-from antiosc.models.body import Body, LinearBody, checked_body, is_thin
+from antiosc.models.body import AUTO, LAW, AnyLaw, Body, LinearBody, checked_body, is_thin, law_of
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import refuse_stretch, stretch_of

@@ -12,7 +12,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import MeshError
 from antiosc.base.texts import piece_is_read
-from antiosc.io.request import Request
+from antiosc.io.isolation import Request
 
 #: Endings of CAD files, and those of files that state the unit of their coordinates.
 CAD = (".step", ".stp", ".brep", ".iges", ".igs")

@@ -47,9 +47,9 @@ def _read(request: "dict[str, object]") -> bytes:
     import numpy as np
 
     from antiosc.base.errors import AntioscError
+    from antiosc.io.isolation import Request
+    from antiosc.io.mesh_files import reader_of
     from antiosc.io.neutral import packed
-    from antiosc.io.request import Request
-    from antiosc.io.table import reader_of
 
     ask = Request(**request)  # type: ignore[arg-type]
     ask.limit_memory()

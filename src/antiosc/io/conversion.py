@@ -1,4 +1,4 @@
-"""Elements of a deck as cells of one mesh.
+"""Elements of a deck, or of a file with cells of several kinds, as cells of one mesh.
 
 A mesh here has cells of one kind. If a deck has volumes of several shapes, wedges, pyramids or
 collapsed hexahedra, all are divided into tetrahedra; triangles and quadrilaterals become triangles,
@@ -28,6 +28,7 @@ from antiosc.io.neutral import (
     EDGES,
     FACES,
     KINDS,
+    SERENDIPITY,
     FileMesh,
     IntArray,
     of_kind,
@@ -474,3 +475,102 @@ def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
     lines = np.vstack([ends[:, :2], ends[:, 1:]])
     halves = Block("line", block.type, lines, lines[:, :0], lines[:, :0])
     return halves, np.concatenate([elements, elements])
+
+
+# --- Files with cells of several kinds ---
+
+
+#: Corners of the edges in the order of gmsh's middle nodes, where it is not that of VTK.
+GMSH_EDGES = {
+    "tetra": ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
+    "pyramid": ((0, 1), (0, 3), (0, 4), (1, 2), (1, 4), (2, 3), (2, 4), (3, 4)),
+    "wedge": ((0, 1), (0, 2), (0, 3), (1, 2), (1, 4), (2, 5), (3, 4), (3, 5), (4, 5)),
+    "hexahedron": (
+        *((0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3), (2, 6), (3, 7)),
+        *((4, 5), (4, 7), (5, 6), (6, 7)),
+    ),
+}
+#: Corners of the faces in the order of gmsh's nodes within them, likewise.
+GMSH_FACES = {
+    "hexahedron": (
+        *((0, 3, 2, 1), (0, 1, 5, 4), (0, 4, 7, 3)),
+        *((1, 2, 6, 5), (2, 3, 7, 6), (4, 5, 6, 7)),
+    ),
+    "wedge": ((0, 1, 4, 3), (0, 2, 5, 3), (1, 2, 5, 4)),
+}
+
+
+def known(label: str, name: str) -> str:
+    """`label` itself; MeshError for cells that can neither be used nor divided."""
+    if label not in CELLS:
+        raise MeshError(
+            f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
+            "triangles, quadrilaterals, tetrahedra, hexahedra, wedges or pyramids of geometric "
+            "order 1 or 2."
+        )
+    return label
+
+
+def as_carried(mesh: FileMesh, name: str) -> FileMesh:
+    """The mesh with one supported kind of cells for each dimension; other cells are divided."""
+    if not _is_mixed(mesh):
+        return mesh
+    deck = Deck(name, mesh.points, labels=mesh.labels)
+    labels = [label for label, block in mesh.cells.items() if len(block)]
+    for label in labels:
+        deck.blocks.append(_block(label, mesh.cells[label], mesh.convention))
+    starts = dict(zip(labels, np.cumsum([0, *map(len, deck.blocks)]), strict=False))
+    for group, parts in mesh.groups.items():
+        rows = [
+            starts[label] + block_rows for label, block_rows in parts.items() if label in starts
+        ]
+        deck.element_sets[group] = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
+    deck.node_sets = mesh.node_sets
+    result = as_mesh(deck)
+    result.of_gmsh, result.aids = mesh.of_gmsh, mesh.aids
+    result.remarks = [*mesh.remarks, *result.remarks]
+    return result
+
+
+def _is_mixed(mesh: FileMesh) -> bool:
+    """Whether some cells of a dimension differ in kind from the rest, or are not supported."""
+    labels = {label for label, block in mesh.cells.items() if len(block)}
+    top = max((DIMENSION[CELLS[label][0]] for label in labels), default=0)
+    if mesh.aids:  # where some cells are in groups, those in none are construction aids
+        grouped = {
+            label
+            for parts in mesh.groups.values()
+            for label, rows in parts.items()
+            if len(rows) and DIMENSION[CELLS[label][0]] == top
+        }
+        lower = {label for label in labels if DIMENSION[CELLS[label][0]] < top}
+        labels = grouped | lower if grouped else labels
+    if any(label not in KINDS and label not in SERENDIPITY for label in labels):
+        return True
+    tops = {label for label in labels if DIMENSION[CELLS[label][0]] == top}
+    return len(tops) > 1 or any(label in SERENDIPITY for label in tops)
+
+
+def _block(label: str, cells: IntArray, convention: str) -> Block:
+    shape, nodes, _ = CELLS[label]
+    corners = CORNERS[shape]
+    edges = len(EDGES[shape])
+    has_mids = nodes > corners
+    mids = np.arange(corners, corners + edges * has_mids)
+    inner = np.arange(corners, corners)
+    if nodes > corners + edges:
+        inner = np.arange(corners + edges, nodes)
+    if convention == "gmsh" and has_mids:
+        mids = corners + _places(EDGES[shape], GMSH_EDGES.get(shape, EDGES[shape]))
+        if len(inner) and shape in GMSH_FACES:
+            first = corners + edges
+            inner = first + _places(rectangles(shape), GMSH_FACES[shape])
+            if nodes > first + len(inner):
+                inner = np.append(inner, nodes - 1)
+    return Block(shape, label, cells[:, :corners], cells[:, mids], cells[:, inner])
+
+
+def _places(wanted: Sequence[Sequence[int]], table: Sequence[Sequence[int]]) -> IntArray:
+    """For each of `wanted` (edges or faces), its index in `table`."""
+    node_sets = [frozenset(entity) for entity in table]
+    return np.array([node_sets.index(frozenset(entity)) for entity in wanted])

@@ -17,8 +17,8 @@ from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.cad import Names
+from antiosc.io.isolation import Request
 from antiosc.io.neutral import FACETS, FileMesh, IntArray, Piece
-from antiosc.io.request import Request
 
 #: Endings of such files.
 SURFACES = (".stl", ".obj", ".ply", ".off")

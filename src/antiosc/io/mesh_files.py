@@ -1,4 +1,4 @@
-"""Mesh files of other programs, by meshio.
+"""The reader of each file type; mesh files of other programs, by meshio.
 
 Where a file has several kinds of cells, or kinds that no mesh here carries, the elements go through
 a `Deck`, as those of Abaqus and Nastran do: wedges, pyramids and mixed volumes are cut into
@@ -11,126 +11,26 @@ from __future__ import annotations
 import contextlib
 import io
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError
-from antiosc.io.conversion import as_mesh
-from antiosc.io.deck import Block, Deck
+from antiosc.io import by_gmsh, facets
+from antiosc.io.conversion import as_carried, known
+from antiosc.io.isolation import FileReader, Request, loaded, registered
 from antiosc.io.neutral import (
     CELLS,
-    CORNERS,
     DIMENSION,
-    EDGES,
-    KINDS,
-    SERENDIPITY,
     FileMesh,
     IntArray,
     joined,
-    rectangles,
 )
-from antiosc.io.request import Request
 
 if TYPE_CHECKING:
     import meshio
-
-#: Corners of the edges in the order of gmsh's middle nodes, where it is not that of VTK.
-GMSH_EDGES = {
-    "tetra": ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
-    "pyramid": ((0, 1), (0, 3), (0, 4), (1, 2), (1, 4), (2, 3), (2, 4), (3, 4)),
-    "wedge": ((0, 1), (0, 2), (0, 3), (1, 2), (1, 4), (2, 5), (3, 4), (3, 5), (4, 5)),
-    "hexahedron": (
-        *((0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3), (2, 6), (3, 7)),
-        *((4, 5), (4, 7), (5, 6), (6, 7)),
-    ),
-}
-#: Corners of the faces in the order of gmsh's nodes within them, likewise.
-GMSH_FACES = {
-    "hexahedron": (
-        *((0, 3, 2, 1), (0, 1, 5, 4), (0, 4, 7, 3)),
-        *((1, 2, 6, 5), (2, 3, 7, 6), (4, 5, 6, 7)),
-    ),
-    "wedge": ((0, 1, 4, 3), (0, 2, 5, 3), (1, 2, 5, 4)),
-}
-
-
-def known(label: str, name: str) -> str:
-    """`label` itself; MeshError for cells that can neither be used nor divided."""
-    if label not in CELLS:
-        raise MeshError(
-            f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
-            "triangles, quadrilaterals, tetrahedra, hexahedra, wedges or pyramids of geometric "
-            "order 1 or 2."
-        )
-    return label
-
-
-def as_carried(mesh: FileMesh, name: str) -> FileMesh:
-    """The mesh with one supported kind of cells for each dimension; other cells are divided."""
-    if not _is_mixed(mesh):
-        return mesh
-    deck = Deck(name, mesh.points, labels=mesh.labels)
-    labels = [label for label, block in mesh.cells.items() if len(block)]
-    for label in labels:
-        deck.blocks.append(_block(label, mesh.cells[label], mesh.convention))
-    starts = dict(zip(labels, np.cumsum([0, *map(len, deck.blocks)]), strict=False))
-    for group, parts in mesh.groups.items():
-        rows = [
-            starts[label] + block_rows for label, block_rows in parts.items() if label in starts
-        ]
-        deck.element_sets[group] = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
-    deck.node_sets = mesh.node_sets
-    result = as_mesh(deck)
-    result.of_gmsh, result.aids = mesh.of_gmsh, mesh.aids
-    result.remarks = [*mesh.remarks, *result.remarks]
-    return result
-
-
-def _is_mixed(mesh: FileMesh) -> bool:
-    """Whether some cells of a dimension differ in kind from the rest, or are not supported."""
-    labels = {label for label, block in mesh.cells.items() if len(block)}
-    top = max((DIMENSION[CELLS[label][0]] for label in labels), default=0)
-    if mesh.aids:  # where some cells are in groups, those in none are construction aids
-        grouped = {
-            label
-            for parts in mesh.groups.values()
-            for label, rows in parts.items()
-            if len(rows) and DIMENSION[CELLS[label][0]] == top
-        }
-        lower = {label for label in labels if DIMENSION[CELLS[label][0]] < top}
-        labels = grouped | lower if grouped else labels
-    if any(label not in KINDS and label not in SERENDIPITY for label in labels):
-        return True
-    tops = {label for label in labels if DIMENSION[CELLS[label][0]] == top}
-    return len(tops) > 1 or any(label in SERENDIPITY for label in tops)
-
-
-def _block(label: str, cells: IntArray, convention: str) -> Block:
-    shape, nodes, _ = CELLS[label]
-    corners = CORNERS[shape]
-    edges = len(EDGES[shape])
-    has_mids = nodes > corners
-    mids = np.arange(corners, corners + edges * has_mids)
-    inner = np.arange(corners, corners)
-    if nodes > corners + edges:
-        inner = np.arange(corners + edges, nodes)
-    if convention == "gmsh" and has_mids:
-        mids = corners + _places(EDGES[shape], GMSH_EDGES.get(shape, EDGES[shape]))
-        if len(inner) and shape in GMSH_FACES:
-            first = corners + edges
-            inner = first + _places(rectangles(shape), GMSH_FACES[shape])
-            if nodes > first + len(inner):
-                inner = np.append(inner, nodes - 1)
-    return Block(shape, label, cells[:, :corners], cells[:, mids], cells[:, inner])
-
-
-def _places(wanted: Sequence[Sequence[int]], table: Sequence[Sequence[int]]) -> IntArray:
-    """For each of `wanted` (edges or faces), its index in `table`."""
-    node_sets = [frozenset(entity) for entity in table]
-    return np.array([node_sets.index(frozenset(entity)) for entity in wanted])
 
 
 def read_by_meshio(ask: Request) -> FileMesh:
@@ -246,3 +146,62 @@ def _node_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, IntArray]]:
         for value, labels in getattr(mesh, "point_tags", {}).items():
             for name in labels:
                 yield name, np.flatnonzero(np.asarray(tags) == value)
+
+
+# --- The reader of each file type ---
+#
+# A reader gets a `Request`, reads `ask.path` and returns a `FileMesh`, or raises MeshError with one
+# sentence that names the file `ask.name`. It runs in a separate process with limits on time and
+# memory (`child`), which can import only those modules of antiosc that do not need dolfinx:
+# `antiosc.base` and this package. Packages register further readers, each for one ending, as entry
+# points of the group `antiosc.readers`; all other types go to meshio.
+
+#: Name is the ending of the files without its dot, value a `FileReader`.
+GROUP = "antiosc.readers"
+GENERATOR = FileReader(by_gmsh.generate)
+BUILT_IN = {
+    ".msh": FileReader(by_gmsh.read),
+    **dict.fromkeys(by_gmsh.GEOMETRY, GENERATOR),
+    **dict.fromkeys(facets.SURFACES, FileReader(facets.read)),
+}
+MESHIO = FileReader(read_by_meshio)
+#: Bytes from its begin by which the type of a file is recognized.
+FIRST_BYTES = 2**20
+
+
+def reader_of(path: str | Path, solid: bool = False) -> FileReader:
+    """The reader for a file, by its ending and content; `solid`: a surface to be filled."""
+    if solid:
+        return GENERATOR
+    ending = Path(path).suffix.lower()
+    for reader in _registered(ending):
+        if reader.matches is None or reader.matches(_start(path)):
+            return reader
+    return BUILT_IN.get(ending, MESHIO)
+
+
+def _registered(ending: str) -> Iterator[FileReader]:
+    for entry in registered(GROUP):
+        if f".{entry.name.lower()}" == ending:
+            yield loaded(entry, FileReader)
+
+
+def _start(path: str | Path) -> bytes:
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(FIRST_BYTES)
+    except OSError:
+        return b""
+
+
+def is_deck(path: str | Path) -> bool:
+    """Whether a file may contain a whole model."""
+    return reader_of(path).model
+
+
+def deck_endings() -> list[str]:
+    """Endings of the files that `read_model` reads, whatever their content."""
+    readers = {f".{entry.name.lower()}": loaded(entry, FileReader) for entry in registered(GROUP)}
+    return sorted(
+        ending for ending, reader in readers.items() if reader.model and not reader.matches
+    )

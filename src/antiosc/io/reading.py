@@ -27,7 +27,8 @@ from antiosc.base.texts import piece_is_read, printable
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import CAD, STATES_UNIT
 from antiosc.io.facets import BY_FTETWILD, SURFACES
-from antiosc.io.isolation import read_apart
+from antiosc.io.isolation import AROUND_CLOSELY, ModelOptions, Refinement, read_apart
+from antiosc.io.mesh_files import deck_endings, is_deck
 from antiosc.io.neutral import (
     EDGES_OF_KIND,
     FACETS,
@@ -45,8 +46,6 @@ from antiosc.io.neutral import (
     kind_of,
     of_kind,
 )
-from antiosc.io.request import AROUND_CLOSELY, ModelOptions, Refinement
-from antiosc.io.table import deck_endings, is_deck
 
 #: Dimension, group or groups whose cells make the mesh.
 Wanted = int | str | Sequence[str] | None

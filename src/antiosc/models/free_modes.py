@@ -20,10 +20,14 @@ In these J + 1 coordinates the stiffness is diagonal, D = diag(w_j^2). The flexi
 constrained is a rank-one change of A^-1, T = A^-1 - A^-1 b b'A^-1/C with A = D + shift. Its
 eigenvectors are the constraint modes, and the antiresonances are 1/theta - shift of its eigenvalues
 theta: the zeros of H.
+
+Z of an undamped model is infinite at its poles and zero at its zeros, where relative errors are
+meaningless. Z is therefore compared at complex frequencies with 1 % damping, ω(1 + 0.01 i).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -31,9 +35,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array, Numbers
+from antiosc.base._types import Array, ComplexArray, Numbers
 from antiosc.base.errors import InputError
-from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.motion import RIGID_SHARE
 
@@ -221,9 +224,7 @@ def error_bound(
     slow = np.where(s > 0, 0.0, np.abs(G - b**2 @ (1 / (omega**2 + shift) ** 2))[:, None])
     theta = s / np.where(r > 0, r, 1.0)
     p = theta * (omega[-1] ** 2 + shift)
-    x_band = driving_point.samples(
-        band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf))
-    )
+    x_band = samples(band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf)))
     x = x_band**2
     z = x + shift
     pole_distance = np.abs(1 - z / (omega[-1] ** 2 + shift))
@@ -285,8 +286,8 @@ def parameters(
         x = np.where(theta > 0, 1 / theta - shift, np.inf)
     is_pole = np.isfinite(x) & (x > 0)
     lumped = left + np.sum(np.where(is_pole, 0.0, m), axis=1)
-    share = driving_point.shares(k0, lumped, np.where(is_pole, m, 0.0), np.where(is_pole, x, 1.0))
-    observable = share > driving_point.UNOBSERVABLE
+    share = shares(k0, lumped, np.where(is_pole, m, 0.0), np.where(is_pole, x, 1.0))
+    observable = share > UNOBSERVABLE
     order = np.argsort(np.where(observable, x, np.inf), axis=1, kind="stable")
     x, m, observable = (np.take_along_axis(a, order, axis=1) for a in (x, m, observable))
     observable[:, n:] = False
@@ -362,3 +363,67 @@ def _lanczos(
         c = c + part
         energy = energy - np.einsum("sji,si->sj", shapes, part)
     return theta, c, np.sum(energy**2, axis=1)
+
+
+#: damping ratio at which Z is evaluated
+DAMPING = 0.01
+#: lower end of the sampled band, over the lowest frequency of the model
+START = 0.25
+#: an anti-oscillator is unobservable if its share in |Z| at its own frequency, where it is largest,
+#: is below this
+UNOBSERVABLE = 1e-8
+
+
+Stiffness = Callable[[ComplexArray], Numbers]
+
+
+def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
+    """Damped circular frequencies up to `top` [rad/s], dense enough to meet every peak of Z.
+
+    `lowest`: the first frequency [rad/s] at which Z varies; below it Z is quasi-static. `step`:
+    relative distance of neighbouring samples; a peak has the width of the damping.
+    """
+    start = START * min(top, lowest)
+    count = int(np.ceil(np.log(top / start) / step)) + 2
+    return np.geomspace(start, top, count) * (1 + 1j * DAMPING)
+
+
+def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
+    """|change of Z| over |Z| (..., N) at each damped pole if its mass is added to m0 instead.
+
+    For models of one site: k0, m0 (...,) and m, poles = omega_i^2 (..., N), m = 0 for no pole. Z is
+    written with m0, not with m_st = m0 + sum(m_i), since -x m_st would cancel the term of a large
+    m_i.
+    """
+    k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
+    weight = np.where(m > 0, m * poles, 0.0)
+    poles = np.where(m > 0, poles, -1.0)
+    share = np.zeros(m.shape)
+    for i in range(m.shape[-1]):  # one after the other: all at once take N times the memory
+        pole = np.where(m[..., i] > 0, poles[..., i], 1.0)
+        x = pole * (1 + 1j * DAMPING) ** 2
+        Z = k0 - x * (m0 + np.sum(weight / (poles - x[..., None]), axis=-1))
+        share[..., i] = m[..., i] * np.abs(x**2 / (pole - x) / Z)
+    return share
+
+
+def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> Array:
+    """|change of H| over |H| (J,) at each damped pole without its mode; H = sum b^2/(poles - x)."""
+    weight = np.asarray(b, dtype=float) ** 2
+    poles = np.asarray(poles, dtype=float)
+    share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0
+    for i in np.flatnonzero(poles > 0):
+        parts = weight / (poles - poles[i] * (1 + 1j * DAMPING) ** 2)
+        share[i] = np.abs(parts[i]) / max(float(np.abs(np.sum(parts))), np.finfo(float).tiny)
+    return share
+
+
+def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: float) -> float:
+    """Largest |Z - Z_ref|/|Z_ref| over the band up to `band` [rad/s], with one per cent damping.
+
+    Z, reference : dynamic stiffness [N/m] of complex circular frequencies. The band is sampled down
+    to a quarter of `lowest` [rad/s].
+    """
+    s = samples(checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s"))
+    exact = reference(s)
+    return float(np.max(np.abs(Z(s) - exact) / np.abs(exact)))

@@ -33,7 +33,7 @@ from antiosc.base.archives import Arrays
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.damping import DampingMatrix, from_factors
-from antiosc.io.dof_map import component_of
+from antiosc.io.matrices import component_of
 from antiosc.models.body import ModelInfo
 from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia

@@ -23,8 +23,7 @@ from antiosc.impact.bodies import Obstacle
 from antiosc.impact.scene import simulate
 from antiosc.impact.truncation import truncation_error
 from antiosc.impact.two_bodies import BAND_OVER_PULSE, impact_band
-from antiosc.models.auto_contact import AUTO, AnyLaw, law_of
-from antiosc.models.body import LinearBody
+from antiosc.models.body import AUTO, AnyLaw, LinearBody, law_of
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import resolved_radius
 from antiosc.reduce.site.surface import PlaneOf, surface_at

@@ -56,17 +56,23 @@ from antiosc.impact.histories.verdict import CONTACT_RADII
 from antiosc.impact.reference import Settings
 from antiosc.impact.scene import simulate_impact
 from antiosc.impact.two_bodies import Impact
-from antiosc.models import driving_point, free_modes
-from antiosc.models.auto_contact import (
+from antiosc.models import free_modes
+from antiosc.models.body import (
     AUTO,
+    BEYOND_WALL,
+    EDGE,
+    HOLLOW,
+    NO_RESULT,
+    PIERCED,
     AnyLaw,
+    Body,
+    LinearBody,
+    checked_body,
     choice_at_sites,
     is_auto,
     law_of,
     second_contact_of,
 )
-from antiosc.models.body import Body, LinearBody, checked_body
-from antiosc.models.doubts import BEYOND_WALL, EDGE, HOLLOW, NO_RESULT, PIERCED
 from antiosc.models.free_modes import SiteModels
 from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.krylov import by_krylov
@@ -75,8 +81,7 @@ from antiosc.reduce.extraction.oscillators import (
     lumped,
     oscillators,
 )
-from antiosc.reduce.site.doubts import doubtful_patches
-from antiosc.reduce.site.sites import Sites
+from antiosc.reduce.site.sites import Sites, doubtful_patches
 from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FreeSites, free_sites
 from antiosc.strikes.map_results import (
@@ -382,9 +387,9 @@ def _refined(
     arrays = {name: values.copy() for name, values in vars(models).items()}
     for i in worst:
         static = site_shapes(structure, sites.loads[:, [i]].toarray())
-        modes, remainder = by_krylov(structure, static, n, driving_point.UNOBSERVABLE, band, 0.0)
+        modes, remainder = by_krylov(structure, static, n, free_modes.UNOBSERVABLE, band, 0.0)
         known = lumped(structure, static, modes)
-        selected = oscillators(known, n, driving_point.UNOBSERVABLE)
+        selected = oscillators(known, n, free_modes.UNOBSERVABLE)
         assert remainder is not None  # there is a band
         bound, _ = error_bound(known, remainder, selected, band)
         if bound < error[i]:

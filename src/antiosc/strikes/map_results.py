@@ -28,8 +28,7 @@ from antiosc.fields.pictures import plot_map
 from antiosc.impact.from_rest import Force
 from antiosc.impact.two_bodies import impact_band
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import LinearBody, ModelInfo
-from antiosc.models.doubts import EDGE, REMEDIES
+from antiosc.models.body import EDGE, REMEDIES, LinearBody, ModelInfo
 from antiosc.models.free_modes import SiteModels
 
 if TYPE_CHECKING:

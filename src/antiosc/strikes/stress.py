@@ -24,7 +24,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.fields.margin import criteria_of, sizes_at_nodes
 from antiosc.fields.peaks import PeakField, peak_field
 from antiosc.impact.histories import History
-from antiosc.io.request import Refinement
+from antiosc.io.isolation import Refinement
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.recovery.sharp_edges import sharp_points
 from antiosc.strikes import second_order

@@ -2,7 +2,7 @@
 
 Each round meshes, extracts, simulates and computes the error budget. The result is that of the
 corrected model. If the mesh error is too large and can be reduced, the next mesh has the cell sizes
-that reduce it with the fewest cells (`antiosc.reduce.error.sizes`). From the second mesh on,
+that reduce it with the fewest cells (`antiosc.reduce.error.remeshing`). From the second mesh on,
 the change from one mesh to the next may reduce the error bar of the mesh; on lines it is the least
 bar. The errors of cells are weighted for this impact, by the mean over the contact of the
 amplitudes of all shapes, so that cells become small where this impact requires it. Anti-oscillators
@@ -41,12 +41,11 @@ from antiosc.impact.error_budget import SAFETY, TRIANGLES, amplitudes
 from antiosc.impact.histories import History, with_model
 from antiosc.impact.histories.bars import ErrorBudget, changes, with_floor
 from antiosc.impact.scene import simulate
-from antiosc.io.request import Refinement
+from antiosc.io.isolation import Refinement
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.auto_contact import AUTO, AnyLaw
-from antiosc.models.body import LinearBody
+from antiosc.models.body import AUTO, AnyLaw, LinearBody
 from antiosc.models.motion import Motion
-from antiosc.reduce.error import sizes
+from antiosc.reduce.error import remeshing
 from antiosc.reduce.error.model_errors import ModelErrors
 from antiosc.reduce.error.remeshing import MeshSource, source_of
 from antiosc.reduce.extraction.extract import extract
@@ -523,12 +522,12 @@ def _next(
     structure = answer.structure
     dim = mesh.tdim
     energies = _errors_of_cells(answer, mesh)
-    ratio = sizes.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
-    growth = full_growth = sizes.growth(mesh.comm, ratio, dim)
+    ratio = remeshing.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+    growth = full_growth = remeshing.growth(mesh.comm, ratio, dim)
     if growth > GROWTH:
         goal = goal * (growth / GROWTH) ** (2 * order / dim)
-        ratio = sizes.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
-        growth = sizes.growth(mesh.comm, ratio, dim)
+        ratio = remeshing.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+        growth = remeshing.growth(mesh.comm, ratio, dim)
     growth = max(growth, 1.0)
     dofs = structure.dofs * max(full_growth, 1.0)
     seconds = answer.seconds * max(full_growth, 1.0) ** SECONDS_POWER[dim]

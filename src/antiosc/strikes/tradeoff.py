@@ -36,8 +36,7 @@ from antiosc.fem.structure.support import Support
 from antiosc.impact.enclosure import enclosures
 from antiosc.impact.histories import History
 from antiosc.impact.histories.bars import QUANTITIES, differences
-from antiosc.models.auto_contact import AUTO, AnyLaw
-from antiosc.models.body import LinearBody
+from antiosc.models.body import AUTO, AnyLaw, LinearBody
 from antiosc.models.motion import Motion
 from antiosc.plot.charts import few_log_ticks, figure_or_path, new_figure
 from antiosc.reduce.site import Site

@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
-from antiosc.models.auto_contact import AUTO
+from antiosc.models.body import AUTO
 from antiosc_app.scene_file import run
 from antiosc_app.scene_file.build import Builder, Call
 from antiosc_app.scene_file.document import Document, Table

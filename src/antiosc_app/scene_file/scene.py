@@ -21,7 +21,7 @@ import numpy as np
 from antiosc import History
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, finite_element_packages
-from antiosc.models.auto_contact import AUTO
+from antiosc.models.body import AUTO
 from antiosc_app.scene_file.build import (
     Builder,
     Call,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from antiosc.base.errors import warn, warnings_to
 from antiosc.base.texts import STOPPED
-from antiosc.models.auto_contact import AUTO
+from antiosc.models.body import AUTO
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import Choice, compiled, is_auto, only_site, with_values
 from antiosc_app.scene_file.document import Document

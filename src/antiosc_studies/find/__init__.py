@@ -27,7 +27,7 @@ from antiosc.base.process import one_thread
 from antiosc.base.texts import Result
 from antiosc.extension import on_plane, refuse_dampers, with_parts
 from antiosc.fem.platform import collective, warn
-from antiosc.models.auto_contact import AUTO, AnyLaw
+from antiosc.models.body import AUTO, AnyLaw
 from antiosc.models.free_modes import residual
 from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels

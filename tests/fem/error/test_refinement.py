@@ -17,15 +17,17 @@ from antiosc.fem.mesh.bisection import (
     refined,
 )
 from antiosc.fem.platform import compat
-from antiosc.io.request import GRADING
+from antiosc.io.isolation import GRADING
 from antiosc.reduce.error.remeshing import (
     LINES,
+    POWER,
+    growth,
     largest,
     measures,
+    ratios,
     source_of,
     wished_sizes,
 )
-from antiosc.reduce.error.sizes import POWER, growth, ratios
 from mpi import one_and_several
 from parts import STEEL, box, plate
 

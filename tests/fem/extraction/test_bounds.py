@@ -12,7 +12,7 @@ from scipy.linalg import block_diag, solve_triangular
 
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.models import driving_point as bands
+from antiosc.models import free_modes as bands
 from antiosc.models.free_modes import error_bound, site_models
 from antiosc.models.motion import RIGID_SHARE
 from chains import loose_chains

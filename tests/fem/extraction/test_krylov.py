@@ -10,7 +10,7 @@ import scipy.sparse
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.models.driving_point import samples
+from antiosc.models.free_modes import samples
 from antiosc.reduce.extraction.eigenmodes import polish
 from chains import receptance
 from marks import FREE_ON_PURPOSE

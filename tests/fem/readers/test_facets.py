@@ -23,7 +23,7 @@ from antiosc.io.facets import (
     areas,
     surface_of,
 )
-from antiosc.io.request import Request
+from antiosc.io.isolation import Request
 from mesh_files import refusal
 
 pytestmark = pytest.mark.fem

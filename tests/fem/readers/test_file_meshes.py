@@ -14,10 +14,10 @@ import pytest
 
 import antiosc as ao
 from antiosc.io import isolation, mesh_files, reading
+from antiosc.io.isolation import Request
+from antiosc.io.mesh_files import is_deck
 from antiosc.io.neutral import FileMesh, UnitSystem, packed, unpacked
 from antiosc.io.reading import selected
-from antiosc.io.request import Request
-from antiosc.io.table import is_deck
 from refusals import refused
 
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -220,7 +220,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.neutral import FileMesh
-from antiosc.io.request import FileReader, Request
+from antiosc.io.isolation import FileReader, Request
 
 
 def read(ask: Request) -> FileMesh:

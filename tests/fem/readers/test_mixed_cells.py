@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.io.isolation import Request
+from antiosc.io.mesh_files import reader_of
 from antiosc.io.neutral import kind_of
 from antiosc.io.reading import selected
-from antiosc.io.request import Request
-from antiosc.io.table import reader_of
 from parts import gmsh_session
 
 pytest.importorskip("netCDF4")

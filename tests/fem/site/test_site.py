@@ -12,8 +12,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.doubts import warn_of_doubts
-from antiosc.reduce.site.sites import located
+from antiosc.reduce.site.sites import located, warn_of_doubts
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
 

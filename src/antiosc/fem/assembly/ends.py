@@ -28,7 +28,7 @@ from antiosc.fem.structure.attachments import (
     NEAR,
 )
 from antiosc.fem.structure.meshed import Member
-from antiosc.io.dof_map import COMPONENTS, DISPLACEMENTS, ROTATIONS
+from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import SIDES
 
 #: Fraction of the largest second moment of a group below which it does not tell a rotation.

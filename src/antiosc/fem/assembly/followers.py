@@ -23,7 +23,7 @@ from antiosc.fem.assembly.ends import (
 from antiosc.fem.assembly.joint import NAME, HeldDofs, Joint, Rows, following
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.structure.meshed import Member
-from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS
+from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
 
 @dataclass(frozen=True)

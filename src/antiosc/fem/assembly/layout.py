@@ -22,7 +22,7 @@ from antiosc.fem.assembly.superelement import Superelement
 from antiosc.fem.platform import compat
 from antiosc.fem.structure import MOVE, TURN, DofPlaces, Placement
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.io.dof_map import DISPLACEMENTS
+from antiosc.io.matrices import DISPLACEMENTS
 
 Sparse: TypeAlias = scipy.sparse.csr_matrix
 

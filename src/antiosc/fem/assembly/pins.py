@@ -25,7 +25,7 @@ from antiosc.fem.assembly.joint import NAME, HeldDofs, Joint, Rows, Stiffness, T
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure import checked_axis, in_space
 from antiosc.fem.structure.attachments import by_components
-from antiosc.io.dof_map import COMPONENTS, DISPLACEMENTS, ROTATIONS
+from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9

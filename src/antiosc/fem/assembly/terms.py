@@ -27,7 +27,7 @@ from antiosc.fem.structure.attachments import (
 )
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.support import NumberedNodes, Support
-from antiosc.io.dof_map import COMPONENTS, DISPLACEMENTS, ROTATIONS
+from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 
 
 def support_rows(layout: Layout, support: Support) -> Sparse:

@@ -34,7 +34,7 @@ from antiosc.fem.assembly.joint import NAME, HeldDofs, Rows, TwoEnds
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, closest, on_faces, overlap
 from antiosc.fem.structure import skew
-from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS
+from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
 #: Surfaces lie on each other up to this share of the mean size of their faces.
 GAP = 0.3

@@ -14,9 +14,9 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import MeshError
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.platform import compat
+from antiosc.io.isolation import GRADING, Refinement
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.io.reading import positions
-from antiosc.io.request import GRADING, Refinement
 
 #: A cell is divided if the ratio of its sizes is below this.
 DIVIDED = 0.75

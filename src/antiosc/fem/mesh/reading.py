@@ -34,9 +34,9 @@ from antiosc.fem.mesh.soundness import refuse_degenerate, sound
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.cad import STATES_UNIT
+from antiosc.io.isolation import Refinement
 from antiosc.io.neutral import RawMesh, UnitSystem
 from antiosc.io.reading import HOW_MADE, NumberedElements, Wanted, read
-from antiosc.io.request import Refinement
 
 if TYPE_CHECKING:
     from dolfinx.mesh import MeshTags  # the oldest dolfinx has no such name

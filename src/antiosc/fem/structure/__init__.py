@@ -34,7 +34,7 @@ from antiosc.fem.linalg.algebra import (
 )
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.prestress import Preload
-from antiosc.io.dof_map import DofMap
+from antiosc.io.matrices import DofMap
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:

@@ -39,7 +39,7 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, closest
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.structure import Dissipation, in_space
-from antiosc.io.dof_map import COMPONENTS
+from antiosc.io.matrices import COMPONENTS
 
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
 NEAR = 1e-3

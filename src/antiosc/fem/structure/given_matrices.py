@@ -24,7 +24,7 @@ from antiosc.fem.linalg.algebra import communicator
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import agree, agreed, alike, of_petsc
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, modes_and_shift
-from antiosc.io.dof_map import DofMap, rows_of
+from antiosc.io.matrices import DofMap, rows_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI

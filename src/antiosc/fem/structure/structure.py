@@ -26,8 +26,7 @@ from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import ALONE, collective
 from antiosc.fem.structure import StructureMatrices
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair
-from antiosc.io.dof_map import DofMap, dof_map
-from antiosc.io.matrices import read_pair
+from antiosc.io.matrices import DofMap, dof_map, read_pair
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ from antiosc.fem.structure import (
     in_space,
     orthonormal,
 )
-from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS
+from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
 Where = str | Callable[[Array], BoolArray]
 

@@ -19,8 +19,7 @@ from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.engine.contact.surfaces import Matter, crack_note
 from antiosc.impact.histories.parts import OneContact
 from antiosc.impact.scene_parts import find_site
-from antiosc.models.auto_contact import choice_at_sites
-from antiosc.models.body import site_points
+from antiosc.models.body import choice_at_sites, site_points
 
 #: Radii of a contact that the margin of a solid leaves out about it. There Hertz's von Mises stress
 #: is 4 % of its largest on the surface and 17 % below the contact (nu = 0.3; Johnson, *Contact

@@ -52,8 +52,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure import Dissipation, dashpot_patterns, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.driving_point import samples
-from antiosc.models.free_modes import EXHAUSTED
+from antiosc.models.free_modes import EXHAUSTED, samples
 from antiosc.models.modal import Damping
 from antiosc.models.recurrence import BROKEN, recurrence_of
 from antiosc.reduce.extraction import SiteShapes

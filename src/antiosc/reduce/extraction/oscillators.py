@@ -20,8 +20,7 @@ import numpy as np
 from antiosc.base._types import Array, ComplexArray, IntArray, Numbers
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.driving_point import DAMPING, samples
-from antiosc.models.free_modes import MASSLESS
+from antiosc.models.free_modes import DAMPING, MASSLESS, samples
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
 

@@ -24,15 +24,13 @@ from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.body import Body, ModelInfo
-from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
-from antiosc.models.free_modes import RESIDUAL_ROUNDING
+from antiosc.models.free_modes import RESIDUAL_ROUNDING, UNOBSERVABLE, shares_of_receptance
 from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.recovery import source
 from antiosc.recovery.series import write_vtu
 from antiosc.reduce.extraction import SiteShapes, beside_rigid, site_shapes
 from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
-from antiosc.reduce.extraction.mode_checks import check_modes
-from antiosc.reduce.extraction.model import inertia_of, weights_of
+from antiosc.reduce.extraction.model import check_modes, inertia_of, weights_of
 from antiosc.reduce.extraction.oscillators import DEFAULT_COUNT, REPEATED, SEARCHED
 from antiosc.reduce.site import Functional, Site, functional
 

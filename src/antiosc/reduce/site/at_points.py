@@ -27,16 +27,27 @@ from antiosc.fem.platform import warn
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.reduce.site.doubts import ALONG_SURFACE, surface_below, warn_of_doubts
-from antiosc.reduce.site.place import Functional, Place, motion_of, place_at, place_of
-from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site, constrained, tangents
+from antiosc.reduce.site.site import (
+    LEAST_FREE_SHARE,
+    Functional,
+    Place,
+    Site,
+    constrained,
+    motion_of,
+    place_at,
+    place_of,
+    tangents,
+)
 from antiosc.reduce.site.sites import (
+    ALONG_SURFACE,
     Sites,
     loads,
     located,
     on_free_dofs,
     patches,
     sums,
+    surface_below,
+    warn_of_doubts,
 )
 
 #: Largest distance of a point that counts as on the structure, over the structure's size.

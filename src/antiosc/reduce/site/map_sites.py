@@ -22,10 +22,8 @@ from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.at_points import ON_STRUCTURE
-from antiosc.reduce.site.doubts import warn_of_doubts
-from antiosc.reduce.site.place import nearest_parts, place_of
-from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
-from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, Sites, located
+from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site, nearest_parts, place_of
+from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, Sites, located, warn_of_doubts
 
 #: Radius of a patch that facets resolve over their size.
 RESOLVED = 1.05

@@ -17,10 +17,9 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure import Dissipation
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import Support, fixed_dofs
+from antiosc.reduce.site import algebraic
 from antiosc.reduce.site.at_points import before_joining
-from antiosc.reduce.site.on_matrices import algebraic
-from antiosc.reduce.site.place import Functional
-from antiosc.reduce.site.site import Site
+from antiosc.reduce.site.site import Functional, Site
 
 #: An element is not strained by a rigid motion if its force over that of its terms is below this.
 INTERNAL = 1e-9

@@ -23,7 +23,7 @@ from antiosc.fem.mesh.curvature import curvature, largest_ball
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import Body
-from antiosc.reduce.site.place import Place, place_at
+from antiosc.reduce.site.site import Place, place_at
 
 NO_SURFACE = "matrices have no surface: give the law of the contact."
 NO_POINT = "the site is no point of a surface."
