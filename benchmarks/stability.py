@@ -3,11 +3,10 @@
 Three charts. The first strikes the article's second beam with N = 1 ... 200 anti-oscillators and
 steps over four decades, one panel for each fixed-step method; drawn in are the stability limit of
 central differences, h omega_max = 2, and the same with the contact's stiffness on the residual
-mass. The second takes N = 10 through hard scenes: stiff contact, m0 -> 0, light and heavy
-impactors, grazing speed, rest under gravity, an anti-oscillator next to massless. The third draws
-the error of the force over the step, finely, for a heavy mass on a soft structure whose light
-residual mass has its mode far above the others: the exact method has windows of steps in which
-the contact drives that mode.
+mass. The second draws the error of the force over the step, finely, for a heavy mass on a soft
+structure whose light residual mass has its mode far above the others: the exact method has windows
+of steps in which the contact drives that mode. The third is a rod on a rigid wall, where other
+programs' integrators gain energy (`stability_rod.py`).
 
 Each run is one of: good; energy (drift above 1 % of the energy there is); wrong (force off by more
 than 10 % in the L2 norm); diverged; and the seconds tell where a method only gets slow.
@@ -28,8 +27,9 @@ from typing import Any
 
 import numpy as np
 import options
-from stability_charts import METHODS, chart_numbers, chart_scenes
-from stability_scenes import BEAM, HERTZ, STRIKER, Scene, hard_scenes
+import stability_rod
+from stability_charts import METHODS, chart_numbers
+from stability_scenes import BEAM, HERTZ, STRIKER, Scene
 
 import antiosc as ao
 from antiosc import plotting
@@ -48,7 +48,6 @@ def main(
     counts: int = 8,
     steps: int = 9,
     decades: float = 4.0,
-    hard: bool = True,
     fine: int = 120,
     out: Path = ROOT / "out",
 ) -> dict[str, Any]:
@@ -60,7 +59,6 @@ def main(
     counts : how many numbers of anti-oscillators, from 1
     steps : how many steps
     decades : over how many decades, up to 1e-4 s
-    hard : whether to run the hard scenes as well
     fine : number of steps on the chart of windows
     out : folder of the charts and the table
     """
@@ -70,22 +68,15 @@ def main(
     times = np.geomspace(10 ** (-4 - decades), 1e-4, steps)
     table = []
     for n in numbers:
-        scene = Scene(
-            f"N = {n}", full.truncated(int(n)), STRIKER, ao.Hertz(HERTZ), WINDOW, unit=1.0
-        )
+        scene = Scene(f"N = {n}", full.truncated(int(n)), STRIKER, ao.Hertz(HERTZ), WINDOW)
         table += survey(scene, times, n=int(n))
     chart_numbers(table, full, numbers, times, out / "stability.png")
-    rows = list(table)
-    if hard:
-        scenes = hard_scenes(full.truncated(min(10, most)))
-        ratios = np.geomspace(10 ** (0.5 - decades), 10**0.5, steps)
-        hard_table = [row for s in scenes for row in survey(s, ratios * s.unit)]
-        chart_scenes(hard_table, scenes, ratios, out / "stability_scenes.png")
-        rows += hard_table + [adaptive(s, m) for s in scenes for m in ("exact", "DOP853", "Radau")]
     found = windows(fine, out / "stability_windows.png")
-    rows += found
+    rows = table + found
+    rod = stability_rod.survey()
+    stability_rod.chart(rod, out / "stability_rod.png")
     files.write_text(out / "stability.json", json.dumps(rows, indent=1))
-    return {"runs": rows, "limits": measured_limits(table), "windows": found}
+    return {"runs": rows, "limits": measured_limits(table), "windows": found, "rod": rod}
 
 
 def survey(scene: Scene, times: np.ndarray, n: int | None = None) -> list[dict[str, Any]]:
@@ -127,27 +118,10 @@ def attempt(scene: Scene, truth: ao.History, method: str, h: float) -> dict[str,
     }
 
 
-def adaptive(scene: Scene, method: str) -> dict[str, Any]:
-    """A method that chooses its own step: it does not fail, it gets slow."""
-    began = time.perf_counter()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ao.AccuracyWarning)
-        hit = scene.run(method, tol=1e-3 if method == "exact" else 1e-2, max_steps=20_000)
-    return {
-        "scene": scene.name,
-        "method": f"{method} (adaptive)",
-        "kind": "good" if hit.status == 0 else f"status {hit.status}",
-        "drift": hit.energy.drift,
-        "contacts": len(hit.contacts),
-        "evaluations": hit.run.attempts,
-        "seconds": time.perf_counter() - began,
-    }
-
-
 def windows(count: int, path: Path) -> list[dict[str, Any]]:
     """The fixed-step methods over `count` steps about the exact method's windows."""
     model = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
-    scene = Scene("windows", model, ao.RigidMass(10.0, 0.3), ao.Hertz(1.2e10), 1e-3, unit=1.0)
+    scene = Scene("windows", model, ao.RigidMass(10.0, 0.3), ao.Hertz(1.2e10), 1e-3)
     system = assemble_pair(Impact(scene.model, scene.impactor, scene.law, scene.duration)).system
     y = np.linspace(1.0, 8.0, count)
     times = y / system.omega.max()
@@ -181,7 +155,7 @@ def measured_limits(table: list[dict[str, Any]]) -> dict[str, dict[str, float | 
 def report(result: dict[str, Any]) -> None:
     tally: dict[tuple[str, str], dict[str, int]] = {}
     for row in result["runs"]:
-        part = "windows" if row["scene"] == "windows" else "hard" if row.get("n") is None else "N"
+        part = "windows" if row["n"] is None else "N"
         kinds = tally.setdefault((row["method"], part), {})
         kinds[row["kind"]] = kinds.get(row["kind"], 0) + 1
     bad = [r for r in result["windows"] if r["method"] == "exact" and r["kind"] != "good"]
@@ -195,13 +169,7 @@ def report(result: dict[str, Any]) -> None:
             f"{k} {'-' if v is None else format(v, '.3g')}" for k, v in limits.items()
         )
         print(f"{method:<20}h omega_max: {listed}")
-    for row in result["runs"]:
-        if "adaptive" in row["method"]:
-            print(
-                f"{row['scene']:<20}{row['method']:<20}{row['kind']:<10}"
-                f"{row['evaluations']:>9} evaluations {row['seconds']:>8.3f} s"
-                f"  drift {row['drift']:.0e}"
-            )
+    print(stability_rod.table(result["rod"]))
 
 
 def command(arguments: Sequence[str] | None = None) -> None:
@@ -211,7 +179,6 @@ def command(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--counts", type=options.count, default=8)
     parser.add_argument("--steps", type=options.count, default=9)
     parser.add_argument("--decades", type=options.positive, default=4.0)
-    parser.add_argument("--hard", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--fine", type=options.count, default=120)
     parser.add_argument("--out", type=Path, default=ROOT / "out")
     report(options.run(parser, main, arguments))

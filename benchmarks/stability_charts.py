@@ -8,7 +8,7 @@ from typing import Any
 import error_charts
 import numpy as np
 from matplotlib.colors import ListedColormap
-from stability_scenes import Scene, stable_steps
+from stability_scenes import stable_steps
 
 import antiosc as ao
 from antiosc import plotting
@@ -40,43 +40,17 @@ def chart_numbers(
         ax.plot(numbers, limits[:, 0], "k-", label=r"$h\,\omega_{max} = 2$")
         ax.plot(numbers, limits[:, 1], "k--", label="the same with the contact's stiffness")
         ax.set(xscale="log", yscale="log", title=method, ylim=(edges_h[0], edges_h[-1]))
-    _finish(fig, grid, image, ("anti-oscillators N", "step h (s)"))
+    _finish(fig, grid, image)
     error_charts.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 2)
     plotting.save_figure(fig, path, dpi=120)
 
 
-def chart_scenes(
-    table: list[dict[str, Any]], scenes: list[Scene], ratios: np.ndarray, path: Path
-) -> None:
-    fig, grid = plotting.panels(2, 2, size=(8, 8), sharex=True, sharey=True)
-    axes = grid.ravel()
-    names = [s.name for s in scenes]
-    for ax, method in zip(axes, METHODS, strict=True):
-        kinds = np.full((len(names), ratios.size), np.nan)
-        for row in table:
-            if row["method"] == method:
-                j = names.index(row["scene"])
-                i = int(np.argmin(np.abs(np.log(ratios * scenes[j].unit / row["step"]))))
-                kinds[j, i] = CLASSES.index(row["kind"])
-        image = ax.pcolormesh(
-            _edges(ratios), np.arange(len(names) + 1), kinds, cmap=COLOURS, vmin=-0.5, vmax=3.5
-        )
-        for j, scene in enumerate(scenes):
-            limit = 2 / scene.model.modal().omega.max() / scene.unit
-            ax.plot([limit, limit], [j, j + 1], "k-", lw=2, label=r"$h\,\omega_{max} = 2$")
-        ax.set(xscale="log", title=method, xlim=_edges(ratios)[[0, -1]])
-    axes[0].set_yticks(np.arange(len(names)) + 0.5, names)
-    _finish(fig, grid, image, ("step h / first contact", ""))
-    error_charts.legend_below(fig, {line.get_label(): line for line in axes[0].lines}, 1)
-    plotting.save_figure(fig, path, dpi=120)
-
-
-def _finish(fig: Any, grid: np.ndarray, image: Any, labels: tuple[str, str]) -> None:
+def _finish(fig: Any, grid: np.ndarray, image: Any) -> None:
     """Labels of the outer axes, and the classes beside them."""
     for ax in grid[-1]:
-        ax.set_xlabel(labels[0])
+        ax.set_xlabel("anti-oscillators N")
     for ax in grid[:, 0]:
-        ax.set_ylabel(labels[1])
+        ax.set_ylabel("step h (s)")
     bar = fig.colorbar(image, ax=grid, ticks=range(4), aspect=40, pad=0.02)
     bar.ax.set_yticklabels(CLASSES, rotation=90, va="center")
 

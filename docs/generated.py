@@ -39,7 +39,7 @@ PICTURES = {
     "benchmarks": {
         "speed_chart": ["speed_chart.png"],
         "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
-        "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],
+        "stability": ["stability.png", "stability_rod.png", "stability_windows.png"],
         "stiffened_panel": ["stiffened_panel.png"],
         "strike_or_uniform": ["../speed/strike_or_uniform.png"],
         "work_precision": ["work_precision.png", "work_precision_contacts.png"],

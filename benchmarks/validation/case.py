@@ -75,22 +75,3 @@ class Case:
     source: str
     run: Callable[[Path], list[Row]]
     measured: bool = False
-
-
-@dataclass(frozen=True)
-class Waiting:
-    """A published test whose values could not be had: inputs are ready, and what comes out.
-
-    Attributes
-    ----------
-    title, source : as of `Case`.
-    given : the data, and which of them are assumed.
-    missing : what is missing.
-    run : quantity -> our value.
-    """
-
-    title: str
-    source: str
-    given: str
-    missing: str
-    run: Callable[[], dict[str, float]]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc import plotting
+from antiosc.models.closed_form import UniformBeam, pinned_pinned
 
 Array = NDArray[np.float64]
 INCH, POUND = 0.0254, 4.4482216  # m, N
@@ -108,6 +109,53 @@ def ball_on_spring(picture: Path) -> list[Row]:
     ]
 
 
+#: SDND121: contacts of the 70 within 4 s, and when they begin and end, s
+FORCED = {
+    "1st contact": (0.024867876, 0.025260518),
+    "35th contact": (1.884829878, 1.885221033),
+    "70th contact": (3.886525493, 3.886916559),
+    "mean of all 70": (1.9638139588, 1.9642065762),
+}
+
+
+def rattling(picture: Path) -> list[Row]:
+    """SDND121: a mass on a spring is pushed to and fro against a hard stop."""
+    t = np.linspace(0.0, 4.0, 200_001)
+    scene = ao.Scene(
+        {"mass": ao.AntiOscillators(m0=156.0, k0=2e6, m=[], omega=[]), "stop": ao.Obstacle()},
+        [ao.Contact("mass", "stop", ao.Linear(1e10), gap=1e-3)],
+        loads=[ao.Load("mass", t, -3e3 * np.sin(10 * np.pi * t))],
+    )
+    hit = scene.run(4.0, tol=1e-6)
+    times = np.array(hit["mass", "stop"].contacts)
+    found = [times[0], times[34], times[69], times[:70].mean(axis=0)]
+    rows = [Row("contacts within 4 s", 70, len(times), 0.0)]
+    for (name, published), ours in zip(FORCED.items(), found, strict=True):
+        for word, value, own in zip(("begins", "ends"), published, ours, strict=True):
+            rows.append(Row(f"{name} {word}, s", value, float(own), 1e-8, absolute=True))
+    moved = -hit.at(t[::50])["mass"].displacement() * 1e3
+    drawn(picture, t[::50], moved, "mass (mm)")
+    return rows
+
+
+def hammered(picture: Path) -> list[Row]:
+    """A hammer loses to the modes of a beam what its rebound lacks."""
+    beam = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
+    model = pinned_pinned(beam, site=0.4).anti_oscillators(60)
+    modes, rows = model.modal(), []
+    for stiffness in (1e8, 1e10):
+        hammer = ao.RigidMass(0.01, 1.0)
+        hit = ao.simulate(model, hammer, ao.Hertz(stiffness), duration=4e-3, step=2e-7)
+        weights = np.gradient(hit.time) * hit.force / (hammer.mass * (1 + hit.restitution))
+        spectrum = np.exp(-1j * np.outer(modes.omega, hit.time)) @ weights
+        lost = (1 - hit.restitution) / (1 + hit.restitution)
+        taken = float(np.sum(np.abs(spectrum * modes.b) ** 2)) * hammer.mass
+        name = f"share of the modes, contact of {stiffness:g} N/m^1.5"
+        rows.append(Row(name, lost, taken, 1e-3, "equation"))
+    drawn(picture, hit.time, hit.force, "force (N)")
+    return rows
+
+
 def drawn(picture: Path, t: Array, value: Array, label: str, start: float = 0.0) -> None:
     """A quantity over time, from `start` on."""
     figure, axes = plotting.panels(1, 1, size=(7, 3.2))
@@ -135,6 +183,23 @@ CASES = [
         "code_aster SDND108, modelling A, manual V5.01.108 and astest/sdnd108a.comm: data, "
         "analytical values and bounds; modelling B has a dashpot, which antiosc's laws do not have",
         bouncing_mass,
+    ),
+    Case(
+        "sdnd121",
+        "A mass on a spring rattles against a hard stop",
+        "156 kg, 2e6 N/m, stop of 1e10 N/m 1 mm away, 3000 N sin(2π 5 t) from rest",
+        "code_aster SDND121, astest/sdnd121a.comm, and its 140 quasi-analytical times of contacts "
+        "to 1e-9 s, sdnd121a.py; bound 1e-8 s",
+        rattling,
+    ),
+    Case(
+        "hammer",
+        "A bouncing hammer and the modes that it excites",
+        "a mass of 10 g at 1 m/s on the pinned beam of the article, at 0.4 of its length",
+        "J. Woodhouse, Euphonics, 12.1.2, equations 1 to 5: with the pulse f(t) of unit impulse "
+        "and the effective masses M_n, energy asks for m Σ |f(ω_n)|²/M_n = (v1 − v2)/(v1 + v2); "
+        "bound 0.1 %",
+        hammered,
     ),
     Case(
         "vm65",
