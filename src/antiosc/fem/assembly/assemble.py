@@ -187,7 +187,7 @@ def _joined(
     motions = assembled.free_motions(layout, bodies, C, fixed, scale)
     _check_joined(layout, bodies, motions[2], rows, elastic)
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
-    warn_of_motions(layout, *motions, supported=supported)
+    warn_of_motions(*motions, supported=supported)
     return _Joined(constraints, eliminated, added, motions)
 
 

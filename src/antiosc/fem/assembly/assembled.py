@@ -53,8 +53,7 @@ class RigidDofs:
     name: str  # of the part or of the reference point, for messages
     rows: IntArray  # its dofs in u
     centre: Array  # (3,) [m]
-    size: float  # half of its extent [m]
-    motions: Array  # (rows, 6) unit translations and rotations (about the centre, by 1/size)
+    motions: Array  # (rows, 6) unit translations, and rotations that move its ends by 1
 
 
 def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
@@ -94,7 +93,7 @@ def _rigid_body(
     """The rigid motions of these rows."""
     motions = places.rigid_motions(centre, rows)
     motions[:, 3:] /= size
-    return RigidDofs(name, rows, centre, size, motions)
+    return RigidDofs(name, rows, centre, motions)
 
 
 def free_motions(
@@ -179,15 +178,6 @@ def _excluding_rigid(motions: Array, rigid: Array) -> Array:
     return np.asarray(U[:, :count] * values[:count])
 
 
-def motions_as_text(body: RigidDofs, motions: Array) -> str:
-    """The motions (rows of u, m) of a body as text, such as "x and rz at (0, 0, 0) m"."""
-    coefficients = np.linalg.lstsq(body.motions, motions[body.rows], rcond=1e-9)[0]
-    size = np.linalg.norm(coefficients, axis=0)
-    return support.motions_text(
-        coefficients[:, size > STILL] / size[size > STILL], body.centre, body.size
-    )
-
-
 #: A part is at rest if its motion is below this fraction of the largest.
 AT_REST = 1e-6
 #: A motion has no mass if its mass is below this fraction of the largest.
@@ -215,8 +205,8 @@ def modes_of(
         massless_motions = eliminated.T @ massless
         points = [body for body in moving if np.abs(massless_motions[body.rows]).max() > STILL]
         raise InputError(
-            "a reference point moves without resistance and without mass: "
-            f"{_in_words(massless_motions, points)}; join it, support it, or give it a mass."
+            f"the reference point {names_of(points)} moves without resistance and without mass: "
+            "join it, support it, or give it a mass."
         )
     if not modes.shape[1]:
         return modes, 0.0
@@ -252,7 +242,6 @@ def _force_ratio(K: Matrix, motions: Array, least: float) -> float:
 
 
 def warn_of_motions(
-    layout: Layout,
     rigid: Array,
     mechanisms: Array,
     moving: Sequence[RigidDofs],
@@ -262,22 +251,19 @@ def warn_of_motions(
     """Warn of mechanisms, and of rigid motions that the supports permit."""
     if mechanisms.shape[1]:
         warn(
-            "the joints leave parts free to move without strain: "
-            f"{_in_words(mechanisms, moving)}; join or hold them unless it is intended.",
+            f"the joints leave parts free to move without strain ({mechanisms.shape[1]} motions, "
+            f"of {names_of(moving)}): join or hold them unless it is intended.",
         )
     if supported and rigid.shape[1]:
         warn(
-            "the supports leave the assembly free to move as a rigid body: "
-            f"{motions_as_text(whole_body(layout), rigid)}; hold that too unless it is intended.",
+            f"the supports leave the assembly free to move as a rigid body ({rigid.shape[1]} "
+            "motions): hold that too unless it is intended.",
         )
 
 
-def _in_words(mechanisms: Array, moving: Sequence[RigidDofs]) -> str:
-    """The mechanisms as text, body by body."""
-    names: dict[str, str] = {}
-    for body in moving:
-        names.setdefault(body.name, motions_as_text(body, mechanisms))
-    return "; ".join(f"{name!r}: {words}" for name, words in names.items())
+def names_of(bodies: Sequence[RigidDofs]) -> str:
+    """The names of the parts and points to which bodies belong."""
+    return ", ".join(dict.fromkeys(repr(body.name) for body in bodies))
 
 
 Loads = TypeVar("Loads", Array, Sparse)

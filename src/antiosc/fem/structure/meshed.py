@@ -557,11 +557,10 @@ def assembled(
     resisted = np.column_stack([np.zeros((rows, 0)), *(s.G.toarray().T for s in springs)])
     modes, shift = support.mesh_modes(form, fixed, K, M, resisted)
     if conditions and modes.shape[1]:
-        motions = support.described(mesh, form, modes)
         warn(
             mesh.comm,
-            f"the supports leave the structure free to move as a rigid body: {motions}; hold "
-            "that too unless it is intended.",
+            f"the supports leave the structure free to move as a rigid body ({modes.shape[1]} "
+            "motions): hold that too unless it is intended.",
         )
 
     materials_by_group = dict(material) if isinstance(material, Mapping) else material

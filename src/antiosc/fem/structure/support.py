@@ -36,7 +36,6 @@ from antiosc.fem.structure import (
     in_space,
     orthonormal,
 )
-from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
 Where = str | Callable[[Array], BoolArray]
 
@@ -433,56 +432,3 @@ def _difference(a: Field, b: Field) -> Field:
         return u - v, r - q
 
     return value
-
-
-#: Share of a motion below which a part of it is rounding.
-MOTION_ROUNDING = 1e-6
-
-
-def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
-    """The rigid motions spanned by modes (rows of this rank, r) as text.
-
-    Collective: every rank gets the same text.
-    """
-    low, high = mesh.box
-    centre = (low + high) / 2
-    size = float(np.linalg.norm(high - low)) / 2
-    unit = places_of(form).rigid_motions(centre)
-    unit[:, 3:] /= size
-    # the coefficients (6, r) of each mode: exact, the modes lie in the span of the unit motions
-    motions = np.linalg.pinv(dot(mesh.comm, unit, unit)) @ dot(mesh.comm, unit, modes)
-    return motions_text(motions / np.linalg.norm(motions, axis=0), centre, size)
-
-
-def motions_text(motions: Array, centre: Array, size: float) -> str:
-    """Rigid motions (6, m) by the components that move together: "y and rz at (0, 0, 0) m".
-
-    Their coefficients are of unit translations along x, y, z and of rotations about axes through
-    `centre` (3,), scaled by 1/`size` [m]; as text, rotations are in rad and displacements in m.
-    """
-    names = [*ROTATIONS, *DISPLACEMENTS]
-    rows = _reduced(motions[[3, 4, 5, 0, 1, 2]].T)
-    rows[rows[:, :3].any(axis=1), 3:] *= size
-    texts = []
-    for row in rows:
-        terms = [f"{row[k]:+.3g} {names[k]}" for k in np.flatnonzero(row)]
-        texts.append(" ".join(terms).replace("+1 ", "", 1))
-    return f"{', '.join(texts)} at {point_text(centre)}"
-
-
-def _reduced(rows: Array) -> Array:
-    """Reduced echelon form of the span of some rows, without zero rows."""
-    rows = np.array(rows, dtype=float)
-    row = 0
-    for column in range(rows.shape[1]):
-        if row == len(rows):
-            break
-        pivot = row + int(np.argmax(np.abs(rows[row:, column])))
-        if abs(rows[pivot, column]) <= MOTION_ROUNDING * np.abs(rows[row:]).max():
-            continue
-        rows[[row, pivot]] = rows[[pivot, row]]
-        rows[row] /= rows[row, column]
-        others = np.arange(len(rows)) != row
-        rows[others] -= np.outer(rows[others, column], rows[row])
-        row += 1
-    return np.where(np.abs(rows) > MOTION_ROUNDING, rows, 0.0)[:row]
