@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.extension import projected
-from antiosc.fem.assembly.joint import HeldDofs, Joint, Rows, Stiffness, following
+from antiosc.fem.assembly.joint import Constraints, Joint, Rows, Stiffness, following
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import Member
@@ -431,7 +431,7 @@ class SharedNodes(Joint):
     numbers: Mapping[str, IntArray]
     name: str | None = "shared nodes"
 
-    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """Constraints by which the shared dofs of a part follow those of an earlier part."""
         ordered = sorted(
             layout.members.values(), key=lambda m: (m.part.form.degree, -m.part.mesh.tdim)
@@ -528,7 +528,7 @@ class NodeConstraints(Joint):
     dampers: Sequence[tuple[Sequence[Term], float]] = ()
     name: str | None = "constraints of the deck"
 
-    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """Rows of the constraints, of the dofs between their nodes, and of middle nodes."""
         nodes = Nodes(layout, self.points, self.numbers)
         equations = nodes.functionals(self.equations)

@@ -200,13 +200,13 @@ def at(**where: float):
     return lambda x: np.all([np.isclose(x["xyz".index(k)], v) for k, v in where.items()], axis=0)
 
 
-def told(mesh, material, supports) -> str:
+def told(mesh, material, supports) -> int:
     with warnings.catch_warnings(record=True, action="always") as said:
         ao.Structure(mesh, material, supports)
     found = [str(one.message) for one in said if "as a rigid body" in str(one.message)]
     assert all(issubclass(one.category, ao.AntioscWarning) for one in said)
     assert len(found) <= 1
-    return found[0].split(": ")[1].split(";")[0] if found else ""
+    return int(found[0].split("(")[1].split()[0]) if found else 0
 
 
 CORNER = at(x=0.0, y=0.0, z=0.0)
@@ -215,32 +215,32 @@ EDGE = at(x=0.0, z=0.0)
 
 
 @pytest.mark.parametrize(
-    ("supports", "words"),
+    ("supports", "count"),
     [
-        ([], ""),
-        ([ao.Support(at(x=0.0))], ""),
-        ([ao.Support(CORNER), ao.Support(OTHER), ao.Support(EDGE)], ""),
+        ([], 0),
+        ([ao.Support(at(x=0.0))], 0),
+        ([ao.Support(CORNER), ao.Support(OTHER), ao.Support(EDGE)], 0),
         # a roller under a face: it slides along the face and turns about the normal
         (
             [ao.Support(at(x=0.0), "x")],
-            "rx, y, z at (0.2, 0.05, 0.1) m",
+            3,
         ),
-        ([ao.Support(at(x=0.0), ("x", "y"))], "z at (0.2, 0.05, 0.1) m"),
+        ([ao.Support(at(x=0.0), ("x", "y"))], 1),
         # a hinge along an edge that lies in y
-        ([ao.Support(EDGE)], "ry +0.1 x -0.2 z at (0.2, 0.05, 0.1) m"),
+        ([ao.Support(EDGE)], 1),
         (
             [ao.Support(EDGE, ("x", "z"))],
-            "ry +0.1 x -0.2 z, y at (0.2, 0.05, 0.1) m",
+            2,
         ),
         # two ball joints: it turns about the line between them
         (
             [ao.Support(CORNER), ao.Support(OTHER)],
-            "rx +0.25 ry +0.5 rz at (0.2, 0.05, 0.1) m",
+            1,
         ),
     ],
 )
-def test_a_box(supports, words):
-    assert told(box(), SOLID, supports) == words
+def test_a_box(supports, count):
+    assert told(box(), SOLID, supports) == count
 
 
 BODY = ao.Solid(70e9, 0.33, 2700.0)

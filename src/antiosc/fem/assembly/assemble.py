@@ -26,7 +26,7 @@ from antiosc.fem.assembly.assembled import (
     warn_of_motions,
 )
 from antiosc.fem.assembly.elimination import eliminate
-from antiosc.fem.assembly.joint import Constraints, Eliminated, HeldDofs, Joint, Rows, Stiffness
+from antiosc.fem.assembly.joint import Constraints, Eliminated, Joint, Rows, Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse, row_numbers
 from antiosc.fem.assembly.parts import (
     checked_parts,
@@ -161,7 +161,7 @@ def _joined(
     rows = [Rows.free(support_rows(layout, support), "") for support in checked_supports]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
-        rows += joint.constraints(layout, HeldDofs(rows, fixed), label)
+        rows += joint.constraints(layout, Constraints(rows, fixed, scale), label)
         elastic += [replace(support, name=label) for support in joint.elastic(layout, label)]
     for support in attached:
         elastic += attachment(layout, support)

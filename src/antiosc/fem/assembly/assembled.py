@@ -35,7 +35,6 @@ from antiosc.fem.structure import (
     support,
 )
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.fem.structure.support import polynomials
 from antiosc.models.motion import Inertia
 
 #: A motion satisfies the constraints if their residual over the sizes of their terms is below this.
@@ -223,14 +222,8 @@ def modes_of(
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
         return modes, 1.0  # any will do
     size = float((layout.high - layout.low).max())
-    places = layout.places
-    polynomial = np.column_stack(
-        [
-            eliminated.coordinates(places.values(field, layout.middle, size))
-            for _, field in polynomials(2 if layout.plane else 3)
-        ]
-    )
-    return modes, SHIFT * support.first_elastic(comm, K, M, polynomial, modes)
+    fields = eliminated.coordinates(layout.places.polynomials(layout.middle, size))
+    return modes, SHIFT * support.first_elastic(comm, K, M, fields, modes)
 
 
 def _force_ratio(K: Matrix, motions: Array, least: float) -> float:
@@ -279,50 +272,43 @@ class Added:
     """
 
     def __init__(self, elastic: Sequence[Stiffness], T: Sparse) -> None:
-        self._elastic = [(term, rounded(term.G @ T)) for term in elastic]
+        self._terms = elastic
         self.mass = float(sum(term.mass for term in elastic))
-        functionals = stacked([G for _, G in self._elastic], T.shape[1])
+        self._G = stacked([term.G for term in elastic], len(T.indptr) - 1)
+        self._on_q = [rounded(term.G @ T) for term in elastic]
+        self._G_on_q = stacked(self._on_q, T.shape[1])
 
-        def whole(blocks: Sequence[Array]) -> Sparse:
-            return (
-                functionals.T @ scipy.sparse.block_diag([np.zeros((0, 0)), *blocks]) @ functionals
-            ).tocsr()
-
-        self.K, self.M = whole([term.k for term in elastic]), whole([term.m for term in elastic])
+        empty = np.zeros((0, 0))
+        self._k = scipy.sparse.block_diag([empty, *(term.k for term in elastic)], "csr")
+        self._m = scipy.sparse.block_diag([empty, *(term.m for term in elastic)], "csr")
+        self.K = (self._G_on_q.T @ self._k @ self._G_on_q).tocsr()
+        self.M = (self._G_on_q.T @ self._m @ self._G_on_q).tocsr()
 
     def dissipation(self, *, on_u: bool = False) -> list[Dissipation]:
         """Dashpots and Maxwell branches on q, or on u before the parts are joined."""
-        terms = [(stiffness, stiffness.G if on_u else G) for stiffness, G in self._elastic]
-        spring_terms = [
-            (stiffness, partial(Dissipation, G, name=stiffness.name, point=stiffness.point))
-            for stiffness, G in terms
-        ]
-        springs = [term(stiffness.c) for stiffness, term in spring_terms if stiffness.c is not None]
-        return springs + [
-            term(k, t) for stiffness, term in spring_terms for k, t in stiffness.branches
-        ]
+        dashpots: list[Dissipation] = []
+        branches: list[Dissipation] = []
+        for term, on_q in zip(self._terms, self._on_q, strict=True):
+            made = partial(Dissipation, term.G if on_u else on_q, name=term.name, point=term.point)
+            dashpots += [] if term.c is None else [made(term.c)]
+            branches += [made(k, tau) for k, tau in term.branches]
+        return dashpots + branches
 
     def springs(self) -> list[Dissipation]:
         """The springs as `Dissipation` terms on u, whose c is the stiffness."""
-        terms = [term for term, _ in self._elastic]
-        return [Dissipation(term.G, term.k, name=term.name, point=term.point) for term in terms]
+        return [
+            Dissipation(term.G, term.k, name=term.name, point=term.point) for term in self._terms
+        ]
 
     def forces(self, motions: Array) -> Array:
         """Elastic forces in q (n, j) for motions of u (n, j)."""
-        forces = np.zeros(motions.shape)
-        for term, G in self._elastic:
-            forces += G.T @ (term.k @ (term.G @ motions))
-        return forces
+        return np.asarray(self._G_on_q.T @ (self._k @ (self._G @ motions)))
 
     def inertial_loads(self, motions: Array) -> tuple[Array, Array]:
         """(M r (n, j) on q, rᵀ M r (j, j)) of the attached masses, for motions r of u (n, j)."""
-        loads = np.zeros(motions.shape)
-        energies = np.zeros((motions.shape[1],) * 2)
-        for term, G in self._elastic:
-            motions_at_masses = term.G @ motions
-            loads += G.T @ (term.m @ motions_at_masses)
-            energies += motions_at_masses.T @ term.m @ motions_at_masses
-        return loads, energies
+        moved = self._G @ motions
+        impulse = self._m @ moved
+        return np.asarray(self._G_on_q.T @ impulse), moved.T @ impulse
 
 
 @dataclass(eq=False)

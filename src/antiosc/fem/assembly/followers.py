@@ -20,7 +20,7 @@ from antiosc.fem.assembly.ends import (
     mean,
     motion,
 )
-from antiosc.fem.assembly.joint import NAME, HeldDofs, Joint, Rows, following
+from antiosc.fem.assembly.joint import NAME, Constraints, Joint, Rows, following
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
@@ -54,7 +54,7 @@ class Rigid(Joint):
                 raise InputError(f"{label}: {self.group!r} is a single point, which is rigid.")
             layout.points[label] = member.nodes[nodes].mean(axis=0)
 
-    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """Every dof of the group equals the rigid motion of the point."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)
@@ -100,7 +100,7 @@ class Mean(Joint):
     point: End = field(metadata=END)
     name: str | None = field(default=None, metadata=NAME)
 
-    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """Displacement and rotation of the point equal the mean ones of the group."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)

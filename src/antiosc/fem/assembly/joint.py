@@ -52,20 +52,12 @@ def following(
 
 
 @dataclass(frozen=True, eq=False)
-class HeldDofs:
-    """The constraints and fixed dofs that exist before the constraints of a joint are formed."""
-
-    rows: Sequence[Rows]  # of the supports and of earlier joints
-    fixed: BoolArray  # (n,) dofs that are zero
-
-
-@dataclass(frozen=True, eq=False)
 class Constraints:
-    """All constraints of an assembly; the attributes are arguments of `eliminate`."""
+    """Constraints of an assembly; the attributes are arguments of `eliminate`."""
 
-    rows: Sequence[Rows]
-    fixed: BoolArray
-    scale: Array
+    rows: Sequence[Rows]  # of the supports first, then of the joints
+    fixed: BoolArray  # (n,) dofs that are zero
+    scale: Array  # (n,) typical size of each dof
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +125,7 @@ class Joint(Checked):
     def prepare(self, layout: Layout, label: str) -> None:
         """Add the reference points of the joint to the layout."""
 
-    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """The linear constraints C u = 0 of the joint."""
         return []
 

@@ -21,7 +21,7 @@ from antiosc.fem.assembly.ends import (
     end_text,
     motion,
 )
-from antiosc.fem.assembly.joint import NAME, HeldDofs, Joint, Rows, Stiffness, TwoEnds
+from antiosc.fem.assembly.joint import NAME, Constraints, Joint, Rows, Stiffness, TwoEnds
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure import checked_axis, in_space
 from antiosc.fem.structure.attachments import by_components
@@ -38,7 +38,7 @@ class _Pin(TwoEnds):
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     name: str | None = field(default=None, metadata=NAME)
 
-    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """Equal displacements and rotations of both ends, in the constrained directions."""
         ends = [(end, motion(layout, end)) for end in (self.a, self.b)]
         directions = self._constrained()
@@ -99,7 +99,7 @@ class _Axis(_Pin):
     #: whether the axis is that of a rotation
     _turns_about_axis: ClassVar[bool] = True
 
-    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """As `Weld.constraints`; InputError in a plane structure for an axis that its motions
         exclude.
         """
@@ -224,7 +224,7 @@ class Equation(Joint):
         store(self, terms=terms)
         super().__post_init__()
 
-    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """The single row of the equation."""
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:

@@ -30,7 +30,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import checked_by, point_text, positive
 from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly.ends import group_end
-from antiosc.fem.assembly.joint import NAME, HeldDofs, Rows, TwoEnds
+from antiosc.fem.assembly.joint import NAME, Constraints, Rows, TwoEnds
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, closest, on_faces, overlap
 from antiosc.fem.structure import skew
@@ -73,7 +73,7 @@ class Tie(TwoEnds):
 
     late: ClassVar[bool] = True
 
-    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """Constraints by which every free dof of the follower equals the displacement of the
         leader."""
         sides = [

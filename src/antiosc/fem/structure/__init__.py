@@ -6,9 +6,10 @@ shift that makes K factorable from the lowest elastic ω² beside them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, ClassVar, TypedDict
 
 import numpy as np
@@ -128,8 +129,6 @@ def skew(a: Array) -> Array:
 AMPLITUDE = 0
 MOVE = 1
 TURN = 2
-#: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
-Field = Callable[[Array], tuple[Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,14 +174,28 @@ class DofPlaces:
         result[~is_translation, 3:] = axes[~is_translation]
         return result
 
-    def values(self, field: Field, centre: Array, size: float) -> Array:
-        """A field of the coordinates (x − centre)/size, evaluated at all dofs (n,)."""
-        displacement, rotation = field((self.nodes - centre) / size)
+    def polynomials(self, centre: Array, size: float) -> Array:
+        """All fields of at most second order in (x − centre)/size, with half their curl as the
+        rotations: (dofs, k).
+        """
+        s = (self.nodes - centre) / size
+        axes = np.flatnonzero(self.axes[self.kind == MOVE].any(axis=0))
+        powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
+        powers += [(j, k) for j in axes for k in axes[axes >= j]]
+        result = np.empty((len(self.kind), len(axes) * len(powers)), order="F")
         is_rotation = self.kind == TURN
-        field_at_dofs = np.where(is_rotation, rotation[:, self.node], displacement[:, self.node])
-        result = np.einsum("nc,cn->n", self.axes, field_at_dofs)
-        result[is_rotation] /= size  # the displacement is given per unit of the scaled coordinates
-        return np.asarray(result)
+        for column, (axis, factors) in zip(result.T, product(axes, powers), strict=True):
+            direction = np.eye(3)[axis]
+            gradient = np.zeros((len(s), 3))
+            for place, other in enumerate(factors):
+                rest = [*factors[:place], *factors[place + 1 :]]
+                gradient[:, other] += np.prod(s[:, rest], axis=1)
+
+            column[:] = self.axes[:, axis] * np.prod(s[:, list(factors)], axis=1)[self.node]
+            rotation = np.cross(gradient, direction) / (2 * size)
+            turned = np.einsum("nc,nc->n", self.axes, rotation[self.node])
+            column[is_rotation] = turned[is_rotation]
+        return result
 
 
 def placement(name: str, at: Placement | Sequence[float] | None) -> Placement:

@@ -8,7 +8,7 @@ quadratic ones is of the order of the first elastic ω², from which the shift i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import InitVar, dataclass
 from functools import partial
 from typing import cast
@@ -32,7 +32,6 @@ from antiosc.fem.structure import (
     SHIFT,
     TURN,
     DofPlaces,
-    Field,
     in_space,
     orthonormal,
 )
@@ -309,24 +308,29 @@ def mesh_modes(
     `springs` (rows of this rank, k): columns b whose motions bᵀu grounded springs resist.
     """
     comm: MPI.Comm = K.getComm().tompi4py()
-    motions = _vanishing(comm, _fields(form, comm, rigid=True), fixed, springs)
-    motions = orthonormal(comm, M, motions)
-    if not motions.shape[1]:
-        return motions, 0.0
-    largest_ratio = force_ratios(K, motions, multiply(K, motions)).max()
+    modes = _vanishing(comm, motions(form, K), fixed, springs)
+    modes = orthonormal(comm, M, modes)
+    if not modes.shape[1]:
+        return modes, 0.0
+    largest_ratio = force_ratios(K, modes, multiply(K, modes)).max()
     if largest_ratio > RIGID_FORCE:
         raise AccuracyError(
             f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {largest_ratio:.1e} (expected "
             "from rounding: 1e-16); the mesh or the element order cannot represent rigid motions, "
             "or a spring is so stiff that it should be a Support."
         )
-    fields = _vanishing(comm, _fields(form, comm), fixed, springs)
-    return motions, SHIFT * first_elastic(comm, K, M, fields, motions)
+    low, high = bounds(comm, form.space.tabulate_dof_coordinates())
+    fields = places_of(form).polynomials((low + high) / 2, float((high - low).max()))
+    fields = _vanishing(comm, fields, fixed, springs)
+    return modes, SHIFT * first_elastic(comm, K, M, fields, modes)
 
 
 def motions(form: WeakForm, K: PETSc.Mat) -> Array:
-    """Rigid-body motions of the unsupported body (rows of this rank, r)."""
-    return _fields(form, K.getComm().tompi4py(), rigid=True)
+    """Rigid-body motions of the unsupported body (rows of this rank, r), of one size each."""
+    low, high = bounds(K.getComm().tompi4py(), form.space.tabulate_dof_coordinates())
+    rigid = places_of(form).rigid_motions((low + high) / 2)
+    rigid[:, 3:] /= float((high - low).max())
+    return rigid if "z" in form.components else rigid[:, [0, 1, 5]]
 
 
 def places_of(form: WeakForm) -> DofPlaces:
@@ -379,56 +383,3 @@ def first_elastic(
         return frequency(K, M)
     # Below the rounding of the largest nothing is told: `closer_shift` comes after.
     return float(max(values[0], DOMINATED * values[-1]))
-
-
-def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
-    """Polynomial fields at the dofs of this rank (rows, k), or only the `rigid` ones."""
-    low, high = bounds(comm, form.space.tabulate_dof_coordinates())
-    fields = polynomials(3 if "z" in form.components else 2)
-    selected = [field for moves, field in fields if moves or not rigid]
-    size = float((high - low).max())
-    places = places_of(form)
-    result = np.empty((compat.local_size(form.space), len(selected)), order="F")
-    for column, field in zip(result.T, selected, strict=True):
-        column[:] = places.values(field, (low + high) / 2, size)
-    return result
-
-
-def polynomials(dim: int) -> Iterator[tuple[bool, Field]]:
-    """Yield (is rigid, function s -> (displacement (3, n), rotation (3, n))), rigid motions
-    first.
-    """
-    axes = range(dim)
-    for i in axes:
-        yield True, _field(i, ())
-    for i, j in [(0, 1)] if dim == 2 else [(0, 1), (1, 2), (2, 0)]:
-        yield True, _difference(_field(i, (j,)), _field(j, (i,)))
-    for i in axes:
-        for j in axes:
-            yield False, _field(i, (j,))
-            for k in range(j, dim):
-                yield False, _field(i, (j, k))
-
-
-def _field(component: int, powers: tuple[int, ...]) -> Field:
-    """u_component = Π s_j over `powers`, with half its curl as rotation."""
-
-    def value(s: Array) -> tuple[Array, Array]:
-        direction = np.eye(3)[component]
-        gradient = np.zeros((len(s), 3))
-        for place, axis in enumerate(powers):
-            others = [*powers[:place], *powers[place + 1 :]]
-            gradient[:, axis] += np.prod(s[:, others], axis=1)
-        displacement = np.outer(direction, np.prod(s[:, list(powers)], axis=1))
-        return displacement, np.cross(gradient, direction).T / 2
-
-    return value
-
-
-def _difference(a: Field, b: Field) -> Field:
-    def value(s: Array) -> tuple[Array, Array]:
-        u, r = a(s)
-        v, q = b(s)
-        return u - v, r - q
-
-    return value
