@@ -10,7 +10,6 @@ import pytest
 import antiosc as ao
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1], omega=[1e3])
-INPUTS = {"k": ao.normal(1.0, 0.1)}
 
 
 class Drawn:

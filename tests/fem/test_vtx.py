@@ -28,10 +28,6 @@ SIMPLICES: dict[str, list[tuple[int, ...]]] = {
 }
 
 
-def mkdir(path) -> None:
-    path.mkdir()
-
-
 PLANE = ao.Solid(70e9, 0.3, 2700.0, plane="stress", thickness=0.01)
 TURNED = Placement((0.3, -0.2, 0.4), (1, 2, -1), 1.1, about=(0.1, 0.0, 0.2))
 

@@ -6,11 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import antiosc as ao
 
-Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(8)
 LAWS = {
     "hertz": ao.Hertz(1e9),

@@ -58,12 +58,6 @@ def many(**changes: Any) -> ao.Many:
     return ao.simulate_many(**{**given, **changes})
 
 
-def coupled(law: ao.ContactLaw) -> ao.Scene:
-    """A site without mass whose two contacts know of each other."""
-    body = ao.SiteModes([2e3], [[1.0, 0.5]], ("a", "b"), r=1e-7 * (np.eye(2) + 0.5))
-    return scene({"b": body}, [ao.Contact("b:a", "m", LAW), ao.Contact("w", "b:b", law)])
-
-
 REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ran({"b": 3.0}), "body 'b' must have a modal"),
     (lambda: scene({"a:b": MASS}), "without ':'; got 'a:b'"),

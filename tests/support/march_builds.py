@@ -10,10 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from antiosc.engine import library
-from antiosc.engine.system import System
 from paths import ROOT, SUPPORT
 
 _PARTS: dict[str, tuple[Any, ...]] = {
@@ -48,23 +45,6 @@ def built(*defines: str) -> Any:
         function = getattr(found, name)
         function.restype, function.argtypes = result, arguments
     return found
-
-
-class Stepper:
-    """A stepper of the test's library at the start of a run."""
-
-    def __init__(self, system: System, duration: float, step: float = 0.0) -> None:
-        self.library, given = built(), system.packed
-        self.keeps = given
-        size = self.library.aom_memory_size(byref(given.system))
-        self.memory = np.empty(-(-size // 16), dtype=np.complex128)
-        self.at = c_void_p()
-        options = library.COptions(duration, 1e-3, 0.0, step, duration / 1e4, 100, 10_000, 1)
-        made = self.library.aom_create(
-            byref(given.system), self.memory.ctypes.data, self.memory.nbytes, byref(self.at)
-        )
-        assert made == library.DONE
-        assert self.library.aom_start(self.at, byref(given.system), byref(options)) == library.DONE
 
 
 def law_at(law: Any) -> Any:
