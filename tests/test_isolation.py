@@ -107,7 +107,6 @@ def differences(done: subprocess.CompletedProcess[str]) -> list[dict[str, list[s
 
 
 APPLICATIONS = {
-    "bare": "",
     "with logging": """
         import io, logging
         log = io.StringIO()

@@ -43,11 +43,9 @@ def free() -> ao.Structure:
 
 
 CASES = {
-    "elastic": (sheet, EDGE, HERTZ, 4e-4, {}),
     "gap and gravity": (sheet, EDGE, HERTZ, 6e-4, {"gap": 1e-4, "gravity": 300.0}),
     "damped": (sheet, EDGE, ao.Gonthier(1e9, 0.6), 1.2e-3, {}),
     "plastic": (sheet, EDGE, ao.ElasticPlastic(115e9, 0.01, 3e8, 0.3), 1e-3, {}),
-    "free": (free, TOP, HERTZ, 4e-4, {}),
     "several contacts": (slender, TIP, HERTZ, 4e-3, {}),
 }
 
@@ -103,11 +101,6 @@ BENT = {
     "in its plane": (
         lambda n: ao.Structure(plate((8 * n, 3 * n), (0.3, 0.1)), SHEET, HELD),
         EDGE,
-        HERTZ,
-    ),
-    "a block": (
-        lambda n: ao.Structure(box((6 * n, 2 * n, 2 * n)), ao.Solid(**STEEL), HELD),
-        TOP,
         HERTZ,
     ),
     "a shell": (

@@ -22,7 +22,7 @@ from agent_calls import (
     served,
     told,
 )
-from antiosc_app import info
+from antiosc_app import agents_work, info
 
 pytestmark = pytest.mark.slow
 
@@ -69,12 +69,15 @@ def test_a_strike_is_the_same_each_time_and_another_scene_has_another_hash(folde
 
 def test_the_hash_is_also_that_of_the_files(folder, tmp_path):
     filled(tmp_path)
-    (here,) = answers(folder, [("check", {"scene": BEAM})])
-    (same,) = answers(tmp_path, [("check", {"scene": BEAM})])
+    here, same = (hash_in(one) for one in (folder, tmp_path.resolve()))
     with (tmp_path / "beam_M.mtx").open("a") as stream:
         stream.write("\n")
-    (changed,) = answers(tmp_path, [("check", {"scene": BEAM})])
-    assert told(here)["hash"] == told(same)["hash"] != told(changed)["hash"]
+    assert here == same != hash_in(tmp_path.resolve())
+
+
+def hash_in(folder: Path) -> str:
+    """The hash of a check of the beam."""
+    return agents_work.answer(folder, "check", {"scene": BEAM})[0]["hash"]
 
 
 @pytest.mark.fem

@@ -222,3 +222,13 @@ def test_a_free_beam_falls_and_spins_as_a_whole(kind, site):
     motion = ao.Motion(velocity=(1, 0, 0))
     with pytest.raises(ao.InputError, match="along x"):
         ao.simulate(model, ao.Obstacle(), ao.Hertz(1e9), 1e-3, initial_velocity=motion)
+
+
+@pytest.mark.slow
+def test_unobservable_modes_are_left_out():
+    """At mid-span of a symmetric beam every second mode has a node there."""
+    beam = pinned_pinned(SLENDER)
+    model, constrained = beam.anti_oscillators(5), beam.antiresonances(10)
+    np.testing.assert_allclose(model.omega, constrained[1::2], rtol=1e-10)
+    omega = beam.modes(5).modal().omega
+    np.testing.assert_allclose(omega, beam.natural_frequencies(10)[::2], rtol=1e-10)

@@ -326,3 +326,12 @@ def test_the_law_of_a_punch_on_a_half_space_loses_the_patch():
     a = ao.simulate(patched, striker, law, 2e-3, tol=1e-6)
     b = ao.simulate(ao.AntiOscillators(**given, k0=stiff), striker, law, 2e-3, tol=1e-6)
     assert a.peak_force == pytest.approx(b.peak_force, rel=1e-4)
+
+
+def test_thornton_yield_from_material():
+    E_star, R, p = 1.1e11, 0.01, 1.5e9
+    law = ao.Thornton.from_material(E_star, R, p)
+    assert law.stiffness == pytest.approx(ao.Hertz.from_radii(R, E_star, 0.0).stiffness)
+    # the pressure cut-off: dF/d(area of contact) = p beyond yield, with area = pi R delta
+    delta = 5 * law.yield_indentation
+    assert law.tangent(delta, 0.0, law.touch(1.0))[0] == pytest.approx(np.pi * R * p)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -14,14 +15,15 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.base import progress
-from antiosc.base.texts import engineering
-from antiosc_app import results
+from antiosc.base.texts import engineering, percent
+from antiosc_app import falls, results
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.episode import handed_over
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotation, ringing
 from antiosc_studies.drops.floor import law_at
 from antiosc_studies.drops.free_body import State
+from antiosc_studies.drops.impacts import Impacts
 from antiosc_studies.drops.orientation import tilted
 from antiosc_studies.drops.touching import BODY, Touch
 from antiosc_studies.drops.trajectory import initial_state
@@ -504,3 +506,35 @@ def test_a_fall_tells_how_far_it_is(until, done) -> None:
         times = [int(re.search(r": (\d+) of 500 ms, ", text)[1]) for text in steps]
         touched = [1e3 * fall.episodes[i].start.time for i in range(len(steps))]
         assert times == pytest.approx(touched, abs=0.5)
+
+
+def test_a_fall_tells_force_bar_and_dent_of_its_hardest_impact(monkeypatch) -> None:
+    """The dent of one impact stood beside the force and the bar of another one."""
+    fall = ao.drop(HARD, 0.5, floor=ao.Floor(SOFT), until=2)
+    dents = [episode.history.contact_histories[0].dent for episode in fall.episodes]
+    assert dents[0].depth > dents[1].depth
+    for hardest in (0, 1):
+        forces = [2e4 if k == hardest else 1e4 for k in range(2)]
+        pairs = zip(fall.impacts, forces, strict=True)
+        impacts = Impacts(replace(one, peak_force=force) for one, force in pairs)
+        monkeypatch.setitem(vars(fall), "impacts", impacts)
+        bar = percent(impacts[hardest].law_error)
+        told = f"in impact {hardest + 1}, the hardest, the contact yields: {dents[hardest].text}, "
+        assert fall.hardest == hardest
+        assert fall.contact_verdict.startswith(told)
+        assert f"that force may be off by {bar}" in fall.contact_verdict
+        text = fall.summary()
+        assert f"\nthe hardest is impact {hardest + 1}, 20.0 kN ± {bar}\n" in text
+        assert dents[1 - hardest].text not in text
+        found = " ".join(falls.sentences_of_fall(fall, None))
+        assert dents[hardest].text in found
+        assert dents[1 - hardest].text not in found
+
+
+def test_channel_frequency_classes_are_those_of_j211() -> None:
+    t = np.arange(0, 0.2, 1e-5)
+    for name, cfc in (("CFC60", 60), ("CFC1000", 1000)):
+        wave = np.sin(2 * np.pi * 5 / 3 * cfc * t)
+        assert ao.cfc_filter(1e-5, wave, name)[5000:15000].max() == pytest.approx(0.7071, abs=0.005)
+    with pytest.raises(ao.InputError, match="samples"):
+        ao.cfc_filter(1e-3, t, "CFC180")

@@ -99,7 +99,7 @@ def test_the_radii_of_a_spheroid_at_its_points(tmp_path: Path) -> None:
     """Radii N = b^2 g around the axis and M = a^2 b^2 g^3 along it, g^2 = x^2/a^4 + r^2/b^4."""
     a, b = 0.02, 0.01
     shape = "Sphere(1) = {0, 0, 0, 0.01}; Dilate {{0, 0, 0}, {2, 1, 1}} { Volume{1}; } n = 1"
-    body = free_body(ao.Structure(meshed(tmp_path, shape, 0.002), STEEL), 1, None, None)
+    body = free_body(ao.Structure(meshed(tmp_path, shape, 0.0028), STEEL), 1, None, None)
     skin = body.points + body.centre + body.balls[:, None] * body.facing
     ends = [np.argmin(skin[:, 0]), np.argmax(skin[:, 0])]
     which = np.append(ends, np.arange(0, len(skin), 12))

@@ -266,8 +266,7 @@ def test_a_scene_of_several_contacts(model, tmp_path):
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 @pytest.mark.slow
-@pytest.mark.parametrize("law", [LAW, YIELDS])
-@pytest.mark.parametrize("stretches", [False, True])
+@pytest.mark.parametrize(("law", "stretches"), [(LAW, False), (YIELDS, True)])
 def test_the_c_file_is_the_same_run(model, tmp_path, law, stretches):
     model = stretched.model(3) if stretches else model
     ao.export(tmp_path / "blow.c", model, BALL, law, duration=DURATION, tol=1e-6)
@@ -328,7 +327,7 @@ def test_a_contact_that_yields_is_exported_as_it_runs(model, tmp_path, fmi):
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
-@pytest.mark.parametrize("fmi", [2])
+@pytest.mark.parametrize("fmi", [2])  # of the fixture
 def test_an_fmu_is_built_from_its_sources(struck, tmp_path):
     listed = [each.attrib["name"] for each in struck.description.iter("File")]
     folder = struck.folder / "sources"

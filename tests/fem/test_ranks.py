@@ -73,13 +73,9 @@ def test_an_error_of_one_rank_is_that_of_all():
 
 TINY = """
 warnings.simplefilter("ignore")
-beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.02, 0.03))
 solid, shell = ao.Solid(**parts.STEEL), ao.Shell(**parts.STEEL, thickness=0.05)
-plane = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
 start = lambda x: np.isclose(x[0], 0)
 cases = {
-    "line": (parts.line(1.0, 1), beam, (1.0, 0.0), (0.2, -1.0), None, "left"),
-    "rectangle": (ao.read_mesh(sys.argv[2]), plane, (1.0, 0.5), (-1, 0.1), 0.3, "clamp"),
     "block": (ao.read_mesh(sys.argv[3]), solid, (0.5, 0.5, 1.0), (0.1, 0.2, -1), 0.3, "clamp"),
     "shell": (ao.read_mesh(sys.argv[2], gdim=3), shell, (0.5, 0.5, 0), (1, 2, -9), 0.3, "clamp"),
 }
@@ -118,7 +114,7 @@ def test_ranks_without_cells(tmp_path):
     kinds = "quadrilateral", "hexahedron"
     cubes = [str(parts.gmsh_cube(tmp_path / f"{kind}.msh", kind, n=1)) for kind in kinds]
     one, several = one_and_several(START + TINY, str(tmp_path / "series.pvd"), *cubes)
-    assert len(one) == 4
+    assert len(one) == 2
     for name, serial in one.items():
         assert several[name].pop("cells").count(0) == 1
         serial.pop("cells")
@@ -185,15 +181,10 @@ frame = ao.read_mesh("meshes/frame.msh")
 clamp, left = [ao.Support("clamp")], [ao.Support("left")]
 cases = {
     "block of two materials, patch": (block, two, left, patch),
-    "free block, patch": (block, solid, [], patch),
-    "hinged block, point": (block, solid, [ao.Support("left", ("x", "z"))],
-                            ao.Site((0.2, 0.05, 0.04), (0, 0, -1))),
     "bent tetrahedra, patch": (cube, solid, clamp, ao.Site((1.05, 0.5, 0.6), (-1, 0.1, 0),
                                                            radius=0.45, snap=True)),
     "free lever, patch": (lever, plane, [], ao.Site((0.135, 0.0), (-1, 0), radius=0.005)),
     "free frame": (frame, beam, [], ao.Site((0.0, 0.0, 0.33), (1, 0.3, 0))),
-    "frame on pins": (frame, beam, [ao.Support(lambda x: x[2] < 1e-9, ("x", "y", "z"))],
-                      ao.Site((0.0, 0.0, 1.3), (1, 0.3, 0))),
 }
 found = {}
 for name, (mesh, material, supports, site) in cases.items():
@@ -215,7 +206,7 @@ print(json.dumps(found))
 def test_two_ranks_give_the_models_of_one(tmp_path):
     cube = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron", 2, bent=True, n=4)
     one, two = one_and_several(START + MODELS, str(cube))
-    assert len(one) == 7
+    assert len(one) == 4
     for name, serial in one.items():
         ranks = two[name]
         if "frame" not in name:
@@ -323,8 +314,8 @@ if MPI.COMM_WORLD.rank == 0:
 
 def test_a_hang_is_ended():
     start = time.monotonic()
-    with pytest.raises(AssertionError, match="not done after 3 s"):
-        run_ranks(2, HANG, timeout=3)
+    with pytest.raises(AssertionError, match="not done after 1 s"):
+        run_ranks(2, HANG, timeout=1)
     assert time.monotonic() - start < 300
 
 
@@ -353,9 +344,7 @@ on_block = [ao.Site((x, 0.021, 0.04), (0.1, 0.2, -1), radius=0.016) for x in (0.
 on_frame = [ao.Site((0.43, 0.0, 1.3), (0.2, 1, -0.5)), ao.Site((0.0, 0.0, 0.33), (1, 0.3, 0))]
 cases = {
     "block": (block, solid, [ao.Support("left")], on_block),
-    "free block": (block, solid, [], on_block),
     "sliding block": (block, solid, [ao.Support("left", ("y", "z"))], on_block[:1]),
-    "frame": (frame, beam, [ao.Support("feet")], on_frame),
     "free frame": (frame, beam, [], on_frame),
 }
 found = {}
@@ -379,7 +368,7 @@ def test_krylov_models():
     # Not compared: the upper Ritz pairs, which are no property of the structure and feel the
     # rounding of every solve.
     one, two = one_and_several(START + KRYLOV)
-    assert len(one) == 5
+    assert len(one) == 3
     for name, serial in one.items():
         ranks = two[name]
         for key in ("fixed", "Z", "low"):

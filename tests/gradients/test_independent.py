@@ -12,7 +12,7 @@ BOUND = 1e-5
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_derivatives_and_their_errors(seed: int) -> None:
     """All goals by all numbers; `benchmarks/gradients.py` has 20 of these impacts."""
     found = rows(seed)

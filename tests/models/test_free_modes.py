@@ -114,3 +114,11 @@ def test_many_sites_are_many_times_one(rng, method, monkeypatch):
         )
     assert models.model(4).n < 10
     assert np.all(models.m[4, models.model(4).n :] == 0)
+
+
+@pytest.mark.parametrize("speed", [0.1, 3.0])
+def test_band_of_an_impact(speed):
+    ball, law = ao.RigidMass(mass=0.1, velocity=speed), ao.Hertz(1e9)
+    # Hertz's contact time against a wall: 2.9432 delta/v, delta = (5 m v^2/4 k)^(2/5)
+    duration = 2.9432 * (1.25 * 0.1 * speed**2 / 1e9) ** 0.4 / speed
+    assert ao.impact_band(ball, law) == pytest.approx(1.5 / duration, rel=0.15)

@@ -56,13 +56,10 @@ def as_deck(path, gap):
     path.write_text("\n".join([*lines, "*CONTACT PAIR, INTERACTION=I", "A, B", ""]))
 
 
-WRITERS = {"two.step": as_step, "two.inp": as_deck}
-
-
-@pytest.fixture(params=WRITERS)
-def apart(request, tmp_path):
-    WRITERS[request.param](tmp_path / request.param, APART)
-    one = Opened(tmp_path / request.param)
+@pytest.fixture
+def apart(tmp_path):
+    as_deck(tmp_path / "two.inp", APART)
+    one = Opened(tmp_path / "two.inp")
     yield one
     one.close()
 

@@ -116,3 +116,16 @@ def test_bodies_of_different_size_are_histories(rng, monkeypatch):
     assert "largest deflections: 3 of 3" in told  # of hundreds of sites they take seconds
     for peak, hit, (times, _) in zip(peaks, hits, forces, strict=True):
         assert peak == pytest.approx(hit.coordinates(times)[:, 0].max(), rel=1e-6)
+
+
+PLATE = ao.AntiOscillators(m0=0.02, k0=2e6, m=[0.2, 0.1], omega=[3e3, 1.1e4])
+
+
+def test_what_vibrates_is_what_the_rebound_lacks():
+    """Without losses in the contact, 1 − e² of the ball's energy is in the plate."""
+    hit = ao.simulate(PLATE, MASS, ao.Hertz(1e9), 2e-3, tol=1e-6)
+    lost = 1 - (hit.impactor_velocity[-1] / 2.0) ** 2
+    assert ao.vibration_share(hit) == pytest.approx(lost, abs=1e-4)
+    still = ao.simulate(PLATE, ao.RigidMass(1.0), ao.Hertz(1e9), 1e-4)
+    with pytest.raises(ao.InputError, match="at rest"):
+        ao.vibration_share(still)

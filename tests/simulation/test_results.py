@@ -75,3 +75,19 @@ def test_files_that_are_no_history_are_refused(hit, tmp_path):
         ao.AntiOscillators.load(tmp_path / "run.npz")
     with pytest.raises(ao.InputError, match="cannot write"):
         hit.to_csv(tmp_path / "no folder" / "run.csv")
+
+
+HIT = ao.simulate(
+    ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3]),
+    ao.RigidMass(0.2, 1.5),
+    ao.Hertz(1e9),
+    2e-3,
+)
+
+
+def test_a_summary_is_in_engineering_units_and_files_in_si(tmp_path):
+    told = HIT.summary()
+    assert f"{1e3 * HIT.contact_time:.3f} ms" in told
+    assert "e-0" not in told.replace(f"{HIT.energy.drift:.1e}", "").split("force error")[0]
+    HIT.to_json(tmp_path / "hit.json")
+    assert repr(HIT.contact_time) in (tmp_path / "hit.json").read_text()

@@ -276,8 +276,7 @@ def test_a_fold_carries_bending_across():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [10, 16])
-@pytest.mark.parametrize("radius", [0.1, 0.05])
+@pytest.mark.parametrize(("n", "radius"), [(10, 0.1), (16, 0.05)])
 def test_patch_compliance_is_mindlins(n, radius):
     """Independent of the mesh, and the double series' value."""
     exact = SupportedPlate(E, NU, RHO, 0.1, 1.0, 1.0).mindlin_compliance(0.45, 0.4, radius, 400)
@@ -286,9 +285,7 @@ def test_patch_compliance_is_mindlins(n, radius):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("point", "cell"), [((0.35, 0.3), "triangle"), ((0.5, 0.5), "quadrilateral")]
-)
+@pytest.mark.parametrize(("point", "cell"), [((0.35, 0.3), "triangle")])
 def test_thin_plate_anti_oscillators_are_kirchhoffs(point, cell):
     """t/L = 1e-3: k0, m_st, and the first five frequencies and masses within 0.5 %.
 

@@ -107,12 +107,8 @@ SPEED = 1e-4
 #: shape, ends, cells, thickness, order, place, mass over that of the shell, pulse over the period
 CASES = [
     ("plate", "clamped", (6, 4), 0.001, 1, (0.3, 0.25, 0.0), 0.1, 0.1),
-    ("plate", "cantilever", (8, 4), 0.0006, 1, (0.3, 0.45, 0.0), 0.02, 0.1),
-    ("plate", "free", (6, 5), 0.01, 1, (0.2, 0.2, 0.0), 0.05, 0.3),
-    ("skew", "clamped", (8, 5), 0.002, 1, (0.7, 0.35, 0.0), 0.05, 0.2),
     ("skew", "simple", (6, 4), 0.02, 1, (0.6, 0.3, 0.0), 0.5, 1.0),
     ("fold", "clamped", (8, 4), 0.005, 1, (0.25, 0.3, 0.0), 0.1, 0.2),
-    ("panel", "clamped", (8, 5), 0.01, 2, (0.35, 0.3, 0.93), 0.1, 0.5),
     ("tube", "free", (10, 5), 0.001, 2, (0.21, 0.3, 0.21), 0.05, 0.3),
 ]
 

@@ -237,7 +237,7 @@ def test_zeros_of_the_model_are_the_free_frequencies(case):
     assert strength.sum() == pytest.approx(total, rel=1e-6)
 
 
-@pytest.mark.parametrize("name", ["lever", "arch", "frame", "bracket"])
+@pytest.mark.parametrize("name", ["lever", "frame"])
 @pytest.mark.slow
 def test_truncation_error_is_the_mass_left_out(name):
     """0 ≤ Z_N − Z ≤ ω⁴m0/(ω_N² − ω²): each mode above ω_N adds m_i ω⁴/(ω_i² − ω²) ≥ 0."""

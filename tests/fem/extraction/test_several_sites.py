@@ -381,3 +381,15 @@ def test_a_free_body_moves_as_a_whole():
     momentum = hit.bodies["part"].momentum
     np.testing.assert_allclose(momentum[0], free.mass * np.array([0.3, 0.0, 0.1]), atol=1e-9)
     np.testing.assert_allclose(momentum[-1] - momentum[0], [0, 0, -impulse], atol=1e-9)
+
+
+@pytest.mark.slow
+def test_lowest_krylov_ones_are_the_antiresonances(block):
+    krylov = ao.extract(block, CORNERS, 24)
+    modes = ao.extract(block, CORNERS, 8, "modes")
+    count = min(krylov.info["converged"], 8)
+    assert count >= 5
+    np.testing.assert_allclose(krylov.omega[:count], modes.omega[:count], rtol=1e-6)
+    np.testing.assert_allclose(krylov.m[:count], modes.m[:count], rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(krylov.k0, modes.k0, rtol=1e-11)
+    np.testing.assert_allclose(krylov.m_st, modes.m_st, rtol=1e-11)

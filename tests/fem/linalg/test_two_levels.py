@@ -93,17 +93,14 @@ def test_natural_modes_of_two_levels(supports):
         {},
         {"cell": "hexahedron"},
         {"supports": []},
-        {"nu": 0.499},
-        {"cell": "hexahedron", "nu": 0.45},
         {"cell": "hexahedron", "nu": 0.499},
         {"cell": "hexahedra and wedges"},
         {"material": ORTHOTROPIC},
         {"attached": [SPRING, MASS]},
-        {"attached": [SPRING], "supports": []},
     ],
     ids=[
-        *("tetrahedra", "hexahedra", "free", "nu", "hexahedra 0.45", "hexahedra 0.499", "mixed"),
-        *("orthotropic", "attached", "on a spring"),
+        *("tetrahedra", "hexahedra", "free", "hexahedra 0.499", "mixed", "orthotropic"),
+        "attached",
     ],
 )
 @pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
@@ -212,16 +209,14 @@ from antiosc.fem.linalg import two_levels
 tetrahedra.FEWEST_DOFS = 0
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
 found = []
-for most in (150_000, 0):
+for most, held in ((150_000, []), (0, [ao.Support("left")])):
     two_levels.FACTORED = most
-    for held in ([ao.Support("left")], []):
-        mesh = parts.box((6, 3, 2), cell="tetrahedron")
-        part = ao.Structure(mesh, ao.Solid(**parts.STEEL), held, solver="iterative")
-        model = ao.extract(part, site, n=8)
-        Z = model.dynamic_stiffness(np.array([0.1, 0.7, 1.3]) * model.omega[1])
-        solver = part.factorize()
-        steps = solver._ksp.getIterationNumber() if most else 0
-        found.append(["two levels" in model.info["solver"], steps, *np.real(Z)])
+    mesh = parts.box((6, 3, 2), cell="tetrahedron")
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), held, solver="iterative")
+    model = ao.extract(part, site, n=8)
+    Z = model.dynamic_stiffness(np.array([0.1, 0.7, 1.3]) * model.omega[1])
+    steps = part.factorize()._ksp.getIterationNumber() if most else 0
+    found.append(["two levels" in model.info["solver"], steps, *np.real(Z)])
 print(json.dumps(found))
 """
 

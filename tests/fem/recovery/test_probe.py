@@ -138,8 +138,7 @@ def test_the_error_of_a_probe_has_that_of_the_force_which_it_follows():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
-def test_the_error_of_a_probe_holds_cells_that_are_too_large(quantity):
+def test_the_error_of_a_probe_holds_cells_that_are_too_large():
     """Linear tetrahedra, one through the thickness: 1.54 mm for 2.64 mm."""
     bar, plastic = (0.148, 0.039, 0.012), ao.Solid(2.3e9, 0.36, 1050.0)
     seen = []
@@ -152,13 +151,12 @@ def test_the_error_of_a_probe_holds_cells_that_are_too_large(quantity):
             warnings.simplefilter("ignore", ao.AccuracyWarning)  # coarse cells at the patch
             model = ao.extract(part, site, n=40, error="estimate", damping=0.02)
         hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(3e7), duration=8e-3)
-        asked = {"times": np.linspace(0, 8e-3, 2001), "snap": 0.01}
-        asked |= {"filter": "CFC1000"} if quantity == "acceleration" else {}
-        values = ao.probe(part, hit, bar, quantity, **asked)
+        asked = {"times": np.linspace(0, 8e-3, 2001), "snap": 0.01, "filter": "CFC1000"}
+        values = ao.probe(part, hit, bar, "acceleration", **asked)
         seen.append(
             (
                 np.linalg.norm(values, axis=1).max(),
-                ao.probe_error(part, hit, bar, quantity, **asked),
+                ao.probe_error(part, hit, bar, "acceleration", **asked),
             )
         )
     (coarse, error), (fine, _) = seen

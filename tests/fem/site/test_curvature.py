@@ -21,11 +21,8 @@ pytestmark = pytest.mark.fem
 
 #: shape for gmsh, site [m], principal curvatures [1/m], kind
 SHAPES = {
-    "ball": ("Sphere(1) = {0, 0, 0, 0.02};", (0, 0, -0.02), (50, 50), CURVED),
-    "cylinder": ("Cylinder(1) = {0, 0, 0, 0, 0, 0.05, 0.01};", (0.01, 0, 0.022), (0, 100), LINE),
     "its end": ("Cylinder(1) = {0, 0, 0, 0, 0, 0.05, 0.01};", (0.003, 0, 0.05), (0, 0), PLANE),
     "outside of a torus": ("Torus(1) = {0, 0, 0, 0.03, 0.01};", (0.04, 0, 0), (25, 100), CURVED),
-    "top of a torus": ("Torus(1) = {0, 0, 0, 0.03, 0.01};", (0.03, 0, 0.01), (0, 100), LINE),
     "tip of an ellipsoid": (
         "Sphere(1) = {0, 0, 0, 1}; Dilate{{0, 0, 0}, {0.03, 0.02, 0.01}}{Volume{1};}",
         (0, 0, 0.01), (0.01 / 0.03**2, 0.01 / 0.02**2), CURVED,
@@ -48,15 +45,13 @@ def meshed(folder: Path, shape: str, size: float, order: int) -> ao.Mesh:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [2])
 @pytest.mark.parametrize("name", SHAPES)
-def test_a_fit_to_nodes_is_within_its_spread(tmp_path: Path, name: str, order: int) -> None:
+def test_a_fit_to_nodes_is_within_its_spread(tmp_path: Path, name: str) -> None:
     shape, site, known, kind = SHAPES[name]
-    for size in (0.0025, 0.0015) if name == "fillet of 4 mm" else (0.006, 0.003):
-        mesh = meshed(tmp_path, shape, size, order)
-        found = curvature(mesh, Faces(mesh, sheet=False), np.array(site, dtype=float))
-        assert found.kind == kind
-        assert np.abs(found.values - known).max() <= found.error
+    mesh = meshed(tmp_path, shape, 0.0015 if name == "fillet of 4 mm" else 0.003, 2)
+    found = curvature(mesh, Faces(mesh, sheet=False), np.array(site, dtype=float))
+    assert found.kind == kind
+    assert np.abs(found.values - known).max() <= found.error
     assert found.error <= (0.15 if name == "fillet of 4 mm" else 0.08) * max(np.abs(known))
 
 
