@@ -30,6 +30,7 @@ def main(
     radius: float = 3e-3,
     velocity: float = 1.0,
     check: int = 5,
+    most_sites: int = 100_000,
     out: Path = ROOT / "out",
 ) -> tuple[ao.ImpactMap, float]:
     """Map the bracket and write it; return it with the worst peak force of a map of `check` places,
@@ -41,6 +42,7 @@ def main(
     radius : of the patches, m
     velocity : of the sphere, m/s, against the surface
     check : places, at most 5, to extract and simulate by themselves
+    most_sites : sites of the map at most
     out : folder of the results
     """
     out.mkdir(parents=True, exist_ok=True)
@@ -48,7 +50,7 @@ def main(
     part = ao.Structure(mesh, ao.material("aluminium 6061-T6"), supports=[ao.Support("clamp")])
     sphere = ao.Sphere(radius=10e-3, material="bearing steel 100Cr6", velocity=velocity)
     started = time.perf_counter()
-    found = ao.impact_map(part, None, sphere, duration=3e-4, radius=radius)
+    found = ao.impact_map(part, None, sphere, duration=3e-4, radius=radius, most_sites=most_sites)
     spent = time.perf_counter() - started
     print(f"{part.describe()}\n{len(found)} sites in {spent:.1f} s: {found.info['seconds']}")
     for name, value in found.quantities().items():
