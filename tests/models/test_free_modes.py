@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import antiosc as ao
 from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
 from antiosc.models.free_modes import error_bound, from_free_modes, site_models, stiffness_error
 
