@@ -16,8 +16,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.io import by_gmsh
-from antiosc.io.conversion import EDGES
-from antiosc.io.mesh_files import GMSH_EDGES, GMSH_FACES
+from antiosc.io.conversion import EDGES, GMSH_EDGES, GMSH_FACES
 from antiosc.io.neutral import CELLS, rectangles
 from parts import gmsh_session
 from paths import MESHES
