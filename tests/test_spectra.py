@@ -73,6 +73,12 @@ def test_velocities_have_the_spectrum_that_samples_of_accelerations_miss():
     assert np.abs(ao.srs(coarse, acceleration(coarse), frequencies).maximax / exact).max() > 3
 
 
+def test_frequencies_end_where_a_model_resolves_no_more():
+    t, a = half_sine()
+    assert ao.srs(t, a, resolved=2500.0).frequency[-1] == pytest.approx(2500.0)
+    assert ao.srs(t, a, resolved=float("inf")).frequency[-1] == ao.srs(t, a).frequency[-1]
+
+
 def test_the_resolved_frequency_is_that_of_converged_antiresonances():
     """A chain of springs and masses: its antiresonances are those of the chain held at its end."""
     size = 60
@@ -99,11 +105,6 @@ def test_srs_of_a_half_sine_has_its_limits():
     assert found.maximax[0] == pytest.approx(2 * np.pi * impulse, rel=1e-3)
     assert found.maximax[1] == pytest.approx(1.768 * 500, rel=2e-3)
     assert found.maximax[2] == pytest.approx(500, rel=1e-2)
-    parts = [ao.srs(t, a, [2 / WIDTH, 0.2 / WIDTH], 20, parts=p) for p in ("primary", "residual")]
-    whole = ao.srs(t, a, [2 / WIDTH, 0.2 / WIDTH], 20)
-    np.testing.assert_allclose(np.maximum(*(p.maximax for p in parts)), whole.maximax, rtol=1e-3)
-    assert parts[1].maximax[0] < parts[0].maximax[0]
-    assert parts[1].maximax[1] > parts[0].maximax[1]
 
 
 def test_spectrum_is_the_integral():
@@ -120,7 +121,6 @@ def test_spectrum_is_the_integral():
             assert part == pytest.approx(exact, abs=1e-6 * found.amplitude[0])
     spacing = found.frequency[1]
     assert found.energy.sum() * spacing == pytest.approx(500**2 * WIDTH / 2, rel=1e-3)
-    assert found.band(0.99) == pytest.approx(1180, rel=0.1)
     moved = ao.spectrum(t + 3e-3, x, pad=4)
     np.testing.assert_allclose(
         moved.values, found.values * np.exp(-6e-3j * np.pi * found.frequency), atol=1e-9

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
-from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.errors import InputError
 from antiosc.base.texts import Completed, ReprMixin, engineering, range_text
 from antiosc.plot.charts import figure_or_path, new_figure
 
@@ -33,11 +34,6 @@ DECILE_FRACTION = 0.5
 UNEVEN = 1e-6
 #: Most samples of a signal after interpolation.
 MOST_SAMPLES = 5_000_000
-#: Largest distance (rms) of samples from the mean of their neighbours, over the rms of the signal,
-#: at which they resolve it: that of a sine with 6 samples a period.
-ROUGH = 0.5
-#: Least number of samples for which this is judged.
-SAMPLED = 50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,16 +115,7 @@ class Spectrum(ReprMixin):
             ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
             ("amplitude", f"at most {self.amplitude[peak_index]:.4g}, at {peak_text}"),
             ("at 0 Hz", f"{self.amplitude[0]:.4g}"),
-            ("99 % below", engineering(self.band(), "Hz")),
         ]
-
-    def band(self, share: float = 0.99) -> float:
-        """Frequency [Hz] below which this share of ∫ x² dt lies."""
-        share = checks.positive("share", share)
-        if share >= 1:
-            raise InputError(f"share must be below 1; got {share:g}.")
-        cumulative = np.cumsum(self.energy)
-        return float(self.frequency[np.searchsorted(cumulative, share * cumulative[-1])])
 
 
 @checks.within_range
@@ -138,17 +125,17 @@ def srs(
     frequencies: ArrayLike | None = None,
     Q: float = 10.0,
     *,
-    parts: str = "all",
     signal: str = "acceleration",
-    resolved: float | None = None,
+    resolved: float = inf,
 ) -> ShockSpectrum:
     """Shock response spectrum: extreme absolute accelerations of oscillators on a moving base.
 
     Each oscillator has the natural frequency f and the damping ratio ζ = 1/(2Q) and rests at the
     start; the base has the acceleration `a`, linear between samples, for which the response is
     exact (the ramp-invariant filter of D. O. Smallwood, Shock and Vibration Bulletin 51 (1981)
-    279-288). The signal is interpolated so that the period of each oscillator has 20 samples or
-    more; the extremes between them are those of parabolas (about 1e-4).
+    279-288). It is followed for one period of the oscillator beyond the signal. The signal is
+    interpolated so that the period of each oscillator has 20 samples or more; the extremes between
+    them are those of parabolas (about 1e-4).
 
     The accelerations of a struck structure contain its highest natural frequencies, which samples
     at usual steps do not resolve: their spectrum is then wrong at low frequencies too. Give
@@ -166,21 +153,11 @@ def srs(
         the rate of samples, or to `resolved` if that is lower.
     Q : float
         1/(2ζ), above 0.5.
-    parts : "primary", "residual" or "all"
-        During the signal, after its end (one period of each oscillator), or both.
     signal : "acceleration" or "velocity"
         The quantity of `a`. For a velocity, the acceleration is constant between samples, and zero
-        after the last one: a velocity that still rings there makes the spectrum too large, of which
-        `parts="primary"` is free.
-    resolved : float, optional
-        Frequency in Hz up to which the signal is known (`resolved_frequency` of its model): an
-        AccuracyWarning names frequencies above it.
-
-    Warns
-    -----
-    AccuracyWarning
-        Accelerations that change from sample to sample as much as they are large; frequencies above
-        `resolved`.
+        after the last one: a velocity that still rings there makes the spectrum too large.
+    resolved : float
+        Frequency in Hz up to which the signal is known (`resolved_frequency` of its model).
 
     Raises
     ------
@@ -191,54 +168,31 @@ def srs(
     Q = checks.positive("Q", Q)
     if Q <= 0.5:
         raise InputError(f"Q must be above 0.5 (Q = 1/(2 ζ), and ζ below 1); got {Q:g}.")
-    checks.choice("parts", parts, ("primary", "residual", "all"))
     checks.choice("signal", signal, ("acceleration", "velocity"))
-    f = _frequencies(t, frequencies, resolved)
-    if signal == "acceleration":
-        _warn_if_rough(t, a)
-    responses = np.array([_extremes(t, a, float(frequency), Q, parts, signal) for frequency in f])
-    return ShockSpectrum(f, responses[:, 0], responses[:, 1], Q)
+    if resolved != inf:
+        resolved = checks.nonnegative("resolved", resolved, "Hz")
 
-
-def _frequencies(t: Array, frequencies: ArrayLike | None, resolved: float | None) -> Array:
-    """The frequencies of a spectrum, Hz; AccuracyWarning above the resolution of the signal."""
-    span = float(t[-1] - t[0])
-    known = np.inf
-    if resolved is not None and resolved != np.inf:
-        known = checks.nonnegative("resolved", resolved, "Hz")
     if frequencies is None:
-        # one period after the signal must not take more samples than there may be
-        low = max(min(LOWEST, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
-        top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
-        top = max(min(top, known), 2 / span, 2 * low)
-        count = int(np.ceil(PER_DECADE * np.log10(top / low))) + 1
-        return np.geomspace(low, top, max(2, count))
-
-    f = checks.column("frequencies", frequencies)
+        f = _default_frequencies(t, resolved)
+    else:
+        f = checks.column("frequencies", frequencies)
     if not f.size or f.min() <= 0:
         raise InputError("frequencies must be > 0 Hz, at least one.")
-    if f.max() > known:
-        warn(
-            f"the model of the signal resolves frequencies up to {known:.4g} Hz, and the spectrum "
-            f"is asked up to {f.max():.4g} Hz: extract with a larger n.",
-            AccuracyWarning,
-        )
-    return f
+
+    extremes = np.array([_extremes(t, a, frequency, Q, signal) for frequency in f.tolist()])
+    return ShockSpectrum(f, extremes[:, 0], extremes[:, 1], Q)
 
 
-def _warn_if_rough(t: Array, a: Array) -> None:
-    """AccuracyWarning if the samples do not resolve the accelerations."""
-    if t.size < SAMPLED:
-        return
-    fraction = np.diff(t)[:-1] / (t[2:] - t[:-2])
-    deviation = a[1:-1] - (a[:-2] + fraction * (a[2:] - a[:-2]))
-    if np.sqrt(np.mean(deviation**2)) > ROUGH * np.std(a):
-        warn(
-            "the samples do not resolve the accelerations, which change from one to the next as "
-            "much as they are large: the spectrum may be wrong at all frequencies. Give velocities "
-            '(signal "velocity") at 20 or more equal steps a period of the highest frequency.',
-            AccuracyWarning,
-        )
+def _default_frequencies(t: Array, resolved: float) -> Array:
+    """The frequencies [Hz] of the spectrum of a signal that is known up to `resolved`."""
+    span = float(t[-1] - t[0])
+    # one period after the signal must not take more samples than there may be
+    low = max(min(LOWEST, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
+    top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
+    top = max(min(top, resolved), 2 / span, 2 * low)
+
+    count = int(np.ceil(PER_DECADE * np.log10(top / low))) + 1
+    return np.geomspace(low, top, max(2, count))
 
 
 @checks.within_range
@@ -319,26 +273,32 @@ def _checked_samples(samples: float) -> float:
     return samples
 
 
-def _extremes(
-    t: Array, a: Array, f: float, Q: float, parts: str, signal: str
-) -> tuple[float, float]:
+def _extremes(t: Array, a: Array, f: float, Q: float, signal: str) -> tuple[float, float]:
     """Largest positive and negative response of one oscillator."""
-    from scipy.signal import lfilter
-
     times, x = _resampled(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
-    h = (times[-1] - times[0]) / (times.size - 1)
+    h = float(times[-1] - times[0]) / (times.size - 1)
     tail = round(_checked_samples(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
+
     if signal == "velocity":  # the mean acceleration of each step
         means = np.concatenate([np.diff(x) / h, np.zeros(tail + 1)])
-        y = lfilter(*_step_invariant(f, Q, h), means)
-    else:
-        numerator, denominator = _ramp_invariant(f, Q, h)
-        # the base was at rest: a signal that begins with a jump does so at its first sample
-        y = lfilter(numerator, denominator, np.concatenate([x - x[0], np.full(tail, -x[0])]))
-        y = y + x[0] * _step_response(f, Q, h, y.size)
-    if parts != "all":
-        y = y[: x.size] if parts == "primary" else y[x.size :]
+        y = _response(f, Q, h, "zoh", means)
+    else:  # the base was at rest: a signal that begins with a jump does so at its first sample
+        changes = np.concatenate([x - x[0], np.full(tail, -x[0])])
+        y = _response(f, Q, h, "foh", changes)
+        y += x[0] * _response(f, Q, h, "zoh", np.ones(y.size))
     return _largest(y), _largest(-y)
+
+
+def _response(f: float, Q: float, h: float, hold: str, x: Array) -> Array:
+    """Absolute acceleration of an oscillator at steps h [s] of the base acceleration x, which is
+    constant over each step ("zoh") or linear ("foh"): exact for either.
+    """
+    from scipy.signal import cont2discrete, lfilter  # which take long to load
+
+    w = 2 * np.pi * f
+    transfer = [w / Q, w**2], [1.0, w / Q, w**2]
+    numerator, denominator, _ = cont2discrete(transfer, h, hold)
+    return np.asarray(lfilter(numerator.ravel(), denominator, x))
 
 
 def _largest(y: Array) -> float:
@@ -350,39 +310,3 @@ def _largest(y: Array) -> float:
         if curvature > 0:
             top += float((y[k + 1] - y[k - 1]) ** 2 / (8 * curvature))
     return max(0.0, top)  # of -0.0 too
-
-
-def _step_response(f: float, Q: float, h: float, size: int) -> Array:
-    """Absolute acceleration (size,) of an oscillator after a step of the base acceleration to 1."""
-    w = 2 * np.pi * f
-    zeta = 1 / (2 * Q)
-    wd = w * np.sqrt(1 - zeta**2)
-    t = h * np.arange(size)
-    return np.asarray(1 - np.exp(-zeta * w * t) * (np.cos(wd * t) - zeta * w / wd * np.sin(wd * t)))
-
-
-def _ramp_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
-    """Numerator and denominator (3,) of Smallwood's filter at steps h [s].
-
-    Its output is the absolute acceleration of the oscillator, exact for an input that is linear
-    between samples.
-    """
-    w = 2 * np.pi * f
-    zeta = 1 / (2 * Q)
-    wd = w * np.sqrt(1 - zeta**2)
-    decay = np.exp(-zeta * w * h)
-    angle = wd * h
-    c = decay * np.cos(angle)
-    s = decay * np.sin(angle) / angle
-    numerator = np.array([1 - s, 2 * (s - c), decay**2 - s])
-    return numerator, np.array([1.0, -2 * c, decay**2])
-
-
-def _step_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
-    """Numerator and denominator (3,) of the filter of inputs that are constant over steps h [s].
-
-    Its output at the start of each step is the absolute acceleration of the oscillator.
-    """
-    denominator = _ramp_invariant(f, Q, h)[1]
-    first = float(_step_response(f, Q, h, 2)[1])
-    return np.array([0.0, first, denominator.sum() - first]), denominator

@@ -86,12 +86,12 @@ def shock_of(
     """The spectra of the velocity at a point, at the arguments `place` of a probe."""
     model: Any = history.of(place.get("body", "structure"))[0]
     highest = float(np.max(model.omega, initial=0.0)) / (2 * np.pi)
-    resolved = None
+    resolved = np.inf
     with contextlib.suppress(InputError):  # a model that was read lacks it
         resolved = resolved_frequency(model)
 
     end = float(history.time[-1])
-    rate = max(HIGHEST * highest, RESOLVED * min(resolved or 0.0, highest))
+    rate = max(HIGHEST * highest, RESOLVED * min(resolved, highest))
     count = max(int(min(rate * end + 2, MOST / max(model.omega.size, 1))), LEAST)
     times = place.pop("times", np.linspace(0.0, end, count))
     velocity = antiosc.probe(structure, history, quantity="velocity", times=times, **place)
