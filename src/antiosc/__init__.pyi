@@ -105,10 +105,10 @@ from antiosc.fields.fields import (
 from antiosc.fields.margin import Margin as Margin
 from antiosc.fields.peaks import (
     PeakField as PeakField,
+    PrestressedState as PrestressedState,
     peak_field as peak_field,
 )
 from antiosc.fields.pictures import SavedFields as SavedFields
-from antiosc.fields.prestressed import PrestressedState as PrestressedState
 from antiosc.fields.probe import (
     probe as probe,
     strain_gauge as strain_gauge,

@@ -38,7 +38,6 @@ from antiosc.fields.fields import (
 )
 from antiosc.fields.margin import (
     ELASTIC as ELASTIC,
-    Zones as Zones,
     criteria_of as criteria_of,
 )
 from antiosc.fields.pictures import (

@@ -133,7 +133,7 @@ def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> li
             bar = stress_bar(peak, force)
             told = with_force(peak.worst_point, force).sentence
             told += "" if bar is None else f" (that stress {plus_minus(bar)})"
-        sentences += [_sentence(text) for text in (told, peak.doubt) if text]
+        sentences.append(_sentence(told))
     return sentences
 
 
@@ -156,7 +156,14 @@ def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | No
 def largest_stress(fields: Mapping[str, PeakField]) -> dict[str, Any]:
     """The von Mises stress [Pa] nearest to yield, for the page; {} where none was sought."""
     margins = [peak.worst_point for peak in fields.values()]
-    worst = next((one for one in margins if one is not None and one.is_mises), None)
+    worst = next(
+        (
+            one
+            for one in margins
+            if one is not None and one.is_stress and one.criterion != "tension"
+        ),
+        None,
+    )
     if worst is None:
         return {}
     return {

@@ -217,7 +217,7 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
     for name, peak in peaks.items():
         value, point, time = peak.largest(1)[0]
         content[name] = {"value": value, "unit": peak.unit, "point": point, "time": time}
-        content[name] |= {"doubt": peak.doubt, **_margin_numbers(peak)}
+        content[name] |= _margin_numbers(peak)
         if peak.largest_mesh_error:
             content[name]["mesh_error"] = peak.largest_mesh_error
     return content

@@ -26,11 +26,10 @@ from antiosc.fields.peaks import PeakField, peak_field
 from antiosc.impact.histories import History
 from antiosc.io.isolation import Refinement
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.recovery.sharp_edges import sharp_points
 from antiosc.strikes import second_order
 
 #: Most rounds of smaller cells, and most places of a round.
-MOST_ROUNDS, MOST_PLACES = 4, 5
+MOST_ROUNDS, MOST_PLACES = 4, 20
 #: Least and largest ratio of new to old sizes of cells, and the share of the tolerance aimed at.
 FINEST, COARSEST, AIM = 0.2, 0.5, 0.6
 #: Power of the size by which the jumps of the stress fall, at least, beside a fillet.
@@ -161,8 +160,8 @@ def _places(field: PeakField, tol: float) -> list[Refinement]:
     upper = np.where(counts, values + errors, 0.0)
     open_to = counts & (upper > lower) & (errors > AIM * tol * values)
 
+    # as many places along a fillet as it has cells: those between them become smaller too
     sizes = sizes_at_nodes(field.points, field._cells)
-    wall = 2 * sharp_points(field.points, field._cells)[1]
     places: list[Refinement] = []
     while open_to.any() and len(places) < MOST_PLACES:
         k = int(np.argmax(np.where(open_to, upper, 0.0)))
@@ -170,7 +169,7 @@ def _places(field: PeakField, tol: float) -> list[Refinement]:
         size = float(sizes[k] * np.clip(ratio, FINEST, COARSEST))
         places.append((tuple(field.points[k].tolist()), size))
         distance = np.linalg.norm(field.points - field.points[k], axis=1)
-        open_to &= distance > max(wall, sizes[k])
+        open_to &= distance > sizes[k]
     return places
 
 

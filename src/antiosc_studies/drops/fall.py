@@ -19,7 +19,6 @@ from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampl
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
 from antiosc.base.texts import Result, engineering, exceeds, percent, plain
-from antiosc.extension import Zones
 from antiosc_studies.drops import yielding
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.flight import Flight, ringing
@@ -358,11 +357,8 @@ class Fall(Result):
         }
         forces = np.zeros((merged["time"].size, parts[0].forces.shape[1]))
         with without_warnings():
-            left_out = Zones(zones)
-            if options.get("leave_out") is not None:
-                left_out = left_out.and_balls(options["leave_out"])
-            options |= {"leave_out": left_out}
             joined_motion = replace(parts[0], forces=forces, **merged)
+            options = {"contacts": zones, **options}
             field = peak_field(self.body.structure, joined_motion, quantity, **options)
         starts = [self.episodes[motion[0]].start.time for motion in self.groups]
         impact = np.searchsorted(starts, field.times, side="right") - 1

@@ -179,21 +179,6 @@ def test_a_re_entrant_corner_is_told_and_its_stress_grows_with_the_mesh():
     assert largest[1] > 1.2 * largest[0]
 
 
-def test_the_margin_leaves_out_balls_that_are_given(strip):
-    """Without the clamp's surroundings it is that of bending at the next section, F (L - x)/W."""
-    part, hit = strip
-    peak = ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.01, 0.0, 0.053)])
-    worst = peak.margin()
-    assert worst.value == pytest.approx(6 * 100.0 * (0.2 - 0.06) / (0.01 * 0.02**2), rel=0.02)
-    assert worst.point[0] == pytest.approx(0.06)
-    everywhere = ao.peak_field(part, hit, body="part").margin().value
-    assert worst.sentence.startswith("it stays elastic outside the balls of leave_out")
-    np.testing.assert_array_equal(peak.points[peak.judged], worst.point)
-    whole = ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.0, 0.0, 1.0)]).margin()
-    assert whole.value == everywhere
-    assert not whole.scope
-    with pytest.raises(ao.InputError, match="leave_out"):
-        ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.01, 0.0)])
 
 
 def _pascals(share: float) -> str:

@@ -1,0 +1,256 @@
+"""The largest value of a scalar at every node over a run, and when it occurs.
+
+The motion of a node is a sum of modes. Its largest value is at t*; near t* the curvature of the
+value is bounded by those of the modes. Samples with the step h therefore miss at most
+
+    Σ_j W_j A_j min(2, (ω_j h)²/8),
+
+where A_j is the largest amplitude of mode j in the run and W_j the value at the node for an
+amplitude of 1. All nodes are looked at in some 500 steps, and those whose value is at least half of
+the largest one that counts in steps for which this bound is 1 %; a parabola through the largest
+sample of a node and its neighbours gives the value.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base._types import Array, BoolArray
+from antiosc.impact.histories.factors import (
+    AnyHistory,
+    amplitudes,
+    modal_amplitudes,
+    stretch_in,
+)
+from antiosc.impact.histories.parts import BodyHistory
+
+#: In double or single precision.
+Reals = NDArray[np.floating[Any]]
+#: A scalar (...,) of components (..., c), a norm.
+Scalar = Callable[[Array], Array]
+#: Function (components (S, c, B), scalar, which of them count (S,)) -> (largest values (S,), their
+#: times, bound on what those that count miss).
+Search = Callable[[Array, Scalar, BoolArray], tuple[Array, Array, float | None]]
+
+#: Share of a value that the samples may miss, of those from half of the largest one on.
+TIME_ERROR, HIGH = 0.01, 0.5
+#: Fewest steps over the run, and most, so that long runs of high modes end.
+FEWEST, MOST = 500, 40_000
+#: Times whose motion is computed together, and bytes of the values of a block of nodes.
+AT_ONCE, BLOCK_BYTES = 1000, 2**26
+#: Two nodes of a history closer than this share of the run are one.
+SAME_TIME = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """Motion of a body over a run, in B coordinates of which each multiplies a column of a field.
+
+    nodes : (n,) times of the history [s]. factors : function, times (k,) -> coordinates (k, B).
+    omega : (J,) frequencies of the modes [rad/s]; shapes : (J, B) coordinates of each mode;
+    sizes : (J,) largest amplitudes of the modes.
+    """
+
+    nodes: Array
+    factors: Callable[[Array], Array]
+    omega: Array
+    shapes: Array
+    sizes: Array
+
+
+def search_of(
+    history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
+) -> Search:
+    """The search over a run, at the `given` times alone or between those of the history.
+
+    `static`: with one more column, of factor 1, for the static state.
+    """
+
+    def factors(at: Array) -> Array:
+        found = amplitudes(history, at, body, derivative)
+        return np.pad(found, ((0, 0), (0, int(static))), constant_values=1.0)
+
+    if given or isinstance(history, BodyHistory):
+        return at_times(factors(times), times)
+
+    times = _evenly(times, MOST)
+    omega, modal, sizes = modal_amplitudes(history, times, body, derivative)
+    if stretch_in(history, body) is not None:
+        omega, modal, sizes = _with_pairs(history, times, body, derivative, omega, modal, sizes)
+    modal = np.pad(modal, ((0, 0), (0, int(static))))
+    return functools.partial(searched_maxima, BodyMotion(times, factors, omega, modal, sizes))
+
+
+def at_times(factors: Array, times: Array) -> Search:
+    """The search at times with known factors."""
+
+    def search(columns: Array, scalar: Scalar, _: BoolArray) -> tuple[Array, Array, None]:
+        return (*sampled_maxima(columns, factors, times, scalar), None)
+
+    return search
+
+
+def _with_pairs(
+    history: AnyHistory,
+    times: Array,
+    body: str,
+    derivative: int,
+    omega: Array,
+    shapes: Array,
+    sizes: Array,
+) -> tuple[Array, Array, Array]:
+    """(omega, shapes, sizes) of `BodyMotion`, with a further entry for each pair of stretching
+    modes.
+    """
+    count = shapes.shape[1]
+    motions, bends = (
+        np.abs(amplitudes(history, times, body, order)[:, count:]).max(axis=0) for order in (0, 2)
+    )
+    pairs = np.where(motions > 0, motions, 1.0)
+    size = (motions, np.sqrt(motions * bends), bends)[derivative]
+
+    of_motion = np.eye(len(motions), count + len(motions), count)
+    all_shapes = np.vstack([np.pad(shapes, ((0, 0), (0, len(motions)))), of_motion])
+    return np.append(omega, np.sqrt(bends / pairs)), all_shapes, np.append(sizes, size)
+
+
+def searched_maxima(
+    motion: BodyMotion, columns: Array, scalar: Scalar, counts: BoolArray
+) -> tuple[Array, Array, float]:
+    """(largest value (S,) of a scalar of components (S, c, B), its time, error bound)."""
+    if not len(columns):  # they are those of another rank
+        return np.zeros(0), np.zeros(0), 0.0
+
+    coarse = float(np.ptp(motion.nodes)) / FEWEST
+    values, times = _maxima(motion, coarse, columns, scalar)
+    top = float(values[counts].max(initial=0.0))
+    if not top:
+        return values, times, 0.0
+
+    high = np.flatnonzero(counts & (values >= HIGH * top))
+    step, missed = _step(motion, coarse, columns[high], values[high], scalar)
+    if step < coarse:
+        values[high], times[high] = _maxima(motion, step, columns[high], scalar)
+    return values, times, missed * top
+
+
+def _maxima(motion: BodyMotion, step: float, columns: Array, scalar: Scalar) -> tuple[Array, Array]:
+    """(largest value (S,), its time) in steps of a run [s].
+
+    Single precision finds the largest sample; its value and its neighbours' are double.
+    """
+    times = _sample_times(motion.nodes, step)
+    blocks = (times[k : k + AT_ONCE] for k in range(0, len(times), AT_ONCE))
+    factors = np.concatenate([motion.factors(block) for block in blocks])
+    number = np.arange(1.0 * len(times))
+    single = columns.astype(np.float32), factors.astype(np.float32)
+    k = sampled_maxima(*single, number, scalar)[1].astype(int)
+
+    three = np.clip(k[:, None] + (-1, 0, 1), 0, len(times) - 1)
+    y = np.zeros(three.shape)
+    for block in _blocks(len(columns), 3 * factors.shape[1]):
+        near = np.einsum("scb,snb->snc", columns[block], factors[three[block]], optimize=True)
+        y[block] = scalar(near)
+    return _parabola_tops(times[three], y)
+
+
+def sampled_maxima(
+    columns: Reals, factors: Reals, times: Array, scalar: Scalar
+) -> tuple[Array, Array]:
+    """(largest value (S,) of a scalar of components (S, c, B) at these times, its time)."""
+    values = np.zeros(len(columns))
+    peak_times = np.zeros(len(columns))
+    for block in _blocks(len(columns), columns.shape[1] * len(times)):
+        sampled = _values(columns[block], factors, scalar)
+        k = sampled.argmax(axis=1)
+        values[block] = sampled[np.arange(len(k)), k]
+        peak_times[block] = times[k]
+    return values, peak_times
+
+
+def _parabola_tops(t: Array, y: Array) -> tuple[Array, Array]:
+    """(largest values (S,), their times) of parabolas through the samples y (S, 3) at t (S, 3),
+    the middle one being the largest; its own where it is the first or the last of a run.
+    """
+    before, after = t[:, 1] - t[:, 0], t[:, 2] - t[:, 1]
+    inner = (before > 0) & (after > 0)
+    before, after = np.where(inner, before, 1.0), np.where(inner, after, 1.0)
+    rise, fall = (y[:, 1] - y[:, 0]) / before, (y[:, 2] - y[:, 1]) / after
+
+    curvature = (fall - rise) / (before + after)
+    slope = (fall * before + rise * after) / (before + after)
+    is_top = inner & (curvature < 0) & (rise >= 0) & (fall <= 0)
+    shift = np.divide(slope, -2 * curvature, out=np.zeros_like(slope), where=is_top)
+    return y[:, 1] + slope * shift / 2, t[:, 1] + shift
+
+
+def _step(
+    motion: BodyMotion, coarse: float, columns: Array, values: Array, scalar: Scalar
+) -> tuple[float, float]:
+    """(time step [s], at most `coarse`, largest share of a value that it misses)."""
+    curved = 0.0
+    weights = np.zeros(len(motion.omega))
+    # of the node where the modes curve the value most, relative to it
+    for block in _blocks(len(columns), columns.shape[1] * len(weights)):
+        share = _values(columns[block], motion.shapes, scalar) * motion.sizes / values[block, None]
+        curvatures = share @ motion.omega**2
+        worst = int(curvatures.argmax())
+        if curvatures[worst] > curved:
+            curved = float(curvatures[worst])
+            weights = share[worst]
+
+    def missed(h: float) -> float:
+        """Upper bound of the share that the step h misses."""
+        return float(weights @ np.minimum(2.0, (motion.omega * h) ** 2 / 8))
+
+    step = coarse
+    least = coarse * FEWEST / MOST
+    while missed(step) > TIME_ERROR and step > least:
+        step = max(step / 1.5, least)
+    return step, missed(step)
+
+
+def _sample_times(nodes: Array, step: float) -> Array:
+    """The history times, with evenly spaced times between those farther apart than the step.
+
+    History times beyond the number of steps are thinned evenly by index, since most of them lie in
+    contacts.
+    """
+    nodes = np.unique(nodes)
+    if not step:
+        return nodes
+    span = nodes[-1] - nodes[0]
+    nodes = _evenly(nodes, int(span / step))
+    nodes = nodes[np.append(True, np.diff(nodes) > SAME_TIME * span)]
+
+    gaps = np.diff(nodes)
+    intervals = np.maximum(np.ceil(gaps / step), 1).astype(int)
+    first = np.repeat(np.cumsum(intervals) - intervals, intervals)
+    share = (np.arange(intervals.sum()) - first) / np.repeat(intervals, intervals)
+    inner = np.repeat(nodes[:-1], intervals) + share * np.repeat(gaps, intervals)
+    return np.append(inner, nodes[-1])
+
+
+def _evenly(times: Array, most: int) -> Array:
+    """At most `most` of the times, with the first and the last."""
+    if len(times) <= most:
+        return times
+    return times[np.linspace(0, len(times) - 1, most).astype(int)]
+
+
+def _values(columns: Reals, factors: Reals, scalar: Scalar) -> Array:
+    """Scalar (S, n) of components (S, c, B) at times with factors (n, B)."""
+    rows = columns.reshape(-1, columns.shape[2]) @ factors.T  # one product is 5 times S products
+    return scalar(np.moveaxis(rows.reshape(*columns.shape[:2], len(factors)), 1, -1))
+
+
+def _blocks(nodes: int, numbers: int) -> Iterator[slice]:
+    """Slices of nodes of which so many numbers each fit in `BLOCK_BYTES`."""
+    size = max(1, BLOCK_BYTES // (8 * 3 * max(numbers, 1)))
+    return (slice(first, first + size) for first in range(0, nodes, size))
