@@ -99,7 +99,6 @@ from antiosc.fem.structure.support import Support as Support
 from antiosc.fields.fields import (
     Reactions as Reactions,
     reactions as reactions,
-    save_fields as save_fields,
     write_series as write_series,
 )
 from antiosc.fields.margin import Margin as Margin
@@ -108,12 +107,15 @@ from antiosc.fields.peaks import (
     PrestressedState as PrestressedState,
     peak_field as peak_field,
 )
-from antiosc.fields.pictures import SavedFields as SavedFields
+from antiosc.fields.pictures import (
+    SavedFields as SavedFields,
+    save_fields as save_fields,
+)
 from antiosc.fields.probe import (
     probe as probe,
+    probe_error as probe_error,
     strain_gauge as strain_gauge,
 )
-from antiosc.fields.probe_error import probe_error as probe_error
 from antiosc.fields.spectra import (
     ShockSpectrum as ShockSpectrum,
     Spectrum as Spectrum,

@@ -35,6 +35,7 @@ from antiosc.fem.structure.structure import (
 from antiosc.fields.fields import (
     checked_shapes as checked_shapes,
     shapes_of as shapes_of,
+    tensors_at_nodes as tensors_at_nodes,
 )
 from antiosc.fields.margin import (
     ELASTIC as ELASTIC,
@@ -42,14 +43,12 @@ from antiosc.fields.margin import (
 )
 from antiosc.fields.pictures import (
     MAP_QUANTITIES as MAP_QUANTITIES,
-    outer_faces as outer_faces,
 )
 from antiosc.fields.probe import (
+    ProbeError as ProbeError,
     check_point as check_point,
     probed_point as probed_point,
 )
-from antiosc.fields.probe_error import ProbeError as ProbeError
-from antiosc.fields.second_order import tensors_at_nodes as tensors_at_nodes
 
 # Impacts: bodies, scenes, and what a history tells.
 from antiosc.impact.bodies import (
@@ -114,6 +113,7 @@ from antiosc.recovery.place import (
     NodeTensors as NodeTensors,
     place as place,
 )
+from antiosc.recovery.skin import outer_faces as outer_faces
 
 # Sites and extraction.
 from antiosc.reduce.error.model_errors import ModelErrors as ModelErrors

@@ -8,8 +8,7 @@ return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a
 `AntiOscillators.plot` and `ImpactMap.plot` call them.
 """
 
-from antiosc.fields.deformed import plot_deformed
-from antiosc.fields.pictures import plot_map
+from antiosc.fields.pictures import plot_deformed, plot_map
 from antiosc.plot.charts import (
     legend_beside,
     panels,

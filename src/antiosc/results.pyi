@@ -11,7 +11,7 @@ from antiosc.fields.fields import Reactions as Reactions
 from antiosc.fields.margin import Margin as Margin
 from antiosc.fields.peaks import PeakField as PeakField, PrestressedState as PrestressedState
 from antiosc.fields.pictures import SavedFields as SavedFields
-from antiosc.fields.probe_error import probe_error as probe_error
+from antiosc.fields.probe import probe_error as probe_error
 from antiosc.fields.spectra import (
     ShockSpectrum as ShockSpectrum,
     Spectrum as Spectrum,

@@ -10,8 +10,8 @@ from antiosc.fem.platform import compat
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure import Placement
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.fields.pictures import outer_faces
 from antiosc.recovery import mesh_fields
+from antiosc.recovery.skin import outer_faces
 from assemblies import BEAM, SOLID, box, line
 from sheets import SHEET, sheet
 

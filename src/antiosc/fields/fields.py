@@ -19,17 +19,18 @@ support; dampers and branches add the work gᵀ(C u' + G ε).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import floats, instance, nonempty, path as checked_path
+from antiosc.base.checks import floats, instance, nonempty
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import ReprMixin, percent
@@ -37,7 +38,6 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
-from antiosc.fields.pictures import SavedFields, outer_faces, without_unused
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
     AnyHistory,
@@ -45,6 +45,7 @@ from antiosc.impact.histories.factors import (
     forces_of,
     modes_of,
     spring_amplitudes,
+    stretch_factors,
     stretch_in,
     stretch_shapes,
     times_of,
@@ -53,7 +54,9 @@ from antiosc.impact.histories.factors import (
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.models.modal import superposed
 from antiosc.recovery import source
+from antiosc.recovery.place import NodeTensors
 from antiosc.recovery.series import listing, write_frames
+from antiosc.recovery.skin import outer_faces, without_unused
 from antiosc.reduce.extraction import beside_rigid
 from antiosc.reduce.site import Site
 
@@ -113,48 +116,6 @@ def write_series(
         write_frames(target, points, cells, times_checked, (shapes @ a for a in factors))
 
     on_root(structure.comm, write)
-    return target
-
-
-@collective()
-@one_thread()
-def save_fields(
-    structure: Structure,
-    history: History,
-    path: str | Path,
-    times: ArrayLike | None = None,
-    *,
-    body: str = "structure",
-) -> Path:
-    """Write the displacements of all nodes at many times to one compact file.
-
-    It holds the shapes once and their factors at each time; `SavedFields.load(path)` reads it
-    without the finite-element packages, too.
-
-    Parameters
-    ----------
-    structure, history, body
-        As for `write_series`.
-    path : str or Path
-        The `.npz` file.
-    times : array_like (n,), optional
-        Increasing times in s; default: those of the history.
-
-    Raises
-    ------
-    InputError
-        A model without shapes, or extracted from another structure; times that do not increase; a
-        file that cannot be written.
-    """
-    target = checked_path("path", path)
-    shapes_of_body = shapes_of(structure, history, body)
-    times_checked = np.unique(history.time) if times is None else nonempty("times", times)
-    points, cells, shapes = source(structure).at_nodes(structure, shapes_of_body)
-    factors = amplitudes(history, times_checked, body)
-    on_root(
-        structure.comm,
-        lambda: SavedFields(points, cells, shapes, times_checked, factors).save(target),
-    )
     return target
 
 
@@ -264,6 +225,78 @@ def checked_shapes(
                 " model: the model was extracted from another structure; give that of this run."
             )
     return modes.basis
+
+
+# --- Strains and stresses of parts that stretch --------------------------------------------------
+#
+# With amplitudes x of the shapes and a of the modes φ in which a part stretches its motion is
+# u = Σ x_s ψ_s + Σ a_i a_j v_ij (`antiosc.models.stretch`), and its strain to second order
+#
+#     ε(u) + η(u, u)/2 = Σ x_s ε(ψ_s) + Σ a_i a_j (ε(v_ij) + η(φ_i, φ_j)/2).
+#
+# A function that evaluates whole strains ε(s) + η(s, s)/2 gives η of two modes from the strains of
+# their sum. About the static state q under a prestress, ε(s) is ε(s) + η(q, s).
+
+
+#: What gives columns (…, B) of shapes (rows, B); True: with the strain η(s, s)/2 of each.
+Columns = Callable[[Array, bool], Array]
+
+
+def _state_strain(at: Columns, structure: Structure, shapes: Array) -> Array:
+    """Second-order strains η(q, s) (…, B) of the static state q with shapes s (rows, B)."""
+    preload = structure.matrices.preload
+    if preload is None or not structure.comm.allreduce(preload.q.any()):
+        return np.zeros(shapes.shape[1])
+    q = preload.q[:, None]
+    largest_of_rank = np.abs(np.hstack([q, shapes])).max(axis=0, initial=0.0)
+    largest = np.max(structure.comm.allgather(largest_of_rank), axis=0)
+    scale = largest[0] / np.where(largest[1:] > 0, largest[1:], 1.0)
+    small = shapes * scale
+    return np.asarray((at(q + small, True) - at(q, True) - at(small, True)) / scale)
+
+
+def with_pairs(
+    at: Columns, structure: Structure, history: AnyHistory, body: str, shapes: Array
+) -> Array:
+    """Columns (…, B) of a body's shapes (rows, B), with η of its modes for the pairs."""
+    forces = stretch_in(history, body)
+    if forces is None:
+        linear = at(shapes, False)
+        of_state = _state_strain(at, structure, shapes)
+        return linear + of_state if linear.size else linear  # empty on other ranks than the first
+    pairs = forces.size * (forces.size + 1) // 2
+    count = shapes.shape[1] - pairs
+    modes = stretch_factors(history, body).T
+    i, j = np.triu_indices(forces.size)
+    sums = modes[:, i] + np.where(i == j, 0.0, modes[:, j])
+    linear = at(shapes, False)
+    square = at(shapes[:, :count] @ sums, True) - linear[..., :count] @ sums  # η(s, s)/2 of each
+    squares = square[..., i == j]
+    products = (square - squares[..., i] - squares[..., j]) / 2
+    linear += _state_strain(at, structure, shapes)
+    linear[..., count:] += np.where(i == j, square, products)
+    return linear
+
+
+def tensors_at_nodes(
+    structure: Structure, history: AnyHistory, body: str, shapes: Array, *selection: Any
+) -> tuple[Any, Any, NodeTensors]:
+    """`mesh_fields.tensors_at_nodes` for the motion of a body."""
+    results: list[Any] = []
+
+    def at(columns: Array, second_order: bool) -> Array:
+        result = source(structure).tensors_at_nodes(
+            structure, columns, *selection, second_order=second_order
+        )
+        results.append(result)
+        return np.asarray(result[2].columns)
+
+    columns = with_pairs(at, structure, history, body, shapes)
+    points, cells, tensors = results[0]
+    return points, cells, tensors._replace(columns=columns)
+
+
+# --- Reactions ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False, repr=False)

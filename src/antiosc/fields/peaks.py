@@ -32,11 +32,9 @@ from antiosc.fem.platform import collective, warn
 from antiosc.fem.prestress import Prestress
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields import margin
-from antiosc.fields.fields import shapes_of
+from antiosc.fields.fields import shapes_of, tensors_at_nodes
 from antiosc.fields.margin import Margin, Nodal, Zones
 from antiosc.fields.maxima import MOST, Scalar, Search, at_times, search_of
-from antiosc.fields.pictures import outer_faces, without_unused
-from antiosc.fields.second_order import tensors_at_nodes
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory, amplitudes, times_of
 from antiosc.impact.histories.parts import BodyHistory
@@ -45,7 +43,7 @@ from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source
 from antiosc.recovery.place import AnyStrength, NodeTensors, Place, place
 from antiosc.recovery.series import write_vtu
-from antiosc.recovery.sharp_edges import sharp_points
+from antiosc.recovery.skin import outer_faces, sharp_points, without_unused
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

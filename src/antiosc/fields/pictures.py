@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,31 +16,29 @@ from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.archives import Arrays
 from antiosc.base.errors import InputError
+from antiosc.base.process import one_thread
 from antiosc.base.texts import ReprMixin
+from antiosc.fem.platform import collective, on_root
+from antiosc.fem.structure.structure import Structure
+from antiosc.fields.fields import nodal_motion, shapes_of, skin
+from antiosc.fields.peaks import peak_field
+from antiosc.impact.histories import History, SceneHistory
+from antiosc.impact.histories.factors import amplitudes
 from antiosc.models import model_file
 from antiosc.plot import surfaces
 from antiosc.plot.charts import figure_or_path
 from antiosc.plot.surfaces import Deformed
+from antiosc.recovery import source
+from antiosc.recovery.skin import outer_faces
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from matplotlib.patches import Patch
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
 
 #: The format of the file, and the largest array that is loaded, bytes.
 FORMAT = "antiosc-fields"
 LARGEST = 2**32
-#: Corners of the faces of cells in VTK's order of nodes; of sheets the cells themselves.
-FACES: dict[str, list[list[int]]] = {
-    "triangle": [[0, 1, 2]],
-    "quad": [[0, 1, 2, 3]],
-    "tetra": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
-    "hexahedron": [
-        *([0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4]),
-        *([1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]),
-    ],
-}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -191,40 +189,46 @@ def _cells(blocks_of_cells: Iterable[tuple[str, IntArray]]) -> list[tuple[str, I
     return blocks
 
 
-def without_unused(
-    blocks: Sequence[tuple[str, IntArray]],
-) -> tuple[IntArray, list[tuple[str, IntArray]]]:
-    """(numbers of the nodes that cells have, these cells with nodes numbered among them)."""
-    used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
-    return used, [(kind, np.searchsorted(used, cells)) for kind, cells in blocks]
+@collective()
+@one_thread()
+def save_fields(
+    structure: Structure,
+    history: History,
+    path: str | Path,
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+) -> Path:
+    """Write the displacements of all nodes at many times to one compact file.
 
+    It holds the shapes once and their factors at each time; `SavedFields.load(path)` reads it
+    without the finite-element packages, too.
 
-def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
-    """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
-    faces = [_outer(kind, cells) for kind, cells in blocks]
-    max_corners = max(f.shape[1] for f in faces)
-    visible = [f for f in faces if f.shape[1] >= min(max_corners, 3)]
-    if len({f.shape[1] for f in visible}) > 1:  # quadrilaterals as triangles
-        visible = [
-            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in visible
-        ]
-    return np.vstack(visible)
+    Parameters
+    ----------
+    structure, history, body
+        As for `write_series`.
+    path : str or Path
+        The `.npz` file.
+    times : array_like (n,), optional
+        Increasing times in s; default: those of the history.
 
-
-def _outer(kind: str, cells: IntArray) -> IntArray:
-    """Corners of the faces that belong to only one cell, for cells of one kind."""
-    name = kind.rstrip("0123456789")
-    if name not in FACES:
-        if name == "line":
-            return cells[:, :2]
-        return cells[:, :1]
-    all_faces = np.vstack([cells[:, face] for face in FACES[name]])
-    if len(FACES[name]) == 1:
-        return all_faces
-    _, first, count = np.unique(
-        np.sort(all_faces, axis=1), axis=0, return_index=True, return_counts=True
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; times that do not increase; a
+        file that cannot be written.
+    """
+    target = checks.path("path", path)
+    shapes_of_body = shapes_of(structure, history, body)
+    times_checked = np.unique(history.time) if times is None else checks.nonempty("times", times)
+    points, cells, shapes = source(structure).at_nodes(structure, shapes_of_body)
+    factors = amplitudes(history, times_checked, body)
+    on_root(
+        structure.comm,
+        lambda: SavedFields(points, cells, shapes, times_checked, factors).save(target),
     )
-    return np.asarray(all_faces[first[count == 1]])
+    return target
 
 
 #: Quantity of a map -> what it is, and its unit.
@@ -243,28 +247,8 @@ MAP_QUANTITIES = {
 }
 
 
-class SurfaceMap(Protocol):
-    """The interface of an `ImpactMap` that `plot_map` uses."""
-
-    @property
-    def points(self) -> Array: ...
-    @property
-    def directions(self) -> Array: ...
-    @property
-    def elements(self) -> IntArray: ...
-    @property
-    def alone(self) -> IntArray: ...
-    @property
-    def info(self) -> Mapping[str, object]: ...
-    @property
-    def doubtful(self) -> BoolArray: ...
-
-    def quantities(self) -> dict[str, Array]:
-        """Scalars of the map by name, (P,) each."""
-
-
 def plot_map(
-    impact_map: SurfaceMap,
+    impact_map: Any,
     path: str | os.PathLike[str] | None = None,
     quantity: str = "peak_force",
 ) -> Figure | Path:
@@ -308,7 +292,10 @@ def plot_map(
         _dots(axes, x, scale.to_rgba(value), outlined)
         figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
     if outlined.any():
-        figure.legend(handles=[_doubtful_patch()], loc="lower left", frameon=False)
+        from matplotlib.patches import Patch  # which takes long to load
+
+        patch = Patch(facecolor="white", edgecolor="black", label="doubtful sites")
+        figure.legend(handles=[patch], loc="lower left", frameon=False)
     surfaces.fit_limits(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     return figure_or_path(figure, path)
@@ -321,13 +308,6 @@ def _dots(axes: Axes3D, points: Array, colours: Array, outlined: BoolArray) -> N
     axes.scatter(*points.T, c=colours, edgecolors=edges, s=30, depthshade=False)
 
 
-def _doubtful_patch() -> Patch:
-    """What the legend of a map has for doubtful sites."""
-    from matplotlib.patches import Patch
-
-    return Patch(facecolor="white", edgecolor="black", label="doubtful sites")
-
-
 def _on_faces(value: Array) -> Array:
     """Mean (T,) of the known values at the corners (T, 3) of faces; NaN where fewer than two are
     known.
@@ -338,7 +318,7 @@ def _on_faces(value: Array) -> Array:
     return np.where(count > 1, mean, np.nan)
 
 
-def _front_faces(impact_map: SurfaceMap, axes: Axes3D) -> BoolArray:
+def _front_faces(impact_map: Any, axes: Axes3D) -> BoolArray:
     """Mask (T,) of the faces to draw: the front faces of a solid that is struck against its
     surface.
 
@@ -361,3 +341,93 @@ def _front_faces(impact_map: SurfaceMap, axes: Axes3D) -> BoolArray:
         ]
     )
     return np.asarray((normal @ view) * -np.sign(cosines) > 0)
+
+
+def plot_deformed(
+    structure: Structure,
+    history: History,
+    path: str | os.PathLike[str] | None = None,
+    time: float | None = None,
+    *,
+    body: str = "structure",
+    point: Sequence[float] | None = None,
+    direction: Sequence[float] | None = None,
+    view: Sequence[float] | None = None,
+    field: str | None = None,
+) -> Figure | Path:
+    """The deformed part at one time; displacements are magnified and coloured by their magnitude.
+
+    Parameters
+    ----------
+    structure, history, body
+        As for `write_series`.
+    path : str or Path, optional
+        As for `plot_history`.
+    time : float, optional
+        In s; default: the time of the largest displacement of the site, for a scene that of the
+        largest contact force.
+    point, direction : sequence of 3 floats, optional
+        An arrow that ends at `point` (m) shows the impact.
+    view : (elevation, azimuth), optional
+        Direction of view, degrees: elevation 90 is from above, azimuth 0 from +x and 90 from +y.
+    field : str, optional
+        Quantity that gives the colours in place of the displacement: one of `peak_field`, as
+        "von_mises".
+
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; a mesh of lines.
+    """
+    seen_from = None if view is None else checks.floats("view", view, (2,))
+    arrow = _arrow(point, direction)
+    surface = deformed(structure, history, time, body, field)
+    mark = None if field is None else int(np.argmax(surface.values))
+    figure = surfaces.deformed_figure(
+        surface, arrow=arrow, view=seen_from, mark=mark, shown=path is None
+    )
+    return figure_or_path(figure, path)
+
+
+def deformed(
+    structure: Structure,
+    history: History,
+    time: float | None,
+    body: str,
+    field: str | None = None,
+) -> Deformed:
+    """The surface of a part at one time; arguments as for `plot_deformed`."""
+    checks.instance("structure", structure, Structure, "a Structure")
+    checks.instance("history", history, History, "a History, which simulate and Scene.run return")
+    history.of(body)
+    if time is None:
+        time = float(history.time[np.argmax(_motion(history, body))])
+    if field is not None:
+        peak = peak_field(structure, history, field, [time], body=body)
+        *_, displacements = nodal_motion(structure, history, time, body=body)
+        return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", displacements)
+    points, faces, displacements = skin(
+        structure, history, checks.number("time", time, "s"), body=body
+    )
+    largest = float(np.linalg.norm(displacements, axis=1).max())
+    return Deformed.of(points, faces, displacements, largest)
+
+
+def _arrow(
+    point: Sequence[float] | None, direction: Sequence[float] | None
+) -> tuple[Array, Array] | None:
+    """Point and direction of the arrow that shows the impact, if both are known."""
+    if (point is None) != (direction is None):
+        raise InputError("the arrow of the impact needs both point and direction.")
+    if point is None or direction is None:
+        return None
+    tip = np.array(checks.coordinates("point", point))
+    return tip, np.array(checks.coordinates("direction", direction))
+
+
+def _motion(history: History, body: str) -> Array:
+    """The curve that sets the time of the picture: motion of the site, or contact forces."""
+    if isinstance(history, SceneHistory):
+        return np.asarray(np.abs(history.run.force).max(axis=1))
+    impactor = body == "impactor"
+    return np.abs(history.impactor_displacement if impactor else history.displacement)

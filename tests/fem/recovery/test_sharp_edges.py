@@ -8,7 +8,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.recovery import source
-from antiosc.recovery.sharp_edges import sharp_points
+from antiosc.recovery.skin import sharp_points
 from static_loads import held
 
 pytestmark = pytest.mark.fem

@@ -1,4 +1,5 @@
-"""Sharp inner edges of a solid, where an elastic stress has no limit, and its mean thickness.
+"""The skin of cells: outer faces; sharp inner edges of a solid, where an elastic stress has no
+limit, and its volume over its surface.
 
 In a corner of more than 180° the stress grows as r^-0.46 at 270° (M. L. Williams, J. Appl. Mech. 19
 (1952) 526); the value on a mesh grows with every refinement. A fillet has a limit: its curved faces
@@ -16,16 +17,55 @@ from antiosc.base._types import Array, IntArray
 
 #: Interior angle in degrees from which an edge is sharp; straight fillets of three cells have 210.
 SHARP = 215.0
-#: Corners of the faces of cells, in cyclic order.
-FACES = {
-    "tetra": ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)),
-    "hexahedron": (
-        *((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4)),
-        *((1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
-    ),
+#: Corners of the outward faces of cells in VTK's order of nodes; of sheets the cells themselves.
+FACES: dict[str, list[list[int]]] = {
+    "triangle": [[0, 1, 2]],
+    "quad": [[0, 1, 2, 3]],
+    "tetra": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
+    "hexahedron": [
+        *([0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4]),
+        *([1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]),
+    ],
 }
+SOLIDS = ("tetra", "hexahedron")
 #: Middle nodes of the edges of a quadratic tetrahedron, in VTK's order.
 MIDDLES = {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9}
+
+
+def without_unused(
+    blocks: Sequence[tuple[str, IntArray]],
+) -> tuple[IntArray, list[tuple[str, IntArray]]]:
+    """(numbers of the nodes that cells have, these cells with nodes numbered among them)."""
+    used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
+    return used, [(kind, np.searchsorted(used, cells)) for kind, cells in blocks]
+
+
+def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
+    """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
+    faces = [_outer(kind.rstrip("0123456789"), cells) for kind, cells in blocks]
+    most = max(f.shape[1] for f in faces)
+    visible = [f for f in faces if f.shape[1] >= min(most, 3)]
+    if len({f.shape[1] for f in visible}) > 1:  # quadrilaterals as triangles
+        visible = [
+            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in visible
+        ]
+    return np.vstack(visible)
+
+
+def _outer(kind: str, cells: IntArray) -> IntArray:
+    """Corners of the faces that belong to only one cell, for cells of one kind."""
+    if kind not in FACES:
+        return cells[:, : 2 if kind == "line" else 1]
+    faces = np.vstack([cells[:, face] for face in FACES[kind]])
+    return faces[_once(faces)] if kind in SOLIDS else faces
+
+
+def _once(faces: IntArray) -> IntArray:
+    """Numbers of the faces that no other has the corners of."""
+    _, first, count = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return np.asarray(first[count == 1])
 
 
 class Skin(NamedTuple):
@@ -51,7 +91,7 @@ def sharp_points(points: Array, cells: Sequence[tuple[str, IntArray]]) -> tuple[
     # each rank has its own copy of the nodes that it shares
     points, number = np.unique(points, axis=0, return_inverse=True)
     solids = [(kind.rstrip("0123456789"), number.ravel()[nodes]) for kind, nodes in cells]
-    skins = [_skin(points, kind, numbers) for kind, numbers in solids if kind in FACES]
+    skins = [_skin(points, kind, numbers) for kind, numbers in solids if kind in SOLIDS]
     if not skins:
         return np.zeros((0, 3)), 0.0
 
@@ -68,9 +108,7 @@ def sharp_points(points: Array, cells: Sequence[tuple[str, IntArray]]) -> tuple[
 def _skin(points: Array, kind: str, cells: IntArray) -> Skin:
     """The outer faces of cells of one kind."""
     faces = np.concatenate([cells[:, face] for face in FACES[kind]])
-    order = np.sort(faces, axis=1)
-    _, first, count = np.unique(order, axis=0, return_index=True, return_counts=True)
-    outer = first[count == 1]
+    outer = _once(faces)
     number, cell = np.divmod(outer, len(cells))
     centres = points[cells[cell]].mean(axis=1)
 
