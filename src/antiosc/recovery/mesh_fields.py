@@ -21,7 +21,7 @@ from antiosc.base.stresses import PAIRS, equivalent, length, tensors_of
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many, size_at
+from antiosc.fem.mesh.closest import ClosestPoints, closest_many, size_at
 from antiosc.fem.mesh.surface import kind_of_cells
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.prestress.loaded_part import initial_strain
@@ -241,8 +241,10 @@ def at_point(
 
     InputError for a point farther off than `reach`.
     """
-    parts = with_parts(structure).fields(shapes, part)
-    return _displacements(parts, x, reach)
+    moved = recovered(structure, shapes, x[None], part, "displacement", Place(), reach)[0]
+    parts = with_parts(structure).fields(shapes[:, :0], part)
+    names = [set(member.part.form.components) & set("xyz") for member, _ in parts]
+    return np.asarray(moved[: max(map(len, names))])
 
 
 def nearest_point(structure: Structure, x: Array, part: str | None, reach: Reach) -> Array:
@@ -250,15 +252,6 @@ def nearest_point(structure: Structure, x: Array, part: str | None, reach: Reach
     parts = with_parts(structure).fields(np.zeros((structure.rows, 1)), part)
     number, found = _nearest(parts, x[None], reach)
     return np.asarray(parts[number][0].at.placed(found[0].x[None])[0])
-
-
-def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
-    """Displacements (gdim, columns) at the point of all parts that is nearest to x (3,)."""
-    number, closest = _nearest(parts, x[None], reach)
-    member, shapes_of_part = parts[number]
-    values = _at_point(member, closest[0], shapes_of_part)
-    components = [name for name in "xyz" if name in member.part.form.components]
-    return values[: len(components)]
 
 
 def recovered(
@@ -283,7 +276,27 @@ def recovered(
         parts = _stiffeners(parts, place.stiffener)
     if second_order:
         parts = _whole(parts)
-    return _recovered(parts, points, quantity, place, reach)
+    number, closest = _nearest(parts, points, reach)
+    member, shapes_of_part = parts[number]
+
+    # each point on the rank that has its cell
+    mesh = member.part.mesh
+    evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
+    with_ghosts = compat.with_ghosts(member.part.form.space, shapes_of_part)
+    here = closest.rank == mesh.comm.rank
+    cells, X = closest.cell[here], closest.X[here]
+    values_here = error = None
+    try:
+        values_here = evaluate(PointsInCells(member.part, with_ghosts, cells, X))
+    except InputError as caught:
+        error = caught
+    agree(mesh.comm, error)
+    assert values_here is not None
+
+    values = np.zeros((len(points), *values_here.shape[1:]))
+    values[here] = values_here
+    values = np.asarray(mesh.comm.allreduce(values))
+    return values if place.local else _rotated(member.at.rotation, values, quantity)
 
 
 def _refuse_relaxing(structure: Structure, quantity: str) -> None:
@@ -318,39 +331,6 @@ def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Memb
     return beams
 
 
-def _recovered(
-    candidates: Sequence[tuple[Member, Array]],
-    points: Array,
-    quantity: str,
-    place: Place,
-    reach: Reach,
-) -> Array:
-    """As `recovered`, on the candidate nearest to the points."""
-    number, closest = _nearest(candidates, points, reach)
-    member, shapes_of_part = candidates[number]
-    mesh = member.part.mesh
-    evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
-    with_ghosts = compat.with_ghosts(member.part.form.space, shapes_of_part)
-    on_this_rank = closest.rank == mesh.comm.rank
-    values_of_rank = None
-    error = None
-    try:
-        evaluated = PointsInCells(
-            member.part, with_ghosts, closest.cell[on_this_rank], closest.X[on_this_rank]
-        )
-        values_of_rank = evaluate(evaluated)
-    except InputError as caught:
-        error = caught
-    agree(mesh.comm, error)
-    assert values_of_rank is not None
-    values = np.zeros((len(points), *values_of_rank.shape[1:]))
-    values[on_this_rank] = values_of_rank
-    values = np.asarray(mesh.comm.allreduce(values))
-    if place.local:
-        return values
-    return _rotated(member.at.rotation, values, quantity)
-
-
 def _nearest(
     candidates: Sequence[tuple[Member, Array]], points: Array, reach: Reach
 ) -> tuple[int, ClosestPoints]:
@@ -371,10 +351,8 @@ def _rotated(R: Array, values: Array, quantity: str) -> Array:
     """Vectors and tensors of a part in the axes of the assembly."""
     if (np.eye(3) == R).all() or quantity == "section_forces":
         return values
-    if quantity == "rotation":
-        if values.shape[1] == 1:
-            return values
-        return np.einsum("ij,pjk->pik", R, values)
+    if quantity in ("displacement", "rotation"):
+        return values if values.shape[1] == 1 else np.einsum("ij,pjk->pik", R, values)
     return np.einsum("ia,pabk,jb->pijk", R, values, R, optimize=True)
 
 
@@ -498,23 +476,6 @@ def _requests(
             raise InputError(f"{NO_OUTLINE}.")
         return [(place, numbers) for place in on_edge]
     return [(place, numbers) for place in (places if part.kind.sheet else places[:1])]
-
-
-def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
-    """Displacements (3, columns) of shapes (rows of this rank, columns) at a point of a part."""
-    mesh = member.part.mesh
-    form = member.part.form
-    shapes = compat.with_ghosts(form.space, shapes)
-    values = None
-    if mesh.comm.rank == nearest.rank:
-        values = np.zeros((3, shapes.shape[1]))
-        for axis, name in enumerate("xyz"):
-            path = form.components.get(name)
-            if path is not None:
-                dofs = compat.subspace(form.space, path).dofmap.cell_dofs(nearest.cell)
-                weights = compat.tabulate(form.space, path, nearest.X.reshape(1, -1))[0]
-                values[axis] = weights @ shapes[dofs]
-    return np.asarray(member.at.rotation @ mesh.comm.bcast(values, root=nearest.rank))
 
 
 def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:

@@ -188,11 +188,6 @@ def solid_rotation(at: PointsInCells, place: Place) -> Array:
     return np.stack([(g[:, i, j] - g[:, j, i]) / 2 for i, j in pairs], axis=1)
 
 
-def solid_section_forces(at: PointsInCells, place: Place) -> Array:
-    """InputError: a solid has stresses, but no section forces."""
-    raise InputError("a solid has no section forces: probe its 'stress'.")
-
-
 def _gradient(at: PointsInCells) -> Array:
     """∂u_i/∂x_j (P, 3, 3, columns)."""
     gdim = at.part.mesh.gdim
@@ -230,11 +225,6 @@ def truss_stress(at: PointsInCells, place: Place) -> Array:
 def truss_section_forces(at: PointsInCells, place: Place) -> Array:
     """The axial force N (P, 1, columns), N."""
     return np.asarray((at.each(lambda bar: [bar.E * bar.area]) * _axial(at))[:, None])
-
-
-def truss_rotation(at: PointsInCells, place: Place) -> Array:
-    """InputError: the ends of the bars are hinges."""
-    raise InputError("the bars of a truss end in hinges, which have no rotation to probe.")
 
 
 def _axial(at: PointsInCells) -> Array:
@@ -619,8 +609,14 @@ def _products(matrix: Array, columns: Array) -> Array:
     return np.einsum("ij,pjk->pik", matrix, columns)
 
 
+def displacement(at: PointsInCells, place: Place) -> Array:
+    """Displacements (P, 3, columns), m."""
+    return at.values(at.dofs("xyz"))
+
+
 #: What gives a quantity of parts of a kind.
 QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
+    "displacement": dict.fromkeys(("solid", "truss", "beam", "sheet"), displacement),
     "strain": {
         "solid": solid_strain,
         "truss": truss_strain,
@@ -635,12 +631,10 @@ QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
     },
     "rotation": {
         "solid": solid_rotation,
-        "truss": truss_rotation,
         "beam": beam_rotation,
         "sheet": sheet_rotation,
     },
     "section_forces": {
-        "solid": solid_section_forces,
         "truss": truss_section_forces,
         "beam": beam_section_forces,
         "sheet": sheet_section_forces,
@@ -651,12 +645,14 @@ QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
 def evaluator(
     part: MeshedStructure, quantity: str, place: Place
 ) -> Callable[[PointsInCells], Array]:
-    """Function that evaluates "strain", "stress", "rotation" or "section_forces" at points.
+    """Function that evaluates one of `QUANTITIES` at points.
 
     To be made on all ranks.
     """
-    function = QUANTITIES[quantity][part.kind.name]
-    if part.kind.name == "sheet" and quantity != "rotation":
+    function = QUANTITIES[quantity].get(part.kind.name)
+    if function is None:
+        raise InputError(f"a {part.kind.name} has no {quantity.replace('_', ' ')}.")
+    if part.kind.name == "sheet" and quantity not in ("displacement", "rotation"):
         axes = SheetAxes(part)
         return lambda at: function(at, place, axes)
     return lambda at: function(at, place)
