@@ -23,7 +23,6 @@ from antiosc.models.free_modes import error_bound, from_free_modes, site_models 
 from antiosc.models.modal import SiteModes
 from antiosc.models.model_file import VERSION
 from antiosc.plot import charts
-from antiosc.recovery.skin import FACES
 from refusals import refused
 from struck_beams import ARTICLE, UNIT
 

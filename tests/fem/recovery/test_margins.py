@@ -18,7 +18,6 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.fields.margin import Nodal, Zones, judged
-from antiosc.fields.pictures import deformed
 from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
