@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -471,7 +471,7 @@ def _largest(found: Sequence[Rows], count: int) -> Maxima:
     bounds = [rows.error for rows in found if rows.error is not None]
     share = np.nan_to_num(values / strength)
 
-    def at_nodes(sizes: Array, *arrays: Array) -> list[Array]:
+    def at_nodes(sizes: Array, *arrays: Any) -> Any:
         """[of each array (S,) what belongs to the largest size at each node]."""
         order = np.argsort(sizes, kind="stable")  # the largest is written last
         placed = [np.zeros(count, dtype=array.dtype) for array in arrays]
@@ -479,9 +479,9 @@ def _largest(found: Sequence[Rows], count: int) -> Maxima:
             target[nodes[order]] = array[order]
         return placed
 
-    of_values = at_nodes(values, values, times)
-    of_exposures = at_nodes(share, share, strength, times, ply)
-    return Maxima(*of_values, max(bounds, default=None), *of_exposures)
+    largest, peak_times = at_nodes(values, values, times)
+    exposures = at_nodes(share, share, strength, times, ply)
+    return Maxima(largest, peak_times, max(bounds, default=None), *exposures)
 
 
 def _peak_field_of(
