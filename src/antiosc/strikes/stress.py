@@ -31,9 +31,9 @@ from antiosc.strikes import second_order
 #: Most rounds of smaller cells, and most places of a round.
 MOST_ROUNDS, MOST_PLACES = 4, 20
 #: Least and largest ratio of new to old sizes of cells, and the share of the tolerance aimed at.
-FINEST, COARSEST, AIM = 0.2, 0.5, 0.6
-#: Power of the size by which the jumps of the stress fall, at least, beside a fillet.
-POWER = 1.5
+FINEST, COARSEST, AIM = 0.2, 0.5, 0.7
+#: Power of the size by which the jumps of the stress fall in quadratic cells.
+POWER = 2.0
 #: Most dofs of a refined mesh over those of the mesh of the force, or this number if it is larger.
 MOST_GROWTH, MOST_DOFS = 3.0, 150_000
 

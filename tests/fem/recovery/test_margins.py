@@ -179,8 +179,6 @@ def test_a_re_entrant_corner_is_told_and_its_stress_grows_with_the_mesh():
     assert largest[1] > 1.2 * largest[0]
 
 
-
-
 def _pascals(share: float) -> str:
     return engineering(share * YIELD, "Pa")
 
