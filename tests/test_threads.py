@@ -18,29 +18,12 @@ def now() -> set[int]:
 
 @pytest.fixture
 def two_threads(monkeypatch):
-    """BLAS has two threads and the environment names no number; both are there."""
+    """BLAS has two threads and the environment names no number; there are three cores."""
     for name in process.VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(process, "cores", lambda: 2)
-    monkeypatch.setattr(process, "free_cores", lambda: 2)
+    monkeypatch.setattr(process, "cores", lambda: 3)
     with threadpoolctl.threadpool_limits(2, user_api="blas"):
         yield
-
-
-@pytest.mark.parametrize(
-    ("cores", "load", "free"),
-    [
-        *((4, "1/300", 4), (4, "2/300", 3), (4, "4/300", 1), (4, "40/300", 1)),
-        *((2, "1/300", 2), (2, "2/300", 1), (1, "1/300", 1), (4, "", 1)),
-    ],
-)
-def test_cores_in_use_are_not_free(monkeypatch, cores, load, free):
-    """Where nothing is known only our own is."""
-    texts = {"/proc/loadavg": f"0.00 0.00 0.00 {load} 1234\n"} if load else {}
-    monkeypatch.setattr(process, "_text", lambda path: texts.get(str(path), ""))
-    monkeypatch.setattr(process, "cores", lambda: cores)
-    monkeypatch.setattr(process.os, "cpu_count", lambda: cores)
-    assert process.free_cores() == free
 
 
 def test_a_container_s_quota_counts(monkeypatch):

@@ -101,7 +101,7 @@ def report() -> str:
 
     rows.append(("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"))
     rows += [("CHOLMOD", _cholmod()), ("BLAS", blas())]
-    rows.append(("threads", f"{process.cores()} cores, {process.free_cores()} free"))
+    rows.append(("threads", f"{process.cores()} cores"))
 
     absent = [package for package, found in packages_found().items() if not found]
     if absent:

@@ -7,11 +7,11 @@ packages take files of the working folder for their configuration (`.petscrc`, `
 which can name programs and libraries to run. They load in `/` instead (`loading`), so that a folder
 from elsewhere configures nothing.
 
-**Threads.** One BLAS thread, unless a factorization is large and cores are free. OpenBLAS threads
-synchronise in busy loops, thousands of times in one sparse factorization. If another program uses
-one of the cores, they wait for it as well, and two threads take up to nine times as long as one. If
-all cores are free, only large fronts become faster. A number of threads that the user has set in
-the environment is respected; other libraries are not changed.
+**Threads.** One BLAS thread, and for large factorizations one fewer than there are cores, whatever
+else the machine does, so that a run gives the same digits again. OpenBLAS threads synchronise in
+busy loops, thousands of times in one sparse factorization: if another program has one of their
+cores, two threads take up to nine times as long as one. A number of threads that the user has set
+in the environment is respected; other libraries are not changed.
 
 **Memory.** The free memory, the share of it that a run may use, and the message if it is too small.
 """
@@ -225,27 +225,6 @@ def cores() -> int:
     return allowed
 
 
-def free_cores() -> int:
-    """Number of cores that are idle, at least 1; 1 if this is unknown."""
-    allowed = cores()
-    load = _text("/proc/loadavg").split()
-    if allowed == 1 or len(load) < 4:
-        return 1
-
-    states = (_text(path) for path in Path("/proc/self/task").glob("*/stat"))
-    running_here = sum(state.rpartition(")")[2].split()[:1] == ["R"] for state in states)
-    running = int(load[3].partition("/")[0]) - max(1, running_here)
-    return max(1, min(allowed, (os.cpu_count() or 1) - max(0, running)))
-
-
-def threads() -> int:
-    """Number of threads for work that is divided among any: the user's choice, or idle cores."""
-    setting = user_threads()
-    if setting and setting[1].isdecimal():
-        return max(1, int(setting[1]))
-    return free_cores()
-
-
 def _text(path: str | Path) -> str:
     try:
         return Path(path).read_text()
@@ -253,15 +232,15 @@ def _text(path: str | Path) -> str:
         return ""
 
 
-def useful_threads(fronts: Array, free: int) -> int:
-    """Useful number of threads, at most `free`, for dense fronts of these operation counts."""
+def useful_threads(fronts: Array, most: int) -> int:
+    """Useful number of threads, at most `most`, for dense fronts of these operation counts."""
 
     def cost(threads: int) -> float:
         return float(np.sum(fronts / np.clip(fronts / WORK_PER_THREAD, 1, threads)))
 
     threads = 1
-    while threads < free and cost(min(2 * threads, free)) < WORTHWHILE * cost(threads):
-        threads = min(2 * threads, free)
+    while threads < most and cost(min(2 * threads, most)) < WORTHWHILE * cost(threads):
+        threads = min(2 * threads, most)
     return threads
 
 
@@ -355,10 +334,8 @@ def blas_threads(fronts: Array) -> Iterator[int | None]:
         yield None
         return
     with one_thread():
-        limit = min(blas.before, cores()) if len(blas.users) == 1 else 1
+        limit = min(blas.before, cores() - 1) if len(blas.users) == 1 else 1
         threads = useful_threads(fronts, limit)
-        if threads > 1:
-            threads = useful_threads(fronts, min(limit, free_cores()))
         with blas.controller.limit(limits=threads, user_api="blas"):
             yield threads
 

@@ -20,7 +20,6 @@ from antiosc.impact.histories.energy import GAIN
 
 #: Contacts, and scenes of a batch, that a message names.
 _NAMED = 5
-UNDAMPED = " The bodies have no damping, so that their vibrations go on: Damping ends them."
 
 
 @dataclass(frozen=True)
@@ -85,24 +84,16 @@ def check_result(
     energy.
     """
     if failure := stopped(ended.answer, ended.time, *limits):
-        reason = failure[0].upper() + failure[1:] + "."
-        ringing = _ringing(assembly) if ended.answer == library.TOO_MANY_STEPS else ""
-        return CheckResult(STOPPED, reason + ringing)
+        return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
 
     message = cut_short_message(assembly, ended)
     if doubt := inexact_message(ended, tol, limits[1], gain):
-        steps = _ringing(assembly) if needs_steps(ended, tol) else ""
-        return CheckResult(INEXACT, f"{doubt}{steps} {message}".rstrip())
+        return CheckResult(INEXACT, f"{doubt} {message}".rstrip())
     if untouched := no_contact_message(assembly, ended):
         return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
     if message:
         return CheckResult(TOUCHING, message)
     return CheckResult(COMPLETED, "Completed.")
-
-
-def _ringing(assembly: Assembly) -> str:
-    """Remedy for the many steps of bodies that ring on; "" if they are damped."""
-    return "" if assembly.system.damped else UNDAMPED
 
 
 def inexact_message(
@@ -134,12 +125,6 @@ def inexact_message(
             f" step."
         )
     return ""
-
-
-def needs_steps(ended: RunEnd | Converged, tol: float) -> bool:
-    """Whether more steps might show that a complete run meets the tolerance."""
-    worst = max(ended.force, ended.peak)
-    return not worst <= tol and not (worst == np.inf and ended.certain > 0)
 
 
 def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
