@@ -2,8 +2,7 @@
 
 One eigenproblem serves all sites (`antiosc.models.free_modes`). Each site needs the values of the
 free modes at the site and two numbers of its static deflection y: the compliance b'y and the
-inertia y'My (`antiosc.fem.linalg.compliance`). The error of Z is bounded at each site; if the bound
-is too large, the site is extracted separately.
+inertia y'My (`antiosc.fem.linalg.compliance`). The error of Z is bounded at each site.
 
 The largest stress anywhere in a part is computed for the impact at each site of a map. Under the
 force F(t) at site i, the part moves in the free modes of the map, and quasi-statically in all
@@ -74,14 +73,7 @@ from antiosc.models.body import (
     second_contact_of,
 )
 from antiosc.models.free_modes import SiteModels
-from antiosc.reduce.extraction import site_shapes
-from antiosc.reduce.extraction.krylov import by_krylov
-from antiosc.reduce.extraction.oscillators import (
-    error_bound,
-    lumped,
-    oscillators,
-)
-from antiosc.reduce.site.sites import Sites, doubtful_patches
+from antiosc.reduce.site.sites import doubtful_patches
 from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FreeSites, free_sites
 from antiosc.strikes.map_results import (
@@ -109,8 +101,6 @@ COUNTS = (12, 25, 50, 100)
 BEYOND = 0.003
 #: Tolerance of the impact on the wall.
 COARSE = 1e-3
-#: At most this many sites are extracted by themselves; if more need it, none is.
-DIRECT = 32
 #: Mean pressure of a contact that yields all over, over the yield strength (Tabor).
 FULLY_PLASTIC = 2.8
 
@@ -163,8 +153,7 @@ def impact_map(
         (`impact_band`); without an impactor, with `modes`, or where 100 modes end below it, as far
         as the free modes are good: the last free frequency over 2 or, in the last case, 1.5.
     accuracy : float
-        Largest |dZ|/|Z| over the band, at 1 % damping. Sites that exceed it for lack of free modes
-        are extracted by themselves if they are at most 32; a warning tells how many remain.
+        Largest |dZ|/|Z| over the band, at 1 % damping; a warning tells how many sites exceed it.
     stress : bool or int
         Whether to seek the largest von Mises stress anywhere in the part for the blow at each site,
         as `peak_field` does for one impact: 0.3 s a site for 33 000 dofs. A number: at no more than
@@ -234,8 +223,7 @@ def impact_map(
             f" {_hertz(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
         )
     with doing(f"models of {len(sites)} sites", structure.comm.rank):
-        models, errors = _reduced(sites_seen, counts, structure.shift, band, accuracy)
-        models, error = _refined(structure, sites, models, errors, band, accuracy)
+        models, error = _reduced(sites_seen, counts, structure.shift, band, accuracy)
     seconds = {**sites_seen.seconds, "models": time.perf_counter() - step_start}
     info = MapInfo(
         structure=structure.describe(),
@@ -351,8 +339,8 @@ def _hertz(omega: float) -> str:
 
 def _reduced(
     sites: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
-) -> tuple[SiteModels, tuple[Array, Array]]:
-    """(models with the first of `counts` that suffices or the last, their two error bounds)."""
+) -> tuple[SiteModels, Array]:
+    """(models with the first of `counts` that suffices or the last, their error bounds)."""
     of_sites = sites.omega, sites.b, sites.compliance, sites.inertia
     for n in counts:
         models = free_modes.site_models(*of_sites, n, shift, "krylov")
@@ -360,49 +348,7 @@ def _reduced(
         if np.all(reduction <= accuracy / 2):
             break
 
-    return models, (left_out, reduction)
-
-
-# --- Warnings -------------------------------------------------------------------------------------
-
-
-def _refined(
-    structure: Structure,
-    sites: Sites,
-    models: SiteModels,
-    errors: tuple[Array, Array],
-    band: float,
-    accuracy: float,
-) -> tuple[SiteModels, Array]:
-    """(models, errors), where a few sites for which the free modes do not suffice are extracted by
-    themselves.
-    """
-    left_out, reduction = errors
-    error = left_out + reduction
-    worst = np.flatnonzero(left_out > accuracy)
-    if not 0 < len(worst) <= DIRECT:
-        return models, error
-
-    n = models.m.shape[1]
-    arrays = {name: values.copy() for name, values in vars(models).items()}
-    for i in worst:
-        static = site_shapes(structure, sites.loads[:, [i]].toarray())
-        modes, remainder = by_krylov(structure, static, n, free_modes.UNOBSERVABLE, band, 0.0)
-        known = lumped(structure, static, modes)
-        selected = oscillators(known, n, free_modes.UNOBSERVABLE)
-        assert remainder is not None  # there is a band
-        bound, _ = error_bound(known, remainder, selected, band)
-        if bound < error[i]:
-            error[i] = bound
-            missing = n - len(selected.omega)
-            omega = np.append(selected.omega, np.full(missing, np.inf))
-            masses = np.append(selected.P[:, 0] ** 2, np.zeros(missing))
-            k0, m0 = static.k0[0, 0], selected.m0[0, 0]
-            row = k0, m0, m0 + masses.sum(), omega, masses
-            for values, value in zip(arrays.values(), row, strict=True):
-                values[i] = value
-
-    return SiteModels(**arrays), error
+    return models, left_out + reduction
 
 
 def _tell(result: ImpactMap, accuracy: float) -> None:
