@@ -291,7 +291,7 @@ def test_the_mean_strain_rate_gives_the_peak_of_a_strength_that_follows_it(name)
 
 
 def test_a_strength_that_may_be_lower_counts_before_the_usual_one_yields():
-    """The usual strength stays elastic, the lowest does not: the row holds the change by it."""
+    """The usual strength stays elastic, the lowest does not: the row is the change by it."""
     weak = replace(ALLOY, yield_range=(0.3 * ALLOY.yield_strength, ALLOY.yield_strength))
     struck = model(Surface(weak), strain_error=np.diag([1e3, 1e3, 1e3]))
     ball = ao.Sphere(0.01, material="100Cr6", velocity=0.005)
@@ -300,11 +300,10 @@ def test_a_strength_that_may_be_lower_counts_before_the_usual_one_yields():
     other = replace(hit.law, yield_strength=weak.yield_range[0])
     change = abs(ao.simulate(struck, ball, other, duration=5e-3).peak_force / hit.peak_force - 1)
     assert change > 0.01
+    assert hit.error_budget["peak_force"].law == pytest.approx(change, rel=0.05)
     choice = choose(Surface(weak), ball.surface())
     at_equal_work = error_of_peak(choice, hit.peak_force, hit.contact_time)
     assert change < at_equal_work < 1.5 * change  # a structure that gives way changes less
-    row = hit.error_budget["peak_force"].law
-    assert row == pytest.approx(at_equal_work, rel=1e-3)
     exact = replace(weak, yield_range=None)
     alone = choose(Surface(exact), ball.surface())
     assert error_of_peak(alone, hit.peak_force, hit.contact_time) == 0.0

@@ -18,17 +18,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent
+from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
 from antiosc.engine.contact.peak_error import (
-    error_of_peak,
+    error_of_law,
     unknown_error,
+    weakest_and_strongest,
 )
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import (
@@ -61,8 +63,11 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import energy_error
 
 Shares = dict[str, float]
+T = TypeVar("T")
 #: Simulates an impact on another body to a tolerance.
 Rerun = Callable[[LinearBody, float], History]
+#: The same by another law.
+ByLaw = Callable[[ContactLaw, float], History]
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,11 +199,11 @@ CUT_PATCH = (
 )
 
 
-def error_budget(hit: History, simulated: Rerun) -> ErrorBudget:
+def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     """The error bars of a run.
 
-    `simulated(model, tol)` repeats the impact on another model by the exact method, with a step
-    that meets the tolerance.
+    `rerun(model, tol)` repeats the impact on another model and `by_law(law, tol)` with another law,
+    by the exact method with a step that meets the tolerance.
     """
     model = hit.model
     if not isinstance(model, AntiOscillators):
@@ -206,11 +211,7 @@ def error_budget(hit: History, simulated: Rerun) -> ErrorBudget:
         raise InputError(f"only impacts on AntiOscillators have an error budget; this is a {kind}.")
 
     runs: list[History] = []
-
-    def rerun(body: LinearBody, tol: float) -> History:
-        runs.append(simulated(body, tol))
-        return runs[-1]
-
+    rerun, by_law = _kept(rerun, runs), _kept(by_law, runs)
     stretching_model = model
     stretches = model.stretch is not None
     if not hit.contacts:
@@ -229,7 +230,7 @@ def error_budget(hit: History, simulated: Rerun) -> ErrorBudget:
     weights = amplitudes(raw)
     of_mesh = _mesh(impact, weights, WITHOUT_STRETCHING if hit.assembly.stretched else "")
     patch, patch_notes = _patch(impact)
-    law, law_reason = law_error(hit)
+    law, law_reason = law_error(raw, by_law, tol)
     finer = None if hit.assembly.stretched else raw  # that is linear
     shares = {
         "mesh": of_mesh.mesh,
@@ -251,7 +252,8 @@ def error_budget(hit: History, simulated: Rerun) -> ErrorBudget:
 
     def bar(name: str, value: float) -> ErrorBar:
         causes = {cause: share_of[name] for cause, share_of in shares.items()}
-        return ErrorBar(value, **causes, law=law, without_mesh=without_mesh)
+        known_law = None if law is None else law[name]
+        return ErrorBar(value, **causes, law=known_law, without_mesh=without_mesh)
 
     linear = LINEAR_BARS if stretches and model.strain_error is not None else ""
     third = THIRD_ORDER if hit.assembly.stretched else ""
@@ -336,23 +338,37 @@ def rebound_of(hit: History) -> Rebound | None:
 GIVEN = "The contact's law was given: its error is not in these bars."
 
 
-def law_error(hit: History) -> tuple[float | None, str]:
-    """(share of the law in the error of the peak force, or None; why it is missing).
+def law_error(hit: History, by_law: ByLaw, tol: float) -> tuple[Shares | None, str]:
+    """(the shares of the law in the errors, or None; why they are missing).
 
-    Impulse and contact time change no more than the peak force by the law, and its share is theirs.
-    It is 0 for a law that the caller gave.
+    A share is the error of the law, by which impulse and contact time change no more than the peak
+    force, and what the lowest and the highest yield strength change, by two runs. The shares are 0
+    for a law that the caller gave.
     """
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:
-        return 0.0, GIVEN
-
-    start, end = hit.contacts[0]
-    share = error_of_peak(choice, hit.peak_force, end - start)
-    if share is None:
-        reason = unknown_error(choice, hit.peak_force)
+        return bars.NO_ERROR, GIVEN
+    if reason := unknown_error(choice, hit.peak_force):
         return None, f"The error of the contact's law is not known: {reason}."
 
-    return share, ""
+    start, end = hit.contacts[0]
+    laws = weakest_and_strongest(choice, hit.peak_force, end - start)
+    changes = [bars.NO_ERROR, *(bars.all_changes(hit, by_law(law, tol)) for law in laws)]
+    share = error_of_law(choice, hit.peak_force)
+
+    return {name: share + max(change[name] for change in changes) for name in UNITS}, ""
+
+
+def _kept(
+    simulated: Callable[[T, float], History], runs: list[History]
+) -> Callable[[T, float], History]:
+    """The function that repeats an impact, which adds its histories to `runs`."""
+
+    def run(other: T, tol: float) -> History:
+        runs.append(simulated(other, tol))
+        return runs[-1]
+
+    return run
 
 
 def _no_bar(value: float) -> ErrorBar:

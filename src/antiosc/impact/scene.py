@@ -636,12 +636,22 @@ class Blow(Source):
 
     def rerun(self, model: LinearBody, tol: float) -> History:
         """Simulate the impact on another model by the exact method, without warnings."""
+        return self._exactly(tol, model=model)
+
+    def by_law(self, law: ContactLaw, tol: float) -> History:
+        """As `rerun`, with another law and without second-order forces of the part."""
+        model = self.impact.model
+        if isinstance(model, AntiOscillators) and model.stretch is not None:
+            model = replace(model, stretch=None)
+        return self._exactly(tol, model=model, contact=law)
+
+    def _exactly(self, tol: float, **changes: Any) -> History:
         exact = replace(self.settings, tol=tol, method="exact", step=None)
         with without_warnings():
-            return simulate_impact(self.impact._replace(model=model), exact)[0]
+            return simulate_impact(self.impact._replace(**changes), exact)[0]
 
     def error_budget(self, hit: History) -> ErrorBudget:
-        return error_budget(hit, self.rerun)
+        return error_budget(hit, self.rerun, self.by_law)
 
 
 def _truncated(
