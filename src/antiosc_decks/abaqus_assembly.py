@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Deck, DeckPlace, IntArray, Numbering
+from antiosc.io.deck import Deck, IntArray
 from antiosc_decks.abaqus_cards import OTHER, Card, Row, Scope, account_for, cards as read_cards
 from antiosc_decks.abaqus_mesh import NONE, AbaqusMesh, mesh_of
 from antiosc_decks.constraints import lever
+from antiosc_decks.entries import DeckPlace, Numbering
 from antiosc_decks.sources import Account, Sources
 
 NOUNS = {"NSET": "node", "ELSET": "element"}

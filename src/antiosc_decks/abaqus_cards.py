@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, DeckPlace, IntArray, Placed, real_number, whole_number
+from antiosc.io.deck import Array, IntArray
+from antiosc_decks.entries import DeckPlace, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, Account, Fate, Sources, table
 
 #: Element rows from this number on stand for elements that are not cells (masses, springs).

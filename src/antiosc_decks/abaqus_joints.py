@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from antiosc.io.deck import Array, Block, DeckPlace, IntArray, real_number, whole_number
+from antiosc.io.deck import Array, Block, IntArray
 from antiosc.io.neutral import CORNERS, EDGES, Term
 from antiosc_decks.abaqus_assembly import NONE, Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_sections import Orientations
 from antiosc_decks.constraints import DeckConstraints, Motions
+from antiosc_decks.entries import DeckPlace, real_number, whole_number
 
 #: Corners of the faces S1, S2, … of solids.
 SOLID_FACES = {

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, real_number
+from antiosc.io.deck import Array
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
@@ -15,6 +15,7 @@ from antiosc_decks.abaqus_joints import read_joints
 from antiosc_decks.abaqus_sections import Orientations, Sections
 from antiosc_decks.builder import ModelBuilder, Unstated
 from antiosc_decks.constraints import axis_terms
+from antiosc_decks.entries import real_number
 from antiosc_decks.finished import finished
 from antiosc_decks.properties import axes_of
 

@@ -8,12 +8,13 @@ from typing import NoReturn
 
 import numpy as np
 
-from antiosc.io.deck import Array, DeckPlace, IntArray, real_number
+from antiosc.io.deck import Array, IntArray
 from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.builder import GroupSection, ModelBuilder
+from antiosc_decks.entries import DeckPlace, real_number
 from antiosc_decks.properties import Material, Profile, constants_of_stiffness, symmetric
 
 #: Kinds of *ELASTIC by their first letters -> how many constants each has.

@@ -12,11 +12,12 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.conversion import kept_apart
-from antiosc.io.deck import DeckPlace
-from antiosc.io.neutral import EDGES, Json, Model, Term, connected
+from antiosc.io.conversion import folded
+from antiosc.io.deck import Deck
+from antiosc.io.neutral import DIMENSION, EDGES, Json, Model, Term, connected
 from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
 from antiosc_decks.constraints import held_apart
+from antiosc_decks.entries import DeckPlace
 from antiosc_decks.sources import lines
 
 #: Components of a rod's direction below this share of the largest are rounding errors.
@@ -115,7 +116,7 @@ def finished(builder: ModelBuilder) -> Model:
     grounded = [element for element in joints.springs if len(element[0]) == 1]
     joins_nodes = len(joints.every()) > len(grounded)  # anything that joins nodes
 
-    mixed = "shell" in roles and kept_apart(builder.deck)
+    mixed = "shell" in roles and _kept_apart(builder.deck)
     stiffened = roles == {"shell", "beam"} and not mixed and not joins_nodes
     stiffened = stiffened and _on_edges(builder)
     has_parts = mixed or (len(roles) > 1 and not stiffened)
@@ -357,3 +358,16 @@ def _hold_middles(builder: ModelBuilder) -> None:
     for node, motion in sorted(constrained):
         if motion < 3 or builder.has_rotations[node]:
             builder.joints.equations.append([(node, motion, 1.0)])
+
+
+def _kept_apart(deck: Deck) -> bool:
+    """Whether quadrilaterals and triangles become two meshes.
+
+    They do if there are triangles, at most half of the sheet elements are triangles, and there are
+    no volumes, whose faces may become triangles.
+    """
+    if any(DIMENSION[block.shape] == 3 for block in deck.blocks):
+        return False
+    sheets = [b for b in deck.blocks if DIMENSION[b.shape] == 2]
+    triangles = sum(len(b) if b.shape == "triangle" else int(folded(b).sum()) for b in sheets)
+    return 0 < 2 * triangles <= sum(map(len, sheets))

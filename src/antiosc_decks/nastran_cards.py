@@ -9,7 +9,7 @@ from itertools import takewhile, zip_longest
 from typing import NamedTuple
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import DeckPlace, Placed, real_number, whole_number
+from antiosc_decks.entries import DeckPlace, Placed, real_number, whole_number
 from antiosc_decks.sources import Account, Fate, Sources, table
 
 #: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, DeckPlace, IntArray, Numbering, whole_number
+from antiosc.io.deck import Array, Block, Deck, IntArray
 from antiosc.io.neutral import CORNERS
 from antiosc_decks import nastran_cards as cards, properties as geometry
+from antiosc_decks.entries import DeckPlace, Numbering, whole_number
 from antiosc_decks.nastran_cards import CELLS, Bulk, Entry, through
 from antiosc_decks.sources import Account, Fate, Sources
 

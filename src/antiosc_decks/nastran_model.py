@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.io.deck import Array, DeckPlace, real_number
+from antiosc.io.deck import Array
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks import nastran_beams as beams
 from antiosc_decks.builder import ModelBuilder, Unstated
 from antiosc_decks.constraints import axis_terms, lever
+from antiosc_decks.entries import DeckPlace, real_number
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
 from antiosc_decks.nastran_cards import CONTACT, Entry, motions_of, tell_damping, through

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from antiosc.base._types import BoolArray
-from antiosc.io.deck import Array, Deck, DeckPlace, IntArray, Placed
+from antiosc.io.deck import Array, Deck, IntArray
+from antiosc_decks.entries import DeckPlace, Placed
 
 
 @dataclass

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from antiosc.base.errors import MeshError
-from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import listed
 from antiosc.io.isolation import FileReader, Request
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
 from antiosc_decks.builder import Unstated
+from antiosc_decks.cells import as_mesh
 from antiosc_decks.sources import BULK as _BULK, Sources
 
 F = TypeVar("F", abaqus_assembly.Whole, nastran_mesh.NastranDeck)
@@ -44,7 +44,7 @@ def _reader(
             none = f"{deck.name} has no elements of solids, shells, beams or rods{beside}"
             raise MeshError(f"{none}; read the deck that holds the part itself.")
 
-        return as_mesh(deck, halve_lines=bool(deck.model and deck.model["halve"]))
+        return as_mesh(deck)
 
     return reader
 

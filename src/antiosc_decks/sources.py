@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from antiosc.base.errors import MeshError, PiecesError
-from antiosc.io.deck import Deck, DeckPlace
+from antiosc.io.deck import Deck
+from antiosc_decks.entries import DeckPlace
 
 #: Pattern of the first lines of Nastran's bulk data.
 BULK = re.compile(r"(?im)^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])")

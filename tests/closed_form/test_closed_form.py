@@ -7,9 +7,9 @@ import pytest
 
 import antiosc as ao
 from antiosc.models.closed_form import (
+    StruckBeam,
     UniformBeam,
     cantilever,
-    clamped_clamped,
     free_free,
     pinned_free,
     pinned_pinned,
@@ -36,7 +36,7 @@ def test_static_stiffness_formulae(beam):
         cantilever(beam, a): a**3 / (3 * EI) + a / kGA,
         pinned_pinned(beam): L**3 / (48 * EI) + L / (4 * kGA),
         pinned_pinned(beam, a): (a * b) ** 2 / (3 * EI * L) + a * b / (kGA * L),
-        clamped_clamped(beam): L**3 / (192 * EI) + L / (4 * kGA),
+        StruckBeam(beam, "clamped", "clamped", L / 2): L**3 / (192 * EI) + L / (4 * kGA),
     }
     for case, compliance in cases.items():
         assert 1 / case.static_stiffness == pytest.approx(compliance, rel=1e-12)

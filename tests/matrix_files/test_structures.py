@@ -93,8 +93,9 @@ def test_coordinates_of_nodes_beside_labels(tmp_path):
     part = ao.Structure.from_files(one, one, map=nodes[::-1])
     model = ao.extract(part, ao.Site(node=20, direction=(0, 0, 1)), n=4)
     assert model.k0 == pytest.approx(stiffness(unit(5)), rel=1e-9)
-    with pytest.raises(ao.InputError, match="give the number of the node"):
-        ao.extract(part, ao.Site((0.2, 0, 0), (0, 0, 1)))
+    assert ao.extract(part, ao.Site((0.2, 0, 0), (0, 0, 1)), n=4).k0 == model.k0
+    with pytest.raises(ao.InputError, match=r"the point is no node: the nearest is node 20, 0\.03"):
+        ao.extract(part, ao.Site((0.23, 0, 0), (0, 0, 1)))
     hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 5e-3)
     with pytest.raises(ao.InputError, match=r"\(20, 0, 0\) m is 19.5 m off .* \(0.5, 0, 0\) m"):
         ao.probe(part, hit, (20, 0, 0))

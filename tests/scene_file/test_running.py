@@ -254,7 +254,7 @@ def test_a_scene_has_the_prestress_of_its_part(tmp_path):
     found = objects(written(tmp_path, BRACKET + LOADED + HIT))
     state = found.structure.prestress
     assert state.loads.spin == ao.Spin((0, 0, 1), 20.0, (0.1, 0, 0))
-    assert found.model.info.structure == found.structure.describe()
+    assert found.model.info["structure"] == found.structure.describe()
     assert "spin of 20 rad/s, without Coriolis" in found.structure.describe()
     struck = objects(written(tmp_path, STRIKE + LOADED))
     assert struck.history.structure.prestress.loads.spin == state.loads.spin

@@ -57,7 +57,7 @@ from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors
 from antiosc.recovery.series import listing, write_frames
 from antiosc.recovery.skin import outer_faces, without_unused
-from antiosc.reduce.extraction import beside_rigid
+from antiosc.reduce.extraction import statics
 from antiosc.reduce.site import Site
 
 #: A warning is given if the shapes of a model represent less than this share of the mass that the
@@ -381,7 +381,8 @@ def reactions(
 
     released = Released(matrices, structure.supports)
     _check_reactions(structure, history, body)
-    support_motions = _static_equilibrium(structure, released.pulled)
+    support_motions = statics(structure, released.pulled)
+    support_motions[structure.fixed[structure.fixed < structure.rows]] = 0.0
     rigid = released.rigid()
     support_inertia, rigid_inertia = released.inertia(support_motions, rigid)
     work, applied = released.applied(sites, rigid)
@@ -441,18 +442,3 @@ def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:
     for each_site in sites:
         checks.instance("site", each_site, Site, "a Site, or a dict {name: Site}")
     return sites
-
-
-def _static_equilibrium(structure: Structure, pulled: Array) -> Array:
-    """Static displacements (rows, k) under forces (rows, k) on the free dofs."""
-    fixed = structure.fixed[structure.fixed < structure.rows]
-    solver = structure.factorize()
-    reactions = np.zeros_like(pulled)
-    has_force = structure.comm.allreduce(np.einsum("ij,ij->j", pulled, pulled)) > 0
-    if structure.rigid_modes.shape[1]:
-        for k in np.flatnonzero(has_force):
-            reactions[:, k] = beside_rigid(structure, solver, pulled[:, k])
-    elif has_force.any():
-        reactions[:, has_force] = solver.solve_checked(pulled[:, has_force])
-    reactions[fixed] = 0.0
-    return reactions

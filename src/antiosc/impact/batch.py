@@ -313,7 +313,7 @@ def _row_of(
 def _doubts(scene: Impact) -> list[str]:
     """Sentences on implausible properties of a scene."""
     blow = plausible.impact_doubt(scene.model, [scene.impactor], scene.initial_velocity)
-    return [*(info_of(scene.model).doubts or ()), *filter(None, [blow])]
+    return [*(info_of(scene.model).get("doubts", ())), *filter(None, [blow])]
 
 
 def _solve_single(

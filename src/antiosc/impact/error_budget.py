@@ -514,7 +514,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
             f"The errors of the strains hold {percent(share)} of the energy: the mesh is coarse, "
             "and its bar is less certain."
         )
-    faces = float((model.info.patch or {}).get("faces", 0.0))
+    faces = float(model.info.get("patch", {}).get("faces", 0.0))
     coarse = faces / (RESOLVED * model.radius) if model.radius is not None else 0.0
     safety = max(safety, SAFETY_COARSE * coarse)
     if coarse > 1:
@@ -523,15 +523,15 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
             f" times its radius {engineering(model.radius, 'm', 2)}: the patch is not resolved, and"
             " the mesh's bar is less certain."
         )
-    if model.info.divided == "triangle":
+    if model.info.get("divided") == "triangle":
         safety *= TRIANGLES
     if model.info.get("inside_element"):
         safety = max(safety, SAFETY_INSIDE)
         doubts.append(
             "The site lies inside an element of a beam: the mesh's bar is wider; put a node there."
         )
-    if model.info.not_included:
-        doubts.append(model.info.not_included)
+    if "not_included" in model.info:
+        doubts.append(model.info["not_included"])
 
     return safety, doubts
 
@@ -576,7 +576,7 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     is proportional to it.
     """
     model = impact.model
-    second_patch = model.info.patch
+    second_patch = model.info.get("patch")
     if model.radius is None:
         return bars.NO_ERROR, []
 

@@ -154,7 +154,7 @@ class Scene(SceneParts):
         bodies = list(self.bodies.values())
         motions = list(self.motion.values())
         blows = [plausible.impact_doubt(body, bodies, *motions) for body in bodies]
-        stored = [sentence for body in bodies for sentence in info_of(body).doubts or ()]
+        stored = [sentence for body in bodies for sentence in info_of(body).get("doubts", ())]
         doubts = [*stored, *plausible.warn_each(blows)]
         history, check = _run_scene(self, settings, duration)
         warn_large_rotation(*history.largest_rotation())
@@ -548,7 +548,7 @@ def simulate(
     warn_large_rotation(*history.largest_rotation())
     history = with_warning(history, large_deflection_message(history))
     info = info_of(model)
-    check_range(history, [*(info.doubts or ()), *doubts])
+    check_range(history, [*info.get("doubts", ()), *doubts])
     if info.measured is not None:
         warn_low_band(history)
 

@@ -198,7 +198,7 @@ def _holes(
 
     by_size: dict[str, list[list[Cylinder]]] = {}
     for hole in holes:
-        if _is_round(hole):
+        if sum(cylinder.angle for cylinder in hole) > 2 * np.pi * (1 - ALIKE):  # a full turn
             size = f"hole {2e3 * scale * hole[0].radius:.4g} mm"
             by_size.setdefault(size, []).append(hole)
 
@@ -206,11 +206,6 @@ def _holes(
         group.sort(key=lambda hole: tuple(np.round(hole[0].middle, 6)))
         for number, hole in enumerate(group, 1):
             yield f"{size} ({number})", [cylinder.face for cylinder in hole]
-
-
-def _is_round(hole: Sequence[Cylinder]) -> bool:
-    """Whether the faces enclose a full turn."""
-    return sum(cylinder.angle for cylinder in hole) > 2 * np.pi * (1 - ALIKE)
 
 
 def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:

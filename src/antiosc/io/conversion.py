@@ -2,7 +2,7 @@
 
 A mesh here has cells of one kind. If a deck has volumes of several shapes, wedges, pyramids or
 collapsed hexahedra, all are divided into tetrahedra; triangles and quadrilaterals become triangles,
-unless they are joined as two meshes (`kept_apart`).
+unless they are joined as two meshes (`mixed`).
 Every cell is divided into the pyramids from its node of lowest number over the faces without this
 node, and every rectangle from its node of lowest number. Two cells therefore divide the face
 between them in the same way without knowing each other (the pulling triangulation: C. W. Lee,
@@ -14,13 +14,13 @@ keep their shape.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Block, Deck, listed
+from antiosc.io.deck import Block, Deck
 from antiosc.io.neutral import (
     CELLS,
     CORNERS,
@@ -31,7 +31,6 @@ from antiosc.io.neutral import (
     SERENDIPITY,
     FileMesh,
     IntArray,
-    of_kind,
     rectangles,
 )
 
@@ -161,78 +160,8 @@ class PairTable:
         return np.where(self._keys[place] == key, self._values[place], -1)
 
 
-# --- Supports -------------------------------------------------------------------------------------
-
-
 #: Corners at the ends of the diagonals of a hexahedron.
 DIAGONALS = ((0, 6), (1, 7), (2, 4), (3, 5))
-
-
-class FixedEntities:
-    """The entities that a support on some nodes fixes.
-
-    An edge is fixed if both ends (and its middle node) are fixed, a face if all its edges are. A
-    diagonal along which a rectangle or a hexahedron is divided is not an edge of the deck: it is
-    fixed if all nodes of the rectangle, or of the cell, are fixed.
-    """
-
-    def __init__(
-        self, shape: str, cells: IntArray, blocks: Sequence[Block], nodes: NodeTable
-    ) -> None:
-        self.shape = shape
-        self.corners = cells[:, : CORNERS[shape]]
-        self.nodes = nodes
-        count = len(EDGES[shape])
-        mids = cells[:, CORNERS[shape] : CORNERS[shape] + count]
-        self.mids = mids if mids.shape[1] == count else None
-        self.edges = self.corners[:, np.array(EDGES[shape])]
-        if self.mids is None:
-            self._around = _around_diagonals(blocks, self.edges, len(nodes.points))
-
-    def of(self, rows: IntArray) -> dict[int, IntArray]:
-        """Entities by dimension, as vertices, that are fixed where the nodes `rows` are fixed."""
-        by_dimension = {0: np.intersect1d(rows, self.corners)[:, None]}
-        is_fixed = np.zeros(self.nodes.count + 1, dtype=bool)
-        is_fixed[self.nodes.with_inner_nodes(rows)] = True
-        edges = is_fixed[self.edges].all(axis=2)
-        if self.mids is not None:
-            edges &= is_fixed[self.mids]
-        else:
-            is_fixed[-1] = True  # the entry of index -1, which stands for no node
-            edges &= is_fixed[self._around].all(axis=2)
-        dim = DIMENSION[self.shape]
-        by_dimension[1] = self.edges[edges]
-        if dim == 3:
-            by_dimension[2] = np.vstack([self._faces(face, edges) for face in FACES[self.shape]])
-        if dim > 1:
-            by_dimension[dim] = self.corners[edges.all(axis=1)]
-        return {d: entities for d, entities in by_dimension.items() if len(entities)}
-
-    def _faces(self, face: tuple[int, ...], edges: np.ndarray) -> IntArray:
-        of_face = [k for k, edge in enumerate(EDGES[self.shape]) if set(edge) <= set(face)]
-        return self.corners[edges[:, of_face].all(axis=1)][:, list(face)]
-
-
-def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
-    """Nodes (cells, edges, 8) to be fixed to fix a diagonal; -1 for edges of the deck."""
-    deck_edges = PairTable(n)
-    diagonals = PairTable(n)
-    node_rows = [np.full((1, 8), -1, dtype=np.int64)]
-    for block in blocks:
-        ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
-        deck_edges.add(ends, np.ones(len(ends), dtype=np.int64))
-        needs = [((f[k], f[k + 2]), f) for f in rectangles(block.shape) for k in (0, 1)]
-        if block.shape == "hexahedron":
-            needs += [(pair, tuple(range(8))) for pair in DIAGONALS]
-        for pair, required in needs:
-            table = np.full((len(block), 8), -1, dtype=np.int64)
-            table[:, : len(required)] = block.corners[:, list(required)]
-            start = sum(map(len, node_rows))
-            diagonals.add(block.corners[:, list(pair)], np.arange(start, start + len(block)))
-            node_rows.append(table)
-    flat = edges.reshape(-1, 2)
-    row = np.where(deck_edges.find(flat) >= 0, 0, np.maximum(diagonals.find(flat), 0))
-    return np.vstack(node_rows)[row].reshape(*edges.shape[:2], 8)
 
 
 #: (shape, geometric order) -> name of the kind of cells
@@ -240,10 +169,19 @@ CELL_LABELS = {(CELLS[label][0], kind.order): label for label, kind in KINDS.ite
 NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
-def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
+class Division(NamedTuple):
+    """The mesh of a deck, its nodes, and of each kind of cells its label, shape and blocks."""
+
+    mesh: FileMesh
+    nodes: NodeTable
+    kinds: list[tuple[str, str, list[Block]]]
+
+
+def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Division:
     """The elements of a deck as cells, its sets as groups.
 
-    `halve_lines`: second-order lines become two straight ones each, as `Beam` needs them.
+    `halve_lines`: second-order lines become two straight ones each, as `Beam` needs them; `mixed`:
+    triangles stay apart from quadrilaterals.
 
     Raises
     ------
@@ -254,7 +192,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}
     all_blocks = [(block, mark) for block, mark in deck.numbered() if len(block)]
-    shapes_of: list[tuple[str, str, list[Block]]] = []
+    kinds: list[tuple[str, str, list[Block]]] = []
     split = False
     for dim in (3, 2, 1, 0):
         of_dimension = [entry for entry in all_blocks if DIMENSION[entry[0].shape] == dim]
@@ -263,15 +201,15 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         order = 2 if any(block.mids.shape[1] for block, _ in of_dimension) else 1
         for block, _ in of_dimension if order == 2 else ():
             _note_middles(block, nodes)
-        mixed = dim == 2 and bool(deck.model and deck.model.get("mixed"))
-        for of_shape in _by_shape(of_dimension) if mixed else filter(None, [of_dimension]):
+        apart = mixed and dim == 2
+        for of_shape in _by_shape(of_dimension) if apart else filter(None, [of_dimension]):
             shapes = {block.shape for block, _ in of_shape}
-            divided = shapes not in _WHOLE or any(_collapsed(block) for block, _ in of_shape)
-            split = dim > 1 and (split or divided)
+            needed = shapes not in _WHOLE or any(_collapsed(block) for block, _ in of_shape)
+            split = dim > 1 and (split or needed)
             shape = _SIMPLEX[dim] if split else next(iter(shapes))
             label = CELL_LABELS[shape, order]
             cells[label], owners[label] = _of_dimension(deck, of_shape, split, order, nodes)
-            shapes_of.append((label, shape, [block for block, _ in of_shape]))
+            kinds.append((label, shape, [block for block, _ in of_shape]))
     mesh = FileMesh(nodes.all_points(), cells, "vtk")
     for name, elements in deck.element_sets.items():
         in_model = np.zeros(deck.n_elements, dtype=bool)
@@ -280,46 +218,16 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
     mesh.node_sets = dict(deck.node_sets)
     mesh.labels = deck.labels
-    is_assembly = bool(deck.model and deck.model["joined"])
-    # else those of lower dimension are sides of the first
-    for label, shape, blocks in shapes_of[: None if is_assembly else 1] if deck.fixed else ():
-        entities = FixedEntities(shape, cells[label], blocks, nodes)
-        mark = of_kind("", label) if is_assembly else ""
-        mesh.fixed |= {name + mark: entities.of(rows) for name, rows in deck.fixed.items()}
-    mesh.model = deck.model
-    if is_assembly and deck.model:
-        joints = deck.model["joints"]
-        dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
-        joints["among"] = nodes.near(np.array(sorted(dependent), dtype=np.int64))
     mesh.remarks = list(deck.remarks)
     mesh.pieces = deck.pieces
-    if deck.left:
-        gone = sum(deck.left.values())
-        mesh.remarks.append(
-            f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are "
-            f"cells of the mesh, which leaves out {listed(deck.left)}."
-        )
-    return mesh
-
-
-def kept_apart(deck: Deck) -> bool:
-    """Whether quadrilaterals and triangles become two meshes.
-
-    They do if there are triangles, at most half of the sheet elements are triangles, and there are
-    no volumes, whose faces may become triangles.
-    """
-    if any(DIMENSION[block.shape] == 3 for block in deck.blocks):
-        return False
-    sheets = [b for b in deck.blocks if DIMENSION[b.shape] == 2]
-    triangles = sum(len(b) if b.shape == "triangle" else int(_folded(b).sum()) for b in sheets)
-    return 0 < 2 * triangles <= sum(map(len, sheets))
+    return Division(mesh, nodes, kinds)
 
 
 def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, IntArray]]]:
     """(quadrilaterals, triangles and quadrilaterals that repeat a node)."""
     by_shape: list[list[tuple[Block, IntArray]]] = [[], []]
     for block, elements in sheets:
-        flat = _folded(block) | (block.shape == "triangle")
+        flat = folded(block) | (block.shape == "triangle")
         for blocks, selected in zip(by_shape, (~flat, flat), strict=True):
             if selected.any():
                 blocks.append((block[selected], elements[selected]))
@@ -405,7 +313,7 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
         for k in (0, 1):
             nodes.place(block.corners[whole][:, [face[k], face[k + 2]]], middles)
     if block.shape == "hexahedron":
-        whole = ~_folded(block)
+        whole = ~folded(block)
         middles = _middles(block[whole], nodes)
         for ends in DIAGONALS:
             nodes.place(block.corners[whole][:, list(ends)], middles)
@@ -423,10 +331,10 @@ def _note_inner(block: Block, nodes: NodeTable) -> None:
 
 def _collapsed(block: Block) -> bool:
     """Mask of elements with more corners than a simplex that repeat a node."""
-    return CORNERS[block.shape] > DIMENSION[block.shape] + 1 and bool(_folded(block).any())
+    return CORNERS[block.shape] > DIMENSION[block.shape] + 1 and bool(folded(block).any())
 
 
-def _folded(block: Block) -> BoolArray:
+def folded(block: Block) -> BoolArray:
     """Mask of the elements that repeat a node."""
     return _repeats(block.corners)
 
@@ -526,7 +434,7 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
         ]
         deck.element_sets[group] = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
     deck.node_sets = mesh.node_sets
-    result = as_mesh(deck)
+    result = divided(deck).mesh
     result.of_gmsh, result.aids = mesh.of_gmsh, mesh.aids
     result.remarks = [*mesh.remarks, *result.remarks]
     return result

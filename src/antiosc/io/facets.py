@@ -18,7 +18,7 @@ from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableErr
 from antiosc.base.texts import piece_is_read
 from antiosc.io.cad import Names
 from antiosc.io.isolation import Request
-from antiosc.io.neutral import FACETS, FileMesh, IntArray, Piece
+from antiosc.io.neutral import FACETS, FileMesh, IntArray, Piece, connected
 
 #: Endings of such files.
 SURFACES = (".stl", ".obj", ".ply", ".off")
@@ -80,8 +80,8 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
     columns = np.concatenate(
         [np.where(consistent, b, b + count), np.where(consistent, b + count, b)]
     )
-    side = _components(rows, columns, 2 * count)
-    piece = _components(a, b, count)
+    side = connected([np.column_stack([rows, columns])], 2 * count)
+    piece = connected([np.column_stack([a, b])], count)
     _, start = np.unique(piece, return_index=True)
     turned = np.array(triangles, dtype=np.int64)
     other = side[:count] != side[start][piece]
@@ -114,15 +114,6 @@ def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
     second = order[(np.cumsum(uses) - uses)[uses == 2] + 1]
     # a common edge is passed once in each direction
     return ends[first, 0] != ends[second, 0], owner[first], owner[second]
-
-
-def _components(a: IntArray, b: IntArray, count: int) -> IntArray:
-    """Number of the connected component of each of `count` nodes; edges are pairs (a, b)."""
-    from scipy.sparse import coo_matrix  # the reading process loads it for surfaces alone
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 # --- Reading --------------------------------------------------------------------------------------
@@ -172,7 +163,7 @@ class Surface:
         normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         smooth = np.einsum("ni,ni->n", normal[a], normal[b]) > math.cos(math.radians(SHARP_ANGLE))
-        return _components(a[smooth], b[smooth], len(normal))
+        return connected([np.column_stack([a, b])[smooth]], len(normal))
 
 
 def surface_of(ask: Request) -> Surface:

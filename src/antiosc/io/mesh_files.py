@@ -174,24 +174,20 @@ def reader_of(path: str | Path, solid: bool = False) -> FileReader:
     if solid:
         return GENERATOR
     ending = Path(path).suffix.lower()
-    for reader in _registered(ending):
+    for entry in registered(GROUP):
+        if f".{entry.name.lower()}" != ending:
+            continue
+        reader = loaded(entry, FileReader)
         if reader.matches is None or reader.matches(_start(path)):
             return reader
     return BUILT_IN.get(ending, MESHIO)
 
 
-def _registered(ending: str) -> Iterator[FileReader]:
-    for entry in registered(GROUP):
-        if f".{entry.name.lower()}" == ending:
-            yield loaded(entry, FileReader)
-
-
 def _start(path: str | Path) -> bytes:
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(FIRST_BYTES)
-    except OSError:
-        return b""
+    """The first bytes of a file; none of one that cannot be read."""
+    with contextlib.suppress(OSError), Path(path).open("rb") as file:
+        return file.read(FIRST_BYTES)
+    return b""
 
 
 def is_deck(path: str | Path) -> bool:

@@ -17,8 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array
@@ -96,7 +94,9 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
 
     # its groups
     for group, parts in mesh.groups.items():
-        _add_cells(raw, group, {k: mesh.cells[k][r] for k, r in parts.items() if dims[k] <= top})
+        for kind in (kind for kind in parts if dims[kind] <= top):
+            corners = mesh.cells[kind][parts[kind], : kind_of(kind).vertices]
+            _add(raw, group, dims[kind], corners)
     outer = outer_facets(raw) if mesh.node_sets else None
     for group, nodes in mesh.node_sets.items():
         if outer is not None:
@@ -237,11 +237,6 @@ def positions(rows: NDArray[Any], among: NDArray[Any]) -> IntArray:
     if not len(code):
         return np.full(len(rows), -1)
     return np.where(code[order][position] == row_keys, order[position], -1)
-
-
-def _add_cells(raw: RawMesh, group: str, blocks: Rows) -> None:
-    for label, block in blocks.items():
-        _add(raw, group, kind_of(label).dim, block[:, : kind_of(label).vertices])
 
 
 def _add(raw: RawMesh, group: str, dim: int, entities: IntArray) -> None:
@@ -588,8 +583,7 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
     pairs = cKDTree(mesh.points).query_pairs(distance, output_type="ndarray")
     if mesh.model and mesh.model["apart"]:  # the released ends of beams
         pairs = pairs[~np.isin(pairs, mesh.model["apart"]).any(axis=1)]
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    _, label = connected_components(graph, directed=False)
+    label = connected([pairs], n)
     _, first = np.unique(label, return_index=True)
     remaining = np.sort(first)  # in the file's order
     new = np.empty(len(first), dtype=np.int64)

@@ -158,7 +158,7 @@ class AntiOscillators(ReprMixin, Parameters):
             ("k0", engineering(self.k0, "N/m", 4)),
             ("m_st", f"{engineering(self.m_st, 'kg', 4)}, {100 * mass_share:.2f} % of it captured"),
             ("anti-oscillators", frequencies),
-            *([("from", self.info.structure)] if self.info.structure else []),
+            *([("from", self.info["structure"])] if "structure" in self.info else []),
         ]
 
     def dynamic_stiffness(self, omega: ArrayLike) -> Numbers:

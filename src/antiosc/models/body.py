@@ -43,20 +43,6 @@ from antiosc.models.stretch import Stretch
 NOT_KNOWN = "not known"
 
 
-class PatchData(TypedDict, total=False):
-    """Data of a site's patch for the error budget.
-
-    faces : size of the faces under the patch [m]; cut : 1 if an edge cuts it; radius : radius of
-    a second patch [m]; compliance : its change of the part's compliance beyond the half-space's
-    [m/N].
-    """
-
-    faces: float
-    cut: float
-    radius: float
-    compliance: float
-
-
 class MeasuredBand(TypedDict):
     """Bodies consistent with a measurement, in free modes (A bodies, J modes).
 
@@ -82,19 +68,13 @@ class ModelInfo(ReprMixin):
 
     Attributes
     ----------
-    structure : description of the structure.
     method : "krylov", "modes", "superposition", "full" or "frf".
     dofs : number of its dofs.
     converged : how many of the lowest anti-oscillators have converged to antiresonances.
     point, direction : place [m] and direction of a site without a name.
     points : places [m] of named sites.
-    divided : shape of the cells if the mesh's error is that against the same mesh with each cell
-        divided.
-    patch, not_included : data of the patch, and a sentence on what the estimate of the mesh error
-        leaves out.
     no_estimate : why `extract(…, error="estimate")` refuses the part; None if it does not.
     measured : data of the error bars of a model from measured frequency responses.
-    doubts : sentences on implausible properties of the part.
     surfaces : site ("" without a name) -> material and curvature as for `Surface.as_dict`, or why
         they are unknown; the law of a contact follows from them.
     thickness : least thickness [m] of its sheets, or the mean thickness of a thin solid, which
@@ -102,30 +82,26 @@ class ModelInfo(ReprMixin):
         supported along one line alone, as a cantilever.
     cells : site ("" without a name) -> longest edge [m] of the cell there, product of the
         speed of waves and the radius of gyration [m²/s], 0 without bending, and that speed [m/s].
-    second_order : site of a curved sheet ("" without a name) -> change of the force [1/m] that
-        second-order strain makes, a share of it for each metre of displacement; < 0: softer.
-    notes : what else is known, as JSON values: numbers of modes that were computed, unobservable
-        or merged, `seconds` of the steps, the `solver`, the `band` [Hz] with its `error_bound`, the
-        `expansion` point [Hz], the meshes of `strike`.
+    notes : what else is known, as JSON values: the `structure`, its `doubts`; numbers of modes that
+        were computed, unobservable or merged, `seconds` of the steps, the `solver`, the `band` [Hz]
+        with its `error_bound`, the `expansion` point [Hz], the meshes of `strike`; of the mesh's
+        error what it is of (`divided` cells) and what is `not_included`, and of the `patch` the
+        size of its `faces` [m], whether an edge has `cut` it, the `radius` [m] of a second one and
+        its change of `compliance` [m/N]; `second_order`: site of a curved sheet -> change of the
+        force [1/m] by second-order strain, a share for each metre of displacement; < 0: softer.
     """
 
-    structure: str | None = None
     method: str | None = None
     dofs: int | None = None
     converged: int | None = None
     point: Sequence[float] | None = None
     direction: Sequence[float] | None = None
     points: Mapping[str, Sequence[float]] | None = None
-    divided: str | None = None
-    patch: PatchData | None = None
-    not_included: str | None = None
     no_estimate: str | None = None
     measured: MeasuredBand | None = None
-    doubts: Sequence[str] | None = None
     surfaces: Mapping[str, Mapping[str, Any]] | None = None
     thickness: float | None = None
     cells: Mapping[str, Sequence[float]] | None = None
-    second_order: Mapping[str, float] | None = None
     notes: Mapping[str, object] = field(default_factory=dict)
 
     @classmethod
@@ -151,17 +127,11 @@ class ModelInfo(ReprMixin):
             if getattr(self, name) is not None:
                 checks.instance(f"info.{name}", getattr(self, name), kinds, expected)
 
-        for name, record in _RECORDS.items():
-            values = getattr(self, name)
-            if not isinstance(values, Mapping):
-                continue
-            if missing := sorted(record.__required_keys__ - set(values)):
-                raise InputError(f"info.{name} lacks {', '.join(missing)}.")
-            for key in record.__annotations__.keys() & values.keys():
-                checks.floats(f"info.{name}, {key},", values[key], None)
-        for name, shape in (("cells", (3,)), ("second_order", ())):
-            for site, numbers in (getattr(self, name) or {}).items():
-                checks.floats(f"info.{name}[{site!r}]", numbers, shape)
+        if self.measured is not None:
+            for key in MeasuredBand.__annotations__:
+                checks.floats(f"info.measured, {key},", self.measured.get(key), None)
+        for site, numbers in (self.cells or {}).items():
+            checks.floats(f"info.cells[{site!r}]", numbers, (3,))
 
     @cached_property
     def known_surfaces(self) -> dict[str, Surface]:
@@ -191,13 +161,10 @@ class ModelInfo(ReprMixin):
 
 #: Types of the values in a file; with other types a model could fail during a run.
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
-    **dict.fromkeys(("structure", "method", "not_included", "no_estimate"), ((str,), "a text")),
-    **dict.fromkeys(("points", "surfaces", "cells", "second_order"), ((Mapping,), "a dict")),
-    **dict.fromkeys(("patch", "measured"), ((Mapping,), "a dict")),
+    **dict.fromkeys(("method", "no_estimate"), ((str,), "a text")),
+    **dict.fromkeys(("points", "surfaces", "cells", "measured"), ((Mapping,), "a dict")),
     "thickness": ((int, float), "a number"),
-    "doubts": ((list, tuple), "a list"),
 }
-_RECORDS: dict[str, Any] = {"patch": PatchData, "measured": MeasuredBand}
 _NAMES = tuple(entry.name for entry in dataclasses.fields(ModelInfo) if entry.name != "notes")
 #: The record of a body without known data.
 UNKNOWN = ModelInfo()
@@ -266,19 +233,6 @@ def resolved_frequency(source: Any) -> float:
     if count:
         return float(omega[count - 1]) / (2 * np.pi)
     return 0.0
-
-
-def strip_bending_frequency(
-    width: float, thickness: float, E: float, nu: float, rho: float
-) -> float:
-    """Lowest bending frequency across a free strip of this width [Hz], where a beam fails."""
-    wave = sqrt(E * thickness**2 / (12 * rho * (1 - nu**2)))
-    return 22.373 / (2 * pi * width**2) * wave
-
-
-def thickness_shear_frequency(thickness: float, E: float, nu: float, rho: float) -> float:
-    """First thickness-shear frequency [Hz], where a shell fails."""
-    return sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness)
 
 
 @runtime_checkable
@@ -440,7 +394,7 @@ def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     info = info_of(model)
     is_estimated = getattr(model, "strain_error", None) is not None
     cell = (info.cells or {}).get(site)
-    if cell is None or (is_estimated and not info.divided):  # its budget tells it
+    if cell is None or (is_estimated and not info.get("divided")):  # its budget tells it
         return None
     limit = LARGE_DIVIDED_CELL if is_estimated else LARGE_CELL
     return _too_long(cell[0], limit, cell, contact_time)

@@ -36,7 +36,6 @@ __all__ = [
     "StruckBeam",
     "UniformBeam",
     "cantilever",
-    "clamped_clamped",
     "free_free",
     "pinned_free",
     "pinned_pinned",
@@ -452,11 +451,6 @@ def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
 def free_free(beam: UniformBeam, site: float) -> StruckBeam:
     """Free at both ends, struck at `site` (m): k0 = 0."""
     return StruckBeam(beam, "free", "free", site)
-
-
-def clamped_clamped(beam: UniformBeam, site: float | None = None) -> StruckBeam:
-    """Clamped at both ends, struck at `site` (m), mid-span unless given (L³/192EI + L/4kGA)."""
-    return _struck(beam, "clamped", "clamped", 0.5, site)
 
 
 def _struck(

@@ -29,7 +29,6 @@ from antiosc.base.texts import FieldsRepr, engineering, percent
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.bodies import RigidMass, Sphere
-from antiosc.models.body import strip_bending_frequency, thickness_shear_frequency
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
 #: below a twentieth of its value at 0.
@@ -131,11 +130,10 @@ def advise(
     unit = (impactor.mass * speed**2 / stiffness) ** 0.4 / speed
     lam = impactor.mass / (8 * sqrt(bending * rho * thickness) * unit)
 
-    limits = {
-        "beam": TRUST * strip_bending_frequency(width, thickness, E, nu, rho),
-        "shell": TRUST * thickness_shear_frequency(thickness, E, nu, rho),
-        "solid": np.inf,
-    }
+    # a beam holds below the bending of a free strip across it, a shell below its thickness shear
+    across = 22.373 / (2 * pi * width**2) * sqrt(bending / (rho * thickness))
+    shear = sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness)
+    limits = {"beam": TRUST * across, "shell": TRUST * shear, "solid": np.inf}
     slender = {"beam": length / width, "shell": sqrt(length * width) / thickness, "solid": np.inf}
     reasons = []
     for family, limit in limits.items():

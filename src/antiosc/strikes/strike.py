@@ -547,7 +547,7 @@ def _next(
 def _usual(answer: Answer) -> float:
     """Ratio of the mesh errors with the usual safety factor to those with the present factor."""
     safety = answer.budget.safety
-    if answer.raw.model.info.divided == "triangle":
+    if answer.raw.model.info.get("divided") == "triangle":
         return SAFETY * TRIANGLES / safety
     return (SAFETY - 1) / (safety - 1)
 

@@ -232,6 +232,7 @@ def _residual(
     for n, (k, load) in enumerate(zip(skin_points, loads, strict=True)):
         b, y = (block[:, 3 * n : 3 * n + 3] for block in (B, Y))
         axes = load.directions
+        assert axes is not None  # the sites have directions
         displacements = b.T @ phi
         rigid = b.T @ structure.rigid_modes
         r = b.T @ y - (displacements / x) @ displacements.T - rigid @ rigid.T / structure.shift

@@ -97,10 +97,13 @@ def from_frf(
     if free is None and unclear(data, best.modes):
         _warn_unclear(data, best.modes)
     info = ModelInfo(
-        structure=f"measured, {len(data.w)} lines to {data.w[-1] / (2 * np.pi):.5g} Hz",
         method="frf",
         measured=None if frf.sites else _consistent_bodies(data, best),
-        notes={"damping": get_args(DampingForm)[best.modes.hysteretic], "chi2": best.chi2},
+        notes={
+            "structure": f"measured, {len(data.w)} lines to {data.w[-1] / (2 * np.pi):.5g} Hz",
+            "damping": get_args(DampingForm)[best.modes.hysteretic],
+            "chi2": best.chi2,
+        },
     )
     return anti_oscillators(best.modes, frf.sites, info)
 

@@ -42,7 +42,7 @@ def test_the_share_is_the_change_of_the_linear_stiffness():
     step = 2e-5
     stiffness = [cap(RISE, sign * step * shape, 20)[1].k0 for sign in (1, -1)]
     slope = (stiffness[0] - stiffness[1]) / (2 * step)
-    share = model.info.second_order[""]
+    share = model.info["second_order"][""]
     assert share < 0  # softer where it is pushed toward flat
     assert share == pytest.approx(0.75 * slope / model.k0, rel=0.04)
 

@@ -43,7 +43,7 @@ def test_joined_halves_have_the_estimate_of_one_mesh():
     )
     # shapes of high modes are as exact as the extraction, 1e-5
     assert np.diag(two.strain_error) == pytest.approx(np.diag(one.strain_error), rel=1e-4)
-    assert two.info.patch == pytest.approx(one.info.patch, rel=1e-6)
+    assert two.info["patch"] == pytest.approx(one.info["patch"], rel=1e-6)
     assert two.info.no_estimate is None
 
 

@@ -214,7 +214,7 @@ ERRORS = """
     part = ao.Structure(sheet((2, 9), polar, "triangle"), plane, [low], order=1)
     top = ao.Site((2**0.5, 2**0.5), (-1, -1), radius=0.2, snap=True)
     model = ao.extract(part, top, n=3, error="estimate")
-    found.append([float("angles of up to 10" in model.info.not_included)])
+    found.append([float("angles of up to 10" in model.info["not_included"])])
     print(json.dumps(found))
 """
 

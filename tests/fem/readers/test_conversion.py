@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Block, Deck
 from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, rectangles
+from antiosc_decks.cells import as_mesh
 
 TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
 SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]

@@ -9,13 +9,13 @@ import pytest
 
 import antiosc as ao
 import nastran_decks as bdf
-from antiosc.io.deck import DeckPlace
 from antiosc_decks import (
     abaqus_sections as abaqus_profiles,
     nastran_beams as nastran_profiles,
     properties as profiles,
 )
 from antiosc_decks.abaqus_cards import Card
+from antiosc_decks.entries import DeckPlace
 from antiosc_decks.nastran_beams import RIGID, BeamProfiles
 from antiosc_decks.nastran_cards import Entry
 

@@ -369,7 +369,7 @@ def error_scope(history: History) -> str:
     if has_estimate(history) or has_budget(history):
         law = "law, " if history.rerun is not None else ""
         return f"time integration; {law}truncation and mesh: see the error budget"
-    if not any(info.structure for info in facts):
+    if not any("structure" in info for info in facts):
         return "time integration"
     meshed = [info for info in facts if info.get("meshed")]
     remedy = ': the error "estimate" of extract does it' if meshed else ""

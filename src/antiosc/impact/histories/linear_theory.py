@@ -88,7 +88,7 @@ def large_deflection_message(history: RunHistory) -> str:
 def change_of_curved(history: RunHistory, name: str) -> float:
     """Largest relative change of the force on a curved sheet by second-order strain; else 0."""
     body = history.assembly.bodies[name]
-    shares = info_of(body.body).second_order or {}
+    shares = info_of(body.body).get("second_order", {})
     changes = [0.0]
 
     for site, share in shares.items():

@@ -24,7 +24,7 @@ from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem.assembly import MeshedParts, with_parts
-from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.forecast import OF_SHELLS, of_sheet
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.bisection import gathered
@@ -35,11 +35,9 @@ from antiosc.fem.structure.structure import Structure, holding, on_mesh
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.reduce.extraction import statics
 from antiosc.reduce.site import Site, functional
 
-#: Corrections of a solve with K + sM to one with K: each leaves a tenth of the error, of the lowest
-#: mode alone.
-CORRECTIONS = 8
 #: Most dofs of a divided mesh: 767 000 took 50 s of one core.
 MOST_DOFS = 800_000
 #: Anti-oscillators for which the memory of the divided mesh is foreseen, and bytes of their
@@ -85,7 +83,7 @@ class Division:
         that it has in excess, or None).
         """
         fine, _motions, forces = self._loaded(model)
-        flexibility = forces.T @ answers(fine, forces)
+        flexibility = forces.T @ statics(fine, forces)
         lack, surplus = lacking(np.append(model.k0, model.k), flexibility)
         struck = self._matrices.members()[0].part
         order = struck.form.degree if struck.mesh.tdim == 1 else 1
@@ -96,7 +94,7 @@ class Division:
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
         """Energy (cells,) of the errors of the shapes times `weights` (N + 1, k), of one mesh."""
         fine, motions, forces = self._loaded(model)
-        errors = answers(fine, forces @ weights) - motions @ weights
+        errors = statics(fine, forces @ weights) - motions @ weights
         part = on_mesh(fine)
         energies = compat.quadratic(
             part.form.stiffness, part.form.space, errors, np.ones(errors.shape[1]), 4
@@ -169,20 +167,6 @@ def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
         (vectors * part) @ vectors.T for part in (np.maximum(values, 0), np.minimum(values, 0))
     )
     return lack, surplus
-
-
-def answers(structure: Structure, forces: Array) -> Array:
-    """Displacements (rows, k) under self-equilibrated forces (rows, k), orthogonal to the rigid
-    motions.
-    """
-    solver = structure.factorize(forces.shape[1])
-    result = solver.solve_block(forces)
-    rigid = structure.rigid_modes
-    loads = multiply(structure.M, rigid)
-    for _ in range(CORRECTIONS if rigid.shape[1] else 0):
-        result -= rigid @ dot(structure.comm, loads, result)
-        result = solver.solve_block(forces + structure.shift * multiply(structure.M, result))
-    return np.asarray(result - rigid @ dot(structure.comm, loads, result))
 
 
 # -- the divided mesh

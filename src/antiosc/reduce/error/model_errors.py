@@ -24,7 +24,6 @@ from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import PatchData
 from antiosc.models.parameters import JOINTED
 from antiosc.reduce.error.division import Division, too_large
 from antiosc.reduce.error.recovery import Recovery
@@ -179,7 +178,7 @@ RADII = (np.sqrt(2.0), np.sqrt(0.5))
 WHOLE_LOAD = 0.99
 
 
-def patch_of(structure: Structure, site: Functional) -> PatchData | None:
+def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
     """Data of a site's patch for an error budget, as JSON values; None for a point.
 
     "faces" is the size of the faces under it [m], "cut" is 1 if an edge cuts it. Of a whole patch
@@ -197,7 +196,7 @@ def patch_of(structure: Structure, site: Functional) -> PatchData | None:
         return located(member.part, place.point[None], place.direction[None], radii)
 
     first = of_radius(site.radius)
-    facts: PatchData = {"faces": float(first.size[0]), "cut": float(first.share[0] < WHOLE_PATCH)}
+    facts = {"faces": float(first.size[0]), "cut": float(first.share[0] < WHOLE_PATCH)}
     if facts["cut"] or not site.local_compliance:
         return facts
     for factor in RADII:

@@ -29,7 +29,7 @@ import scipy.linalg
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import NotConvergedError
-from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg.algebra import conjugate_gradients, dot, multiply
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.motion import RIGID_SHARE
@@ -143,7 +143,7 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
     if q < len(columns):
         y0 = y[:, q:]
         if R.shape[1]:
-            y0 = np.column_stack([beside_rigid(structure, solver, b) for b in B[:, q:].T])
+            y0 = statics(structure, B[:, q:])
         C0 = dot(comm, B[:, q:], y0)
         k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
         elastic = y0 @ k0[q:, q:] if len(columns) > 1 else y0 / C0
@@ -241,46 +241,46 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     return columns, dependence
 
 
-def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
-    """Solve K y = b for y M-orthogonal to the rigid modes by conjugate gradients with A's factor.
+def statics(structure: Structure, loads: Array) -> Array:
+    """Displacements (rows, k) under loads (rows, k), M-orthogonal to the rigid motions.
 
-    A = K + shift·M is close to K on the elastic space, so that a few steps reach rounding.
+    With rigid-body modes these are K⁺ of the loads without their part on them, by conjugate
+    gradients with the factor of A = K + sM, which is close to K on the elastic space.
     """
     comm = structure.comm
-    K = structure.K
+    solver = structure.factorize(loads.shape[1])
     R = structure.rigid_modes
+    if not R.shape[1]:
+        return solver.solve_checked(loads)
     MR = multiply(structure.M, R)
 
-    def load(r: Array) -> Array:  # without its part on the rigid motions
-        """A load minus its component on the rigid modes."""
+    def balanced(r: Array) -> Array:
+        """Loads minus their components on the rigid modes."""
         return np.asarray(r - MR @ dot(comm, R, r))
 
-    def shape(z: Array) -> Array:
-        """A shape minus its component along the rigid modes."""
-        return np.asarray(z - R @ dot(comm, MR, z))
+    def elastic(x: Array) -> Array:
+        """Shapes minus their components along the rigid modes."""
+        return np.asarray(x - R @ dot(comm, MR, x))
 
-    r = load(b)
-    y = np.zeros_like(b)
-    z = p = shape(factor.solve(r))
-    rz = first = best = float(dot(comm, r, z))
+    first = best = np.full(loads.shape[1], np.inf)
     idle_steps = 0
-    # rᵀz is the square of the error in energy, to the tenth that A differs from K.
-    for _ in range(STATIC_STEPS):
-        Kp = multiply(K, p)
-        step = rz / float(dot(comm, p, Kp))
-        y = y + step * p
-        r = load(r - step * Kp)
-        z = shape(factor.solve(r))
-        rz, previous_rz = float(dot(comm, r, z)), rz
-        idle_steps = 0 if rz < best else idle_steps + 1
-        best = min(best, rz)
-        if rz <= STATIC_TOL**2 * first or (
-            idle_steps == STATIC_IDLE and best <= STATIC_SOUND**2 * first
-        ):
-            return shape(y)
-        p = z + rz / previous_rz * p
+    steps = conjugate_gradients(
+        balanced(loads),
+        lambda x: balanced(multiply(structure.K, x)),
+        lambda r: elastic(solver.solve_block(r)),
+        lambda x, y: np.asarray(comm.allreduce(np.einsum("ij,ij->j", x, y))),
+        STATIC_STEPS,
+    )
+    # rᵀA⁻¹r is the square of the error in energy, to the tenth that A differs from K
+    for k, (x, squares, _) in enumerate(steps):
+        first = squares if k == 0 else first
+        idle_steps = 0 if (squares < best).any() else idle_steps + 1
+        best = np.minimum(best, squares)
+        goal = STATIC_SOUND if idle_steps >= STATIC_IDLE else STATIC_TOL
+        if (best <= goal**2 * first).all():
+            return elastic(x)
     raise NotConvergedError(
-        f"the static mode of a structure with {R.shape[1]} rigid-body modes did not converge: "
-        f"relative error in energy {np.sqrt(best / first):.1e} after {STATIC_STEPS} steps, goal "
-        f"{STATIC_TOL:.0e}: the matrices are ill-conditioned (very uneven elements or materials)."
+        f"the static mode of a structure with {R.shape[1]} rigid-body modes did not converge in "
+        f"{STATIC_STEPS} steps: the matrices are ill-conditioned (very uneven elements or "
+        "materials)."
     )

@@ -180,7 +180,7 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
     }
     if not any(by_site.values()):
         return model
-    return replace(model, info=replace(model.info, second_order=by_site))
+    return replace(model, info=model.info.having(second_order=by_site))
 
 
 def _in_site_basis(W: Array, matrix: Array) -> Array:

@@ -29,15 +29,13 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.stretch import MOST, Count, Stretch
+from antiosc.reduce.extraction import statics
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
     from antiosc.fem.elements.second_order_points import PartPoints
     from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Static solves of a pair of modes where rigid-body modes are left: the shift of the factor is that
-#: of the lowest elastic mode, and each further solve takes away what it changes.
-SOLVES_OF_FREE = 6
 #: Size of a new direction over that of its vector, below which it is rounding.
 EXHAUSTED = 1e-6
 #: Points whose strains are multiplied at once.
@@ -203,16 +201,8 @@ def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
 
 def _static(structure: Structure, g: Array, phi: Array) -> Array:
     """K⁻¹g minus its components along the motions φ: φᵀK of the result is 0."""
-    factor = structure.factorize()
-    rigid = structure.rigid_modes
     k_phi = multiply(structure.K, phi)
-    m_rigid = multiply(structure.M, rigid)
-    g = g - m_rigid @ (rigid.T @ g)
-    displacement = np.zeros_like(g)
-    for _ in range(SOLVES_OF_FREE if rigid.shape[1] else 1):
-        residual = g if not displacement.any() else g - multiply(structure.K, displacement)
-        displacement = displacement + factor.solve_block(residual)
-        displacement = displacement - rigid @ (m_rigid.T @ displacement)
+    displacement = statics(structure, g)
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 
 

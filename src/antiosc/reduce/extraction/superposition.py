@@ -23,12 +23,12 @@ from antiosc.base.texts import ReprMixin
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.models.body import Body, ModelInfo
+from antiosc.models.body import UNKNOWN, Body, ModelInfo
 from antiosc.models.free_modes import RESIDUAL_ROUNDING, UNOBSERVABLE, shares_of_receptance
 from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.recovery import source
 from antiosc.recovery.series import write_vtu
-from antiosc.reduce.extraction import SiteShapes, beside_rigid, site_shapes
+from antiosc.reduce.extraction import SiteShapes, site_shapes, statics
 from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
 from antiosc.reduce.extraction.model import check_modes, inertia_of, weights_of
 from antiosc.reduce.extraction.oscillators import DEFAULT_COUNT, REPEATED, SEARCHED
@@ -416,7 +416,7 @@ def _model(
         direction=where.direction,
         inertia=inertia_of(structure, phi),
     )
-    info = ModelInfo(
+    info = UNKNOWN.having(
         structure=structure.describe(),
         dofs=structure.dofs,
         method="superposition",
@@ -436,7 +436,7 @@ def _left_out(
     """
     elastic = static.y[:, 0] / static.W[0, 0]
     if structure.rigid_modes.shape[1]:
-        elastic = beside_rigid(structure, structure.factorize(), where.b)
+        elastic = statics(structure, where.B)[:, 0]
     compliance = float(dot(structure.comm, where.b, elastic))
     modal_force = np.zeros_like(b)
     is_elastic = modes.omega > 0

@@ -140,7 +140,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
     Raises
     ------
     InputError
-        A node or dof that is not in the map, a point, a site whose dofs are fixed.
+        A node or dof that is not in the map, a point that is no node, a site whose dofs are fixed.
     """
     matrices = cast(NodalMatrices, structure.matrices)
     node, component = site.node, site.dof
@@ -149,7 +149,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
     if site.radius is not None:
         raise InputError(PATCH)
     if node is None:
-        raise InputError("matrices have no surface: give the number of the node, Site(node=…).")
+        node = _node_at(matrices, site)
 
     # one row of a node, or its displacement along directions
     rows = np.flatnonzero(matrices.map.node == node)
@@ -181,3 +181,24 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
         raise SiteError(constrained(f"node {node}"))
     point = matrices.map.points[rows[0]]
     return Functional(B, point=point if np.isfinite(point).all() else None, directions=directions)
+
+
+#: Largest distance of a point from the node that it denotes, over the part's size.
+AT_NODE = 1e-6
+
+
+def _node_at(matrices: NodalMatrices, site: Site) -> int:
+    """The number of the node at the point of a site."""
+    if isinstance(site.point, str) or not matrices.located:
+        raise InputError("matrices have no surface: give the number of the node, Site(node=…).")
+    located = np.isfinite(matrices.map.points).all(axis=1)
+    points = matrices.map.points[located]
+    distances = np.linalg.norm(points - in_space(site.point or ()), axis=1)
+    nearest = int(np.argmin(distances))
+    node = int(matrices.map.node[located][nearest])
+    if distances[nearest] > AT_NODE * float(np.ptp(points, axis=0).max()):
+        raise InputError(
+            f"the point is no node: the nearest is node {node}, {distances[nearest]:.3g} m away;"
+            " use that."
+        )
+    return node

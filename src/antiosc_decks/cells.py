@@ -1,0 +1,116 @@
+"""Cells of a deck, with the entities that its supports fix and the nodes of its joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from antiosc.io.conversion import DIAGONALS, NodeTable, PairTable, divided
+from antiosc.io.deck import Block, Deck, IntArray, listed
+from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, FileMesh, of_kind, rectangles
+
+
+def as_mesh(deck: Deck) -> FileMesh:
+    """The elements of a deck as cells, its sets as groups, with its model.
+
+    Raises
+    ------
+    MeshError
+        An element whose coincident nodes leave it without volume or area.
+    """
+    model = deck.model
+    if model is None:
+        mesh, nodes, kinds = divided(deck)
+    else:
+        mixed = bool(model.get("mixed"))
+        mesh, nodes, kinds = divided(deck, halve_lines=bool(model["halve"]), mixed=mixed)
+    mesh.model = model
+
+    # supports; but in an assembly cells of lower dimension are sides of the first
+    is_assembly = bool(model and model["joined"])
+    for label, shape, blocks in kinds[: None if is_assembly else 1] if deck.fixed else ():
+        entities = FixedEntities(shape, mesh.cells[label], blocks, nodes)
+        mark = of_kind("", label) if is_assembly else ""
+        mesh.fixed |= {name + mark: entities.of(rows) for name, rows in deck.fixed.items()}
+
+    # new nodes beside those that joints hold
+    if is_assembly and model:
+        joints = model["joints"]
+        dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
+        joints["among"] = nodes.near(np.array(sorted(dependent), dtype=np.int64))
+
+    if deck.left:
+        gone = sum(deck.left.values())
+        mesh.remarks.append(
+            f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are "
+            f"cells of the mesh, which leaves out {listed(deck.left)}."
+        )
+    return mesh
+
+
+class FixedEntities:
+    """The entities that a support on some nodes fixes.
+
+    An edge is fixed if both ends (and its middle node) are fixed, a face if all its edges are. A
+    diagonal along which a rectangle or a hexahedron is divided is not an edge of the deck: it is
+    fixed if all nodes of the rectangle, or of the cell, are fixed.
+    """
+
+    def __init__(
+        self, shape: str, cells: IntArray, blocks: Sequence[Block], nodes: NodeTable
+    ) -> None:
+        self.shape = shape
+        self.corners = cells[:, : CORNERS[shape]]
+        self.nodes = nodes
+        count = len(EDGES[shape])
+        mids = cells[:, CORNERS[shape] : CORNERS[shape] + count]
+        self.mids = mids if mids.shape[1] == count else None
+        self.edges = self.corners[:, np.array(EDGES[shape])]
+        if self.mids is None:
+            self._around = _around_diagonals(blocks, self.edges, len(nodes.points))
+
+    def of(self, rows: IntArray) -> dict[int, IntArray]:
+        """Entities by dimension, as vertices, that are fixed where the nodes `rows` are fixed."""
+        by_dimension = {0: np.intersect1d(rows, self.corners)[:, None]}
+        is_fixed = np.zeros(self.nodes.count + 1, dtype=bool)
+        is_fixed[self.nodes.with_inner_nodes(rows)] = True
+        edges = is_fixed[self.edges].all(axis=2)
+        if self.mids is not None:
+            edges &= is_fixed[self.mids]
+        else:
+            is_fixed[-1] = True  # the entry of index -1, which stands for no node
+            edges &= is_fixed[self._around].all(axis=2)
+        dim = DIMENSION[self.shape]
+        by_dimension[1] = self.edges[edges]
+        if dim == 3:
+            by_dimension[2] = np.vstack([self._faces(face, edges) for face in FACES[self.shape]])
+        if dim > 1:
+            by_dimension[dim] = self.corners[edges.all(axis=1)]
+        return {d: entities for d, entities in by_dimension.items() if len(entities)}
+
+    def _faces(self, face: tuple[int, ...], edges: np.ndarray) -> IntArray:
+        of_face = [k for k, edge in enumerate(EDGES[self.shape]) if set(edge) <= set(face)]
+        return self.corners[edges[:, of_face].all(axis=1)][:, list(face)]
+
+
+def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
+    """Nodes (cells, edges, 8) to be fixed to fix a diagonal; -1 for edges of the deck."""
+    deck_edges = PairTable(n)
+    diagonals = PairTable(n)
+    node_rows = [np.full((1, 8), -1, dtype=np.int64)]
+    for block in blocks:
+        ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
+        deck_edges.add(ends, np.ones(len(ends), dtype=np.int64))
+        needs = [((f[k], f[k + 2]), f) for f in rectangles(block.shape) for k in (0, 1)]
+        if block.shape == "hexahedron":
+            needs += [(pair, tuple(range(8))) for pair in DIAGONALS]
+        for pair, required in needs:
+            table = np.full((len(block), 8), -1, dtype=np.int64)
+            table[:, : len(required)] = block.corners[:, list(required)]
+            start = sum(map(len, node_rows))
+            diagonals.add(block.corners[:, list(pair)], np.arange(start, start + len(block)))
+            node_rows.append(table)
+    flat = edges.reshape(-1, 2)
+    row = np.where(deck_edges.find(flat) >= 0, 0, np.maximum(diagonals.find(flat), 0))
+    return np.vstack(node_rows)[row].reshape(*edges.shape[:2], 8)
