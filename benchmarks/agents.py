@@ -117,10 +117,13 @@ def main() -> list[tuple[str, float, float]]:
             return [await client.call_tool(job.tool, job.arguments) for job in jobs()]
 
         results = served(filled(Path(name)), work)
+    return checked([told(result) for result in results])
 
+
+def checked(answers: list[Table]) -> list[tuple[str, float, float]]:
+    """Question, number and own figure of each job, by their answers."""
     rows = []
-    for job, result in zip(jobs(), results, strict=True):
-        answer = told(result)
+    for job, answer in zip(jobs(), answers, strict=True):
         for one in answer["quantities"]:
             assert isinstance(one["bar"], list) or one["bar"].startswith("none: "), one
         found = [one["value"] for one in answer["quantities"] if one["name"] == job.name][-1]

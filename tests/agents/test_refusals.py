@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from agent_calls import BEAM, BRACKET, MASS, START, answers, anyio, filled, served, told
-from antiosc_app import agents_work
+from agent_calls import BEAM, BRACKET, MASS, START, answers, anyio, filled, served, told, worked
 
 pytestmark = pytest.mark.slow
 
@@ -97,7 +96,7 @@ SERVED = [
 
 
 def test_hostile_calls_are_refused_in_one_sentence(folder):
-    told_answers = [agents_work.answer(folder, *call)[0] for call, _ in CALLS]
+    told_answers = worked(folder, [call for call, _ in CALLS])
     results = answers(folder, [call for call, _ in SERVED])
     assert all(result.is_error for result in results)
     told_answers += [result.structured_content for result in results]
@@ -120,10 +119,7 @@ def test_what_decides_is_refused_with_its_choices(folder):
 
     calls = [without("material", "supports"), without("supports")]
     calls.append(bracket(geometry={"source": "bracket.msh"}))
-    of_material, of_support, of_unit = answers(folder, calls)
-    told_refusals = [
-        one.structured_content["refusal"] for one in (of_material, of_support, of_unit)
-    ]
+    told_refusals = [answer["refusal"] for answer in worked(folder, calls)]
     assert [one["kind"] for one in told_refusals] == ["material", "support", "unit"]
     assert [one["key"] for one in told_refusals] == ["material", "supports", "geometry.unit"]
     assert "steel S235" in told_refusals[0]["choices"]

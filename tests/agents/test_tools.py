@@ -21,10 +21,14 @@ from agent_calls import (
     number,
     served,
     told,
+    worked,
 )
 from antiosc_app import agents_work, info
 
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning"),
+]
 
 TOOLS = ["check", "drop", "explain", "look", "map", "materials", "report", "strike", "sweep"]
 
@@ -77,7 +81,7 @@ def test_the_hash_is_also_that_of_the_files(folder, tmp_path):
 
 def hash_in(folder: Path) -> str:
     """The hash of a check of the beam."""
-    return agents_work.answer(folder, "check", {"scene": BEAM})[0]["hash"]
+    return worked(folder, [("check", {"scene": BEAM})])[0]["hash"]
 
 
 @pytest.mark.fem
@@ -107,17 +111,15 @@ def test_a_number_has_its_bar_by_cause_and_each_is_explained(folder):
 
 @pytest.mark.fem
 def test_a_part_is_looked_at_and_its_draft_runs_once_it_is_decided(folder):
-    (looked,) = answers(folder, [("look", {"file": "bracket.step"})])
-    part = told(looked)
-    assert looked.content[1].type == "image"
+    part, pictures = agents_work.answer(folder, "look", {"file": "bracket.step"})
+    assert pictures
     assert number(part, "size x")["value"] == pytest.approx(0.08, rel=0.2)
     assert part["give"] == ["material", "supports"]
     below = next(face["support"] for face in part["faces"] if face["at"] == "z = 0 mm")
     decided = {**part["draft"], "material": "aluminium 6061-T6", "supports": [below]}
-    refused, fine = answers(folder, [("check", {"scene": one}) for one in (part["draft"], decided)])
-    assert refused.is_error
-    assert refused.structured_content["refusal"]["key"] == "material"
-    assert "antiosc run" in told(fine)["text"]
+    refused, fine = worked(folder, [("check", {"scene": one}) for one in (part["draft"], decided)])
+    assert refused["refusal"]["key"] == "material"
+    assert "antiosc run" in fine["text"]
 
 
 BLOCK = """SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.06, 0.04, 0.02};
@@ -149,14 +151,14 @@ def test_a_fall_a_map_and_a_tradeoff_are_told_with_bars_or_reasons(folder):
         ("report", {"scene": surface, "path": "map.html"}),
         ("tradeoff", {"scene": BAR}),
     ]
-    fall, page, compared = answers(folder, calls)
-    for answer in map(told, (fall, page, compared)):
+    fall, page, compared = worked(folder, calls)
+    for answer in (fall, page, compared):
         assert answer["quantities"]
         for one in answer["quantities"]:
             assert isinstance(one["bar"], list) or one["bar"].startswith("none: ")
-    assert told(page)["written"] == "map.html"
+    assert page["written"] == "map.html"
     assert "<html" in (folder / "map.html").read_text(encoding="utf-8")
-    assert isinstance(number(told(compared), "peak_force")["bar"], list)
+    assert isinstance(number(compared, "peak_force")["bar"], list)
 
 
 @pytest.mark.fem

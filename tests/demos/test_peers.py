@@ -8,7 +8,6 @@ from math import pi
 import numpy as np
 import pytest
 
-import antiosc as ao
 from paths import BENCHMARKS
 
 PRINTED = """
@@ -67,28 +66,6 @@ def test_the_quarters_are_whole_and_touch(bodies, decks, tmp_path):
             assert len(after) > 2, surface
         assert ("EXPLICIT" in text) == explicit
         assert ("DIRECT" in text) != explicit
-
-
-@pytest.mark.slow
-def test_the_bracket_is_struck_along_its_normal(bodies, decks, tmp_path):
-    blow = bodies.bracket(0.5)
-    sphere = blow.point - blow.radius * blow.direction
-    assert volume(blow.ball) == pytest.approx(4 / 3 * pi * 10**3, rel=0.2)  # straight edges cut it
-    assert np.linalg.norm(blow.ball.x - sphere, axis=1).max() == pytest.approx(10, rel=1e-6)
-    # no node of the part lies in the sphere, and the sphere's own nodes lie outside the part
-    assert np.linalg.norm(blow.part.x - sphere, axis=1).min() == pytest.approx(10, abs=1e-3)
-    eye = np.linalg.norm(blow.part.x[blow.part.touched][:, 1:] - [30, 60], axis=1)
-    assert eye == pytest.approx(18, rel=1e-4)
-    path = tmp_path / "part.inp"
-    decks.part_deck(blow.part, path)
-    part = ao.read_model(path, unit="mm")
-    assert part.mass == pytest.approx(volume(blow.part) * 2.7e-6, rel=0.03)
-    site = ao.Site(1e-3 * blow.point, blow.direction, radius=4e-3, snap=True)
-    own = ao.read_mesh(bodies.ROOT / "meshes" / "bracket.msh")
-    same = ao.Structure(own, ao.Solid(70e9, 0.33, 2700.0), [ao.Support("clamp")])
-    one, other = (ao.extract(p, site, n=2) for p in (part, same))
-    assert one.m_st == pytest.approx(other.m_st, rel=0.05)
-    assert one.k0 == pytest.approx(other.k0, rel=0.05)
 
 
 def test_the_printed_force_is_read(decks, tmp_path):

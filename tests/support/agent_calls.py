@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from antiosc_app import agents_work
 from paths import MESHES
 from scene_files import SCENES
 
@@ -83,6 +84,11 @@ def answers(folder: Path, calls: Sequence[tuple[str, dict[str, Any]]], *options:
         return [await client.call_tool(name, arguments) for name, arguments in calls]
 
     return served(folder, work, *options)
+
+
+def worked(folder: Path, calls: Sequence[tuple[str, dict[str, Any]]]) -> list[Any]:
+    """The answers of calls by the function that a process of the server calls."""
+    return [agents_work.answer(folder, *call)[0] for call in calls]
 
 
 def told(result: Any) -> dict[str, Any]:
