@@ -10,7 +10,7 @@ from paths import demo
 pytestmark = [
     pytest.mark.fem,
     pytest.mark.slow,
-    pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning"),
+    pytest.mark.filterwarnings("ignore"),  # also of the picture of a map of one site
 ]
 
 
