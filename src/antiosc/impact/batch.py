@@ -295,7 +295,8 @@ def _row_of(
         check = check_result(assemble_pair(scene), run_end, settings.tol, settings.limits)
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
     if peak_force > law.valid_force:
-        return _failed(range_error(law, peak_force, pair.checked[0].patch_radius, _doubts(scene)))
+        doubts = [*info_of(scene.model).get("doubts", ()), *_doubts(scene)]
+        return _failed(range_error(law, peak_force, pair.checked[0].patch_radius, doubts))
     return _Row(
         result=check,
         peak_force=peak_force,
@@ -311,9 +312,9 @@ def _row_of(
 
 
 def _doubts(scene: Impact) -> list[str]:
-    """Sentences on implausible properties of a scene."""
+    """Sentences on an implausible blow."""
     blow = plausible.impact_doubt(scene.model, [scene.impactor], scene.initial_velocity)
-    return [*(info_of(scene.model).get("doubts", ())), *filter(None, [blow])]
+    return [blow] if blow else []
 
 
 def _solve_single(

@@ -56,7 +56,7 @@ from antiosc.impact.truncation import (
     halved,
     is_reduced,
     too_few,
-    truncation_error,
+    too_few_in,
 )
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -154,8 +154,7 @@ class Scene(SceneParts):
         bodies = list(self.bodies.values())
         motions = list(self.motion.values())
         blows = [plausible.impact_doubt(body, bodies, *motions) for body in bodies]
-        stored = [sentence for body in bodies for sentence in info_of(body).get("doubts", ())]
-        doubts = [*stored, *plausible.warn_each(blows)]
+        doubts = plausible.warn_each(blows)
         history, check = _run_scene(self, settings, duration)
         warn_large_rotation(*history.largest_rotation())
         check.warn()
@@ -357,7 +356,9 @@ def integrate_exact(
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
-    """AccuracyError if a force leaves the range of its law; its message begins with `doubts`."""
+    """AccuracyError if a force leaves the range of its law; its message begins with the doubts of
+    the bodies, then of the blow.
+    """
     a = history.assembly
     for c, law in enumerate(a.laws):
         if law.valid_force == np.inf:
@@ -367,7 +368,10 @@ def check_range(history: History, doubts: Sequence[str] = ()) -> None:
         peak = history.contact_histories[c].peak_force
         if peak > law.valid_force:
             radius = a.bodies[contact.a.partition(":")[0]].patch_radius
-            raise range_error(law, peak, radius, doubts, prefix)
+            stored = [
+                one for body in a.scene.bodies.values() for one in info_of(body).get("doubts", ())
+            ]
+            raise range_error(law, peak, radius, [*stored, *doubts], prefix)
 
 
 def range_error(
@@ -538,18 +542,15 @@ def simulate(
         scene = _until_parted(scene, settings)
     history, check = simulate_impact(scene, settings, n)
     check.warn()
-    if n != "auto" and history.run.touches:
-        used = model if n is None else history.model
-        history = with_warning(history, _too_few(used, history, accuracy))
     if history.run.touches:
-        history = with_warning(
-            history, coarse_cell(model, "", history.assembly.contact_time_estimate)
-        )
+        sentence = "" if n == "auto" else too_few_in(history, history.rerun, accuracy)
+        history = with_warning(history, sentence)
+        estimate = history.assembly.contact_time_estimate
+        history = with_warning(history, coarse_cell(history.model, "", estimate))
     warn_large_rotation(*history.largest_rotation())
     history = with_warning(history, large_deflection_message(history))
-    info = info_of(model)
-    check_range(history, [*info.get("doubts", ()), *doubts])
-    if info.measured is not None:
+    check_range(history, doubts)
+    if info_of(model).measured is not None:
         warn_low_band(history)
 
     return proved(history, goal) if proof else history
@@ -565,19 +566,6 @@ def _until_parted(scene: Impact, settings: Settings) -> Impact:
             scene = scene._replace(duration=2 * scene.duration)
 
     return scene
-
-
-def _too_few(model: LinearBody, hit: History, tol: float) -> str:
-    """Warning that the anti-oscillators of the model of a run are too few for it, or ""."""
-    rerun = hit.rerun
-    if not is_reduced(model) or rerun is None:
-        return ""
-
-    def known(other: AntiOscillators, tol: float) -> History:
-        """The history on a model, without a new run for the model itself."""
-        return hit if other is model else rerun(other, tol)
-
-    return too_few(model.n, truncation_error(model, known, tol=tol).peak_force)
 
 
 def simulate_impact(

@@ -261,6 +261,19 @@ def _krylov(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Ar
     return modes, np.sqrt(1 / (highest * values) - point)
 
 
+def too_few_in(hit: History, rerun: Run | None, tol: float) -> str:
+    """Warning that the anti-oscillators of the model of a run are too few for it, or ""."""
+    model = hit.model
+    if not is_reduced(model) or rerun is None:
+        return ""
+
+    def known(other: AntiOscillators, tol: float) -> History:
+        """The history on a model, without a new run for the model itself."""
+        return hit if other is model else rerun(other, tol)
+
+    return too_few(model.n, truncation_error(model, known, tol=tol).peak_force)
+
+
 def _impact(model: AntiOscillators, run: Run, tol: float) -> History:
     """The impact on a model; its warnings are those of a run that nobody sees."""
     with without_warnings():

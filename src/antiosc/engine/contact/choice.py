@@ -221,8 +221,8 @@ def _doubt(first: Surface, second: Surface) -> str:
     """
     for surface in (first, second):
         if surface.kind in SHARP:
-            radius = engineering(1 / surface.curvatures[1], "m")
-            return f"the radius of the {surface.kind}, taken as {radius} (give a radius)"
+            radius = 1e3 / surface.curvatures[1]
+            return f"the radius of the {surface.kind}, taken as {radius:.3g} mm (give a radius)"
     if not (first.matter.known and second.matter.known):
         return NO_STRENGTH
     return ""
