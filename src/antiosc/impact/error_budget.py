@@ -51,7 +51,6 @@ from antiosc.impact.stretching import (
 from antiosc.impact.truncation import WARN_SHARE, is_reduced, truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import (
-    Coarse,
     LinearBody,
     ModalModel,
     choice_of,
@@ -380,24 +379,11 @@ THIRD_ORDER = "Not included: strain beyond third order, which an explicit FE pro
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 #: Start of the note on parts whose mesh's error has no estimator, as those with joints.
 WITHOUT_MESH = "The mesh's error, and that of beams or shells in place of solids, is not known: "
-#: The same of a mesh whose error is that to cells of half the size.
-BOTH_COARSE = (
-    "The cell at the site, {}, is too long for the wave of this contact, {}: the mesh and that of"
-    " half its cells, by which the error would be estimated, are too stiff alike."
-)
-#: The same of a patch that moves the part in one piece.
-WIDE_PATCH = (
-    "The patch at the site, {} across, is too wide for the wave of this contact, {}: the mass that"
-    " moves at once, and the force, come out too large. Take cells, and a patch, of at most {}"
-    f" there ({SMALLER_CELLS})."
-)
-#: Of a patch that an edge cuts on a solid thinner than its radius, which bends under it: a tongue
-#: of 0.2 mm had 13.6 mN with 3.2 mm, of which the half-space's compliance made 0.7 %, and 10.6 mN
-#: with 1.5 mm.
-CUT_ON_THIN = (
-    "An edge cuts the patch at the site, {} across, of a part that is {} thick, and the cells there"
-    " resolve no smaller patch: the error of the force by the patch is not known. Take cells of at"
-    f" most {{}} there ({SMALLER_CELLS})."
+#: The same where cells or patch are too large for the wave that the contact sends out, or where an
+#: edge cuts the patch on a part thinner than its radius, which bends under it.
+UNRESOLVED = (
+    "The mesh's error is not known: {} at the site measures {}, too much for this contact; take"
+    f" cells of at most {{}} there ({SMALLER_CELLS})."
 )
 #: The laws of contacts at a point, whose patch is that of no flat face.
 AT_POINT = (Hertz, Gonthier, ElasticPlastic, YangSun)
@@ -605,19 +591,17 @@ def _unresolved(hit: History, model: AntiOscillators, is_cut: bool) -> str:
     """Why the cells or the patch do not resolve a contact; "" where they do. `is_cut`: whether an
     edge cuts the patch.
     """
-    text, sizes = "", tuple[float, ...]()
+    contact_time = hit.assembly.contact_time_estimate
+    at_point = isinstance(hit.law, AT_POINT)
     radius, thickness = model.radius, model.info.thickness
-    if cell := coarse_at(model, "", hit.assembly.contact_time_estimate):
-        text, sizes = BOTH_COARSE, cell
-    elif wide := _wide_patch(hit, model):
-        text, sizes = WIDE_PATCH, (*wide, wide.allowed)
+
+    if cell := coarse_at(model, "", contact_time):
+        what, sizes = "the cell", (cell.size, cell.allowed)
+    elif at_point and (patch := wide_patch(model, "", contact_time)):
+        what, sizes = "the patch", (patch.size, patch.allowed)
     elif is_cut and radius is not None and thickness is not None and radius > thickness:
-        text, sizes = CUT_ON_THIN, (2 * radius, thickness, radius / 2)
-    return text.format(*(engineering(one, "m") for one in sizes))
+        what, sizes = "the patch, which an edge cuts,", (2 * radius, radius / 2)
+    else:
+        return ""
 
-
-def _wide_patch(hit: History, model: AntiOscillators) -> Coarse | None:
-    """The patch of a contact at a point if it is too wide for the wave of the contact."""
-    if not isinstance(hit.law, AT_POINT):
-        return None
-    return wide_patch(model, "", hit.assembly.contact_time_estimate)
+    return UNRESOLVED.format(what, *(engineering(one, "m") for one in sizes))

@@ -336,18 +336,15 @@ def comparable(first: Any, second: Any) -> bool:
 
 def contacts_of_main(result: Any) -> int:
     """Number of contacts of the main impact; 0 if it is not known."""
-    first, last = _main_impact(result)
-    return last - first + 1
-
-
-def _main_impact(result: Any) -> tuple[int, int]:
-    """Rows of the first and the last contact of the main impact; (0, -1) if they are not known."""
     contacts = np.array(getattr(result, "contacts", ())).reshape(-1, 2)
     if not len(contacts):
-        return 0, -1
+        return 0
 
     lasted = contacts[None, :, 1] - contacts[:, None, 0]
-    return divmod(int(abs(lasted - result.contact_time).argmin()), len(contacts))
+    nearest = int(abs(lasted - result.contact_time).argmin())
+    first, last = divmod(nearest, len(contacts))
+
+    return last - first + 1
 
 
 #: Of what a contact time is, where the impact has several contacts and no other follows.
@@ -359,37 +356,11 @@ def contact_time_note(result: Any) -> str:
     count = len(result.contacts)
     if count < 2:
         return ""
+    if contacts_of_main(result) == count:
+        return OF_ALL_CONTACTS
 
-    first, last = _main_impact(result)
-    if last - first + 1 == count:
-        return f"{OF_ALL_CONTACTS}{_hardest_touch(result, first, last)}"
-
-    flights = f", flights included{_hardest_touch(result, first, last)}" if last > first else ""
-    start, end = result.contacts[first][0], result.contacts[last][1]
-    peak = float(result.time[int(np.argmax(result.force))])
-    elsewhere = ""
-    if not start <= peak <= end:
-        within = (result.time >= start) & (result.time <= end)
-        own = engineering(float(result.force[within].max()), "N")
-        elsewhere = f", with at most {own}; the peak force falls outside it, at {_at(peak)}"
-
-    return f"of the main impact{flights}{elsewhere}; last release at {_at(result.contacts[-1][1])}"
-
-
-def _hardest_touch(result: Any, first: int, last: int) -> str:
-    """Text: the duration of the contact with the largest force, of rows `first` to `last`."""
-    touches = np.asarray(result.contacts)[first : last + 1]
-    peaks = [
-        result.force[(result.time >= start) & (result.time <= end)].max(initial=0.0)
-        for start, end in touches
-    ]
-    start, end = touches[int(np.argmax(peaks))]
-    return f"; the hardest touch takes {_at(float(end - start))}"
-
-
-def _at(time: float) -> str:
-    """A time [s] as text."""
-    return engineering(time, "s")
+    last = engineering(result.contacts[-1][1], "s")
+    return f"of the main impact; last release at {last}"
 
 
 def changes(first: Any, second: Any) -> dict[str, float]:
