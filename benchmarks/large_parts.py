@@ -38,6 +38,7 @@ CASES = {
     "340 k": ((40, 21, 16), COMPACT, "tetrahedron", 0.3, True),
     "1.0 M": ((60, 30, 23), COMPACT, "tetrahedron", 0.3, False),
     "2.2 M": ((76, 40, 30), COMPACT, "tetrahedron", 0.3, False),
+    "9.3 M": ((122, 64, 49), COMPACT, "tetrahedron", 0.3, False),
     "hexahedra 56 k": ((22, 12, 10), COMPACT, "hexahedron", 0.3, True),
     "nu 0.45": ((20, 10, 8), COMPACT, "tetrahedron", 0.45, True),
     "nu 0.49": ((20, 10, 8), COMPACT, "tetrahedron", 0.49, True),

@@ -15,7 +15,7 @@ from antiosc import plotting
 from antiosc.impact.reference import FIXED_STEPS
 
 METHODS = ("exact", *FIXED_STEPS)
-CLASSES = ("good", "energy", "wrong", "diverged")
+CLASSES = ("good", "energy", "wrong", "refused")
 COLOURS = ListedColormap(["#4c9f70", "#f2c14e", "#e07a3f", "#8c2f39"])
 
 
@@ -26,7 +26,7 @@ def chart_numbers(
     times: np.ndarray,
     path: Path,
 ) -> None:
-    fig, grid = plotting.panels(2, 2, size=(8, 6.4), sharex=True, sharey=True)
+    fig, grid = plotting.panels(1, len(METHODS), size=(9, 4), sharex=True, sharey=True)
     axes = grid.ravel()
     edges_n, edges_h = _edges(numbers), _edges(times)
     limits = np.array([stable_steps(full.truncated(int(n))) for n in numbers])

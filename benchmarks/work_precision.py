@@ -18,8 +18,6 @@ method runs in C; the others are Python.
 
 from __future__ import annotations
 
-import argparse
-import inspect
 import json
 import time
 import warnings
@@ -308,15 +306,5 @@ def report_contacts(rows: list[dict[str, Any]]) -> None:
         )
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=inspect.getdoc(main))
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--repeats", type=options.count, default=5)
-    parser.add_argument("--scenes", type=options.count, default=2048)
-    parser.add_argument("--bracket", type=Path, default=ROOT / "out" / "bracket.npz")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    report(options.run(parser, main, arguments))
-
-
 if __name__ == "__main__":
-    command()
+    report(options.command(main))

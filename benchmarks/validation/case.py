@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
+
+from antiosc import plotting
 
 #: how a reference value came here: read in the source or in a page that quotes it; recalled from
 #: memory, so that it is no proof; or the solution of an equation that the source publishes
@@ -75,3 +78,14 @@ class Case:
     source: str
     run: Callable[[Path], list[Row]]
     measured: bool = False
+
+
+@contextmanager
+def drawing(picture: Path, x: str, y: str) -> Iterator[Any]:
+    """The axis of a picture with these labels, which is then saved."""
+    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
+    (axis,) = axes.ravel()
+    yield axis
+    axis.set(xlabel=x, ylabel=y)
+    axis.legend()
+    plotting.save_figure(figure, picture, dpi=100)

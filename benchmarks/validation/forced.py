@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from case import Case, Row
+from case import Case, Row, drawing
 from frequencies import STEEL, compare, meshed, quadrilateral
 from lines import line
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc import plotting
 
 Array = NDArray[np.float64]
 PERIODS, SAMPLES = 100, 40_000  # of the first mode, until its motion has died away
@@ -96,16 +95,11 @@ def forced(test: Forced, picture: Path) -> list[Row]:
     values = [*test.step, *test.harmonic, *test.random]
     found += [H[0].max() ** 2, H[1].max() ** 2]
 
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
     early = t < 4 / test.harmonic[2]
-    axis.plot(t[early], moved[early], label="antiosc")
-    axis.plot([test.step[1]], [test.step[0]], "ko", label="published")
-    axis.axhline(test.step[3], color="k", ls=":", label="published, at rest")
-    axis.set_xlabel("time (s)")
-    axis.set_ylabel("deflection of the centre (mm)")
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
+    with drawing(picture, "time (s)", "deflection of the centre (mm)") as axis:
+        axis.plot(t[early], moved[early], label="antiosc")
+        axis.plot([test.step[1]], [test.step[0]], "ko", label="published")
+        axis.axhline(test.step[3], color="k", ls=":", label="published, at rest")
     return [
         Row(name, value, float(ours), 0.04 if name.startswith("R") else 0.02, why=test.why)
         for name, value, ours in zip(names, values, found, strict=True)
@@ -157,7 +151,7 @@ SQUARE = "10 m square, {} m thick, simply supported, no rotation about the edges
 def frequencies(name: str, thickness: float, values: Sequence[float], read: str) -> Case:
     """The frequencies of a plate."""
     published = list(zip(MODES, values, strict=True))
-    run = partial(compare, partial(seen, thickness), published, 0.002, "read", "")
+    run = partial(compare, partial(seen, thickness), published, 0.002)
     title = f"NAFEMS test {name}: frequencies of a simply supported plate of {thickness:g} m"
     given = "E = 200 GPa, ν = 0.3, ρ = 8000 kg/m³; 10 m square, no rotation about edges' normals"
     source = f"{R0016}; closed form, read in {read}; bound 0.2 %"

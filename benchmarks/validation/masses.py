@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from case import Case, Row
+from case import Case, Row, drawing
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc import plotting
 from antiosc.models.closed_form import UniformBeam, pinned_pinned
 
 Array = NDArray[np.float64]
@@ -158,12 +157,8 @@ def hammered(picture: Path) -> list[Row]:
 
 def drawn(picture: Path, t: Array, value: Array, label: str, start: float = 0.0) -> None:
     """A quantity over time, from `start` on."""
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
-    axis.plot(t[t >= start], value[t >= start], label="antiosc")
-    axis.set_xlabel("time (s)")
-    axis.set_ylabel(label)
-    plotting.save_figure(figure, picture, dpi=100)
+    with drawing(picture, "time (s)", label) as axis:
+        axis.plot(t[t >= start], value[t >= start], label="antiosc")
 
 
 CASES = [

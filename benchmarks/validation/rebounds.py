@@ -6,10 +6,9 @@ from math import log, sqrt
 from pathlib import Path
 
 import numpy as np
-from case import Case, Row
+from case import Case, Row, drawing
 
 import antiosc as ao
-from antiosc import plotting
 
 #: Steels of a table of a tester, type D: HL = 1000 times the restitution, and tensile strength in
 #: MPa, at both ends of each range.
@@ -38,7 +37,7 @@ STEEL, RATE = {"E": 210e9, "nu": 0.3, "rho": 7850.0}, 0.014
 TABOR = 0.2
 PRINTED = (
     "The page prints the same diameter for 300 and 600 HV, but a depth of 17 µm, which is that of "
-    "0.45 mm; for 800 HV and the body C a larger one than for 600 HV."
+    "0.45 mm. For 800 HV and the body C a larger one than for 600 HV."
 )
 SHALLOW = (
     "At 800 HV three fifths of the indentation spring back, and the edge of so flat a dent is a "
@@ -78,15 +77,10 @@ def leeb(picture: Path) -> list[Row]:
         why = PRINTED if hardness == 600 or body == "C" else SHALLOW
         name = f"dent, mm across, body {body}, {hardness} HV"
         rows.append(Row(name, across, 2e3 * dent.radius, 0.1, why=why))
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
     strengths = np.geomspace(350, 2700, 20)
-    axis.plot(strengths, [restitution_at(strength) for strength in strengths], label="antiosc")
-    axis.plot([p[2] for p in points], [p[1] / 1000 for p in points], "ko", label="measured")
-    axis.set_xlabel("tensile strength (MPa)")
-    axis.set_ylabel("restitution")
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
+    with drawing(picture, "tensile strength (MPa)", "restitution") as axis:
+        axis.plot(strengths, [restitution_at(strength) for strength in strengths], label="antiosc")
+        axis.plot([p[2] for p in points], [p[1] / 1000 for p in points], "ko", label="measured")
     return rows
 
 
@@ -102,13 +96,13 @@ CASES = [
         "leeb",
         "Carbide balls on steels: rebound hardness",
         "impact bodies of 11, 2.7 and 90 mJ, 5.5, 3 and 20 g with balls of 3, 3 and 5 mm of "
-        "tungsten carbide (read), E = 600 GPa, ν = 0.22 (recalled); steel, E = 210 GPa; its flow "
+        "tungsten carbide (read), E = 600 GPa, ν = 0.22 (recalled). Steel: E = 210 GPa. Its flow "
         "strength is the tensile strength, or a third of the Vickers hardness (Tabor), times "
         "1 + 0.014 ln(strain rate in 1/s), Johnson and Cook's factor of steel 4340",
-        "HL is 1000 times the ratio of the speeds; ranges of HL and of tensile strength of ten "
-        "steels, read in the manual of the tester Smart Sensor AR936, appendix two; impact bodies "
-        "and dents, read in the manuals of PCE-2800 and Mitech MH310, table 3 (manualshive.com); "
-        "0.014 read in ijd2104/ShearBands, get_parameters.m; bounds 0.05 and 10 %",
+        "HL is 1000 times the ratio of the speeds. Ranges of HL and of tensile strength of ten "
+        "steels, read in the manual of the tester Smart Sensor AR936, appendix two. Impact bodies "
+        "and dents, read in the manuals of PCE-2800 and Mitech MH310, table 3 (manualshive.com). "
+        "Factor 0.014 read in ijd2104/ShearBands, get_parameters.m; bounds 0.05 and 10 %",
         leeb,
         measured=True,
     ),

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from case import Case, Row
+from case import Case, Row, drawing
 from lines import line
 
 import antiosc as ao
-from antiosc import plotting
 
 INCH, POUND = 0.0254, 4.4482216  # m, N
 ELEMENTS, N, HARD = 200, 90, 200.0
@@ -89,16 +88,11 @@ def on_a_wall(data: Wall, picture: Path) -> list[Row]:
     """The rod in beam elements."""
     hit = flown(data, end(rod(data.length, data.E, data.rho, data.area), 0.0, 1.0))
     one = hit["rod:end", "wall"]
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
     factor, unit = (1e-6, "MN") if one.peak_force > 1e6 else (1e-3, "kN")
-    axis.plot(one.time * 1e6, factor * one.force, label="antiosc")
-    if data.force:
-        axis.axhline(factor * data.force[0], color="k", ls=":", label="published")
-        axis.legend()
-    axis.set_xlabel("time (µs)")
-    axis.set_ylabel(f"force on the wall ({unit})")
-    plotting.save_figure(figure, picture, dpi=100)
+    with drawing(picture, "time (µs)", f"force on the wall ({unit})") as axis:
+        axis.plot(one.time * 1e6, factor * one.force, label="antiosc")
+        if data.force:
+            axis.axhline(factor * data.force[0], color="k", ls=":", label="published")
     return at_the_wall(data, hit)
 
 
@@ -140,15 +134,10 @@ def struck_rod(picture: Path) -> list[Row]:
     """SDNL111 in beam elements."""
     hit = collided(end(rod(*EQUAL), 0.0, 1.0), end(rod(*EQUAL, held=True), 0.0, 1.0))
     t = np.linspace(0.0, 1.02e-3, 500)
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
-    axis.plot(t * 1e3, -hit.at(t)["one"].displacement("end") * 1e3, label="antiosc")
     times, values, bounds = (np.array(column) for column in zip(*STRUCK, strict=True))
-    axis.errorbar(times * 1e3, values * 1e3, bounds * 1e3, fmt="ko", label="published")
-    axis.set_xlabel("time (ms)")
-    axis.set_ylabel("struck end (mm)")
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
+    with drawing(picture, "time (ms)", "struck end (mm)") as axis:
+        axis.plot(t * 1e3, -hit.at(t)["one"].displacement("end") * 1e3, label="antiosc")
+        axis.errorbar(times * 1e3, values * 1e3, bounds * 1e3, fmt="ko", label="published")
     return of_the_struck_end(hit)
 
 

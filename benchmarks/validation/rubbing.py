@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from case import Case, Row
+from case import Case, Row, drawing
 from numpy.typing import ArrayLike, NDArray
 
 import antiosc as ao
-from antiosc import plotting
 
 Array = NDArray[np.float64]
 SOFT = 1e-3  # N/m, holds the masses in the directions that the tests do not have
@@ -52,14 +51,9 @@ def rubbed(hit: ao.SceneHistory) -> tuple[Array, Array]:
 
 def drawn(picture: Path, lines: dict[str, tuple[Array, Array]], label: str) -> None:
     """Quantities over time."""
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
-    for name, (t, value) in lines.items():
-        axis.plot(t, value, label=name)
-    axis.set_xlabel("time (s)")
-    axis.set_ylabel(label)
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
+    with drawing(picture, "time (s)", label) as axis:
+        for name, (t, value) in lines.items():
+            axis.plot(t, value, label=name)
 
 
 #: SDND100: displacement along x + y at the ends of the half periods, bound

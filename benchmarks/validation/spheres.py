@@ -6,7 +6,7 @@ from math import atan2, cos, degrees, radians, sin
 from pathlib import Path
 
 import numpy as np
-from case import Case, Row
+from case import Case, Row, drawing
 from frequencies import meshed, quadrilateral
 
 import antiosc as ao
@@ -24,9 +24,7 @@ ELASTIC = {
 
 def hertz(picture: Path) -> list[Row]:
     """Two equal spheres, and a sphere on a rigid plane: Hertz's own force and contact time."""
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
-    rows = []
+    rows, curves = [], {}
     for material, (radius, E, nu, rho, speed, pair) in ELASTIC.items():
         ball = ao.Sphere(radius, E=E, nu=nu, rho=rho, velocity=speed)
         share = 0.5 if pair else 1.0  # of the mass, of the radius and of the modulus
@@ -38,7 +36,7 @@ def hertz(picture: Path) -> list[Row]:
         law = ao.Hertz(4 / 3 * modulus * curved)
         scene = ao.Scene({"other": other, "ball": ball}, [ao.Contact("other", "ball", law)])
         one = scene.run(1.3 * lasting, tol=1e-5)["other", "ball"]
-        axis.plot(one.time / lasting, one.force / peak, label=material)
+        curves[material] = (one.time / lasting, one.force / peak)
         rows += [
             Row(f"{material}: {quantity}", float(value), float(ours), 1e-3, "equation")
             for quantity, value, ours in (
@@ -47,10 +45,9 @@ def hertz(picture: Path) -> list[Row]:
                 ("indentation, m", deepest, one.indentation.max()),
             )
         ]
-    axis.set_xlabel("time / Hertz's contact time")
-    axis.set_ylabel("force / Hertz's peak force")
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
+    with drawing(picture, "time / Hertz's contact time", "force / Hertz's peak force") as axis:
+        for name, curve in curves.items():
+            axis.plot(*curve, label=name)
     return rows
 
 
@@ -58,9 +55,7 @@ def restituted(picture: Path) -> list[Row]:
     """A sphere of aluminium oxide on a rigid plane, with given coefficients of restitution."""
     ball = ao.Sphere(2.5e-3, E=380e9, nu=0.23, rho=4000.0, velocity=3.9)
     stiffness = ball.hertz(1e3 * ball.E, ball.nu).stiffness
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
-    rows = []
+    rows, curves = [], {}
     for asked in (0.2, 0.4, 0.6, 0.8, 1.0):
         law = ao.laws.Gonthier(stiffness, asked) if asked < 1 else ao.Hertz(stiffness)
         scene = ao.Scene({"plane": ao.Obstacle(), "ball": ball}, [ao.Contact("plane", "ball", law)])
@@ -68,11 +63,10 @@ def restituted(picture: Path) -> list[Row]:
         rows.append(
             Row(f"rebound over approach, {asked:g} asked", asked, one.restitution, 1e-3, "equation")
         )
-        axis.plot(one.time * 1e6, one.force, label=f"{asked:g}")
-    axis.set_xlabel("time (µs)")
-    axis.set_ylabel("force (N)")
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
+        curves[f"{asked:g}"] = (one.time * 1e6, one.force)
+    with drawing(picture, "time (µs)", "force (N)") as axis:
+        for name, curve in curves.items():
+            axis.plot(*curve, label=name)
     return rows
 
 
@@ -102,14 +96,9 @@ def large_plate(picture: Path) -> list[Row]:
         rows.append(Row(name, zener.restitution(lam), hit.restitution, 0.015, "equation"))
         name = f"contact time at λ = {lam:.3f}, s"
         rows.append(Row(name, float(time), hit.contact_time, 0.01, "equation"))
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
-    for name, hit in curves.items():
-        axis.plot(hit.time * 1e6, hit.force, label=name)
-    axis.set_xlabel("time (µs)")
-    axis.set_ylabel("force (N)")
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
+    with drawing(picture, "time (µs)", "force (N)") as axis:
+        for name, hit in curves.items():
+            axis.plot(hit.time * 1e6, hit.force, label=name)
     return rows
 
 
@@ -167,7 +156,7 @@ def oblique(angle: float) -> tuple[float, float, float]:
 
 STICKING = (
     "Below about 20° the contact sticks in part. antiosc has one spring and slider for the whole "
-    "contact, where the real one slips from its edge inward; programs with the same law (MFIX, "
+    "contact, where the real one slips from its edge inward. Programs with the same law (MFIX, "
     "Lethe) lie on the same side of the measurement."
 )
 
@@ -210,7 +199,7 @@ CASES = [
         "hertz",
         "Two equal spheres, and a sphere on a rigid plane",
         "spheres of 10 mm radius that meet at 10 m/s each, of glass (E = 48 GPa, ν = 0.2, "
-        "ρ = 2800 kg/m³) and limestone (20 GPa, 0.25, 2500 kg/m³); an aluminium sphere of 0.1 m "
+        "ρ = 2800 kg/m³) and limestone (20 GPa, 0.25, 2500 kg/m³). An aluminium sphere of 0.1 m "
         "radius, 70 GPa, 0.3, 2699 kg/m³, at 0.2 m/s on a rigid plane",
         "Y. C. Chung, J. Y. Ooi, Granular Matter 13 (2011) 643, tests 1 and 2, data read in Yade's "
         "benchmarks; the values are Hertz's closed form (K. L. Johnson, Contact Mechanics, 11.4); "
@@ -241,8 +230,8 @@ CASES = [
         "5 mm spheres, E = 380 GPa, ν = 0.23, ρ = 4000 kg/m³, on thick soda-lime glass, E = 70 GPa,"
         " ν = 0.25; 3.9 m/s; friction 0.092, no loss along the normal (0.98 was measured)",
         "A. H. Kharaz, D. A. Gorham, A. D. Salman, Powder Technology 120 (2001) 281: points of "
-        "their diagrams as printed in the example 3d-oblique-wall-impact of the program Lethe; "
-        "bounds 0.03, 30 rad/s, 1°: reading points off diagrams, and the measured normal "
+        "their diagrams as printed in the example 3d-oblique-wall-impact of the program Lethe. "
+        "Bounds 0.03, 30 rad/s, 1°: reading points off diagrams, and the measured normal "
         "restitution of 0.98",
         rebound_of_spheres,
         measured=True,

@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from case import Case, Row
+from case import Case, Row, drawing
 from hermite import hermite_beam
 from lines import line
 from scipy.sparse import csc_array
 
 import antiosc as ao
-from antiosc import plotting
 
 
 def cantilever(picture: Path) -> list[Row]:
@@ -35,14 +34,9 @@ def cantilever(picture: Path) -> list[Row]:
     ):
         rows += of_the_tip(hit, name, bound)
     t = np.linspace(0.0, 0.16, 800)
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
-    axis.plot(t * 1e3, exact.at(t)["beam"].displacement("tip") * 1e6, label="antiosc")
-    axis.plot([131.5], [-1.85334], "ko", label="published")
-    axis.set_xlabel("time (ms)")
-    axis.set_ylabel("tip (µm)")
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
+    with drawing(picture, "time (ms)", "tip (µm)") as axis:
+        axis.plot(t * 1e3, exact.at(t)["beam"].displacement("tip") * 1e6, label="antiosc")
+        axis.plot([131.5], [-1.85334], "ko", label="published")
     return rows
 
 
@@ -100,12 +94,13 @@ def three_beams(picture: Path) -> list[Row]:
     ]
     scene = ao.Scene({b: model for b in THREE}, contacts, loads=[ao.Load("N", [0.0], [1e6])])
     hit = scene.run(1.0, tol=1e-4)
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
     t, rows = np.linspace(0.0, 1.0, 600), []
+    with drawing(picture, "time (s)", "middle of the beam (mm)") as axis:
+        for body, (displacements, _) in THREE.items():
+            axis.plot(t, hit.at(t)[body].displacement() * 1e3, label=f"beam {body}")
+            axis.plot([1.0], [displacements[2] * 1e3], "ko")
+
     for body, (displacements, speeds) in THREE.items():
-        axis.plot(t, hit.at(t)[body].displacement() * 1e3, label=f"beam {body}")
-        axis.plot([1.0], [displacements[2] * 1e3], "ko")
         at = hit.at([1.0])[body]
         for quantity, values, ours in (
             ("displacement, m", displacements, at.displacement()[0]),
@@ -113,10 +108,6 @@ def three_beams(picture: Path) -> list[Row]:
         ):
             spread = (max(values) - min(values)) / abs(values[2])
             rows.append(Row(f"{body}: {quantity}", values[2], float(ours), max(spread, 1e-3)))
-    axis.set_xlabel("time (s)")
-    axis.set_ylabel("middle of the beam (mm)")
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
     return rows
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from case import Case, Row
+from case import Case, Row, drawing
 from hermite import hermite_beam
 from scipy.sparse import csc_array
 
 import antiosc as ao
-from antiosc import plotting
 
 ELEMENTS, MODES = 48, 30
 STOPS = {"N14": 12, "N26": 24, "N38": 36, "N2": 48}  # name -> node, 0 the clamped end
@@ -51,19 +50,16 @@ def force(hit: ao.SceneHistory, name: str, t: np.ndarray) -> np.ndarray:
 
 def shaken(picture: Path) -> list[Row]:
     """Both versions of the test, in steps of 5e-6 s as published (there of central differences)."""
-    figure, axes = plotting.panels(1, 1, size=(7, 3.2))
-    (axis,) = axes.ravel()
-    t, rows = np.linspace(0.17, 0.25, 80_001), []
+    t, rows, forces = np.linspace(0.17, 0.25, 80_001), [], {}
     for stiffness, published in PUBLISHED.items():
         hit = tube(stiffness).run(0.25, step=5e-6)
         at_end = force(hit, "N2", t)
         name = f"rms force at the end, stops of {stiffness:g} N/m, N"
         rows.append(Row(name, published, float(np.sqrt(np.mean(at_end**2))), 0.05))
-        axis.plot(t * 1e3, at_end, lw=1, label=f"stops of {stiffness / 1e3:g} kN/m")
-    axis.set_xlabel("time (ms)")
-    axis.set_ylabel("force on the last stop (N)")
-    axis.legend()
-    plotting.save_figure(figure, picture, dpi=100)
+        forces[f"stops of {stiffness / 1e3:g} kN/m"] = at_end
+    with drawing(picture, "time (ms)", "force on the last stop (N)") as axis:
+        for name, at_end in forces.items():
+            axis.plot(t * 1e3, at_end, lw=1, label=name)
     return rows
 
 
