@@ -62,7 +62,7 @@ Of these, stored copies of public pages hold titles, abstracts or introductions,
   Appl. Sci. 16 (2026) 89; on laminates: Sun and Chen 1985;
 - bars on a block: Stoianovici and Hurmuzlu 1996; boards that fall: JEDEC JESD22-B111;
 - rebounds: Lifshitz and Kolsky 1964, Kharaz and Gorham 2000, Minamoto and Kawamura 2009;
-- blocks alone and tied in the tests of Sierra/SD: their matrices are no part of the manual.
+- blocks of Sierra/SD, alone and tied: no public copy of their matrices was found.
 
 The slip of SDND106 and modelling B of SDND108 need what antiosc's contacts do not have: a second
 coefficient of friction, and a dashpot.
