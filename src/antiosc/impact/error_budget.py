@@ -23,7 +23,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.errors import InputError
 from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
@@ -159,12 +159,6 @@ def pulse_time(hit: History) -> float:
     return HALF_SINE * PADDED * (end - start) / reach
 
 
-def warn_low_band(hit: History) -> None:
-    """Warn of a measured band that is too low for the contact."""
-    if sentence := low_band_message(hit):
-        warn(sentence, AccuracyWarning)
-
-
 #: Factor of safety of the mesh error.
 SAFETY = 2.0
 #: The factor for a coarse mesh.
@@ -256,13 +250,13 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
 
     linear = LINEAR_BARS if stretches and model.strain_error is not None else ""
     third = THIRD_ORDER if hit.assembly.stretched else ""
-    band_notes = filter(None, [low_band_message(raw), linear, third])
+    further = filter(None, [linear, third])
     motion = hit.site_motion
 
     return ErrorBudget(
         {name: bar(name, getattr(hit, name)) for name in QUANTITIES},
         of_mesh.share,
-        (*patch_notes, *of_mesh.doubts, *band_notes),
+        (*patch_notes, *of_mesh.doubts, *further),
         of_mesh.safety,
         unknown,
         rebound_of(hit),

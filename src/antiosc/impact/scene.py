@@ -34,7 +34,7 @@ from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle
 from antiosc.impact.enclosure import enclosures, width_of_peaks
-from antiosc.impact.error_budget import error_budget, warn_low_band
+from antiosc.impact.error_budget import error_budget, low_band_message
 from antiosc.impact.histories import History, SceneHistory, Source
 from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.energy import energy_gain
@@ -550,8 +550,7 @@ def simulate(
     warn_large_rotation(*history.largest_rotation())
     history = with_warning(history, large_deflection_message(history))
     check_range(history, doubts)
-    if info_of(model).measured is not None:
-        warn_low_band(history)
+    history = with_warning(history, low_band_message(history))
 
     return proved(history, goal) if proof else history
 
