@@ -28,7 +28,6 @@ from typing import (
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import SMALLER_CELLS, ReprMixin, engineering, point_text
 from antiosc.engine.contact import ContactLaw
@@ -181,16 +180,6 @@ def info_of(body: object) -> ModelInfo:
 def is_thin(body: object) -> bool:
     """Whether a body is a supported sheet or thin solid: theory holds for small deflections."""
     return info_of(body).thickness is not None
-
-
-#: Frequency over the highest one below which a motion is a rigid one.
-RIGID = 1e-6
-
-
-def half_period(omega: Array) -> float:
-    """Half a period [s] of the slowest elastic motion of frequencies (J,) [rad/s]; 0 without."""
-    elastic = omega[omega > RIGID * omega.max(initial=0.0)]
-    return float(pi / elastic.min()) if elastic.size else 0.0
 
 
 def resolved_frequency(source: Any) -> float:

@@ -23,7 +23,7 @@ from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import ContactHistory
 from antiosc.impact.histories.site_motion import SiteMotion, site_motion
 from antiosc.impact.histories.tables import Results
-from antiosc.models.body import half_period, info_of, site_points
+from antiosc.models.body import info_of, site_points
 from antiosc.models.parameters import has_bars
 from antiosc.plot.charts import plot_history
 
@@ -216,17 +216,8 @@ class History(RunHistory, Results):
         return (
             f"After the last release the bodies still approach (restitution {e:.3g}"
             f" < 0) and will touch again: peak force, impulse and restitution are those up to"
-            f" {self.run.time[-1]:g} s; lengthen the duration{self._by_half_a_period}."
+            f" {self.run.time[-1]:g} s; lengthen the duration."
         )
-
-    @property
-    def _by_half_a_period(self) -> str:
-        """By how much a run is lengthened until a part has swung back; "" of rigid bodies."""
-        omega = np.concatenate([body.omega for body in self.assembly.bodies.values()])
-        half = half_period(omega)
-        if not half:
-            return ""
-        return f" by {engineering(half, 's')} or more, half a period of the slowest motion"
 
     @property
     def verdict(self) -> str:
