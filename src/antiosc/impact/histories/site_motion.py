@@ -1,12 +1,7 @@
-"""How far the site of a struck part moves, and when the striker is out of its reach.
-
-Without forces a mode vibrates with the amplitude A = √(q² + (v/ω)²), and less if it is damped: a
-site never moves further than Σ |b| A.
-"""
+"""How far the site of a struck part moves, and whether the striker is out of its reach."""
 
 from __future__ import annotations
 
-from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,49 +60,13 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
     return SiteMotion(float(sizes[k]), float(times[k]))
 
 
-def out_of_reach(hit: RunHistory) -> float | None:
-    """Time [s] from which a free striker is further away than the part may swing after the run, if
-    it flies on alone: inf if it comes nearer. None where forces act, or either is no such body.
-    """
-    a = hit.assembly
-    part, striker = (a.bodies.get(name) for name in ("structure", "impactor"))
-    if part is None or striker is None or striker.omega.any() or not part.omega.all():
-        return None
-
-    end = float(hit.run.time[-1])
-    swing = _reach(hit, a.system.beta[0, a.spans["structure"]])
-    if not np.isfinite(swing) or a.system.first is not None:
-        return None
-
-    q, v = (state[-1, a.spans["impactor"]] for state in hit.states([end]))
-    beta = a.system.beta[0, a.spans["impactor"]]
-    nearest = swing + float(beta @ q - a.system.offsets[-1, 0])  # indentation at the full swing
-    away = -float(beta @ v)
-    if nearest <= 0 <= away:
-        return end
-    return end + nearest / away if away > 0 else inf
-
-
-def _reach(hit: RunHistory, b: Array) -> float:
-    """The largest Σ |b| A [m] after the run; inf of a part under loads."""
-    a = hit.assembly
-    scene = a.scene
-    loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
-    if loaded:
-        return inf
-
-    span = a.spans["structure"]
-    q, v = (state[-1, span] for state in hit.states([float(hit.run.time[-1])]))
-
-    return float(np.abs(b) @ np.hypot(q, v / a.bodies["structure"].omega))
-
-
 def parted(hit: Any) -> bool:
-    """Whether striker and part of an impact neither touch nor approach at the end, nor meet again
-    as far as is known.
+    """Whether striker and part of an impact neither touch nor approach at the end, and the striker
+    is further away than the site has moved.
     """
-    end = float(hit.run.time[-1])
-    touching = bool(hit.contacts) and hit.contacts[-1][1] >= end
+    touching = bool(hit.contacts) and hit.contacts[-1][1] >= float(hit.run.time[-1])
     if touching or (hit.restitution is not None and hit.restitution < 0):
         return False
-    return (out_of_reach(hit) or end) <= end
+
+    away = -float(hit.indentation[-1] + hit.displacement[-1])
+    return hit.site_motion is None or away > hit.site_motion.largest
