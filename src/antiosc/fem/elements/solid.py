@@ -86,6 +86,7 @@ class Solid(Isotropic):
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Weak form with displacements of degree `order`, at least the geometric order."""
+        _check_cells(mesh, order)
         return weak_form_of(mesh, parts, order)
 
     def half_space_compliance(self, cosine: float) -> float:
@@ -152,7 +153,6 @@ def _check_cells(mesh: Mesh, order: int) -> None:
 
 def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     """Weak form of solids, some of which may have directions."""
-    _check_cells(mesh, order)
     directed = any(isinstance(material, AnisotropicSolid) for material, _ in parts)
     if directed and mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
@@ -339,6 +339,7 @@ class AnisotropicSolid(FieldsRepr):
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Weak form with displacements of degree `order`, as for `Solid`."""
+        _check_cells(mesh, order)
         return weak_form_of(mesh, parts, order)
 
     def half_space_compliance(self, cosine: float) -> float:

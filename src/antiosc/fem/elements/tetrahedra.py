@@ -1,27 +1,29 @@
-"""Products with K and M of straight quadratic tetrahedra of isotropic materials, cell by cell.
+"""Products with K and M of quadratic tetrahedra of isotropic materials, cell by cell.
 
 A product with an assembled matrix reads 80 entries per row from memory; one from the cells reads a
 tenth of that and computes the rest (measured). The strains of a straight quadratic tetrahedron are
-linear, so that its energy follows from the strains at its corners (csrc/fem/elastic.c). The
+linear, so that its energy follows from the strains at its corners (csrc/fem/elastic.c). Curved
+cells, which lie at curved faces alone, have assembled matrices. The
 two-level solver also needs the diagonal blocks of the nodes and the assembled matrix of the linear
 elements. A factorization needs all entries and assembles them (`with_entries`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from ctypes import byref
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine import library
-from antiosc.fem.elements.solid import Solid
-from antiosc.fem.elements.weak_form import Parts, WeakForm
-from antiosc.fem.linalg.forecast import TETRAHEDRA
+from antiosc.fem.elements.solid import Solid, weak_form_of
+from antiosc.fem.elements.weak_form import Parts, WeakForm, restricted
+from antiosc.fem.linalg.forecast import ENTRIES, TETRAHEDRA, Products
 from antiosc.fem.linalg.petsc_algebra import empty, multiply
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat, kernels
@@ -34,6 +36,10 @@ BEYOND = 5
 #: `AFE_LANES` and `AFE_TETRA_DATA` of the C library
 LANES = 8
 DATA = 12
+#: Bytes of an entry of a sparse matrix with its column.
+MATRIX = 12.0
+#: Distance of a node from the middle of its edge up to which the edge is straight, over its length.
+STRAIGHT = 1e-9
 #: For each node of a cell in dolfinx's order: the corner, or the two corners it lies between.
 ENDS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
 
@@ -44,12 +50,12 @@ def cell_by_cell(
     parts: Parts,
     conditions: Mapping[tuple[int, ...], IntArray],
 ) -> Tetrahedra | None:
-    """The cells of a large part of straight quadratic tetrahedra; None for other parts."""
+    """The cells of a large part of quadratic tetrahedra; None for other parts."""
     imap = form.space.dofmap.index_map
     is_large = imap.size_global * form.space.dofmap.index_map_bs >= FEWEST_DOFS
-    straight = mesh.cell == "tetrahedron" and mesh.order == 1
+    tetrahedra = mesh.cell == "tetrahedron" and mesh.order <= 2
     isotropic = all(isinstance(material, Solid) for material, _ in parts)
-    if not (is_large and straight and isotropic) or form.degree != 2 or form.strains is not None:
+    if not (is_large and tetrahedra and isotropic) or form.degree != 2 or form.strains is not None:
         return None
     return Tetrahedra(mesh, form, parts, conditions)
 
@@ -62,9 +68,6 @@ class Tetrahedra:
     conditions : path of a component -> its dofs of this rank, ghosts included, whose rows and
         columns are 1 in K, 0 in M
     """
-
-    #: what the forecasts take from the kernel
-    products = TETRAHEDRA
 
     def __init__(
         self,
@@ -87,24 +90,39 @@ class Tetrahedra:
         #: matrices added to K and M at points, and whether they have entries
         self.added = empty(self.rows, self.comm), empty(self.rows, self.comm)
         self.carries = False
-        cells = np.arange(compat.cell_map(mesh.dolfinx).size_local)
-        nodes = compat.cell_dofs(form.space, (0,), cells) // 3
+        count = compat.cell_map(mesh.dolfinx).size_local
+        x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)[:count]]
+        straight = _straight(x)
+        nodes = compat.cell_dofs(form.space, (0,), np.flatnonzero(straight)) // 3
         self._nodes = _in_lanes(nodes.astype(np.int32))
-        self._data = _in_lanes(self._data_of(len(nodes)))
+        self._data = _in_lanes(_data_of(x, parts)[straight])
+        self._curved = self._assembled_of(np.flatnonzero(~straight))
 
-    def _data_of(self, count: int) -> Array:
-        """Gradients, and constants times volume, of the cells: (count, DATA)."""
-        mesh = self._mesh.dolfinx
-        x = mesh.geometry.x[compat.geometry_nodes(mesh)[:count]]
-        edges = x[:, 1:] - x[:, :1]
-        volume = np.abs(np.linalg.det(edges)) / 6
-        data = np.empty((count, DATA))
-        # x = x0 + Σ λ_i (x_i - x_0): the gradients are the columns of the inverse
-        data[:, :9] = np.linalg.inv(edges).transpose(0, 2, 1).reshape(count, 9)
-        for material, cells in self._parts:
-            data[cells[cells < count], 9:] = _constants(material)
-        data[:, 9:] *= volume[:, None]
-        return data
+    def _assembled_of(self, cells: IntArray) -> tuple[PETSc.Mat, ...]:
+        """K and M of some cells of this rank; nothing where no rank has such cells."""
+        if not self.comm.allreduce(len(cells)):
+            return ()
+        forms = (self._form.stiffness, self._form.mass)
+        return tuple(
+            compat.assemble(
+                restricted(one, self._mesh, cells), self._form.space, self._conditions, 0.0
+            )
+            for one in forms
+        )
+
+    @cached_property
+    def products(self) -> Products:
+        """What the forecasts take from the kernel, and from the matrices of curved cells."""
+        stored = sum(A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"] for A in self._curved)
+        rows = self.comm.allreduce(self.rows)
+        share = stored / 2 / (TETRAHEDRA.row * rows)
+        more = 2 * MATRIX * share
+        return replace(
+            TETRAHEDRA,
+            bytes=TETRAHEDRA.bytes + more,
+            aggregated=TETRAHEDRA.aggregated + more,
+            seconds=TETRAHEDRA.seconds + share * ENTRIES.seconds,
+        )
 
     def _add(self, k: float, m: float, u: Array, out: Array) -> None:
         """Add (k K + m M) u of the cells to `out`, both on all dofs of this rank."""
@@ -125,7 +143,7 @@ class Tetrahedra:
     def _node_blocks(self, k: float, m: float) -> Array:
         """The diagonal 3×3 blocks of k K + m M summed over the cells of this rank: (dofs, 3)."""
         data = self._data.transpose(0, 2, 1).reshape(-1, DATA)
-        nodes = self._nodes.transpose(0, 2, 1).reshape(len(data), -1)
+        nodes = self._nodes.transpose(0, 2, 1).reshape(-1, len(ENDS))
         slopes = data[:, :9].reshape(-1, 3, 3)
         slopes = np.concatenate([-slopes.sum(axis=1, keepdims=True), slopes], axis=1)
         lame = k * data[:, 9] * 20
@@ -165,16 +183,21 @@ class Tetrahedra:
         self._add(k, m, u, product)
         self._exchange.add(product)
         result = product[: self.rows]
-        for factor, matrix in zip((k, m), self.added, strict=True):
-            if factor and self.carries:
-                result += factor * multiply(matrix, x)
+        for factor, matrix in self._matrices(k, m):
+            result += factor * multiply(matrix, x)
         result[self._held] = k * x[self._held]
         return result
+
+    def _matrices(self, k: float, m: float) -> Iterator[tuple[float, PETSc.Mat]]:
+        """(factor, matrix) of curved cells and of what is added at points in k K + m M."""
+        pairs = [self._curved] if self._curved else []
+        for pair in [*pairs, self.added] if self.carries else pairs:
+            yield from ((x, A) for x, A in zip((k, m), pair, strict=True) if x)
 
     def blocks(self, k: float, m: float) -> Array:
         """The diagonal 3×3 blocks of k K + m M, (rows of this rank, 3)."""
         result = np.array(self._exchange.ghosts_added(self._node_blocks(k, m)))
-        for factor, matrix in zip((k, m), self.added, strict=True):
+        for factor, matrix in self._matrices(k, m):
             _add_blocks(result, factor, matrix)
         blocks = result.reshape(-1, 3, 3)
         blocks[self._held // 3, self._held % 3, :] = 0.0
@@ -196,8 +219,7 @@ class Tetrahedra:
     @cached_property
     def linear(self) -> WeakForm:
         """The weak form of linear elements on these cells."""
-        material, _ = self._parts[0]
-        return material.weak_form(self._mesh, self._parts, 1)
+        return weak_form_of(self._mesh, self._parts, 1)
 
     def _assembled(
         self,
@@ -229,6 +251,30 @@ class Tetrahedra:
         return total
 
 
+def _data_of(x: Array, parts: Parts) -> Array:
+    """Gradients, and constants times volume, of straight cells with these corners: (n, DATA)."""
+    edges = x[:, 1:4] - x[:, :1]
+    data = np.empty((len(x), DATA))
+    # x = x0 + Σ λ_i (x_i - x_0): the gradients are the columns of the inverse
+    data[:, :9] = np.linalg.inv(edges).transpose(0, 2, 1).reshape(len(x), 9)
+    for material, cells in parts:
+        data[cells[cells < len(x)], 9:] = _constants(material)
+    data[:, 9:] *= np.abs(np.linalg.det(edges))[:, None] / 6
+    return data
+
+
+def _straight(x: Array) -> BoolArray:
+    """Mask of cells (n, nodes, 3) whose further nodes are the middles of their edges."""
+    straight = np.ones(len(x), dtype=bool)
+    for node, ends in enumerate(ENDS[: x.shape[1]]):
+        if len(ends) == 1:
+            continue
+        a, b = x[:, ends[0]], x[:, ends[1]]
+        off = np.linalg.norm(x[:, node] - (a + b) / 2, axis=1)
+        straight &= off <= STRAIGHT * np.linalg.norm(b - a, axis=1)
+    return straight
+
+
 def _squares(slopes: Array, ends: Sequence[int]) -> Array:
     """Integral (n, 3, 3) of grad N ⊗ grad N over a cell, per volume; `slopes` are the gradients of
     λ.
@@ -254,7 +300,7 @@ def _in_lanes(values: Array) -> Array:
     groups = -(-len(values) // LANES)
     full = np.zeros((groups * LANES, values.shape[1]), values.dtype)
     full[: len(values)] = values
-    return np.ascontiguousarray(full.reshape(groups, LANES, -1).transpose(0, 2, 1))
+    return np.ascontiguousarray(full.reshape(groups, LANES, values.shape[1]).transpose(0, 2, 1))
 
 
 def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:

@@ -426,18 +426,16 @@ def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Material], float | Ar
 
 
 def restricted(forms: Sequence[ufl.Form], mesh: Mesh, cells: IntArray) -> list[ufl.Form]:
-    """The forms restricted to some cells."""
-    indicator = compat.cellwise(mesh.dolfinx, 0)
-    indicator.x.array[cells] = 1.0
-    return [
-        ufl.Form(
-            [
-                integral.reconstruct(integrand=indicator * integral.integrand())
-                for integral in form.integrals()
-            ]
-        )
-        for form in forms
-    ]
+    """The forms restricted to some cells of this rank."""
+    from dolfinx.mesh import meshtags
+
+    own = np.unique(cells[cells < compat.cell_map(mesh.dolfinx).size_local]).astype(np.int32)
+    tags = meshtags(mesh.dolfinx, mesh.tdim, own, np.ones_like(own))
+
+    def integrals(form: ufl.Form) -> list[ufl.Integral]:
+        return [one.reconstruct(subdomain_id=1, subdomain_data=tags) for one in form.integrals()]
+
+    return [ufl.Form(integrals(form)) for form in forms]
 
 
 def measure(mesh: Mesh, degree: int | None) -> ufl.Measure:
