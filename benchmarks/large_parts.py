@@ -26,7 +26,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.base._types import SolverChoice
 from antiosc.fem.linalg import solver_choice
-from antiosc.fem.linalg.multigrid import Levels
+from antiosc.fem.linalg.iterative import Levels
 from antiosc.fem.linalg.solver import Solver
 
 OUT = Path(__file__).parent / "speed" / "large_parts.md"

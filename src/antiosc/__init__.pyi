@@ -49,15 +49,13 @@ from antiosc.engine.contact.laws import (
 from antiosc.engine.damping import DampingMatrix as DampingMatrix
 from antiosc.fem.assembly.assemble import assemble as assemble
 from antiosc.fem.assembly.bolts import Bolt as Bolt
-from antiosc.fem.assembly.followers import (
-    Mean as Mean,
-    Rigid as Rigid,
-)
-from antiosc.fem.assembly.pins import (
+from antiosc.fem.assembly.joints import (
     Ball as Ball,
     Bushing as Bushing,
     Equation as Equation,
     Hinge as Hinge,
+    Mean as Mean,
+    Rigid as Rigid,
     Slider as Slider,
     Weld as Weld,
 )

@@ -1,15 +1,13 @@
 # Names of this module, for type checkers and for the module itself.
 
 from antiosc.fem.assembly.bolts import Bolt as Bolt
-from antiosc.fem.assembly.followers import (
-    Mean as Mean,
-    Rigid as Rigid,
-)
-from antiosc.fem.assembly.pins import (
+from antiosc.fem.assembly.joints import (
     Ball as Ball,
     Bushing as Bushing,
     Equation as Equation,
     Hinge as Hinge,
+    Mean as Mean,
+    Rigid as Rigid,
     Slider as Slider,
     Weld as Weld,
 )

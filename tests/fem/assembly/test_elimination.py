@@ -10,8 +10,7 @@ import scipy.sparse
 import antiosc as ao
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Rows
-from antiosc.fem.assembly.layout import Layout
-from antiosc.fem.assembly.parts import checked_parts, checked_places
+from antiosc.fem.assembly.layout import Layout, checked_parts, checked_places
 from antiosc.fem.structure import Placement
 from assemblies import SOLID, box
 from marks import FREE_ON_PURPOSE

@@ -13,6 +13,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.tetrahedra import Tetrahedra
+from antiosc.fem.linalg.iterative import coarse_of
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
     csr,
@@ -20,7 +21,6 @@ from antiosc.fem.linalg.petsc_algebra import (
     sum_of,
     with_entries,
 )
-from antiosc.fem.linalg.two_levels import coarse_of
 from mpi import START, run_ranks
 
 STEEL, RUBBER = ao.Solid(**parts.STEEL), ao.Solid(1e9, 0.45, 1100.0)
@@ -119,7 +119,7 @@ def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(order, atta
 OVER_RANKS = """
 from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.tetrahedra import Tetrahedra
-from antiosc.fem.linalg.two_levels import coarse_of, without
+from antiosc.fem.linalg.iterative import coarse_of, without
 from antiosc.fem.linalg.petsc_algebra import multiply, with_entries
 from mpi4py.MPI import MAX
 

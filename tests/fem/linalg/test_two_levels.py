@@ -12,8 +12,8 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.elements import tetrahedra
-from antiosc.fem.linalg import forecast, multigrid, solver_choice
-from antiosc.fem.linalg.two_levels import TwoLevels
+from antiosc.fem.linalg import forecast, iterative as cg, solver_choice
+from antiosc.fem.linalg.iterative import TwoLevels
 from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.krylov import Lanczos
 from antiosc.reduce.extraction.oscillators import stiffness_at_sites
@@ -83,7 +83,7 @@ def test_natural_modes_of_two_levels(supports):
     modes = found.natural_modes(8)
     np.testing.assert_allclose(modes.frequency, exact.natural_modes(8).frequency, rtol=1e-8)
     before = found.factorize()
-    assert before._ksp.rtol == multigrid.ITERATION_RESIDUAL
+    assert before._ksp.rtol == cg.ITERATION_RESIDUAL
 
 
 @pytest.mark.slow
@@ -130,7 +130,7 @@ def test_the_factor_is_forecast_from_the_linear_elements():
 @pytest.mark.slow
 def test_what_its_solves_leave_out_is_in_the_bound(monkeypatch):
     """With the exact static shapes, far beyond what twenty vectors leave out."""
-    monkeypatch.setattr(multigrid, "ITERATION_RESIDUAL", 1e-3)
+    monkeypatch.setattr(cg, "ITERATION_RESIDUAL", 1e-3)
     direct, iterative = made("direct"), made("iterative")
     loads = np.zeros((direct.rows, 1))
     loads[[-1, -5], 0] = 1.0, 0.5
@@ -204,13 +204,13 @@ def test_what_needs_a_factor_has_one(factors_are_slow):
 
 OVER_RANKS = """
 from antiosc.fem.elements import tetrahedra
-from antiosc.fem.linalg import two_levels
+from antiosc.fem.linalg import iterative
 
 tetrahedra.FEWEST_DOFS = 0
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
 found = []
 for most, held in ((150_000, []), (0, [ao.Support("left")])):
-    two_levels.FACTORED = most
+    iterative.FACTORED = most
     mesh = parts.box((6, 3, 2), cell="tetrahedron")
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), held, solver="iterative")
     model = ao.extract(part, site, n=8)

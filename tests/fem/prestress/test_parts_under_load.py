@@ -9,7 +9,7 @@ import pytest
 import ufl
 
 import antiosc as ao
-from antiosc.fem.elements.second_order_points import DEGREES, points_of
+from antiosc.fem.elements.second_order import DEGREES, points_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from full_second_order import Full

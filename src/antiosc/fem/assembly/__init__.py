@@ -16,9 +16,7 @@ MeshedParts: TypeAlias = "MeshedStructure | AssembledMatrices"
 
 
 def with_parts(structure: Structure, otherwise: str = NO_MESH) -> MeshedParts:
-    """The matrices of meshed parts; InputError with the sentence `otherwise` for matrices without
-    mesh.
-    """
+    """The matrices of meshed parts; InputError with `otherwise` for those without mesh."""
     if not (structure.matrices.meshed or structure.matrices.assembled):
         raise InputError(otherwise)
     return cast("MeshedParts", structure.matrices)

@@ -165,8 +165,7 @@ def _null_space(E: Array | Sparse) -> Array:
 
 
 def _excluding_rigid(motions: Array, rigid: Array) -> Array:
-    """Orthogonal basis (n, k − r) of the part of `motions` (n, k) that is orthogonal to `rigid` (n,
-    r)."""
+    """Basis (n, k − r) of the part of `motions` (n, k) orthogonal to `rigid` (n, r)."""
     if not motions.shape[1]:
         return motions
     basis = np.linalg.qr(rigid)[0] if rigid.shape[1] else rigid
@@ -403,8 +402,7 @@ class AssembledMatrices(StructureMatrices):
         )
 
     def dissipation(self) -> list[Dissipation]:
-        """All damping terms on q: dashpots, Maxwell branches, relaxing layers, damping of
-        superelements."""
+        """Terms on q: dashpots, Maxwell branches, relaxing layers, damping of superelements."""
         terms = self.added.dissipation()
         for member in self.layout.members.values():
             T = self.T[member.rows]
@@ -506,9 +504,7 @@ def block_of(layout: Layout) -> int:
 
 
 def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
-    """(K, M) of the joined parts: Tᵀ K T and Tᵀ M T, with 1 on the diagonal of K at dependent
-    dofs.
-    """
+    """(K, M) of the joined parts, Tᵀ K T and Tᵀ M T; 1 on K's diagonal at dependent dofs."""
     T = eliminated.T
     parts = {name: member.part for name, member in layout.members.items()}
     small = added.K + scipy.sparse.diags(eliminated.dependent.astype(float))

@@ -38,8 +38,7 @@ LARGEST_BLOCK = 6000
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Constraint rows C (m, n + k) of an elimination; `pivot` and `owner` have one entry for each
-    row."""
+    """Constraint rows C (m, n + k) of an elimination, with a `pivot` and an `owner` each."""
 
     C: Sparse
     pivot: IntArray
@@ -118,9 +117,7 @@ def eliminate(
 
 
 def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
-    """C without the entries of fixed dofs, and without coefficients that are rounding in
-    their row.
-    """
+    """C without the entries of fixed dofs, and without coefficients that are rounding."""
     C.sum_duplicates()
     size = np.where(fixed[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
     row = row_numbers(C)
@@ -173,8 +170,7 @@ def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]
 
 
 def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
-    """Rows of C, each solved for its pivot dof: functionals of the other dofs that equal the
-    pivots."""
+    """Rows of C solved for their pivots: functionals of other dofs that equal them."""
     row = row_numbers(C)
     is_pivot = C.indices == pivots[row]
     pivot_values = np.zeros(C.shape[0])
@@ -200,9 +196,7 @@ def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
 
 
 def _blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, Counter[str]]:
-    """(solved rows, their dofs, redundant rows by joint) of rows that share dofs, solved block by
-    block.
-    """
+    """(solved rows, their dofs, redundant rows by joint) of rows that share dofs."""
     pattern = abs(system.C[remaining][:, system.scale > 0])
     count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
     order = np.argsort(block, kind="stable")

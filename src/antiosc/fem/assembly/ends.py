@@ -197,9 +197,7 @@ def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> EndMotio
 
 
 def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> EndMotion | None:
-    """The motion of a reference point, or of a site or node of a superelement; None for other
-    ends.
-    """
+    """The motion of a reference point, or at a superelement; None for other ends."""
     part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
     if part in layout.condensed:
         return _superelement_motion(layout, part, end, allow_partial)

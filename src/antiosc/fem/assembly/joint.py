@@ -39,8 +39,7 @@ def following(
     motions: Sequence[tuple[tuple[str, ...], Sparse]],
     label: str,
 ) -> Rows:
-    """The constraints that make the dofs of P nodes follow motions [(names of components, (3P,
-    n))]."""
+    """Constraints by which dofs of P nodes follow motions [(components, (3P, n))]."""
     rows, pivots = [], []
     for names, motion in motions:
         for name, of_component in layout.of_components(member, names, motion):
@@ -79,8 +78,7 @@ class Eliminated:
 
 @dataclass(frozen=True, eq=False)
 class Stiffness:
-    """A joint's or attachment's stiffness k and mass m of functionals G: adds Gᵀ k G to K_b, Gᵀ m G
-    to M_b."""
+    """Stiffness k and mass m of functionals G: Gᵀ k G is added to K_b, Gᵀ m G to M_b."""
 
     G: Sparse  # (j, n) functionals of u
     #: k, m: (j, j) stiffness and mass of these

@@ -218,9 +218,7 @@ def _coordinates(
 def _edge_overlap(
     first: Facets, second: Facets, first_faces: IntArray, second_faces: IntArray, degree: int
 ) -> tuple[IntArray, Array, Array]:
-    """(number of the pair, points, weights) of quadrature on the common segments of pairs of
-    edges.
-    """
+    """(pair, points, weights) of quadrature on the common segments of pairs of edges."""
     start = first.corners[first_faces, 0]
     end = first.corners[first_faces, 1]
     length = np.linalg.norm(end - start, axis=1)

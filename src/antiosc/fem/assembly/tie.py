@@ -266,9 +266,7 @@ class _Projection:
 def _leader_motions(
     layout: Layout, follower: Facets, leader: Facets, common: Overlap
 ) -> list[tuple[tuple[str, ...], Sparse]]:
-    """[(components, functionals of the leader's motion)] at the quadrature points of the
-    follower.
-    """
+    """[(components, the leader's motion)] at the quadrature points of the follower."""
     member = leader.member
     cell = leader.cells[common.face[1]]
     X = leader.reference(common.face[1], common.xi[1])
@@ -371,9 +369,7 @@ def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
 
 
 def _layer_sums(factors: Array, matrices: Array) -> Sparse:
-    """Matrix (3Q, 3QL) of the sums Σ_j factor_qj · matrix_q · u_qj over L layers j at Q
-    points q.
-    """
+    """Matrix (3Q, 3QL) of the sums Σ_j factor_qj · matrix_q · u_qj over L layers."""
     count, layers = factors.shape
     values = np.einsum("qj,qab->qajb", factors, matrices)
     row = 3 * np.arange(count)[:, None, None, None] + np.arange(3)[None, :, None, None]

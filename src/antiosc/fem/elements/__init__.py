@@ -126,9 +126,7 @@ class Section(Checked):
 
 
 def _rectangle_torsion(width: float, height: float) -> float:
-    """Torsion constant of a rectangle [m⁴] by Saint-Venant's series (Timoshenko & Goodier, *Theory
-    of Elasticity*, §109).
-    """
+    """Torsion constant of a rectangle [m⁴] (Timoshenko & Goodier, *Elasticity*, §109)."""
     a = max(width, height)
     b = min(width, height)
     n = np.arange(1, 40, 2)
@@ -200,9 +198,7 @@ class Layer(Checked):
         return replace(self, angle=angle)
 
     def plane_stress(self) -> Array:
-        """Reduced stiffness Q̄ (3, 3) [Pa] in the laminate's axes: (σ1, σ2, τ12) = Q̄ (ε1, ε2,
-        γ12).
-        """
+        """Q̄ (3, 3) [Pa] in the laminate's axes: (σ1, σ2, τ12) = Q̄ (ε1, ε2, γ12)."""
         nu21 = self.nu12 * self.E2 / self.E1
         Q = np.array([[self.E1, nu21 * self.E1, 0], [nu21 * self.E1, self.E2, 0], [0, 0, 0]])
         Q /= 1 - self.nu12 * nu21
@@ -235,9 +231,7 @@ class Layer(Checked):
 
 
 def _cosine_sine(degrees: float) -> tuple[float, float]:
-    """Cosine and sine of an angle in degrees, exact at multiples of 90°, so that a cross-ply has no
-    coupling.
-    """
+    """Cosine and sine of degrees, exact at multiples of 90°: a cross-ply has no coupling."""
     if degrees % 90 == 0:
         if degrees % 180 == 0:
             return (1.0, 0.0)
@@ -278,9 +272,7 @@ class PlateSection:
 
     @property
     def t2_of_stretch(self) -> float:
-        """t² (m²) of the isotropic plate that has the same ratio of bending to membrane
-        stiffness.
-        """
+        """t² (m²) of the isotropic plate with this ratio of bending to membrane stiffness."""
         return 12 * _over_angles(self.bending) / _over_angles(self.A)
 
     def shifted(self, offset: float) -> PlateSection:
@@ -303,9 +295,7 @@ class PlateSection:
 
     @property
     def has_sides(self) -> bool:
-        """Whether the section changes when it is flipped about its 0° direction, so that the sign
-        of the normal matters.
-        """
+        """Whether a flip about the 0° direction changes the section: the normal's sign matters."""
         changed = [  # by a flip their signs change
             *((M[:2, 2], np.abs(M).max()) for M in (self.A, self.D)),
             (self.S[0, 1], np.abs(self.S).max()),
@@ -323,9 +313,7 @@ def _over_angles(stiffness: Array) -> float:
 
 @within_range
 def stacked(layers: Sequence[Layer]) -> PlateSection:
-    """The section of layers listed from the bottom to the top; z = 0 is in the middle of the
-    stack.
-    """
+    """The section of layers from the bottom to the top; z = 0 is in the middle."""
     is_list = isinstance(layers, Sequence) and len(layers) > 0
     if not is_list or not all(isinstance(ply, Layer) for ply in layers):
         raise InputError(
@@ -354,9 +342,7 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
 def _transverse_shear(
     layers: Sequence[Layer], z: Array, Q: Array, A: Array, B: Array, D: Array
 ) -> Array:
-    """Transverse shear stiffness S (2, 2) [N/m], from the energy of shear stresses in equilibrium
-    with bending.
-    """
+    """Transverse shear stiffness S (2, 2) [N/m], by the energy of shear in equilibrium."""
     shear_at = _equilibrium(z, Q, A, B, D)
     # f is quadratic in z within a layer, its energy of degree four: three Gauss points
     points, weights = np.polynomial.legendre.leggauss(3)
@@ -370,9 +356,7 @@ def _transverse_shear(
 
 
 def shear_stresses(layers: Sequence[Layer], which: int, z: float) -> Array:
-    """Matrix f (2, 2) [1/m] at height z in layer `which`: (τ13, τ23) = f (Q1, Q2), with Q the shear
-    forces.
-    """
+    """f (2, 2) [1/m] at height z in layer `which`: (τ13, τ23) = f · shear forces (Q1, Q2)."""
     levels, powers, Q = _levels(layers)
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     return _equilibrium(levels, Q, A, B, D)(which, z)

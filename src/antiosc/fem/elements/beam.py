@@ -85,9 +85,7 @@ class Beam(Isotropic):
             )
 
     def shear_stiffness(self, plane: int, size: float) -> float:
-        """Shear stiffness G κ A [N] along the height (plane 0) or across it (1); for `shear=False`
-        a penalty.
-        """
+        """G κ A [N] along the height (plane 0) or across it (1); a penalty if `shear=False`."""
         I, shear = self.section.planes[plane]  # noqa: E741
         if self.shear:
             return self.G * self.section.A * shear

@@ -93,9 +93,7 @@ def section_fields(mesh: Mesh, parts: Parts) -> SectionFields:
 
 
 class Frame(NamedTuple):
-    """Orthonormal tangents e1, e2 and normal n with three components each, and derivatives along
-    e1, e2.
-    """
+    """Orthonormal tangents e1, e2 and normal n (3,), and derivatives along e1, e2."""
 
     e1: Expr
     e2: Expr
@@ -139,9 +137,7 @@ def _halves(w: Expr) -> tuple[Expr, Expr]:
 
 
 def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
-    """Strains of a trial or test function; `middle`: z of the middle of the section, or None
-    for 0.
-    """
+    """Strains of a trial or test function; `middle`: z of the section's middle; None: 0."""
     e1 = frame.e1
     e2 = frame.e2
     n = frame.n
@@ -226,9 +222,7 @@ def areas_of(mesh: Mesh) -> Expr:
 
 
 def rise_of(mesh: Mesh) -> Expr:
-    """Cell-wise height [m] of a quadrilateral's middle node over the mean of its corners; 0 for
-    order 1.
-    """
+    """Height [m] of a quadrilateral's middle node over its corners' mean; 0 for order 1."""
     rise = compat.cellwise(mesh.dolfinx)
     if mesh.order > 1:
         x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]

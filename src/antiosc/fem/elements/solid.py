@@ -77,9 +77,7 @@ class Solid(Isotropic):
 
     @property
     def voigt(self) -> Array:
-        """Stiffness (6, 6) [Pa] that gives (σ11, σ22, σ33, σ23, σ13, σ12) of engineering
-        strains.
-        """
+        """Stiffness (6, 6) [Pa]: (σ11, σ22, σ33, σ23, σ13, σ12) of engineering strains."""
         C = np.diag([2 * self.G] * 3 + [self.G] * 3)
         C[:3, :3] += self.E * self.nu / ((1 + self.nu) * (1 - 2 * self.nu))
         return C
@@ -136,9 +134,7 @@ def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
 
 
 def _check_cells(mesh: Mesh, order: int) -> None:
-    """InputError unless the cells fill the space and have at most the order of the
-    displacements.
-    """
+    """InputError unless the cells fill the space, of at most the displacements' order."""
     if mesh.tdim != mesh.gdim:
         raise InputError(
             f"Solid needs cells of the dimension of the space; {mesh.name} has {mesh.cell} "

@@ -210,9 +210,7 @@ class Tetrahedra:
         return self._assembled(self._form, self._conditions, k, m, self.added)
 
     def coarse(self, k: float, m: float, P: PETSc.Mat) -> PETSc.Mat:
-        """k K + m M of linear elements on these cells, with the matrices added at points projected
-        by P.
-        """
+        """k K + m M of linear elements on these cells, with the added matrices projected by P."""
         added = [matrix.ptap(P) if self.carries else matrix for matrix in self.added]
         return self._assembled(self.linear, {}, k, m, added)
 
@@ -276,9 +274,7 @@ def _straight(x: Array) -> BoolArray:
 
 
 def _squares(slopes: Array, ends: Sequence[int]) -> Array:
-    """Integral (n, 3, 3) of grad N ⊗ grad N over a cell, per volume; `slopes` are the gradients of
-    λ.
-    """
+    """Integral (n, 3, 3) of grad N ⊗ grad N per volume; `slopes` are the gradients of λ."""
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])

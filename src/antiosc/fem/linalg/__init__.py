@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from antiosc.base._types import Array, Matrix, SolverChoice
-from antiosc.fem.linalg import scipy_factors
 from antiosc.fem.linalg.algebra import by_scipy
-from antiosc.fem.linalg.solver import Solver
+from antiosc.fem.linalg.solver import Solver, factorize
 
 
 def solver_for(
@@ -24,7 +23,7 @@ def solver_for(
     requires a direct factor. A SciPy matrix is always solved directly.
     """
     if by_scipy(A):
-        return scipy_factors.factorize(A)
-    from antiosc.fem.linalg import multigrid, solver_choice  # need PETSc
+        return factorize(A)
+    from antiosc.fem.linalg import iterative, solver_choice  # need PETSc
 
-    return solver_choice.solver_for(A, choice, multigrid.Levels(motions, coarser), columns)
+    return solver_choice.solver_for(A, choice, iterative.Levels(motions, coarser), columns)

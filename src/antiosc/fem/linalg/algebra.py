@@ -196,9 +196,7 @@ def roots(matrix: Matrix) -> Array:
 
 
 def force_ratios(matrix: Matrix, X: Array, product: Array) -> Array:
-    """‖A x/√D‖ / ‖√D x‖ of each column x of X (k,), about 1e-16 for a null vector; `product` is A
-    X.
-    """
+    """‖A x/√D‖ / ‖√D x‖ of columns x (k,), 1e-16 for null vectors; `product` is A X."""
     comm = communicator(matrix)
     root = roots(matrix)[:, None]
     return norms(comm, product / root) / norms(comm, root * X)

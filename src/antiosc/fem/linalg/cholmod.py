@@ -320,9 +320,7 @@ class Analysis:
         return int(self.memory.factor.contents.xsize)
 
     def fronts(self) -> Array:
-        """Operations of the factorization of each supernode: Σ c² over its columns with c
-        entries.
-        """
+        """Operations of the factorization of each supernode: Σ c² of its columns' entries c."""
         factor = self.memory.factor.contents
         starts = (self.memory.integers(p, factor.nsuper + 1) for p in (factor.super, factor.pi))
         width, height = (np.diff(start).astype(float) for start in starts)
@@ -330,9 +328,7 @@ class Analysis:
         return np.asarray(width * height**2 - height * width * (width - 1) + squares)
 
     def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int) -> IntArray:
-        """An ordering of A's rows from one of its nodes, whose graph has block² times fewer
-        entries.
-        """
+        """An ordering of A's rows from one of its nodes, whose graph is far smaller."""
         matrix, _arrays = _sparse(A[::block, ::block])
         nodes = self._analysed(matrix, None)
         order = np.array(self.memory.integers(nodes.contents.Perm, nodes.contents.n))

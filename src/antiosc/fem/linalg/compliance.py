@@ -49,9 +49,7 @@ log = logging.getLogger(__name__)
 
 
 class Factored(Protocol):
-    """Protocol of the part of `Structure` that compliances need: K, M, communicator, factor of K +
-    sM.
-    """
+    """What compliances need of a `Structure`: K, M, communicator, factor of K + sM."""
 
     K: Matrix
     M: Matrix

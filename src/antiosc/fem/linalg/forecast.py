@@ -59,9 +59,7 @@ SET_UP = 4e-8
 
 @dataclass(frozen=True)
 class Cost:
-    """Forecast of a solver: bytes beside the structure's own, seconds of one core if known, and
-    whether it iterates, which takes less memory than a factor.
-    """
+    """Forecast of a solver: bytes, seconds of one core if known, whether it iterates."""
 
     bytes: float
     seconds: float | None = None

@@ -292,9 +292,7 @@ def free(comm: MPI.Comm) -> None:
 
 
 def becomes(handle: PETSc.Mat | PETSc.PC, type_name: str) -> None:
-    """Set the type of a python-type PETSc object to `type_name` at exit, since PETSc ends after
-    Python.
-    """
+    """Set a python-type PETSc object's type at exit, since PETSc ends after Python."""
     weakref.finalize(handle, _become, weakref.ref(handle), type_name)
 
 

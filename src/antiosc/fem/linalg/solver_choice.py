@@ -1,7 +1,7 @@
 """Solvers of PETSc matrices: their choice by memory and time, K from its strains.
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
-memory, conjugate gradients are used (`antiosc.fem.linalg.multigrid`): preconditioned by two levels
+memory, conjugate gradients are used (`antiosc.fem.linalg.iterative`): preconditioned by two levels
 on quadratic solids, by algebraic multigrid elsewhere. If their matrices do not fit either, an
 OutOfMemoryError says so before they are made. From `LARGE` dofs on two levels are also used where
 they take less time: a trial solve counts their iterations, and ends at those with which a factor is
@@ -50,7 +50,14 @@ from antiosc.fem.linalg.forecast import (
     of_factor,
     seconds_of_factor,
 )
-from antiosc.fem.linalg.multigrid import Levels, Multigrid, PetscSolver
+from antiosc.fem.linalg.iterative import (
+    FACTORED,
+    Levels,
+    Multigrid,
+    PetscSolver,
+    TwoLevels,
+    coarse_of,
+)
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
     PRODUCT,
@@ -62,7 +69,6 @@ from antiosc.fem.linalg.petsc_algebra import (
     with_entries,
 )
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
-from antiosc.fem.linalg.two_levels import FACTORED, TwoLevels, coarse_of
 from antiosc.fem.platform import on_root, warn
 
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
@@ -146,9 +152,7 @@ class Refined(Solver):
         return X
 
     def force_sizes(self, R: Array) -> Array:
-        """√(rᵀA⁻¹r) of each load r: in the Euclidean norm, rounding of x alone would fail the
-        check.
-        """
+        """√(rᵀA⁻¹r) of loads r: in the Euclidean norm rounding of x would fail the check."""
         return np.asarray(np.sqrt(np.maximum(self._inner_products(R, self.solve_block(R)), 0.0)))
 
     def _inner_products(self, x: Array, y: Array) -> Array:
@@ -305,9 +309,7 @@ def _chosen(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) 
 
 
 def _faster(A: PETSc.Mat, forecast: Forecast, levels: Levels, columns: float) -> Multigrid | None:
-    """A two-level solver if a trial solve shows that it takes less time than the factor; otherwise
-    None.
-    """
+    """Two levels if a trial solve shows that they take less time than the factor; or None."""
     sizes = _sizes_of(A, forecast.entries)
     seconds = seconds_of_factor(forecast.entries, columns)
     iteration_limit = sizes.iterations_within(seconds, columns)

@@ -176,9 +176,7 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
 
 
 def size_at(mesh: Mesh, nearest: ClosestPoint) -> float:
-    """Largest distance [m] between corners of the cell that holds the closest point, on all
-    ranks.
-    """
+    """Largest distance [m] between corners of the cell of the closest point."""
     x = corners_at(mesh, nearest)
     return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
 

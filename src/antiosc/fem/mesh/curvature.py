@@ -194,9 +194,7 @@ def _patch(faces: Faces, point: Array, wide: float = 1.0) -> Patch:
 
 
 def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
-    """Mean unit normal (3,) of the faces at the point: outward, or for a sheet against the
-    direction.
-    """
+    """Mean unit normal (3,) at the point: outward, or of a sheet against the direction."""
     normals = at.normals.mean(axis=1)
     if sheet:
         reference = normals[0] if direction is None else -direction

@@ -42,9 +42,7 @@ def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
 
 
 def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
-    """(dimension, entities of this rank) of the highest dimension in a group, the same dimension on
-    all ranks.
-    """
+    """(dimension, entities of this rank) of the highest dimension in a group."""
     by_dimension = mesh.group(group)
     dim = mesh.comm.allreduce(
         max((d for d in by_dimension if len(by_dimension[d])), default=-1), op=MPI.MAX
@@ -119,9 +117,7 @@ def shape(mesh: Mesh, dim: int) -> str:
 
 
 def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> WeightedPoints:
-    """Quadrature points on entities of a mesh, exact for polynomials of `degree` on straight
-    simplices.
-    """
+    """Quadrature points on entities, exact to `degree` on straight simplices."""
     cells, number = cells_at(mesh, dim, entities)
     origin, axes = frames(mesh, dim, number)
     if dim == 0:
@@ -392,9 +388,7 @@ class Faces(Entities):
 
 
 def face_tags(faces: Faces) -> tuple[list[str], IntArray]:
-    """(names "face 1", … of the geometry's faces, index of the name (F,) for each of `faces`, or
-    -1).
-    """
+    """(names "face 1", … of the geometry's faces, number of the name of each face, or -1)."""
     names = [name for name in faces.mesh.groups if FACE.fullmatch(name)]
     tags = np.full(len(faces), -1, dtype=np.int64)
     for number, name in enumerate(names):

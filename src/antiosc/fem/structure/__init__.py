@@ -257,9 +257,7 @@ def _root(matrix: Array) -> Array:
 
 
 def dashpot_patterns(terms: Sequence[Dissipation]) -> Array | None:
-    """Force patterns Gᵀ (rows of this rank, k) of all dashpots and Maxwell branches; None without
-    any.
-    """
+    """Force patterns Gᵀ (rows of this rank, k) of dashpots and branches; None without."""
     loads = [np.asarray(term.G.T.toarray()) for term in terms if term.matrix is None]
     return np.hstack(loads) if loads else None
 
@@ -357,9 +355,7 @@ def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid(K: Matrix) -> float:
-    """Limit of `softness` below which a motion counts as rigid; smaller where K is applied by
-    strains.
-    """
+    """Limit of `softness` of a rigid motion; smaller where K is applied by strains."""
     return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
 
 
@@ -567,9 +563,7 @@ class StructureMatrices:
         return [] if self.C is None else [Dissipation(matrix=self.C)]
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        """Σ η VᵀKV (k, k) over the materials, for V (rows of this rank, k); None without loss
-        factors.
-        """
+        """Σ η VᵀKV (k, k) over the materials; None without loss factors."""
         return None
 
     @property
@@ -614,9 +608,7 @@ class NodalMatrices(StructureMatrices):
 
     @property
     def places(self) -> DofPlaces:
-        """Node, direction and kind of each row; rows without coordinates or direction are
-        amplitudes.
-        """
+        """Node, direction and kind of each row; rows without a place are amplitudes."""
         component = self.map.component
         points = self.map.points
         located = np.isfinite(points).all(axis=1)

@@ -365,9 +365,7 @@ class Stiffener:
     shared: PETSc.Mat
 
     def rows_of(self, columns: Array) -> Array:
-        """Motions (beam rows of this rank, k) of the beams' dofs, for motions of the sheet's
-        dofs.
-        """
+        """Motions (beam rows of this rank, k) of the beams' dofs, for those of the sheet."""
         return multiply(self.shared, columns)
 
 

@@ -31,10 +31,10 @@ from antiosc.fem.elements.weak_form import (
     restricted,
 )
 from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg.iterative import without
 from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
 from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.linalg.solver_choice import attach
-from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many
 from antiosc.fem.mesh.surface import DEGREE, Faces, WeightedPoints, largest, quadrature
@@ -239,9 +239,7 @@ class MeshedStructure(StructureMatrices):
         return support.motions(self.form, self.K)
 
     def coarser(self) -> PETSc.Mat | None:
-        """Interpolation from linear elements to quadratic solids, zero at fixed dofs; None for
-        other parts.
-        """
+        """Interpolation from linear to quadratic solids, zero at fixed dofs; None for others."""
         if self.kind.name != "solid" or self.form.degree != 2:
             return None
         rows = compat.local_size(self.form.space)
@@ -292,9 +290,7 @@ class MeshedStructure(StructureMatrices):
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     def inertial_loads(self, motions: Array) -> Array:
-        """M times motions (rows of this rank, k), with the entries of fixed dofs, which move
-        too.
-        """
+        """M times motions (rows of this rank, k), with the entries of fixed dofs."""
         loads = multiply(self.M, motions)
         owned_fixed = self.fixed[self.fixed < len(motions)]
         if self.comm.allreduce(len(owned_fixed)):
@@ -330,9 +326,7 @@ class MeshedStructure(StructureMatrices):
 
     @cached_property
     def axes_and_sides(self) -> tuple[Array, Array]:
-        """(0° directions (cells, 3), signs ±1 of the normals (cells,)) of a sheet on this rank;
-        collective.
-        """
+        """(0° directions (cells, 3), signs ±1 of the normals (cells,)) of a sheet."""
         axis, side = axes_and_sides(self.mesh, self.parts)
         return axis.x.array.reshape(-1, 3), side.x.array
 

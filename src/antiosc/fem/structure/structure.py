@@ -302,9 +302,7 @@ class Structure(ReprMixin):
         return self._factored[0]
 
     def factorize_at(self, shift: float, columns: float = 1.0) -> Solver:
-        """A solver of K + shift·M [rad²/s²], for `columns` right-hand sides; the last one is
-        kept.
-        """
+        """A solver of K + shift·M [rad²/s²] for `columns` loads; the last one is kept."""
         shift = checks.positive("shift", shift, "rad²/s²")
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
         if self._expanded is None or self._expanded[1] != shift:

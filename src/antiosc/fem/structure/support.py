@@ -344,9 +344,7 @@ def places_of(form: WeakForm) -> DofPlaces:
 
 
 def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
-    """Combinations of the fields (rows, k) that are zero at the fixed dofs and elongate no
-    spring.
-    """
+    """Combinations of the fields (rows, k) that vanish at fixed dofs and in springs."""
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
     if not scale.all():
         fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x

@@ -33,7 +33,7 @@ from antiosc.reduce.extraction import statics
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
-    from antiosc.fem.elements.second_order_points import PartPoints
+    from antiosc.fem.elements.second_order import PartPoints
     from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Size of a new direction over that of its vector, below which it is rounding.
@@ -98,7 +98,7 @@ def _pieces(structure: Structure, motions: Array) -> list[_Piece]:
     InputError
         A structure without second-order strain: several ranks, superelements, some families.
     """
-    from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
+    from antiosc.fem.elements.second_order import points_of  # needs dolfinx
 
     matrices = with_parts(structure, f"stretch needs a mesh; got {structure.describe()}.")
     if structure.comm.size > 1:

@@ -1,20 +1,31 @@
-"""Conjugate gradients, preconditioned by two levels: quadratic solids.
+"""Conjugate gradients of PETSc, and their preconditioning by algebraic multigrid.
 
-The coarse level is the linear elements of the same mesh. With P the interpolation from them, its
-matrix is PᵀAP: springs, masses, supports and any material are in it. On the fine level Chebyshev's
-iteration acts, with the diagonal blocks of the nodes. The coarse level is factored, or, where it is
-large, one cycle of smoothed aggregation takes its place. Linear elements lock where a part is one
-element thick or nearly incompressible: more iterations (benchmarks/large_parts.py), and a factor,
-whose fill is small in a thin part, is better.
+Smoothed aggregation (PETSc's GAMG) knows the rigid motions. Its graph is squared once, which PETSc
+does only if options are read: without it the levels have four times as many entries.
 
-The time of a cycle is that of reading its data: where products are computed from the cells, the
-fine level is in single precision. The residual after the coarse correction is in double precision,
-since it is far smaller than its terms.
+Quadratic solids have two levels instead, the coarse one of linear elements on the same mesh. With P
+the interpolation from them, its matrix is PᵀAP: springs, masses, supports and any material are in
+it. On the fine level Chebyshev's iteration acts, with the diagonal blocks of the nodes. The coarse
+level is factored, or, where it is large, one cycle of smoothed aggregation takes its place. Linear
+elements lock where a part is one element thick or nearly incompressible: a factor is better there.
+Where products are computed from the cells the fine level is in single precision, but for the
+residual after the coarse correction, which is far smaller than its terms.
+
+A solve ends where the energy norm of its error is `ITERATION_RESIDUAL` of that of the solution, as
+the preconditioner B measures it; the largest and least eigenvalues of BA, which conjugate gradients
+find beside the solution, bound the difference from the true error, and are used in the error bound
+of a model. The compliance bᵀA⁻¹b has about the square of it as its relative error, for the error of
+conjugate gradients is orthogonal to the solution in energy; the Krylov recurrence of
+anti-oscillators takes products with A anew, and is a Galerkin model for any vectors. The errors of
+Z are listed in benchmarks/speed/large_parts.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,7 +33,9 @@ import scipy.sparse
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray
-from antiosc.fem.linalg.multigrid import Multigrid, set_near_null_space
+from antiosc.base.errors import NotConvergedError
+from antiosc.base.process import allocation_failed
+from antiosc.fem.linalg.algebra import diagonal
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
     becomes,
@@ -31,6 +44,152 @@ from antiosc.fem.linalg.petsc_algebra import (
     multiply,
     watch,
 )
+from antiosc.fem.linalg.solver import SINGULAR, Solver
+
+#: PETSC_ERR_MEM
+PETSC_NO_MEMORY = 55
+#: Relative error of an iterative solve, and the most iterations for it. It takes 9 iterations to
+#: 1e-6 and 11 to 1e-7; Z between the first antiresonances then misses 2e-6 or 2e-7.
+ITERATION_RESIDUAL, ITERATIONS = 1e-7, 2000
+#: The same for the solves of an eigenproblem, whose shapes have an error of the size of theirs.
+MODE_RESIDUAL = 1e-11
+#: Message for more.
+TOO_MANY = (
+    f"{ITERATIONS} conjugate gradients did not reach a relative error of {ITERATION_RESIDUAL:.0e}: "
+    "thin and nearly incompressible parts need too many; take the solver 'direct'."
+)
+#: Largest backward error of a checked solve.
+BACKWARD_ERROR = 1e-6
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Functions that give the data of a part for a multigrid.
+
+    motions : its rigid-body motions (rows of this rank, r).
+    coarser : the interpolation P from the coarse dofs to the fine ones, with zero rows for fixed
+        dofs; None if no coarse space is known.
+    """
+
+    motions: Callable[[], Array]
+    coarser: Callable[[], PETSc.Mat | None] = lambda: None
+
+
+class PetscSolver(Solver):
+    """Base of solvers by PETSc."""
+
+    def _set_up(self) -> None:
+        self._ksp = PETSc.KSP().create(self.A.getComm())
+        watch(self._ksp)
+        self._ksp.setOperators(self.A)
+        self._ksp.setOptionsPrefix(f"antiosc_{id(self)}_")
+        try:
+            self._configure()
+            self._ksp.setUp()
+        except PETSc.Error as error:
+            if error.ierr == PETSC_NO_MEMORY:
+                raise allocation_failed(f"the solver of {self.A.getSize()[0]} dofs") from error
+            raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
+        self._b, self._x = self.A.createVecs()
+
+    @abstractmethod
+    def _configure(self) -> None:
+        """Set the type of the PETSc solver."""
+
+    def _solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._ksp.solve(r, x)
+        reason = self._ksp.getConvergedReason()
+        if reason == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
+            raise NotConvergedError(TOO_MANY)
+        if reason < 0:
+            raise NotConvergedError(SINGULAR.format(f"PETSc reason {reason}"))
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k), one by one."""
+        X = np.empty(R.shape, order="F")
+        for k in range(R.shape[1]):
+            self._b.setArray(R[:, k])
+            self._solve_vector(self._b, self._x)
+            X[:, k] = self._x.array_r
+        return X
+
+
+class Multigrid(PetscSolver):
+    """Conjugate gradients with smoothed aggregation that preserves the rigid motions."""
+
+    backward_error = BACKWARD_ERROR
+    method = "conjugate gradients with multigrid"
+    #: what its solves take beside those of a factor
+    pace = ", whose solves take ten times as long or more"
+
+    @property
+    def description(self) -> str:
+        """Name of the solver, the error at which its solves end, and the forecast."""
+        text = f"{self.method}, relative error of solves {ITERATION_RESIDUAL:.0e}"
+        return text if self.cost is None else f"{text}; {self.cost}"
+
+    def __init__(self, A: PETSc.Mat, motions: Array | None = None) -> None:
+        if motions is not None:
+            set_near_null_space(A, motions)
+        super().__init__(A)
+
+    def _configure(self) -> None:
+        self._ksp.setType(PETSc.KSP.Type.CG)
+        self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+        self._ksp.setComputeEigenvalues(True)
+        self._ksp.setTolerances(rtol=ITERATION_RESIDUAL, max_it=ITERATIONS)
+        self._precondition(self._ksp.getPC())
+        self._ksp.setFromOptions()
+
+    def _precondition(self, pc: PETSc.PC) -> None:
+        pc.setType(PETSc.PC.Type.GAMG)
+
+    def trial(self, most: int) -> int:
+        """Iterations of a solve for a random load; NotConvergedError above `most`.
+
+        The load on fixed dofs, which have 1 on the diagonal, is negligible.
+        """
+        noise = np.random.default_rng(self.comm.rank).standard_normal(self.A.getLocalSize()[0])
+        old_limit = self._ksp.max_it
+        self._ksp.max_it = most
+        try:
+            self.solve(diagonal(self.A) * noise)
+        finally:
+            self._ksp.max_it = old_limit
+        return int(self._ksp.getIterationNumber())
+
+    @contextmanager
+    def accurately(self) -> Iterator[None]:
+        """Context in which solves end at `MODE_RESIDUAL`."""
+        old_rtol = self._ksp.rtol
+        self._ksp.rtol = MODE_RESIDUAL
+        try:
+            yield
+        finally:
+            self._ksp.rtol = old_rtol
+
+    def _solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        super()._solve_vector(r, x)
+        eigenvalues = self._ksp.computeEigenvalues().real
+        if eigenvalues.min(initial=np.inf) > 0.0:
+            condition = eigenvalues.max() / eigenvalues.min()
+            self.error = max(self.error, self._ksp.rtol * float(np.sqrt(condition)))
+
+
+def set_near_null_space(A: PETSc.Mat, motions: Array) -> None:
+    """Set the orthonormalised motions (rows of this rank, r) as PETSc's near null space of A."""
+    basis: list[PETSc.Vec] = []
+    for column in motions.T:
+        x = A.createVecRight()
+        x.setArray(column)
+        for vector in basis:
+            x.axpy(-x.dot(vector), vector)
+        if x.norm() > 0.0:
+            x.normalize()
+            basis.append(x)
+    if basis:
+        A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
+
 
 #: Rows of the coarse level up to which it is factored.
 FACTORED = 150_000
@@ -126,9 +285,7 @@ class Cycle:
         y.setArray(corrected + final)
 
     def _smoothed(self, load: Array, last: bool = False) -> tuple[Array, Array]:
-        """(approximation of A⁻¹ load by Chebyshev's iteration, its residual; not up to date if
-        `last`), in the precision of the fine level.
-        """
+        """(A⁻¹ load by Chebyshev's iteration, its residual: not up to date if `last`)."""
         residual: Array = np.array(load, dtype=self._real)
         sigma = self._middle / self._half
         rho = 1 / sigma
@@ -194,9 +351,7 @@ def vertices(P: PETSc.Mat) -> BoolArray:
 
 
 def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
-    """Values (coarse rows, r) at the coarse dofs of motions (rows of this rank, r) of the fine
-    dofs.
-    """
+    """Values (coarse rows, r) at the coarse dofs of motions (rows, r) of the fine dofs."""
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
     vertex_rows = vertices(P)
@@ -208,9 +363,7 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
 
 
 def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
-    """P, changed in place, with zeros for fixed fine dofs (mask) and for coarse dofs that would
-    move them.
-    """
+    """P, changed in place, with zeros for fixed fine dofs and coarse ones that move them."""
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)
