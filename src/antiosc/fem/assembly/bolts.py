@@ -47,11 +47,6 @@ class Bolt(TwoEnds):
         if self.beam.offset:
             raise InputError("the beam of a Bolt has no offset: it goes from end to end.")
 
-    def _reach(self, layout: Layout) -> float:
-        """Distance between the ends, m."""
-        a, b = (motion(layout, end).point for end in (self.a, self.b))
-        return float(np.linalg.norm(b - a))
-
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """Stiffness and mass of the beam."""
         ends = [motion(layout, end) for end in (self.a, self.b)]

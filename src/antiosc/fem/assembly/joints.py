@@ -246,7 +246,7 @@ class Equation(Joint):
         total.eliminate_zeros()
         if not total.nnz:
             raise InputError(f"{label} says 0 = 0: its terms cancel.")
-        return [Rows(total, np.full(1, -1), label)]
+        return [Rows.free(total, label)]
 
 
 def _checked_term(term: object) -> tuple[End, str, float]:
@@ -387,24 +387,26 @@ class Rigid(Joint):
         """Every dof of the group equals the rigid motion of the point."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)
-        if self.point is None:
-            leader = motion(layout, label)
-            rows = _as_rigid_body(layout, member, nodes, leader, label)
-            return [rows, *_undetermined(member, nodes, leader)]
-        leader = motion(layout, self.point)
+        point = label if self.point is None else self.point
+        leader = motion(layout, point)
         columns = np.unique(leader.six.indices)
         block = (columns - member.first) // member.block
         in_member = (columns >= member.rows.start) & (columns < member.rows.stop)
         nodes = nodes[~np.isin(nodes, block[in_member])]  # the point itself may be in the group
         if not leader.turns(layout.rotations):
             raise InputError(
-                f"{label}: the point {end_text(self.point)} does not rotate, so that nothing can "
+                f"{label}: the point {end_text(point)} does not rotate, so that nothing can "
                 "follow its rotation: take a reference point (points={...}), or a point of a beam "
                 "or a shell."
             )
         if not len(nodes):
             raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")
-        return [_as_rigid_body(layout, member, nodes, leader, label)]
+
+        rotations = scipy.sparse.vstack([leader.rotations] * len(nodes)).tocsr()
+        displacements = leader.displacements_at(member.nodes[nodes])
+        motions = [(DISPLACEMENTS, displacements), (ROTATIONS, rotations)]
+        rows = following(layout, member, nodes, motions, label)
+        return [rows, *(_undetermined(member, nodes, leader) if self.point is None else [])]
 
 
 @dataclass(frozen=True)
@@ -449,18 +451,7 @@ class Mean(Joint):
         directions = scipy.linalg.block_diag(np.eye(3), _rows_of(common_rotations))
         rows = (scipy.sparse.csr_matrix(directions) @ (follower.six - leader_motion.six)).tocsr()
         rows.eliminate_zeros()
-        return [Rows(rows, _solved_dofs(follower, rows.shape[0]), label)]
-
-
-def _as_rigid_body(
-    layout: Layout, member: Member, nodes: IntArray, leader: EndMotion, label: str
-) -> Rows:
-    """The constraints by which nodes of a part follow the rigid motion of a point."""
-    rotations = scipy.sparse.vstack([leader.rotations] * len(nodes)).tocsr()
-    leader_motion = leader.displacements_at(member.nodes[nodes])
-    return following(
-        layout, member, nodes, [(DISPLACEMENTS, leader_motion), (ROTATIONS, rotations)], label
-    )
+        return [Rows.free(rows, label)]
 
 
 def _undetermined(member: Member, nodes: IntArray, leader: EndMotion) -> list[Rows]:
@@ -481,13 +472,3 @@ def _rows_of(projection: Array) -> Array:
         return np.eye(3)[spanned]
     values, vectors = np.linalg.eigh(projection)
     return np.asarray(vectors[:, values > 0.5].T)
-
-
-def _solved_dofs(follower: EndMotion, count: int) -> IntArray:
-    """The dof (count,) for which each row of a follower is solved; -1 if it has several."""
-    pivots = np.full(count, -1)
-    single_rows = np.flatnonzero(np.diff(follower.displacements.indptr) == 1)
-    pivots[single_rows] = follower.displacements.indices[follower.displacements.indptr[single_rows]]
-    if count == 6 and (np.diff(follower.rotations.indptr) == 1).all():
-        pivots[3:] = follower.rotations.indices
-    return pivots
