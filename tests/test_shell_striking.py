@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.mesh.bisection import refined
+from antiosc.fem.mesh.finer import refined
 from antiosc.fem.platform import compat
 from antiosc.impact.histories.bars import QUANTITIES
 from sheets import NU, RHO, SIMPLE, E, edges, flipped, plate, rectangle, sheet

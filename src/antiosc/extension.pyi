@@ -13,7 +13,7 @@ from antiosc.fem.linalg import cholmod as cholmod
 from antiosc.fem.mesh import distributed as distributed
 from antiosc.fem.mesh.closest import projected as projected
 from antiosc.fem.mesh.curvature import curvature as curvature
-from antiosc.fem.mesh.halving import longest_cell as longest_cell
+from antiosc.fem.mesh.finer import longest_cell as longest_cell
 from antiosc.fem.mesh.reading import (
     flattened as flattened,
     numbered_elements as numbered_elements,

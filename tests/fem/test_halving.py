@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.mesh.halving import halved
+from antiosc.fem.mesh.finer import halved
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh

@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.ends import UNIT, motion
+from antiosc.fem.assembly.joint import UNIT, motion
 from antiosc.fem.assembly.layout import Layout, checked_parts, checked_places, checked_points
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat

@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem.mesh.bisection import (
+from antiosc.fem.mesh.finer import (
     DIVIDED,
     edge_lengths,
     gathered,

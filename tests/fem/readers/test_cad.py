@@ -11,7 +11,7 @@ import antiosc as ao
 
 pytest.importorskip("dolfinx")
 
-from antiosc.fem.mesh.surface import Faces, face_tags
+from antiosc.fem.mesh.surface import Faces
 from antiosc.io import by_gmsh, cad
 from parts import gmsh_session
 
@@ -58,8 +58,9 @@ def test_holes_are_named_by_diameter_and_bosses_are_none(mesh):
 def test_a_face_holds_and_is_struck_by_its_name(mesh):
     part = ao.Structure(mesh, STEEL, [ao.Support("hole 8 mm (1)")])
     faces = Faces(mesh, sheet=False)
-    names, tags = face_tags(faces)
-    top = max(names, key=lambda name: faces.centres[tags == names.index(name), 2].mean())
+    names = [name for name in mesh.groups if name.startswith("face ")]
+    facets = {name: np.isin(faces.facets, mesh.groups[name][2]) for name in names}
+    top = max(names, key=lambda name: faces.centres[facets[name], 2].mean())
     model = ao.extract(part, ao.Site(face=top, radius=2e-3), n=3)
     there = ao.Site((30e-3, 28e-3, 18e-3), (0, 0, -1), radius=2e-3, snap=True)
     assert model.direction == pytest.approx([0, 0, -1], abs=1e-9)

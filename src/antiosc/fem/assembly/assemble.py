@@ -26,8 +26,17 @@ from antiosc.fem.assembly.assembled import (
     warn_of_motions,
 )
 from antiosc.fem.assembly.elimination import eliminate
-from antiosc.fem.assembly.ends import UNIT, EndMotion, group_end, motion
-from antiosc.fem.assembly.joint import Constraints, Eliminated, Joint, Rows, Stiffness
+from antiosc.fem.assembly.joint import (
+    UNIT,
+    Constraints,
+    Eliminated,
+    EndMotion,
+    Joint,
+    Rows,
+    Stiffness,
+    group_end,
+    motion,
+)
 from antiosc.fem.assembly.layout import (
     Layout,
     Sparse,

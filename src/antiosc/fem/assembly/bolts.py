@@ -11,8 +11,7 @@ import scipy.sparse
 from antiosc.base._types import Array
 from antiosc.base.checks import checked_by, instance
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.ends import end_text, motion
-from antiosc.fem.assembly.joint import NAME, Stiffness, TwoEnds
+from antiosc.fem.assembly.joint import NAME, Stiffness, TwoEnds, end_text, motion
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.elements.beam import Beam, heights
 

@@ -13,19 +13,25 @@ import scipy.sparse
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import checked_by, coordinates, number, positive, shown, store
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.ends import (
+from antiosc.fem.assembly.joint import (
     COLLINEAR,
     END,
+    NAME,
     UNIT,
+    Constraints,
     End,
     EndMotion,
+    Joint,
+    Rows,
+    Stiffness,
+    TwoEnds,
     checked_end,
     end_text,
+    following,
     group_end,
     mean,
     motion,
 )
-from antiosc.fem.assembly.joint import NAME, Constraints, Joint, Rows, Stiffness, TwoEnds, following
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure import checked_axis, in_space
 from antiosc.fem.structure.attachments import by_components

@@ -29,8 +29,7 @@ import scipy.spatial
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import checked_by, point_text, positive
 from antiosc.base.errors import InputError, warn
-from antiosc.fem.assembly.ends import group_end
-from antiosc.fem.assembly.joint import NAME, Constraints, Rows, TwoEnds
+from antiosc.fem.assembly.joint import NAME, Constraints, Rows, TwoEnds, group_end
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, closest, on_faces, overlap
 from antiosc.fem.structure import skew

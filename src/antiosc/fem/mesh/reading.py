@@ -28,8 +28,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import AntioscWarning, ChoiceWarning, InputError, MeshError
 from antiosc.base.texts import printable
 from antiosc.fem.mesh import Mesh, distributed
-from antiosc.fem.mesh.bisection import near
-from antiosc.fem.mesh.halving import with_cells_of
+from antiosc.fem.mesh.finer import near, with_cells_of
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY

@@ -17,7 +17,6 @@ from antiosc.base.errors import InputError
 from antiosc.fem.mesh import CellEntities, Mesh
 from antiosc.fem.mesh.closest import clamped, excess, pairs_within, projected
 from antiosc.fem.platform import compat
-from antiosc.io.cad import FACE
 from antiosc.io.neutral import KINDS
 
 #: Degree of the quadrature on groups: exact for products of two cubics on straight cells.
@@ -28,7 +27,6 @@ DEGREE = 6
 class WeightedPoints:
     """n weighted points in cells of a mesh."""
 
-    entity: IntArray  # (n,) number of the entity of each
     #: cell, X: (n,) cell and (n, tdim) reference coordinates in it
     cell: IntArray
     X: Array
@@ -135,13 +133,7 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Weighte
     if dim:
         J = np.einsum("nxt,ntd->nxd", J, np.repeat(axes, count, axis=0))
         area = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
-    return WeightedPoints(
-        np.repeat(np.arange(entity_count), count),
-        cell,
-        X,
-        x,
-        area * np.tile(weights, entity_count),
-    )
+    return WeightedPoints(cell, X, x, area * np.tile(weights, entity_count))
 
 
 def centre(mesh: Mesh, group: str) -> Array:
@@ -385,16 +377,6 @@ class Faces(Entities):
     def tangents(self) -> tuple[Array, Array]:
         """(points (F, 3), derivatives (F, 3, d)) at the middles of the faces."""
         return self.at(np.arange(len(self.facets)), self.middle)
-
-
-def face_tags(faces: Faces) -> tuple[list[str], IntArray]:
-    """(names "face 1", … of the geometry's faces, number of the name of each face, or -1)."""
-    names = [name for name in faces.mesh.groups if FACE.fullmatch(name)]
-    tags = np.full(len(faces), -1, dtype=np.int64)
-    for number, name in enumerate(names):
-        facets_of_face = faces.mesh.groups[name].get(faces.dim, np.zeros(0, dtype=np.int32))
-        tags[np.isin(faces.facets, facets_of_face)] = number
-    return names, tags
 
 
 def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:

@@ -346,13 +346,6 @@ class MeshedStructure(StructureMatrices):
             for ratio, tau in material.prony
         ]
 
-    @property
-    def owners(self) -> Sequence[int | str]:
-        """Numbers of the materials of the cells; for a stiffener, the name of its edges."""
-        if self.edges:
-            return [self.edges]
-        return range(len(self.parts))
-
     @cached_property
     def _losses(self) -> list[tuple[int | str, Material, PETSc.Mat]]:
         return self._stiffnesses("loss")

@@ -27,8 +27,7 @@ from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.forecast import OF_SHELLS, of_sheet
 from antiosc.fem.mesh import Mesh, distributed
-from antiosc.fem.mesh.bisection import gathered
-from antiosc.fem.mesh.halving import halved, scheme
+from antiosc.fem.mesh.finer import gathered, halved, scheme
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, holding, on_mesh

@@ -28,7 +28,7 @@ from mpi4py import MPI
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError
 from antiosc.fem.mesh import Mesh, distributed
-from antiosc.fem.mesh.bisection import (
+from antiosc.fem.mesh.finer import (
     KIND_OF,
     divisible,
     edge_lengths,

@@ -18,7 +18,7 @@ from antiosc.base.errors import ChoiceWarning, InputError, SiteError
 from antiosc.base.texts import engineering, point_text
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.ends import EndMotion
+from antiosc.fem.assembly.joint import EndMotion
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.mesh import Mesh

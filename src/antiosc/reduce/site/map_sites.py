@@ -16,7 +16,7 @@ from antiosc.base.checks import coordinates, floats, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.ends import group_end
+from antiosc.fem.assembly.joint import group_end
 from antiosc.fem.mesh.closest import closest_many
 from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.structure import in_space

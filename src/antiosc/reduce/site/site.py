@@ -33,7 +33,7 @@ from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS, component_of
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
-    from antiosc.fem.assembly.ends import EndMotion
+    from antiosc.fem.assembly.joint import EndMotion
     from antiosc.fem.structure.meshed import Member
 
 
@@ -358,7 +358,7 @@ def _group_of(matrices: MeshedParts, name: str) -> tuple[Member, str]:
     member, *_ = matrices.members()
     group = name
     if matrices.assembled:
-        from antiosc.fem.assembly.ends import group_end
+        from antiosc.fem.assembly.joint import group_end
 
         layout = cast("AssembledMatrices", matrices).layout
         member, group = group_end(layout, "point", name)
@@ -372,7 +372,7 @@ def motion_of(matrices: MeshedParts, name: str) -> EndMotion | None:
     """
     if not matrices.assembled:
         return None
-    from antiosc.fem.assembly.ends import motion_without_mesh
+    from antiosc.fem.assembly.joint import motion_without_mesh
 
     layout = cast("AssembledMatrices", matrices).layout
     motion = motion_without_mesh(layout, name, allow_partial=True)
@@ -394,7 +394,7 @@ def motions_without_mesh(
             f"{name!r} is a point without a mesh and has no {quantity}: ask for its "
             f"{', '.join(MOTIONS)}."
         )
-    from antiosc.fem.assembly.ends import UNIT  # needs dolfinx
+    from antiosc.fem.assembly.joint import UNIT  # needs dolfinx
 
     matrices = cast("AssembledMatrices", structure.matrices)
     plane = matrices.layout.plane
