@@ -346,16 +346,17 @@ def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[St
             if isinstance(attached, Damper) and np.allclose(other_point.point, end.point):
                 raise InputError(damper_to_itself(attached))
             G = G - other_point.components(names)
-        if isinstance(attached, PointMass):
-            terms.append(Stiffness(G, zero, diagonal, attached.mass))
-        elif isinstance(attached, Spring):
-            terms.append(Stiffness(G, diagonal, zero))
-        elif attached.tau is None:
-            terms.append(Stiffness(G, zero, zero, c=diagonal))
-        else:
-            terms.append(Stiffness(G, zero, zero, branches=[(diagonal, attached.tau)]))
         name = getattr(attached, "name", None) or ""
-        terms[-1] = replace(terms[-1], name=name, point=end.point)
+        term = Stiffness(G, zero, zero, name=name, point=end.point)
+        if isinstance(attached, PointMass):
+            term = replace(term, m=diagonal, mass=attached.mass)
+        elif isinstance(attached, Spring):
+            term = replace(term, k=diagonal)
+        elif attached.tau is None:
+            term = replace(term, c=diagonal)
+        else:
+            term = replace(term, branches=[(diagonal, attached.tau)])
+        terms.append(term)
     return terms
 
 

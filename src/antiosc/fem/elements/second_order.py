@@ -47,11 +47,11 @@ def solid_eta(a: Expr, b: Expr) -> Expr:
 
 def sheet_eta(frame: Frame, a: Expr, b: Expr) -> Expr:
     """Second-order strain (η11, η22, 2 η12) in a sheet's frame, of motions of six components."""
-    (a1, a2), (b1, b2) = (_tangential(frame, motion) for motion in (a, b))
+    (a1, a2), (b1, b2) = (tangential(frame, motion) for motion in (a, b))
     return ufl.as_vector([ufl.dot(a1, b1), ufl.dot(a2, b2), ufl.dot(a1, b2) + ufl.dot(a2, b1)])
 
 
-def _tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
+def tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
     """Derivatives (3,) of the displacement along e1 and along e2."""
     u = ufl.as_vector([motion[i] for i in range(3)])
     slopes = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))

@@ -59,11 +59,10 @@ SET_UP = 4e-8
 
 @dataclass(frozen=True)
 class Cost:
-    """Forecast of a solver: bytes, seconds of one core if known, whether it iterates."""
+    """Forecast of a solver: bytes, and seconds of one core if known."""
 
     bytes: float
     seconds: float | None = None
-    iterative: bool = False
 
     def __str__(self) -> str:
         time = "" if self.seconds is None else f"{plain(self.seconds)} s, "
@@ -89,9 +88,9 @@ def _factored(entries: float) -> float:
     return ASSEMBLED * entries + FACTORED * entries**1.5
 
 
-#: (c, p) by the dimension of the cells: a factor has some c dofs^p entries. A bottle of 12 000 to
-#: 198 000 dofs (c = 52 to 54), a block of 9000 to 96 000 (21 to 26; a plate of 22 000: 11).
-FILL = {1: (20.0, 1.0), 2: (53.0, 1.15), 3: (22.0, 4 / 3)}
+#: (c, p): the factor of a structure of shells has some c dofs^p entries. A bottle of 12 000 to
+#: 198 000 dofs has c = 52 to 54.
+FILL = 53.0, 1.15
 #: Bytes for each dof and anti-oscillator: the bottle took 6 GB with 792 000 dofs.
 EACH_SHAPE = 16.0
 #: Bytes for each dof of a structure of shells: K, M and their assembly. A printed carriage of
@@ -101,13 +100,8 @@ OF_SHELLS = 2700.0
 
 def of_sheet(dofs: float, n: int) -> float:
     """Bytes of a model of `n` anti-oscillators beside a structure of shells that is made."""
-    return BYTES * _entries(2, dofs) + EACH_SHAPE * n * dofs
-
-
-def _entries(dim: int, dofs: float) -> float:
-    """Entries of the factor of a mesh of cells of this dimension, roughly."""
-    coefficient, power = FILL[dim]
-    return coefficient * dofs**power
+    coefficient, power = FILL
+    return BYTES * coefficient * dofs**power + EACH_SHAPE * n * dofs
 
 
 @dataclass(frozen=True)

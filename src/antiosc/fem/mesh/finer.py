@@ -267,9 +267,12 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
 def edge_lengths(mesh: Mesh) -> Array:
     """Mean length [m] of the edges of each cell that this rank owns, (cells,)."""
     nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
-    corners = mesh.dolfinx.geometry.x[nodes[:, : len(mesh.geometry.corners)]]
-    count = corners.shape[1]
-    first, second = np.triu_indices(count, 1)  # of a simplex all pairs of corners are edges
+    return _mean_edges(mesh.dolfinx.geometry.x[nodes[:, : len(mesh.geometry.corners)]])
+
+
+def _mean_edges(corners: Array) -> Array:
+    """Mean edge length (cells,) of simplices by their corners (cells, corners, dim)."""
+    first, second = np.triu_indices(corners.shape[1], 1)  # all pairs of corners are edges
     return np.asarray(np.linalg.norm(corners[:, first] - corners[:, second], axis=2).mean(axis=1))
 
 
@@ -362,36 +365,23 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     x = new.geometry.x[:, :gdim].copy()
     support = _supports(pieces, x)
     cells = compat.geometry_nodes(new).astype(np.int64)
-    new_pieces = replace(pieces, points=x, cells=cells, groups={})
     parent = positions(_carriers(support, cells), pieces.cells)
+    old_corners = pieces.points[pieces.cells]
     if cell == "triangle" and gdim == 3:  # the normals tell the side of layers
-        cosine = np.einsum("ci,ci->c", _normals(x[cells]), _normals(_corners(pieces)[parent])) < 0
+        cosine = np.einsum("ci,ci->c", _normals(x[cells]), _normals(old_corners[parent])) < 0
         cells[cosine] = cells[cosine][:, [0, 2, 1]]
-        new_pieces = replace(new_pieces, cells=cells)
-    values = pieces.values[parent] * _sizes(pieces)[parent] / _sizes(new_pieces)
+    values = pieces.values[parent] * _mean_edges(old_corners)[parent] / _mean_edges(x[cells])
     carried = {dim: _carried(new, dim, support) for dim in set().union(*pieces.groups.values())}
     groups = {
         name: {dim: _in_group(*carried[dim], rows) for dim, rows in parts.items()}
         for name, parts in pieces.groups.items()
     }
-    return replace(new_pieces, groups=groups, values=values)
-
-
-def _corners(pieces: Pieces) -> Array:
-    """Corners (cells, corners, gdim) of the cells."""
-    return pieces.points[pieces.cells]
+    return Pieces(x, cells, groups, values)
 
 
 def _normals(corners: Array) -> Array:
     """Normals (cells, 3) of triangles in space."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-
-
-def _sizes(pieces: Pieces) -> Array:
-    """Mean edge length of each cell."""
-    corners = _corners(pieces)
-    first, second = np.triu_indices(corners.shape[1], 1)
-    return np.asarray(np.linalg.norm(corners[:, first] - corners[:, second], axis=2).mean(axis=1))
 
 
 def _supports(pieces: Pieces, x: Array) -> IntArray:

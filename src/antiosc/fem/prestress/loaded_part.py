@@ -26,7 +26,7 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams
-from antiosc.fem.elements.second_order import stretch_of
+from antiosc.fem.elements.second_order import stretch_of, tangential
 from antiosc.fem.elements.shell import frames, section_fields
 from antiosc.fem.elements.solid import depth_of
 from antiosc.fem.elements.weak_form import Parts, axes_and_sides, coefficient, measure
@@ -277,8 +277,7 @@ def pressure_energy(
     normal = ufl.cross(a, b)
     to_top = side * ufl.sign(ufl.dot(normal, frame.n))
     displacement = ufl.as_vector([u[i] for i in range(3)])
-    slopes = ufl.dot(ufl.grad(displacement), ufl.transpose(frame.along))
-    u1, u2 = (ufl.as_vector([slopes[i, j] for i in range(3)]) for j in (0, 1))
+    u1, u2 = tangential(frame, u)
     normal_change = ufl.cross(u1, frame.e2) + ufl.cross(frame.e1, u2)
     work = ufl.dot(displacement, frame.n) + ufl.dot(displacement, normal_change) / 2
     return factor * to_top * work * dx

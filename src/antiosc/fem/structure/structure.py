@@ -326,17 +326,6 @@ class Structure(ReprMixin):
         assert self._factored is not None
         return self._factored[1]
 
-    def constants(self) -> tuple[float, float, float]:
-        """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
-        return self.matrices.constants()
-
-    def uniform_inertia(self, direction: Array) -> Array | None:
-        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
-
-        It is None for matrices, which do not define the direction of e.
-        """
-        return self.matrices.uniform_inertia(direction)
-
     def describe(self) -> str:
         """One line: the kind of model and its number of dofs."""
         return self.matrices.describe(self.dofs)
