@@ -229,8 +229,8 @@ CASES = [
     Case(
         "ansys_bar",
         "A copper bar strikes a rigid wall",
-        "32.4 mm long, 3.2 mm radius, 227 m/s, 1 mm away; the density is that of the 239.61 J "
-        "that are printed, E = 117 GPa is recalled",
+        "32.4 mm long, 3.2 mm radius, 227 m/s, 1 mm away, rigid in the source and elastic here; "
+        "the density is that of the 239.61 J that are printed, E = 117 GPa is recalled",
         "Ansys Technology Demonstration Guide, chapter 17, 17.2, 17.6 and 17.7: the exact rebound, "
         "beside which its integrators without impact constraints rebound at 220 to 451 m/s; "
         "bound 0.1 %",
