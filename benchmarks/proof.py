@@ -3,8 +3,10 @@
     python benchmarks/proof.py [--runs 300] [--largest 4000] [--seed 1] [--wrong coupling|inertia]
 
 The structures are solids of hexahedra and beams of 200 to 4000 dofs, free or held, of random
-stiffness. The truth is integrated here in all their modes, the force linear in steps of 1/40 000 of
-the run. With `--wrong` the residual is made smaller than it is, and runs fall outside.
+stiffness, with Rayleigh's damping, one ratio of all modes or none; a rigid mass or another
+structure strikes one site, or two masses strike two. The truth is integrated here in all their
+modes, the force linear in steps of 1/40 000 of the run. With `--wrong` the residual is made smaller
+than it is, and runs fall outside.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import argparse
 import time
 import warnings
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -111,27 +114,29 @@ def after_a_step(omega, decay, h):
     return steps
 
 
-def true_depth(omega, decay, beta, v, k, p, c, duration):
-    """Indentations at the steps of the truth; F = k (indentation + c F)^p."""
+def true_depths(omega, decay, beta, v, k, p, c, duration):
+    """Indentations (m, steps) of the truth; F = k (indentation + c F)^p, beta (m, J)."""
     step = after_a_step(omega, decay, duration / STEPS)
     (C, S, first, last), (own, rate, kick, late) = step.transpose(1, 2, 0)
-    give = beta @ (beta * last) - c
-    q, F, force, depths = np.zeros_like(v), 0.0, 0.0, [0.0]
+    one = np.eye(len(beta))
+    give = (beta * last) @ beta.T - c * one
+    q, F, force, depths = np.zeros_like(v), np.zeros(len(beta)), 0.0, [np.zeros(len(beta))]
     for _ in range(STEPS):
-        free = C * q + S * v - F * first * beta
-        reach = float(beta @ free)
+        free = C * q + S * v - first * (F @ beta)
+        reach = beta @ free
         new = F
         for _ in range(60):
-            gap = max(reach - give * new, 0.0)
-            change = (new - k * gap**p) / (1 + p * k * give * gap ** (p - 1))
-            new = max(new - change, 0.0)
-            if abs(change) <= 1e-13 * force:
+            gap = np.maximum(reach - give @ new, 0.0)
+            slopes = one + p * k * (gap ** (p - 1))[:, None] * give
+            change = np.linalg.solve(slopes, new - k * gap**p)
+            new = np.maximum(new - change, 0.0)
+            if np.abs(change).max() <= 1e-13 * force:
                 break
-        v = own * q + rate * v - (F * kick + new * late) * beta
-        q = free - new * last * beta
-        F, force = new, max(force, new)
-        depths.append(float(beta @ q))
-    return np.array(depths)
+        v = own * q + rate * v - kick * (F @ beta) - late * (new @ beta)
+        q = free - last * (new @ beta)
+        F, force = new, max(force, new.max())
+        depths.append(beta @ q)
+    return np.array(depths).T
 
 
 def random_damping(rng, contact):
@@ -140,8 +145,11 @@ def random_damping(rng, contact):
     return ao.Damping(ratio, alpha * 2 / contact, tau * contact / np.pi)
 
 
-def scene(rng, one, other):
-    """(model, impactor, law, duration, truth) of a random impact; one: (K, M, b, omega, UᵀB)."""
+def scene(rng, one, other, beside):
+    """(run, law, duration, truth) of a random impact, and its kinds; one: (K, M, b, omega, UᵀB).
+
+    `other` strikes in place of a rigid mass; `beside` is a second site, which another mass strikes.
+    """
     K, M, b, omega, shares = one
     weight = M.diagonal().sum() / (3 if len(b) % 3 == 0 else 2)
     mass, speed = weight * 10 ** rng.uniform(-2.5, 0.5), 10 ** rng.uniform(-1, 0.5)
@@ -150,38 +158,57 @@ def scene(rng, one, other):
     contact = 10 ** rng.uniform(-1.7, 0.3) / lowest
     deep = speed * contact / 3
     k = mass * speed**2 / deep ** (p + 1)
-    n = int(rng.integers(4, 50))
-    damping = random_damping(rng, contact)
-    options = {"n": n, "proof": True if rng.random() < 0.3 else contact, "damping": damping}
-    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), **options)
-    rigid = ao.RigidMass(mass, speed)
-    root = np.array([np.sqrt(mass)])
-    decay = damping.decay(omega)
-    sets = [(omega, decay, -shares, 0 * omega), (np.zeros(1), np.zeros(1), 1 / root, speed * root)]
-    if other is not None:
-        K2, M2, b2, omega2, shares2 = other
-        second = ao.extract(ao.Structure.from_matrices(K2, M2), ao.Site(vector=b2), **options)
-        rigid = ao.Impactor(second, speed)
-        moved = np.where(omega2 == 0, shares2, 0.0)
-        v = speed * moved / (moved @ moved)
-        sets[1] = (omega2, damping.decay(omega2), shares2, v)
     law = ao.Linear(k) if p == 1 else ao.Hertz(k) if p == 1.5 else ao.laws.Power(k, p)
     c = 0.0
     if p == 1.5 and rng.random() < 0.3:
         c = 0.2 * deep / (k * deep**1.5)
         law = ao.Hertz(k, c)
+    n = int(rng.integers(4, 50))
+    damping = random_damping(rng, contact)
+    options = {"n": n, "proof": True if rng.random() < 0.3 else contact, "damping": damping}
     duration = contact * rng.uniform(0.5, 3)
-    parts = [np.concatenate(x) for x in zip(*sets, strict=True)]
-    return model, rigid, law, duration, lambda: true_depth(*parts, k, p, c, duration)
+    kinds = f"{len(b)} dofs, {type(law).__name__}, n {n}"
+    kinds += f", damping {damping.ratio:.1e} {damping.alpha:.1e} {damping.beta:.1e}"
+
+    part = ao.Structure.from_matrices(K, M)
+    decay = damping.decay(omega)
+    root, none = np.array([np.sqrt(mass)]), np.zeros(1)
+    body, mover = (omega, decay, -shares, 0 * omega), (none, none, 1 / root, speed * root)
+    if beside is not None:
+        sites = {"a": ao.Site(vector=b), "b": ao.Site(vector=beside[2])}
+        bodies = {"part": ao.extract(part, sites, **options)}
+        bodies |= {f"ball {name}": ao.RigidMass(mass, speed) for name in sites}
+        contacts = [ao.Contact(f"part:{name}", f"ball {name}", law) for name in sites]
+        sets = [np.concatenate([x, y, y]) for x, y in zip(body, mover, strict=True)]
+        sets[2] = np.zeros((2, omega.size + 2))
+        sets[2][:, :-2] = -shares, -beside[4]
+        sets[2][:, -2:] = np.eye(2) / root
+        truth = partial(true_depths, *sets, k, p, c, duration)
+        return bodies, contacts, law, duration, truth, kinds + ", two sites"
+
+    model, rigid = ao.extract(part, ao.Site(vector=b), **options), ao.RigidMass(mass, speed)
+    if other is not None:
+        K2, M2, b2, omega2, shares2 = other
+        second = ao.extract(ao.Structure.from_matrices(K2, M2), ao.Site(vector=b2), **options)
+        rigid = ao.Impactor(second, speed)
+        moved = np.where(omega2 == 0, shares2, 0.0)
+        mover = omega2, damping.decay(omega2), shares2, speed * moved / (moved @ moved)
+        kinds += ", two structures"
+    sets = [np.concatenate(x) for x in zip(body, mover, strict=True)]
+    sets[2] = sets[2][None]
+    bodies = {"part": model, "ball": rigid}
+    truth = partial(true_depths, *sets, k, p, c, duration)
+    return bodies, [ao.Contact("part", "ball", law)], law, duration, truth, kinds
 
 
 def spoiled(known, how):
     """The recurrence with a residual that is smaller than it is."""
-    factors = {"coupling": (0.01, 1.0), "inertia": (1.0, 1e-4)}[how]
-    values = known.coupling.copy(), known.diagonal.copy()
-    for value, factor in zip(values, factors, strict=True):
-        value[-1] *= factor
-    return replace(known, coupling=values[0], diagonal=values[1])
+    H = known.H.copy()
+    if how == "coupling":
+        H[known.n :, : known.n] *= 0.01
+    else:
+        H[known.n :, known.n :] *= 1e-4
+    return replace(known, H=H)
 
 
 def structures(rng, largest):
@@ -196,24 +223,33 @@ def structures(rng, largest):
         if not omega[0]:
             free = sites[0]
         for _ in range(10):
-            yield sites[rng.integers(3)], free if rng.random() < 0.1 else None
+            place = rng.integers(3)
+            kind = rng.random()
+            other = free if kind < 0.1 else None
+            yield sites[place], other, sites[place - 1] if kind > 0.75 else None
 
 
 def checked(blow, wrong):
     """(whether the true force is inside, relative width of the peak, cost over the run's)."""
-    model, impactor, law, duration, truth = blow
+    bodies, contacts, law, duration, truth, _ = blow
     if wrong:
-        model = replace(model, recurrence=spoiled(model.recurrence, wrong))
-    start = time.perf_counter()
-    hit = ao.simulate(model, impactor, law, duration)
-    middle = time.perf_counter()
-    (bounds,) = enclosures(hit.assembly, hit.run)
-    cost = (time.perf_counter() - middle) / (middle - start)
-    depth = np.interp(bounds.time, np.linspace(0, duration, STEPS + 1), truth())
-    F = np.array([law.force(max(d, 0.0), 0.0, law.touch(1.0)) for d in depth])
-    slack = SLACK * F.max()
-    inside = np.all(bounds.lower - slack <= F) and np.all(bounds.upper + slack >= F)
-    return bool(inside), (bounds.peak[1] - bounds.peak[0]) / F.max(), cost
+        bodies["part"] = replace(
+            bodies["part"], recurrence=spoiled(bodies["part"].recurrence, wrong)
+        )
+    start = time.process_time()
+    hit = ao.Scene(bodies, contacts).run(duration)
+    middle = time.process_time()
+    found = enclosures(hit.assembly, hit.run)
+    cost = (time.process_time() - middle) / (middle - start)
+
+    inside, widths = True, []
+    for bounds, depths in zip(found, truth(), strict=True):
+        depth = np.interp(bounds.time, np.linspace(0, duration, STEPS + 1), depths)
+        F = np.array([law.force(max(d, 0.0), 0.0, law.touch(1.0)) for d in depth])
+        slack = SLACK * F.max()
+        inside &= np.all(bounds.lower - slack <= F) and np.all(bounds.upper + slack >= F)
+        widths.append((bounds.peak[1] - bounds.peak[0]) / F.max())
+    return bool(inside), max(widths), cost
 
 
 def main():
@@ -227,20 +263,17 @@ def main():
 
     rows = []
     refused = 0
-    for one, other in structures(rng, arguments.largest):
+    for places in structures(rng, arguments.largest):
         try:
-            blow = scene(rng, one, other)
+            blow = scene(rng, *places)
             rows.append(checked(blow, arguments.wrong))
         except AntioscError as error:
             refused += 1
             print("refused:", error)
             continue
         inside, width, _ = rows[-1]
-        damping = blow[0].damping
-        kinds = f"{type(blow[2]).__name__}, {type(blow[1]).__name__}, n {blow[0].n}"
-        kinds += f", {damping.ratio:.1e} {damping.alpha:.1e} {damping.beta:.1e}"
         told = "inside" if inside else "OUTSIDE"
-        print(f"{len(rows)}: {len(one[2])} dofs, {kinds}: {100 * width:.3g} %, {told}", flush=True)
+        print(f"{len(rows)}: {blow[-1]}: {100 * width:.3g} %, {told}", flush=True)
         if len(rows) == arguments.runs:
             break
 

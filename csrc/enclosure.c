@@ -388,7 +388,8 @@ static void own_motion(const enclosing *x, int j, double own[2]) {
 }
 
 /* What rings in a mode beside that: all of it, or the two decays of a mode of much damping. */
-static void split_ringing(const enclosing *x, int j, part parts[2]) {
+static void split_ringing(enclosing *x, int j) {
+    part *parts = x->ringing + 2 * j;
     double w = x->e->omega[j], d = x->e->decay[j], own[2];
     memset(parts, 0, 2 * sizeof *parts);
     if (w == 0.0)
@@ -411,14 +412,13 @@ static bool resolved(const enclosing *x, const part *ringing) {
     return ringing->rate * x->h < RESOLVED;
 }
 
-/* What rings in the modes, and their third derivatives. */
+/* The third derivatives of the modes. */
 static void bound_modes(enclosing *x) {
     const aom_enclosure *e = x->e;
 
     for (int j = 0; j < e->n_modes; j++) {
-        part *ringing = x->ringing + 2 * j;
+        const part *ringing = x->ringing + 2 * j;
         double w = e->omega[j], d = e->decay[j], third = 0.0;
-        split_ringing(x, j, ringing);
         if (w == 0.0) {
             double change = larger(fabs(x->f1[j]), fabs(x->f1[j] + x->f2[j] * x->h));
             double pull = fabs(acceleration(x, j, x->q[j], x->v[j])) + x->h * change;
@@ -461,19 +461,19 @@ static double braked_between(const enclosing *x) {
     return h * sum;
 }
 
-/* Values and rates of the channels at one end of a piece. */
+/* Values and rates of the channels at one end of a piece, and what rings in the modes there. */
 static void read_channels(enclosing *x, int end) {
     const aom_enclosure *e = x->e;
     int J = e->n_modes;
 
     for (int j = 0; j < J; j++) {
-        part parts[2];
+        const part *ringing = x->ringing + 2 * j;
         double q = x->q[j], v = x->v[j];
-        split_ringing(x, j, parts);
+        split_ringing(x, j);
         for (int i = 0; i < 2; i++)
-            if (!resolved(x, parts + i)) {
-                q -= parts[i].q;
-                v -= parts[i].v;
+            if (!resolved(x, ringing + i)) {
+                q -= ringing[i].q;
+                v -= ringing[i].v;
             }
         x->seen[0][j] = q;
         x->seen[1][j] = v;
@@ -615,8 +615,8 @@ static bool bound_energy(enclosing *x, double source, double given) {
 static bool over_piece(enclosing *x, const double *response, double jump) {
     const aom_enclosure *e = x->e;
 
-    bound_modes(x);
     read_channels(x, 0);
+    bound_modes(x);
     bound_channels(x);
     double source = jump + braked_at_end(x) + braked_between(x);
     advance(x, response);

@@ -117,7 +117,7 @@ _ARRAYS = (
 _PARTS = {
     "inertia": ("point", "matrix", "momentum"),
     "stretch": ("modes", "quadratic", "cubic"),
-    "recurrence": ("diagonal", "coupling", "scalars"),
+    "recurrence": ("k0", "mass", "start", "H", "scalars"),
 }
 
 
@@ -165,10 +165,10 @@ def arguments(path: str | os.PathLike[str]) -> Named:
         raise damaged_file(path, error) from error
 
 
-def _recurrence(diagonal: Array, coupling: Array, scalars: Array) -> Recurrence:
+def _recurrence(k0: Array, mass: Array, start: Array, H: Array, scalars: Array) -> Recurrence:
     """The recurrence of a model file."""
-    k0, mass, shift = checks.floats("scalars", scalars, (3,)).tolist()
-    return Recurrence(k0, mass, diagonal, coupling, shift)
+    n, shift = checks.floats("scalars", scalars, (2,)).tolist()
+    return Recurrence(k0, mass, start, H, int(n), shift)
 
 
 def _part(arrays: Arrays, part: str) -> list[Any]:

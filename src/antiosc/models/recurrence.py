@@ -1,12 +1,12 @@
 """The recurrence of a Krylov model, by which the motion that the model leaves out is bounded.
 
-With the shape Φ of a unit displacement at the site and vectors V of the Lanczos recurrence, which
-vanish there, VᵀAV = 1, A = K + sM, the displacement Φu + Va of the Galerkin model leaves one fixed
-residual in the structure,
+With the shapes Φ of unit displacements at the sites and vectors V of the block Lanczos recurrence,
+which vanish there, VᵀAV = 1, A = K + sM, the displacement Φu + Va of the Galerkin model leaves
+loads in the structure that are fixed but for their size,
 
-    bF - Mü - Ku = -A w f,    f = β (a_n'' - s a_n),    bᵀw = 0,
+    BF - Mü - Ku = -A W f,    f = WᵀMV (a'' - s a),    BᵀW = 0,
 
-where w is the next vector of the recurrence, β its last coefficient and a_n the last amplitude.
+where W are the next vectors of the recurrence, one for a model of one site.
 
 With C = αM + τK + 2ζM(M⁻¹K)^(1/2), the modes of the model have the decay ζω_j + α/2 + τω_j²/2. Of
 the modal forces b_j F and c_j = q_j + τq_j', f = Σ r_j (b_j F - (ω_j² + s) c_j), and ζ leaves
@@ -17,6 +17,7 @@ the modal forces b_j F and c_j = q_j + τq_j', f = Σ r_j (b_j F - (ω_j² + s) 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,8 @@ from antiosc.models.modal import Damping
 
 #: Entries beside the three diagonals of VᵀMV, over its own, from which the recurrence broke down.
 BROKEN = 1e-9
+#: Stiffness of a motion of the sites, over the largest, below which it is a rigid-body motion.
+RIGID = 1e-9
 
 
 def _ratio(damping: Damping) -> float:
@@ -43,134 +46,173 @@ class ReferenceModes:
 
     Attributes
     ----------
-    omega : (J,) [rad/s]; a rigid-body mode is the first one, with 0.
-    b : (J,) displacements of the site.
-    residual : (J,) f of each mode over (d²/dt² - s) q, where (w f)ᵀA(w f) = f².
-    inertia : wᵀMw.
+    omega : (J,) [rad/s]; rigid-body modes are the first ones, with 0.
+    b : (J, p) displacements of the sites.
+    residual : (k, J) f of each mode over (d²/dt² - s) q, where (W f)ᵀA(W f) = |f|².
+    inertia : WᵀMW (k, k).
     shift : s [rad²/s²].
     """
 
     omega: Array
     b: Array
     residual: Array
-    inertia: float
+    inertia: Array
     shift: float
 
+    def _rows(self, square: Array, by: dict[int, Array | float]) -> Array:
+        """Channels (k, 5, J) of |root of square · f| with f of each mode by its five numbers."""
+        weights = _root(square) @ self.residual
+        rows = np.zeros((len(weights), 5, self.omega.size))
+        for place, values in by.items():
+            rows[:, place] = weights * values
+        return rows
+
+    @property
+    def _stiffness(self) -> Array:
+        """WᵀKW (k, k)."""
+        return np.eye(len(self.inertia)) - self.shift * self.inertia
+
     def drive(self, damping: Damping) -> Array:
-        """‖w‖_M (f'' + αf' - sf + ...) of each mode by q, v, the modal force, two rates, (5, J)."""
+        """M^(1/2) W (f'' + αf' - sf + ...) by q, v, the modal force, two rates, (k, 5, J)."""
         s, stiff = self.shift, self.omega**2 + self.shift
         by_v = stiff * (damping.beta * stiff + 2 * _ratio(damping) * self.omega)
-        one = np.ones_like(stiff)
-        rows = stiff**2, by_v, -stiff - s, damping.alpha * one, one
-        return np.sqrt(self.inertia) * self.residual * np.array(rows)
+        by: dict[int, Array | float] = {
+            0: stiff**2,
+            1: by_v,
+            2: -stiff - s,
+            3: damping.alpha,
+            4: 1.0,
+        }
+        return self._rows(self.inertia, by)
 
     def losses(self, damping: Damping) -> Array:
-        """The roots of the energies that the damping of the lift gives, by the same, (2, 5, J)."""
+        """The roots of the energies that the damping of the lift gives, by the same, (2k, 5, J)."""
         stiff = self.omega**2 + self.shift
-        stiffness = max(1 - self.shift * self.inertia, 0.0)  # wᵀKw
-        rows = np.zeros((2, 5, stiff.size))
-        rows[0, 3] = np.sqrt(damping.beta * stiffness) / 2
-        size = np.sqrt(_ratio(damping) / 2) * (self.inertia * stiffness) ** 0.25
-        rows[1, 1], rows[1, 3] = -size * stiff, size
-        return self.residual * rows
+        # |f|² of √(M K) is at most half of those of M/e + eK
+        balance = np.sqrt(np.trace(self.inertia) / max(np.trace(self._stiffness), 1e-300))
+        both = (self.inertia / balance + self._stiffness * balance) / 2
+        by_stiffness = self._rows(damping.beta / 4 * self._stiffness, {3: 1.0})
+        by_ratio = self._rows(_ratio(damping) / 2 * both, {1: -stiff, 3: 1.0})
+        return np.concatenate([by_stiffness, by_ratio])
 
     def brake(self, damping: Damping) -> Array:
         """Bounds on what ζ leaves of each mode's rate in the structure, (J,)."""
         far = np.sqrt(self.shift) / np.where(self.omega > 0, self.omega, np.inf)
-        own = abs(self.residual) * (self.omega**2 + self.shift) * np.maximum(far, 1.0)
+        own = (
+            np.linalg.norm(self.residual, axis=0)
+            * (self.omega**2 + self.shift)
+            * np.maximum(far, 1.0)
+        )
         return 2 * _ratio(damping) * own
 
-    def receptance(self, x: Array) -> Array:
-        """Upper bounds [m/N] of bᵀ(K + xM)⁻¹b at x > 0 [rad²/s²], (n,)."""
-        share = self.b / (self.omega**2 + x[:, None])
-        left_out = (self.shift - x) * (share @ self.residual)
-        return share @ self.b + left_out**2 * np.maximum(self.shift / x, 1.0)
+    def receptance(self, x: Array, b: Array) -> Array:
+        """Upper bounds [m/N] of bᵀ(K + xM)⁻¹b at x > 0 [rad²/s²], (n,), of displacements b (J,)."""
+        share = b / (self.omega**2 + x[:, None])
+        left_out = ((self.shift - x)[:, None] * (share @ self.residual.T)) ** 2
+        return share @ b + left_out.sum(axis=1) * np.maximum(self.shift / x, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Recurrence(FieldsRepr):
-    """What the Krylov space of one site says of the structure, beside the anti-oscillators.
+    """What the Krylov space of sites says of the structure, beside the anti-oscillators.
 
     Attributes
     ----------
-    k0, mass : ΦᵀKΦ [N/m] and ΦᵀMΦ [kg].
-    diagonal : (n + 1,) of VᵀMV, the next vector last.
-    coupling : (n + 1,) v₁ᵀMΦ, then v₍ᵢ₊₁₎ᵀMvᵢ.
+    k0, mass : ΦᵀKΦ [N/m] and ΦᵀMΦ [kg], (p, p).
+    start : (N, p) VᵀMΦ.
+    H : (N, N) VᵀMV, the next vectors last.
+    n : largest number of vectors of a model whose residual is known.
     shift : s [rad²/s²].
     """
 
-    k0: float
-    mass: float
-    diagonal: Array
-    coupling: Array
+    k0: Array
+    mass: Array
+    start: Array
+    H: Array
+    n: int
     shift: float
 
     def __post_init__(self) -> None:
-        size = checks.floats("diagonal", self.diagonal, (None,)).size
-        checks.floats("coupling", self.coupling, (size,))
-        if size < 2 or self.diagonal.min() < 0 or min(self.k0, self.mass, self.shift) < 0:
+        size, sites = checks.floats("start", self.start, (None, None)).shape
+        checks.floats("H", self.H, (size, size))
+        for name in ("k0", "mass"):
+            checks.floats(name, getattr(self, name), (sites, sites))
+        if not 0 < self.n < size or self.H.diagonal().min() < 0 or self.shift < 0:
             raise InputError("the recurrence of a model needs two vectors or more, of masses >= 0.")
 
     @property
     def scalars(self) -> Array:
-        """k0, mass and shift."""
-        return np.array([self.k0, self.mass, self.shift])
-
-    @property
-    def n(self) -> int:
-        """Largest number of vectors of a model whose residual is known."""
-        return len(self.diagonal) - 1
+        """n and shift."""
+        return np.array([self.n, self.shift])
 
     def modes(self, n: int) -> ReferenceModes:
         """The model of the first n vectors, 1 <= n <= `n`."""
-        s = self.shift
-        H = np.diag(self.diagonal[:n])
-        H += np.diag(self.coupling[1:n], 1) + np.diag(self.coupling[1:n], -1)
-        c = np.zeros(n)
-        c[0] = self.coupling[0]
+        s, c, p = self.shift, self.start[:n], len(self.k0)
+        M = np.block([[self.mass, c.T], [c, self.H[:n, :n]]])
+        A = np.block([[self.k0 + s * self.mass, s * c.T], [s * c, np.eye(n)]])
 
-        if self.k0 == 0:  # Φ is a rigid-body motion, M-orthogonal to the elastic modes
-            own = np.outer(c, c) / self.mass
-            theta, X = scipy.linalg.eigh(H - own, np.eye(n) - s * own)
-            X = X / np.sqrt(theta)
-            a = np.column_stack([np.zeros(n), X])
-            b = np.append(1 / np.sqrt(self.mass), -(c @ X) / self.mass)
-            omega = np.append(0.0, np.sqrt(1 / theta - s))
-        else:
-            M = np.block([[self.mass, c], [c[:, None], H]])
-            A = np.block([[self.k0 + s * self.mass, s * c], [s * c[:, None], np.eye(n)]])
-            theta, X = scipy.linalg.eigh(M, A)
-            b, *a = X / np.sqrt(theta)
-            omega = np.sqrt(1 / theta - s)
-
-        last = np.asarray(a)[-1]
-        order = np.argsort(omega)
-        residual = self.coupling[n] * last
-        return ReferenceModes(
-            omega[order], b[order], residual[order], float(self.diagonal[n]), self.shift
+        # rigid-body motions first, and what is orthogonal to them in M
+        stiffness, moved = np.linalg.eigh(self.k0)
+        free = stiffness <= RIGID * stiffness.max()
+        rigid = np.vstack([moved[:, free], np.zeros((n, free.sum()))])
+        Z = scipy.linalg.null_space((M @ rigid).T) if rigid.size else np.eye(p + n)
+        theta, X = scipy.linalg.eigh(Z.T @ M @ Z, Z.T @ A @ Z)
+        order = np.argsort(-theta)
+        shapes = np.column_stack(
+            [rigid @ _inverse_root(rigid.T @ M @ rigid), (Z @ X / np.sqrt(theta))[:, order]]
         )
+        omega = np.append(np.zeros(rigid.shape[1]), np.sqrt(1 / theta[order] - s))
+
+        beyond = slice(n, n + 2 * p - 1)
+        residual = self.H[beyond, :n] @ shapes[p:] + self.start[beyond] @ shapes[:p]
+        return ReferenceModes(omega, shapes[:p].T, residual, self.H[beyond, beyond], s)
+
+
+def _root(square: Array) -> Array:
+    """The symmetric root of a positive semidefinite matrix."""
+    x, U = np.linalg.eigh(square)
+    return (U * np.sqrt(np.maximum(x, 0.0))) @ U.T
+
+
+def _inverse_root(square: Array) -> Array:
+    """A root of the inverse of a positive definite matrix."""
+    x, U = np.linalg.eigh(square)
+    return U / np.sqrt(x)
 
 
 def recurrence_of(
-    k0: float, mass: float, start: Array, H: Array, shift: float, dropped: float | None
+    k0: Array,
+    mass: Array,
+    start: Array,
+    H: Array,
+    ends: Sequence[int],
+    shift: float,
+    dropped: float | None,
 ) -> Recurrence | None:
     """The recurrence with start = VᵀMΦ and H = VᵀMV, up to where it breaks down; None: at once.
 
-    In exact arithmetic H is tridiagonal, and Φ couples with the first vector alone. `dropped`:
-    length of the next vector, where the space has no further one but for rounding.
+    `ends`: numbers of vectors with those of each block. In exact arithmetic a block couples with
+    that before it alone, and Φ with the first. `dropped`: length of the next vector, where the
+    space of one site has no further one but for rounding.
     """
     size_of = np.sqrt(np.maximum(H.diagonal(), 0.0))  # of V; the next lines by Cauchy and Schwarz
-    beside = np.abs(np.triu(H, 2)).max(axis=0, initial=0.0) / size_of.max()
-    beside[1:] = np.maximum(beside[1:], abs(start[1:]) / np.sqrt(mass))
-    broken = np.flatnonzero(beside > BROKEN * size_of)
-    size = int(broken[0]) if broken.size else len(H)
-    diagonal = H.diagonal()[:size]
-    coupling = np.append(start[0], np.diagonal(H, 1))[:size]
+    beside = np.abs(H / size_of.max())
+    for first, last in zip((0, *ends), (*ends[1:], len(H)), strict=False):
+        beside[first:last, first:last] = 0.0
+    far = np.triu(beside).max(axis=0, initial=0.0)
+    loads = np.abs(start) / np.sqrt(mass.diagonal())
+    far[ends[0] :] = np.maximum(far[ends[0] :], loads[ends[0] :].max(axis=1))
+    broken = np.append(np.flatnonzero(far > BROKEN * size_of), len(H))[0]
 
-    if dropped is not None and not broken.size:
-        diagonal = np.append(diagonal, np.linalg.eigvalsh(H)[-1])
-        coupling = np.append(coupling, dropped)
+    known = [end for end in ends if end <= broken]
+    if dropped is not None and known[-1:] == [len(H)]:
+        largest = np.linalg.eigvalsh(H)[-1]
+        H = scipy.linalg.block_diag(H, largest)
+        H[-1, -2] = H[-2, -1] = dropped
+        known.append(len(H))
+        start = np.vstack([start, np.zeros_like(k0)])
 
-    if len(diagonal) < 2:
+    if len(known) < 2:
         return None
-    return Recurrence(k0, mass, diagonal, coupling, shift)
+    size = known[-1]
+    return Recurrence(k0, mass, start[:size], H[:size, :size], known[-2], shift)

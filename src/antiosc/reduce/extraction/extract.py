@@ -268,8 +268,8 @@ def extract(
         before the waves they make return from the edges need fewer anti-oscillators about the
         inverse of their contact time. It takes a second factor.
     proof : bool or float
-        Store what `simulate(..., proof=True)` needs to bound the force by: one Krylov step more, of
-        one site without a name. A number is the contact time [s] of the blow (`contact_time` of a
+        Store what `simulate(..., proof=True)` needs to bound the force by: one Krylov step more.
+        A number is the contact time [s] of the blow (`contact_time` of a
         first run), from which the expansion that makes the bounds narrow follows.
     damping : float, sequence of float, or Damping, optional
         Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
@@ -300,7 +300,7 @@ def extract(
     flag("shapes", shapes)
     choice("error", error, (None, "estimate"))
     if proof is not False:
-        expansion = _checked_proof(proof, method, bool(names), expansion)
+        expansion = _checked_proof(proof, method, expansion)
     options = _checked_options(structure, n, method, tol, band, accuracy, expansion)
     options = replace(options, proof=proof is not False)
     stretch = checked_count(stretch)
@@ -342,14 +342,11 @@ def extract(
 PERIODS = 8.0
 
 
-def _checked_proof(
-    proof: object, method: str, named: bool, expansion: float | None
-) -> float | None:
+def _checked_proof(proof: object, method: str, expansion: float | None) -> float | None:
     """The expansion [Hz] of a model whose forces are to be bounded, which may be given."""
-    if method != "krylov" or named:
+    if method != "krylov":
         raise InputError(
-            'proof takes method="krylov" and sites without names: the residual of other models is'
-            " not one known vector."
+            'proof takes method="krylov": other models have no residual of known vectors.'
         )
     if proof is True or expansion is not None:
         return expansion

@@ -180,6 +180,7 @@ class Lanczos:
             self._V[:, : self._locked] = static.nodal / scale
             self._forces = scale * multiply(self._M, static.nodal)
         self._c = np.zeros((0, len(static.kept)))  # VᵀMΦ
+        self._ends: list[int] = []  # numbers of vectors with those of each block
         #: lengths of what was dropped of TΦ and of TV, and of what the solver left out
         self._dropped = np.zeros(2)
         self.load = static.m_phi
@@ -282,6 +283,8 @@ class Lanczos:
             size = energy if i >= self._inertial else 0.0
             self._dropped[int(self.applied >= 0)] += dropped_norm + self._add(w, load, size)
         self.applied = first
+        if self.steps > first:
+            self._ends.append(self.steps)
         self.load = self._project()
         new = self.vectors[:, first:]
         relaxing = [multiply(term.matrix, new) for term in self._terms if term.matrix is not None]
@@ -302,18 +305,25 @@ class Lanczos:
         return int(np.sum(shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def with_recurrence(self, modes: Modes) -> Modes:
-        """The modes of a space of one site with the recurrence, which takes one step more.
+        """The modes with the recurrence, which takes one step more.
 
-        Iterative solves leave more than rounding in it: then there is none.
+        There is none of iterative solves, which leave more than rounding in it, with dampers, and
+        of several sites whose space has no further vectors but for rounding; nor beside rigid-body
+        modes that the model omits though they move the sites.
         """
-        if self._solver.error > BROKEN:
+        static, solver = self._static, self._solver
+        omitted = np.abs(static.missed * np.sqrt(static.mass.diagonal())).max(initial=0.0)
+        if solver.error > BROKEN or self._terms or omitted > BROKEN:
             return modes
         if not self.exhausted:
-            self.advance(self._solver.solve_block(self.load))
-        k0, mass = (float(x[0, 0]) for x in (self._static.k0, self._static.mass))
-        start = self._c[:, 0]
+            self.advance(solver.solve_block(self.load))
+        elif len(static.k0) > 1:
+            return modes
+
+        W = static.W
+        k0, mass, start = W @ static.k0 @ W.T, W @ static.mass @ W.T, self._c @ W.T
         dropped = float(self._dropped.sum()) if self.exhausted else None
-        recurrence = recurrence_of(k0, mass, start, self.H, self._shift, dropped)
+        recurrence = recurrence_of(k0, mass, start, self.H, self._ends, self._shift, dropped)
         return replace(modes, recurrence=recurrence)
 
     def remainder(self, n: int) -> Remainder:
