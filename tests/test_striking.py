@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.models.body import ModelInfo
 from antiosc.models.closed_form import StruckBeam, UniformBeam
 from antiosc.strikes import strike as striking
 from mpi import one_and_several
@@ -185,7 +186,7 @@ def answer(given: ErrorBudget | None = None, **more: Any) -> Any:
     own = {
         "structure": SimpleNamespace(dofs=1000, comm=MPI.COMM_SELF),
         "raw": SimpleNamespace(
-            model=SimpleNamespace(strain_misfit=None, info=SimpleNamespace(divided=None))
+            model=SimpleNamespace(strain_misfit=None, info=ModelInfo())
         ),
         "hit": SimpleNamespace(peak_force=10.0, impulse=1.0, contact_time=2.0),
         "budget": given or budget(), "n": 20, "seconds": 3.0,

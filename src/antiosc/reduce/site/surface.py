@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import LINE, PLANE, SHARP, Curvature
@@ -92,41 +91,19 @@ def _room(
 
 
 def curvature_at(
-    structure: Structure,
-    point: ArrayLike,
-    direction: Sequence[float] | None = None,
+    structure: Structure, point: ArrayLike, direction: Sequence[float] | None = None
 ) -> Curvature:
-    """Principal curvatures of the outer surface of a structure at its point nearest to `point`.
+    """Principal curvatures of the outer surface of a structure at its point nearest to `point` [m].
 
-    Parameters
-    ----------
-    structure : Structure
-        A structure of solids or shells; among several meshes the nearest one is used.
-    point : array_like (2,) or (3,)
-        [m]
-    direction : sequence of floats, optional
-        Direction of the impact. A shell is struck on the face opposite to it, half a thickness
-        outside the middle surface.
-
-    Raises
-    ------
-    InputError
-        Matrices without a mesh; beams and plane parts, which have no surface in space.
+    A shell is struck on the face opposite to `direction`, half a thickness outside its middle.
     """
-    matrices = with_parts(structure, NO_SURFACE)
-    unit_direction = None
-    x = in_space(checks.coordinates("point", point))
-    if direction is not None:
-        unit_direction = in_space(checks.coordinates("direction", direction, ""))
-        if not unit_direction.any():
-            raise InputError("direction must not be the zero vector.")
-    return _curvature(place_at(matrices, x, unit_direction))
+    along = None if direction is None else in_space(direction)
+    return _curvature(place_at(with_parts(structure, NO_SURFACE), in_space(point), along))
 
 
 def material_at(structure: Structure, point: Array, direction: Array | None = None) -> Any:
     """The material of a meshed structure at its point nearest to `point` [m]."""
-    matrices = with_parts(structure, NO_SURFACE)
-    return material_of(place_at(matrices, point, direction))
+    return material_of(place_at(with_parts(structure, NO_SURFACE), point, direction))
 
 
 def material_of(place: Place) -> Any:
