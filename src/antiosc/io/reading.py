@@ -474,15 +474,13 @@ def _piece_names(raw: RawMesh, label: IntArray) -> dict[int, str]:
 # --- Contents -------------------------------------------------------------------------------------
 
 
-def outline(
-    path: Path, unit: UnitSystem | None = None, timeout: float | None = None, **options: Any
-) -> FileMesh:
+def outline(path: Path, **options: Any) -> FileMesh:
     """The box and the groups of a geometry without meshing it: a line between the box's corners
     [m].
 
     `options`: "solid", "fragments" and "piece" of a `Request`.
     """
-    return _content(path, timeout, unit, None, outline=True, **options)
+    return _content(path, None, None, None, outline=True, **options)
 
 
 def read_parts(
