@@ -71,6 +71,15 @@ def test_a_model_of_sites_gives_the_full_part_within_its_truncation():
     assert errors[2] < 1e-6
 
 
+@pytest.mark.filterwarnings("ignore:the facets at the site")
+def test_a_site_that_is_struck_keeps_its_patch():
+    feet = {name: ao.Site((*xy, 0), (0, 0, -1), tangential=True) for name, xy in FEET.items()}
+    model = ao.extract(block(), {**feet, "top": ao.Site(TOP, (0, 0, -1), radius=8e-3)}, n=4)
+    struck = ao.extract(named(model), ao.Site("ecu:top", (0, 0, -1)), n=4)
+    assert struck.radius == 8e-3
+    assert struck.local_compliance == model.local_compliance[-1] > 0
+
+
 def test_a_free_assembly_with_a_superelement_keeps_six_rigid_motions():
     loose = ao.Structure(plate().mesh, SOLID)
     joints = [ao.Ball(("plate", _above(name)), f"ecu:{name}") for name in FEET]

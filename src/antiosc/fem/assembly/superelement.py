@@ -35,6 +35,8 @@ class Interface:
     point: Array  # (3,) [m]
     six: Array  # (6, n) functionals of the displacement, then of the rotation
     space: Array  # (6, 6) projection on those that it has
+    radius: float | None = None  # of its patch [m]; None: a point
+    local_compliance: float = 0.0  # half-space compliance of the patch [m/N]
 
     def placed(self, at: Placement) -> Interface:
         """The same in the axes of the assembly."""
@@ -101,7 +103,7 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
 
     ends = {}
     site_points = np.zeros((columns, 3))
-    for site, site_columns in model.columns.items():
+    for k, (site, site_columns) in enumerate(model.columns.items()):
         of_site = list(site_columns)
         site_points[of_site] = points[site]
         d = model.direction[of_site]
@@ -109,7 +111,8 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
         space = np.zeros((6, 6))
         six[:3, :count] = d.T @ dependence[of_site]
         space[:3, :3] = d.T @ d
-        ends[site] = Interface(np.array(points[site]), six, space)
+        patch = model.radius[k], float(model.local_compliance[k])
+        ends[site] = Interface(np.array(points[site]), six, space, *patch)
 
     # the columns that are dofs: those that equal one of them
     units = [int(np.flatnonzero((dependence == unit).all(axis=1))[0]) for unit in np.eye(count)]
