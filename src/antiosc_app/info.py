@@ -40,12 +40,14 @@ class Package(NamedTuple):
 
     @property
     def pypi(self) -> str:
-        """Name on PyPI; "" if it is not there for all systems."""
-        return "" if self.module in (*OF_DEBIAN, "mpi4py") else self.module
+        """Name on PyPI."""
+        return WHEEL if self.module in (*OF_DEBIAN, "mpi4py") else self.module
 
 
-#: Packages that PyPI does not have, and names on conda-forge that differ from the module.
+#: Packages in the name of whose Debian package is that of the real numbers, the wheel of these for
+#: Linux on PyPI, and names on conda-forge that differ from the module.
 OF_DEBIAN = ("dolfinx", "petsc4py", "slepc4py")
+WHEEL = "dolfinx-solver-real"
 CONDA = {
     "gmsh": "python-gmsh",
     "dolfinx": "fenics-dolfinx",
@@ -107,21 +109,26 @@ def report() -> str:
     if absent:
         names = ", ".join(package.name for package in absent)
         remarks.append(f"Missing: {names}. Remedy: {remedy(absent, installation())}")
-    if not meshes_work():
-        works = "models, given matrices, measured parts, scenes of these"
-        remarks.append(f"Meshes cannot be read or simulated here; {works} work.")
+    meshes = "meshes, " if meshes_work() else ""
+    without = "" if meshes else "; meshes cannot be read or simulated here"
+    rows.append(("works", f"{meshes}models, given matrices, measured parts, scenes{without}"))
     lines = [f"{name:<15}{text}".rstrip() for name, text in rows]
     return "\n".join(lines + [""] * bool(remarks) + remarks)
 
 
 def installation() -> str:
-    """Kind of this Python: "conda", "debian", "venv" (another Python on Debian) or "pip"."""
+    """Kind of this Python: "conda", "debian", "wheels" (PyPI has all for it), "venv" (another one
+    on Debian) or "pip".
+    """
     if Path(sys.prefix, "conda-meta").is_dir():
         return "conda"
-    if not Path("/etc/debian_version").is_file():
-        return "pip"
-    is_debian = sys.base_prefix == "/usr" and "/usr/lib/python3/dist-packages" in sys.path
-    return "debian" if is_debian else "venv"
+    on_debian = Path("/etc/debian_version").is_file()
+    if on_debian and sys.base_prefix == "/usr" and "/usr/lib/python3/dist-packages" in sys.path:
+        return "debian"
+    system = platform.system(), platform.machine()
+    if system == ("Linux", "x86_64") and sys.version_info >= (3, 12):
+        return "wheels"
+    return "venv" if on_debian else "pip"
 
 
 def remedy(missing: Sequence[Package], kind: str) -> str:
@@ -133,17 +140,18 @@ def remedy(missing: Sequence[Package], kind: str) -> str:
     if kind == "debian":
         return debian
 
-    pip = [package.pypi for package in missing if package.pypi]
-    commands = [f"pip install {' '.join(dict.fromkeys(pip))}"] if pip else []
-    if len(pip) < len(missing) and kind == "venv":
+    names = list(dict.fromkeys(package.pypi for package in missing))
+    pip = [name for name in names if name != WHEEL or kind == "wheels"]
+    commands = [f"pip install {' '.join(pip)}"] if pip else []
+    if len(pip) < len(names) and kind == "venv":
         environment = "/usr/bin/python3 -m venv --system-site-packages"
         commands.append(
             f"for meshes {debian}, and an environment of Debian's Python: {environment}"
         )
-    elif len(pip) < len(missing):
+    elif len(pip) < len(names):
         commands.append(
-            "for meshes conda (conda-forge), WSL with Debian, or the container of"
-            " packaging/Dockerfile"
+            "for meshes Python 3.12 or newer on Linux, conda (conda-forge), WSL with Debian, or the"
+            " container of packaging/Dockerfile"
         )
     return "; ".join(commands)
 
@@ -182,21 +190,21 @@ def _mpi() -> str:
     """Version of MPI."""
     from mpi4py import MPI
 
-    return MPI.Get_library_version().split(",")[0]
+    name, numbers = MPI.get_vendor()
+    return f"{name} {'.'.join(map(str, numbers))}"
 
 
 def _gmsh() -> str:
     """Version of gmsh, from another process: it would change the locale of this one."""
     code = (
-        "import gmsh; gmsh.initialize(readConfigFiles=False);"
-        "gmsh.option.setNumber('General.Terminal', 0);"
-        "print(gmsh.option.getString('General.Version'))"
+        "from antiosc.io.by_gmsh import session;"
+        "print(session().option.getString('General.Version'))"
     )
     program = [sys.executable, "-P", "-c", code]
     done = subprocess.run(program, capture_output=True, text=True, timeout=60, cwd="/")
     if done.returncode:
-        reason = " ".join(done.stderr.split()[-20:])
-        raise ImportError(reason or f"it ends with {done.returncode}")
+        reason = done.stderr.strip().rpartition("\n")[2]
+        raise ImportError(reason.partition(": ")[2] or f"it ends with {done.returncode}")
     return done.stdout.split()[-1]
 
 

@@ -192,12 +192,17 @@ def finite_element_packages() -> Iterator[None]:
         yield
     except MissingDependencyError:
         raise
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise MissingDependencyError(
             f"{error.name or error} is not installed: meshes and their structures need dolfinx, "
-            "petsc4py, slepc4py and gmsh (Debian's python3-dolfinx-real, …; `antiosc info` has the "
-            "command for this installation); Structure.from_matrices, extract, models, contact "
-            "laws and simulate work without them."
+            "petsc4py, slepc4py and gmsh (`antiosc info` has the command for this installation); "
+            "Structure.from_matrices, extract, models, contact laws and simulate work without them."
+        ) from error
+    except ImportError as error:
+        reason = str(error).rstrip(".")
+        raise MissingDependencyError(
+            f"the finite-element packages do not fit together ({reason}): take dolfinx, petsc4py, "
+            "slepc4py, mpi4py and its MPI from one source, in an environment of their own."
         ) from error
 
 

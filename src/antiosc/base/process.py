@@ -19,6 +19,7 @@ in the environment is respected; other libraries are not changed.
 from __future__ import annotations
 
 import atexit
+import importlib.util
 import locale
 import logging
 import os
@@ -38,7 +39,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import OutOfMemoryError
+from antiosc.base.errors import MissingDependencyError, OutOfMemoryError
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
@@ -185,6 +186,27 @@ def own_folder() -> str:
     folder = tempfile.mkdtemp(prefix="antiosc-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
+
+
+def start_mpi() -> None:
+    """Load MPI, before all libraries that need it.
+
+    MissingDependencyError in a process that the mpirun of another MPI has started: each would work
+    alone (MPICH in place of Open MPI ends the process).
+    """
+    refusal = (
+        "this process was started by the mpirun of another MPI than that of its mpi4py: use the "
+        "mpirun of that MPI, which of PyPI's packages stands beside python."
+    )
+    of_pypi = importlib.util.find_spec("dolfinx_solver") is not None  # by MPICH
+    if of_pypi and "OMPI_COMM_WORLD_SIZE" in os.environ:
+        raise MissingDependencyError(refusal)
+
+    importlib.import_module("dolfinx_solver" if of_pypi else "mpi4py.MPI")
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size == 1 and int(os.environ.get("PMI_SIZE", 1)) > 1:
+        raise MissingDependencyError(refusal)
 
 
 def start_petsc() -> None:

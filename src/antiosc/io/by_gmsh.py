@@ -342,7 +342,13 @@ def session() -> ModuleType:
         import gmsh
     except ImportError as error:
         raise MissingDependencyError(
-            "gmsh is not installed: sudo apt install python3-gmsh"
+            "gmsh is not installed: `antiosc info` has the command for this installation."
+        ) from error
+    except OSError as error:  # PyPI's gmsh comes without the libraries of the system that it needs
+        raise MissingDependencyError(
+            f"gmsh cannot be loaded ({error}): it needs the system's libraries of OpenGL and X, "
+            "on Debian by sudo apt install libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 "
+            "libgomp1."
         ) from error
     # gmsh 4.9 and later catch signals unless told not to
     newer = "interruptible" in inspect.signature(gmsh.initialize).parameters

@@ -133,8 +133,7 @@ def loaded_cholmod() -> ctypes.CDLL:
     lib = ctypes.CDLL(PETSc.__file__)  # symbols are looked up in what it links, too
     if not hasattr(lib, "cholmod_l_analyze_p") or not hasattr(lib, "cholmod_l_version"):
         raise MissingDependencyError(
-            "this PETSc is built without CHOLMOD (SuiteSparse), which antiosc needs for "
-            "factorizations: install a PETSc with it, such as Debian's."
+            "this PETSc is built without CHOLMOD (SuiteSparse), as PyPI's is."
         )
     lib.cholmod_l_analyze_p.restype = POINTER(Factor)
     lib.cholmod_l_analyze_p.argtypes = [c_void_p, c_void_p, c_void_p, c_size_t, c_void_p]

@@ -18,14 +18,16 @@ from contextlib import contextmanager, suppress
 from errno import EPERM
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
+from textwrap import shorten
 from types import ModuleType
 from typing import IO, Any
 
 import dolfinx.jit
 import ffcx
+from cffi import VerificationError
 
 from antiosc.base.clock import uncounted
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.process import quiet, restored
 
 #: Time that a process waits for another one to compile the same form, s.
@@ -136,7 +138,7 @@ def compiler() -> Iterator[None]:
     with the faults of FFCx 0.5 mended.
 
     InputError if the system refuses to write the compiled files, or another process does not end
-    compiling the same form.
+    compiling the same form; MissingDependencyError without a C compiler.
     """
     try:
         with uncounted(), _compiling, restored(), quiet(*NOISY), _mended(), user_folder():
@@ -145,6 +147,12 @@ def compiler() -> Iterator[None]:
         raise InputError(
             f"a compiled finite element is not complete, or another process has compiled it for "
             f"{PATIENCE} s: delete {place()}, and run again."
+        ) from error
+    except VerificationError as error:
+        reason = shorten(str(error), 90)
+        raise MissingDependencyError(
+            f"finite elements are compiled, which fails here ({reason}): install a C compiler and "
+            "Python's headers, on Debian by sudo apt install gcc libc6-dev python3-dev."
         ) from error
     except OSError as error:
         raise InputError(
