@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test lint fmt docs page bench dist clean
+.PHONY: help setup demo check test lint fmt docs page bench dist wheels clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -61,6 +61,9 @@ dist: $(READY) ## wheel and source archive in out/dist, checked by twine
 	.ci/dist out/dist $(PYTHON)
 	.ci/install .ci/packages-dist
 	twine check --strict out/dist/*
+
+wheels: ## wheels of all platforms in out/wheels, compiled here by zig
+	.ci/wheels out/wheels
 
 lint: $(READY) $(TOOLS)/ready ## style, format and types
 	$(TOOLS)/bin/ruff check .

@@ -71,3 +71,17 @@ def test_runs_without_the_finite_element_packages_and_says_how_to_get_them():
     assert row(text, "solvers") == "none of CHOLMOD, MUMPS"
     for module in absent:
         assert re.search(rf"\bpython3-{module}\b", text), module
+
+
+def test_pip_brings_all_where_pypi_has_wheels():
+    asked = info.remedy(info.PACKAGES, "wheels")
+    assert all(name in asked for name in ("pip install", "dolfinx-solver-real", "gmsh"))
+    assert "dolfinx" not in info.remedy(info.PACKAGES, "venv").partition(";")[0]
+
+
+@pytest.mark.fem
+def test_a_process_of_the_mpirun_of_another_mpi_is_refused():
+    name = "OMPI_COMM_WORLD_SIZE" if importlib.util.find_spec("dolfinx_solver") else "PMI_SIZE"
+    done = ran("import antiosc.fem", **{name: "2"})
+    assert done.returncode == 1
+    assert "the mpirun of another MPI" in done.stderr.splitlines()[-1]

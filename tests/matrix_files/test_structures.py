@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import antiosc as ao
 from antiosc.fem import structure
 from antiosc.io.matrices import dof_map, rows_of
-from matrix_writers import dmig, matrix_market, spring_frame
+from matrix_writers import dmig, matrix_market, sierra, sierra_map, spring_frame
 from refusals import refused
 
 K, M, LABELS = spring_frame()
@@ -30,6 +30,47 @@ def stiffness(b):
 
 def unit(row):
     return np.eye(len(K))[row]
+
+
+def halves(tmp_path):
+    """Files of Sierra/SD of the nodes 10, 20, 30 and 30, 40, 50, whose sum is the frame."""
+    files = {"K": [], "M": [], "map": []}
+    for name, rows in (("a", slice(0, 9)), ("b", slice(6, 15))):
+        for kind, matrix in (("K", K), ("M", M)):
+            part = matrix[rows, rows].copy()
+            common = slice(6, 9) if name == "a" else slice(0, 3)
+            part[common, common] /= 2
+            files[kind].append(tmp_path / f"{kind}{name}.m")
+            sierra(files[kind][-1], part, f"{kind}aa", half=name == "a")
+        files["map"].append((tmp_path / f"gid_{name}.m", tmp_path / f"ASetMap_{name}.m"))
+        sierra_map(*files["map"][-1], LABELS[rows])
+    return files
+
+
+def test_bodies_are_tied_at_nodes_of_the_same_number(tmp_path):
+    part = ao.Structure.from_files(**halves(tmp_path))
+    assert part.describe() == "given matrices, 5 nodes, 15 dofs"
+    for node, row in ((10, 2), (30, 8), (50, 14)):
+        model = ao.extract(part, ao.Site(node=node, dof="z"), n=4)
+        assert model.k0 == pytest.approx(stiffness(unit(row)), rel=1e-11)
+
+
+def test_bodies_that_do_not_fit_together_are_refused(tmp_path):
+    files = halves(tmp_path)
+    for change, says in (
+        ({"M": files["M"][0]}, "lists as long"),
+        ({"map": None}, "give the map of each"),
+        ({"map": [LABELS[:9], LABELS[:9] + np.array([100, 0])]}, "no node with the same number"),
+        ({"map": [np.column_stack([LABELS[:9], np.full((9, 3), x)]) for x in (0, 1)]}, "one place"),
+        ({"map": [files["map"][0], files["map"][0][::-1]]}, "dofs of"),
+    ):
+        with pytest.raises(ao.InputError, match=says):
+            ao.Structure.from_files(**{**files, **change})
+    text = files["K"][0].read_text()
+    for cut, says in ((text[:200], "cut off"), (text.replace("1 1", "1.5 1"), "whole numbers")):
+        files["K"][0].write_text(cut)
+        with pytest.raises(ao.InputError, match=says):
+            ao.Structure.from_files(**files)
 
 
 @pytest.mark.parametrize("form", ["array", "text", "ansys", "five", "columns", "names"])

@@ -40,6 +40,26 @@ def matrix_market(path: Path, A: np.ndarray, half: bool = True) -> None:
     path.write_text(head + f"{len(A)} {len(A)} {len(own)}\n" + "\n".join(lines) + "\n")
 
 
+def sierra(path: Path, A: np.ndarray, name: str, half: bool = True) -> None:
+    """Sierra/SD's function for MATLAB."""
+    lines = [f"{i + 1} {j + 1} {v!r};" for i, j, v in triples(A, half)]
+    n = len(A)
+    head = f"function a={name}()\nNumRows = {n};\na=[\n"
+    path.write_text(head + "\n".join(lines) + f"\n];\na=sparse(a(:,1),a(:,2),a(:,3),{n},{n});\n")
+
+
+def sierra_map(gid: Path, aset: Path, labels: np.ndarray) -> None:
+    """Sierra/SD's vectors of the numbers of nodes, and of the rows of their nine dofs."""
+    nodes = list(dict.fromkeys(labels[:, 0].tolist()))
+    texts = [f"x({k + 1}) = {node};" for k, node in enumerate(nodes)]
+    rows = [
+        f"x({9 * nodes.index(node) + dof}) = {row + 1};"
+        for row, (node, dof) in enumerate(labels.tolist())
+    ]
+    for path, size, lines in ((gid, len(nodes), texts), (aset, 9 * len(nodes), rows)):
+        path.write_text(f"function x = f()\nx = zeros({size}, 1);\n" + "\n".join(lines) + "\n")
+
+
 def abaqus_labels(path: Path, A: np.ndarray, labels: np.ndarray, half: bool = True) -> None:
     """FORMAT=MATRIX INPUT: with commas, comments and the upper triangle."""
     lines = ["** matrix of a test", "*MATRIX INPUT, NAME=A"] if half else []

@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias, TypeGuard
 
 import numpy as np
 import scipy.io
@@ -295,7 +295,8 @@ def read_pair(
     ----------
     stiffness, mass : paths
         Matrix Market, Abaqus `*MATRIX GENERATE`, Harwell–Boeing (Ansys HBMAT), Nastran OP4 (text
-        or binary) or DMIG; recognised by their content. Both may be one file.
+        or binary) or DMIG, Sierra/SD's text for MATLAB; recognised by their content. Both may be
+        one file.
     names : the names of K and M in OP4 and DMIG files that hold more matrices.
 
     Raises
@@ -370,15 +371,43 @@ def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
     content = source.content
     if content[:14].lower() == BANNER.lower():
         return read_matrix_market(source)
+    if re.match(rb"\s*function +a *=", content):
+        return read_sierra(source)
     for form in matrix_formats():
         if form.matches(content):
             return form.read(source)
     if not is_text(content):
         raise InputError(
-            f"{source.name} is a binary file, but not OP4: it is read as Matrix Market, Abaqus "
-            "text, Harwell–Boeing, OP4 or DMIG."
+            f"{source.name} is a binary file, but not OP4: it is read as Matrix Market, Abaqus or "
+            "Sierra/SD text, Harwell–Boeing, OP4 or DMIG."
         )
     return read_abaqus(source)
+
+
+# --- Sierra/SD ------------------------------------------------------------------------------------
+
+
+def read_sierra(source: MatrixFile) -> Entries:
+    """The matrix of Sierra/SD's text for MATLAB: a function with lines of row, column, value.
+
+    Symmetric matrices have one triangle.
+    """
+    lines = [line.strip() for line in source.lines()]
+    size = re.search(rb"NumRows *= *(\d+)", source.content)
+    source.needs(size and b"a=[" in lines, 1, "'NumRows =' and 'a=[' are expected before entries.")
+    assert size is not None
+    first = lines.index(b"a=[") + 1
+    source.needs(b"];" in lines[first:], len(lines), "the file ends before '];': it is cut off.")
+    last = lines.index(b"];", first)
+
+    entries = [line.rstrip(b";") for line in lines[first:last]]
+    table = source.table(entries, range(first + 1, last + 1), 3)
+    is_whole = (table[:, :2] % 1 == 0).all(axis=1)
+    source.needs(is_whole.all(), first + 1 + int(is_whole.argmin()), "rows are whole numbers.")
+    row, column = table[:, :2].astype(np.int64).T - 1
+    rows = int(size[1])
+    triangle = one_triangle(source.name, row, column, rows)
+    return Entries(source.name, row, column, table[:, 2], rows, triangle)
 
 
 # --- Abaqus ---------------------------------------------------------------------------------------
@@ -427,6 +456,8 @@ def read_abaqus(source: MatrixFile) -> Entries:
     return Entries(source.name, row, column, table[:, 2], size, triangle, counted=False)
 
 
+#: Distance [m] up to which a node that two bodies share is at one place in both.
+SAME_PLACE = 1e-6
 #: Largest number of a dof: Abaqus's temperatures have 11 to 30.
 LARGEST_DOF = 30
 #: Displacements and rotations of a node by their numbers 1 to 6.
@@ -527,7 +558,8 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
         A row for every row of the matrices: node, dof, or node, dof, x, y, z; in a file also
         row, node, dof, and the dof as a name (UX). Or a row for every node: node, x, y, z, for
         matrices whose files name nodes and dofs. Or a tuple of columns, (nodes, dofs) or (nodes,
-        dofs, points (size, 3)), with dofs as numbers or names.
+        dofs, points (size, 3)), with dofs as numbers or names. Or Sierra/SD's two files, of the
+        number of each node (gid) and of the row of each of its dofs (ASetMap).
     labels : (size, 2) node and component that the files of the matrices name, or None
     size : rows of the matrices
     """
@@ -537,6 +569,8 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
         return DofMap(labels[:, 0], labels[:, 1], np.full((size, 3), np.nan))
     if isinstance(source, str | os.PathLike):
         name, table = _table(MatrixFile(source))
+    elif _are_two_files(source):
+        name, table = _of_vectors(*map(MatrixFile, source))
     elif isinstance(source, tuple) and 2 <= len(source) <= 3 and size > 3:
         name = "map"
         table = _of_columns(source, size)
@@ -619,6 +653,61 @@ def _table(source: MatrixFile) -> tuple[str, Array]:
     if not np.isfinite(table).all():
         raise InputError(f"{source.name} must hold finite numbers.")
     return source.name, table
+
+
+def _are_two_files(source: object) -> TypeGuard[tuple[str, str]]:
+    if not isinstance(source, tuple) or len(source) != 2:
+        return False
+    return all(isinstance(file, str | os.PathLike) for file in source)
+
+
+def _of_vectors(gid: MatrixFile, aset: MatrixFile) -> tuple[str, Array]:
+    """Rows of node, dof from Sierra/SD's vectors: the number of each node, the row of each dof."""
+    nodes, rows = (_vector(file) for file in (gid, aset))
+    each = len(rows) // len(nodes)
+    if len(rows) != each * len(nodes):
+        raise InputError(f"{aset.name} has {len(rows)} dofs of {len(nodes)} nodes of {gid.name}.")
+    dofs = np.flatnonzero(rows)
+    dofs = dofs[np.argsort(rows[dofs])]
+    return aset.name, np.column_stack([nodes[dofs // each], dofs % each + 1])
+
+
+def _vector(source: MatrixFile) -> Array:
+    """The vector x of a text for MATLAB: x = zeros(n, 1), then lines x(i) = value."""
+    size = re.search(rb"x = zeros\((\d{1,9}), 1\)", source.content)
+    source.needs(size, 1, "'x = zeros(n, 1)' is expected, as Sierra/SD writes vectors.")
+    assert size is not None
+    entries = re.findall(rb"x\((\d{1,9})\) = (\d{1,9});", source.content)
+    index, values = np.array(entries, dtype=np.int64).reshape(-1, 2).T
+    vector = np.zeros(int(size[1]))
+    if not len(index) or index.max() > len(vector):
+        raise InputError(f"{source.name} has entries outside its {len(vector)}, or none.")
+    vector[index - 1] = values
+    return vector
+
+
+#: K, M and the map of a body.
+Body: TypeAlias = tuple[Any, Any, DofMap | None]
+
+
+def tied(bodies: Sequence[Body]) -> Body:
+    """The one body of several that share the dofs of nodes of the same number: sums of K and M."""
+    maps = [rows for *_, rows in bodies if rows is not None]
+    if len(maps) < len(bodies):
+        raise InputError("bodies are tied at nodes of the same number: give the map of each.")
+    labels = np.vstack([np.column_stack([rows.node, rows.component]) for rows in maps])
+    shared, first, index = np.unique(labels, axis=0, return_index=True, return_inverse=True)
+    if len(shared) == len(labels):
+        raise InputError("the bodies have no node with the same number, at which they are tied.")
+
+    points = np.vstack([rows.points for rows in maps])
+    apart = np.abs(points - points[first][np.ravel(index)]).max(axis=1) > SAME_PLACE
+    if apart.any():
+        raise InputError(f"node {labels[apart][0, 0]} of two bodies is not at one place.")
+    ones = np.ones(len(labels)), (np.arange(len(labels)), np.ravel(index))
+    T = scipy.sparse.csr_matrix(ones)
+    K, M = (T.T @ scipy.sparse.block_diag(body) @ T for body in list(zip(*bodies, strict=True))[:2])
+    return K.tocsr(), M.tocsr(), DofMap(shared[:, 0], shared[:, 1], points[first])
 
 
 def _numbered(source: MatrixFile, number: int, words: Sequence[bytes]) -> bytes:

@@ -25,7 +25,7 @@ from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import ALONE, collective
 from antiosc.fem.structure import StructureMatrices
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair
-from antiosc.io.matrices import DofMap, dof_map, read_pair
+from antiosc.io.matrices import DofMap, dof_map, read_pair, tied
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:
@@ -199,8 +199,8 @@ class Structure(ReprMixin):
     @collective(ALONE)
     def from_files(
         cls,
-        K: str | os.PathLike[str],
-        M: str | os.PathLike[str],
+        K: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+        M: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
         *,
         map: object = None,
         names: tuple[str, str] | None = None,
@@ -213,12 +213,13 @@ class Structure(ReprMixin):
         ----------
         K, M : paths
             Matrix Market, Abaqus `*MATRIX GENERATE` (matrix input, labels or coordinate),
-            Harwell–Boeing (Ansys HBMAT), Nastran OP4 (text or binary) or DMIG; recognised by their
-            content. Both may be one file. SI units.
+            Harwell–Boeing (Ansys HBMAT), Nastran OP4 (text or binary) or DMIG, Sierra/SD's text for
+            MATLAB; recognised by their content. Both may be one file. SI units. Lists of files, and
+            of maps, are of several bodies, which share the dofs of nodes of the same number.
         map : array_like or path, optional
             As in `from_matrices`; a file may also have rows of row, node, dof, and name the dofs
             (UX), as Ansys's mapping files. Abaqus and DMIG files name nodes and dofs themselves:
-            then rows of node, x, y, z add coordinates.
+            then rows of node, x, y, z add coordinates. Of Sierra/SD two files, (gid, ASetMap).
         names : (str, str), optional
             Names of K and M in OP4 and DMIG files that hold several matrices; by default the ones
             that begin with K and M.
@@ -232,9 +233,21 @@ class Structure(ReprMixin):
         """
         start_time = clock()
         choice("backend", backend, BACKENDS)
-        read = read_pair(K, M, names)
-        rows = dof_map(map, read.labels, read.K.shape[0])
-        pair = copied("K", read.K, backend), copied("M", read.M, backend)
+        files: list[tuple[Any, Any, object]] = [(K, M, map)]
+        if isinstance(K, list):
+            maps = [None] * len(K) if map is None else map
+            if not all(isinstance(each, list) and len(each) == len(K) for each in (M, maps)):
+                raise InputError(f"K is a list of {len(K)}: M and map must be lists as long.")
+            files = list(zip(K, cast(list[Any], M), cast(list[Any], maps), strict=True))
+
+        bodies = []
+        for stiffness, mass, of_rows in files:
+            read = read_pair(stiffness, mass, names)
+            rows = dof_map(of_rows, read.labels, read.K.shape[0])
+            bodies.append((read.K, read.M, rows))
+
+        stiffness, mass, rows = bodies[0] if len(bodies) == 1 else tied(bodies)
+        pair = copied("K", stiffness, backend), copied("M", mass, backend)
         return cls._of_pair(pair, rows, supports, None, start_time)
 
     @classmethod
