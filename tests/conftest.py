@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import antiosc.fem  # loads MPI before tests import dolfinx or PETSc
 from rank import compile_quickly
 
 
@@ -44,7 +45,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_collection_finish() -> None:
-    if "dolfinx.jit" in sys.modules:
+    if antiosc.fem.missing is None and "dolfinx.jit" in sys.modules:
         compile_quickly()
 
 

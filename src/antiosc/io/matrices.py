@@ -6,6 +6,7 @@ size, then entries (Boisvert and others, NISTIR 5935).
 
 from __future__ import annotations
 
+import inspect
 import io
 import os
 import re
@@ -260,8 +261,10 @@ def read_matrix_market(source: MatrixFile) -> Entries:
 
     header, _, rest = source.content.partition(b"\n")
     content = header.replace(b"double", b"real") + b"\n" + fortran(rest)
+    newer = "spmatrix" in inspect.signature(scipy.io.mmread).parameters
+    options = {"spmatrix": True} if newer else {}
     try:
-        matrix = scipy.sparse.coo_matrix(scipy.io.mmread(io.BytesIO(content)))
+        matrix = scipy.sparse.coo_matrix(scipy.io.mmread(io.BytesIO(content), **options))
     except Exception as error:  # its parser raises many kinds
         reason = " ".join(str(error).split())[:120].rstrip(".") or type(error).__name__
         raise InputError(

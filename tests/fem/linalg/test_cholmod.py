@@ -22,6 +22,9 @@ from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.reduce.extraction.eigenmodes import ModeSolver
 from antiosc_app import info
+from marks import BY_CHOLMOD
+
+pytestmark = BY_CHOLMOD
 
 
 def chain(n: int) -> scipy.sparse.csr_matrix:

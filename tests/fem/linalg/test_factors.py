@@ -11,6 +11,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.petsc_algebra import csr
+from marks import BY_CHOLMOD
 from mpi import START, run_ranks
 
 
@@ -34,6 +35,7 @@ def check(solver, part, R) -> None:
     np.testing.assert_allclose(solver.solve_checked(R[:, 0]), solver.solve_block(R)[:, 0])
 
 
+@BY_CHOLMOD
 def test_mumps_and_its_forecast(part, loads):
     factor = solver_choice.Distributed(part.K)
     check(factor, part, loads)

@@ -277,7 +277,7 @@ class Added:
         self._on_q = [rounded(term.G @ T) for term in elastic]
         self._G_on_q = stacked(self._on_q, T.shape[1])
 
-        empty = np.zeros((0, 0))
+        empty = Sparse((0, 0))
         self._k = scipy.sparse.block_diag([empty, *(term.k for term in elastic)], "csr")
         self._m = scipy.sparse.block_diag([empty, *(term.m for term in elastic)], "csr")
         self.K = (self._G_on_q.T @ self._k @ self._G_on_q).tocsr()

@@ -71,7 +71,7 @@ class Bolt(TwoEnds):
         y /= np.linalg.norm(y)
         R = np.vstack([axis, y, np.cross(axis, y)])
         k, m = element(self.beam, length)
-        rotation = scipy.sparse.block_diag([R] * 4, format="csr")
+        rotation = scipy.sparse.block_diag([scipy.sparse.csr_matrix(R)] * 4, format="csr")
         G = (rotation @ scipy.sparse.vstack([end_motion.six for end_motion in ends])).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
         return [Stiffness(G, k, m, mass)]

@@ -279,7 +279,8 @@ def _leader_motions(
             if member.has_rotations
             else layout.curl(member, cell, X)
         )
-        lever = scipy.sparse.block_diag(list(-skew(arm)), format="csr")  # θ → θ × r
+        levers = [Sparse(-lever) for lever in skew(arm)]  # θ → θ × r
+        lever = scipy.sparse.block_diag(levers, format="csr")
         displacements = displacements + lever @ rotations
     elif both_turn:
         rotations = layout.at_points(member, cell, X, ROTATIONS)

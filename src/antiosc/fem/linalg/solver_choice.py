@@ -203,6 +203,9 @@ class Distributed(PetscSolver, Factorization):
     """Cholesky factor distributed over the ranks by MUMPS, with an ordering of its choice."""
 
     def _set_up(self) -> None:
+        row, least = self.A.getDiagonal().min()
+        if least <= 0:  # MUMPS would take an empty row for a large one
+            raise NotConvergedError(SINGULAR.format(f"{least:.1e} on the diagonal of row {row}"))
         super()._set_up()
 
         # MUMPS factors an indefinite matrix too, and counts its negative pivots.
