@@ -1,4 +1,5 @@
-"""CHOLMOD's supernodal Cholesky factor, called directly in the library that PETSc has loaded.
+"""CHOLMOD's supernodal Cholesky factor, called directly in the library that PETSc has loaded, or in
+that of the wheel sparsax beside a PETSc without it.
 
 PETSc links CHOLMOD but does not give access to the factor. With direct access, the cost of a sparse
 load is that of its own branch of the elimination tree (`antiosc.fem.linalg.compliance`), and the
@@ -23,6 +24,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_void_p
 from functools import cache, cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -127,10 +129,16 @@ class Factor(ctypes.Structure):
     ]
 
 
+def _of_wheel() -> Path | None:
+    """CHOLMOD in the wheel of sparsax, where it is installed beside PyPI's PETSc."""
+    packages = Path(PETSc.__file__).parents[2]
+    return next(packages.glob("sparsax.libs/libcholmod-*.so*"), None)
+
+
 @cache
 def loaded_cholmod() -> ctypes.CDLL:
     """The library with CHOLMOD's functions; MissingDependencyError for an unknown version."""
-    lib = ctypes.CDLL(PETSc.__file__)  # symbols are looked up in what it links, too
+    lib = ctypes.CDLL(str(_of_wheel() or PETSc.__file__))  # and in what PETSc links, too
     if not hasattr(lib, "cholmod_l_analyze_p") or not hasattr(lib, "cholmod_l_version"):
         raise MissingDependencyError(
             "this PETSc is built without CHOLMOD (SuiteSparse), as PyPI's is."
