@@ -89,7 +89,7 @@ def test_stiffened_panel(pictured):
 
 def test_guard_thickness(pictured):
     """At equal mass a third less force and more, within 20 runs; bars beside the gradients."""
-    numbers = demo("guard_thickness").main(size=0.15, n=8, out=pictured)
+    numbers = demo("guard_thickness").main(size=0.1, n=12, out=pictured)
     assert numbers["best"] < 0.7 * numbers["uniform"]
     assert numbers["runs"] <= 20
     assert numbers["mass"] == pytest.approx(1.0, rel=1e-6)

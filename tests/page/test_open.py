@@ -358,20 +358,18 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         assert first["rows"] <= 8
         assert first["cautions"] <= 3
         assert len(re.findall(r"[^\W\d_]\w+", browser.run(WORDS))) <= 120
-        browser.run("bench.edit({ set: { 'simulate.duration': 2e-4, 'extract.n': 8 } })")
-        reached(browser, 1)
         browser.run(CLICK, [0.05, 0.03, 0.015], False)  # on the base
-        clicked = reached(browser, 2)
+        clicked = reached(browser, 1)
         assert clicked["scene"]["sites"]["point"] == pytest.approx([0.05, 0.03, 0.015], abs=5e-4)
         assert clicked["scene"]["sites"]["direction"] == pytest.approx([0, 0, -1], abs=1e-6)
         browser.run(CLICK, [0.006, 0.02, 0.04], True)  # holds the top of the wall
-        held = reached(browser, 3)
+        held = reached(browser, 2)
         assert len(held["held"]) == len(first["held"]) + 1
         browser.run("bench.edit({ set: { 'sites.direction': [0.3, 0, -1] } })")
-        turned = reached(browser, 4, "settled")
+        turned = reached(browser, 3, "settled")
         assert turned["scene"]["sites"]["direction"] != held["scene"]["sites"]["direction"]
         browser.run("document.getElementById('undo').click()")
-        undone = reached(browser, 5)
+        undone = reached(browser, 4)
         assert undone["scene"] == held["scene"]
         assert undone["cards"] == held["cards"]
 
@@ -384,7 +382,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         browser.run("delete document.documentElement.dataset.failed")
         assert browser.run(READ)["scene"] == held["scene"]
         browser.run(typed + "one.dispatchEvent(new Event('change'))", "8")
-        faster = reached(browser, 6)
+        faster = reached(browser, 5)
         assert faster["scene"]["impactor"]["radius"] == 0.008
 
         browser.resize(1300)
@@ -402,7 +400,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         assert browser.run(READ)["width"] <= 1300
 
         browser.address(command, 1300)  # the scene is the server's: a reload keeps it
-        again = reached(browser, 6)
+        again = reached(browser, 5)
         assert again["scene"] == faster["scene"]
         choose = "const s = document.querySelector('[name=striker]'); s.value = arguments[0];"
         browser.run(choose + "s.dispatchEvent(new Event('change'))", "floor")
@@ -412,7 +410,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
             time.sleep(0.1)
         assert browser.run("return 'drop' in bench.scene")
         browser.run("document.getElementById('undo').click()")
-        assert reached(browser, 8)["scene"] == faster["scene"]
+        assert reached(browser, 7)["scene"] == faster["scene"]
         browser.run("document.getElementById('map').click()")
         for _ in range(1200):
             if browser.run("return Boolean(bench.page && bench.page.sites) && !bench.pending"):
