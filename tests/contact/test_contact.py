@@ -236,6 +236,14 @@ def test_gonthier_returns_the_restitution_it_was_given(e):
     assert hit.restitution == pytest.approx(e, rel=1e-3)
 
 
+@pytest.mark.parametrize("e", [0.4, 0.9])
+def test_damping_factors_are_those_of_their_papers(e):
+    """3 (1 - e)/2, 3 (1 - e²)/4 and 8 (1 - e)/(5 e)."""
+    laws = (ao.HuntCrossley, ao.LankaraniNikravesh, ao.Flores)
+    published = [1.5 * (1 - e), 0.75 * (1 - e**2), 1.6 * (1 - e) / e]
+    assert [law(HERTZ, e).factor for law in laws] == pytest.approx(published, rel=1e-12)
+
+
 def test_force_beyond_the_table():
     with pytest.raises(ao.AccuracyError, match="last point"):
         ao.simulate(rigid(1.0), ao.RigidMass(1.0, 30.0), LAWS["table"], 1e-2)
