@@ -37,11 +37,7 @@ def validation(monkeypatch):
 @pytest.mark.fem
 @pytest.mark.parametrize(
     "name",
-    [
-        n if n in QUICK else pytest.param(n, marks=pytest.mark.slow)
-        for n in ALL
-        if n != "sdnl301"  # 28 s, in `make bench-validate`
-    ],
+    [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in ALL],
 )
 def test_a_case_lies_within_its_bounds_or_says_why(name, validation, tmp_path, capsys):
     rows = validation("book").main(only=(name,), out=tmp_path)[name]
