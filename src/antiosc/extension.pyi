@@ -15,8 +15,10 @@ from antiosc.fem.mesh.closest import projected as projected
 from antiosc.fem.mesh.curvature import curvature as curvature
 from antiosc.fem.mesh.finer import longest_cell as longest_cell
 from antiosc.fem.mesh.reading import (
+    default_size as default_size,
     flattened as flattened,
     numbered_elements as numbered_elements,
+    usual_size as usual_size,
 )
 from antiosc.fem.mesh.soundness import sound as sound
 from antiosc.fem.mesh.surface import Faces as Faces
@@ -124,7 +126,6 @@ from antiosc.strikes.defaults import (
     patch_radius as patch_radius,
     usual_ball as usual_ball,
     usual_cell as usual_cell,
-    usual_size as usual_size,
 )
 
 # Maps, and blows with a stretch.

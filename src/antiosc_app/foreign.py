@@ -25,7 +25,6 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.base.plausible import GRAVITY
-from antiosc.base.texts import rounded_up
 from antiosc.io.neutral import UnitSystem
 from antiosc_app.scene_file.document import GEOMETRIES
 
@@ -36,8 +35,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 #: Arguments of `read_mesh` or `read_model` besides the file.
 Read: TypeAlias = dict[str, Any]
-#: Largest number of cells of a geometry, so that an impact takes about a minute.
-MOST_CELLS = 30_000
 #: A mesh that states no unit is in mm if it is longer than this, else in m.
 LONGEST_IN_METRES = 3.0
 #: Units of decks, in the order in which they are taken where the materials are real ones; those in
@@ -129,7 +126,7 @@ def unit_of_length(length: float) -> str:
 
 def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | None) -> ForeignPart:
     """Read a mesh, or mesh a geometry; `size` [m] of its cells, if it is given."""
-    from antiosc.extension import usual_size
+    from antiosc.extension import default_size, usual_size
     from antiosc.io.cad import STATES_UNIT
     from antiosc.io.facets import SURFACES
 
@@ -147,7 +144,7 @@ def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | Non
         ways = ways if alone is None else [alone]
         piece = pieces[alone["piece"] - 1] if alone and pieces else None
         box = contents.points if piece is None else np.array([piece.low, piece.high])
-        usual = usual_size(float(np.ptp(box, axis=0).max()))
+        usual = usual_size(box)
         if suffix in GEOMETRIES or any("solid" in way for way in ways):
             read["size"] = size or usual
     elif alone is not None:
@@ -159,11 +156,10 @@ def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | Non
     pieces = pieces or found
     changed: Read = {}
     longest = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
-    if meshed and size is None and usual_size(longest) < read["size"]:  # of the piece alone
-        changed["size"] = usual_size(longest)
-    elif meshed and size is None and mesh.n_cells > MOST_CELLS:
-        larger = read["size"] * (mesh.n_cells / MOST_CELLS) ** (1 / mesh.tdim)
-        changed["size"] = rounded_up(larger)
+    if meshed and size is None:
+        wanted = default_size(mesh, read["size"])
+        if wanted != read["size"]:
+            changed["size"] = wanted
     elif size is not None and not meshed:
         changed["size"] = size
     if mesh.tdim == 1 and mesh.order > 1:  # bars are straight

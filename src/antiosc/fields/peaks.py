@@ -542,8 +542,11 @@ def _zones(
     points, cells, moved = nodes
     held = ~moved.any(axis=(1, 2))
     points, cells, held = structure.comm.bcast((points, cells, held), root=0)
-    edges, distance = sharp_points(points, cells)
-    return Zones(contacts, edges, points[held], distance if r0 is None else r0)
+    half = source(structure).half_thickness(structure, part)
+    if not half:
+        return Zones(contacts)
+    edges = sharp_points(points, cells, half / 4)
+    return Zones(contacts, edges, points[held], half if r0 is None else r0)
 
 
 def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zones) -> PeakField:

@@ -22,7 +22,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoints, closest_many, size_at
-from antiosc.fem.mesh.surface import kind_of_cells
+from antiosc.fem.mesh.surface import kind_of_cells, measures
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.prestress.loaded_part import initial_strain
 from antiosc.fem.reach import Reach
@@ -574,3 +574,11 @@ def families(structure: Structure, shapes: Array, part: str | None = None) -> se
     """Kinds of the selected parts: "solid", "sheet", "beam", "truss"."""
     fields = with_parts(structure).fields(shapes, part)
     return {member.part.kind.name for member, _ in fields}
+
+
+def half_thickness(structure: Structure, part: str | None = None) -> float:
+    """Volume over surface [m] of the solids in space: half the mean thickness of their walls."""
+    fields = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
+    solids = [member.part.mesh for member, _ in fields if member.part.mesh.tdim == 3]
+    volume, surface = np.sum([(0.0, 0.0), *map(measures, solids)], axis=0)
+    return float(volume / surface) if surface else 0.0

@@ -69,6 +69,11 @@ def materials_of(
     return []
 
 
+def families(structure: Structure, shapes: Array, part: str | None = None) -> set[str]:
+    """None: matrices have no elements."""
+    return set()
+
+
 def relaxes(structure: Structure) -> bool:
     """False: matrices have no stress anyway."""
     return False

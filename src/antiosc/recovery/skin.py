@@ -1,5 +1,5 @@
 """The skin of cells: outer faces; sharp inner edges of a solid, where an elastic stress has no
-limit, and its volume over its surface.
+limit.
 
 In a corner of more than 180° the stress grows as r^-0.46 at 270° (M. L. Williams, J. Appl. Mech. 19
 (1952) 526); the value on a mesh grows with every refinement. A fillet has a limit: its curved faces
@@ -72,37 +72,29 @@ class Skin(NamedTuple):
     """The outer faces of a solid by their edges (E,); an edge between two faces has two rows.
 
     `ends` (E, 2): nodes; `across` (E, 3): direction from the middle of the edge into the face;
-    `inward` (E, 3): from there to the middle of the cell. `volume` [m³], `area` [m²] of the solid.
+    `inward` (E, 3): from there to the middle of the cell.
     """
 
     ends: IntArray
     across: Array
     inward: Array
-    volume: float
-    area: float
 
 
-def sharp_points(points: Array, cells: Sequence[tuple[str, IntArray]]) -> tuple[Array, float]:
-    """(points (n, 3) along the sharp inner edges, volume over surface [m]) of the solids in cells.
-
-    The points lie closer than a quarter of that length, which is half the thickness of a plate; it
-    is 0 without solids.
-    """
+def sharp_points(points: Array, cells: Sequence[tuple[str, IntArray]], spacing: float) -> Array:
+    """Points (n, 3) along the sharp inner edges of solids, at most `spacing` [m] apart."""
     # each rank has its own copy of the nodes that it shares
     points, number = np.unique(points, axis=0, return_inverse=True)
-    solids = [(kind.rstrip("0123456789"), number.ravel()[nodes]) for kind, nodes in cells]
-    skins = [_skin(points, kind, numbers) for kind, numbers in solids if kind in SOLIDS]
-    if not skins:
-        return np.zeros((0, 3)), 0.0
-
-    length = sum(skin.volume for skin in skins) / sum(skin.area for skin in skins)
     found = [np.zeros((0, 3))]
-    for skin in skins:
-        start, end = np.moveaxis(points[_sharp(points, skin)], 1, 0)
+    for kind, nodes in cells:
+        name = kind.rstrip("0123456789")
+        if name not in SOLIDS:
+            continue
+        sharp = _sharp(points, _skin(points, name, number.ravel()[nodes]))
+        start, end = np.moveaxis(points[sharp], 1, 0)
         longest = np.linalg.norm(end - start, axis=1).max(initial=0.0)
-        share = np.linspace(0.0, 1.0, 2 + int(4 * longest / length))[:, None, None]
+        share = np.linspace(0.0, 1.0, 2 + int(longest / spacing))[:, None, None]
         found.append(np.unique((start + (end - start) * share).reshape(-1, 3), axis=0))
-    return np.concatenate(found), length
+    return np.concatenate(found)
 
 
 def _skin(points: Array, kind: str, cells: IntArray) -> Skin:
@@ -111,15 +103,6 @@ def _skin(points: Array, kind: str, cells: IntArray) -> Skin:
     outer = _once(faces)
     number, cell = np.divmod(outer, len(cells))
     centres = points[cells[cell]].mean(axis=1)
-
-    # volume by the divergence theorem
-    corners = points[faces[outer]]
-    middles = corners.mean(axis=1)
-    spans = np.cross(corners[:, 1:-1] - corners[:, :1], corners[:, 2:] - corners[:, :1])
-    normals = spans.sum(axis=1) / 2
-    outward = np.sign(np.einsum("fi,fi->f", normals, middles - centres))
-    volume = float(np.einsum("f,fi,fi->", outward, normals, middles)) / 3
-    area = float(np.linalg.norm(normals, axis=1).sum())
 
     ends, across, inward = [], [], []
     size = faces.shape[1]
@@ -133,8 +116,7 @@ def _skin(points: Array, kind: str, cells: IntArray) -> Skin:
             ends.append(np.sort(nodes[:, list(edge)], axis=1))
             across.append(_across(points, nodes, edge, others))
             inward.append(centres[rows] - start)
-    joined = np.concatenate(ends), np.concatenate(across), np.concatenate(inward)
-    return Skin(*joined, volume, area)
+    return Skin(np.concatenate(ends), np.concatenate(across), np.concatenate(inward))
 
 
 def _middle(points: Array, nodes: IntArray, edge: tuple[int, int]) -> Array:

@@ -1,6 +1,6 @@
 """The one default of each number that a user may leave open, shared by programs, scenes and pages.
 
-- The cells of a geometry are as long as its longest side over `CELLS`; at the site of a solid
+- The cells of a geometry: `default_size` of `antiosc.fem.mesh.reading`; at the site of a solid
   `CELLS_THROUGH` lie through its wall, and none is longer than the ball's radius.
 - The ball has a radius of `BALL` times the longest side.
 - The patch of a solid is as small as its facets resolve, and carries the force of the striker on a
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from antiosc.impact.histories import History
     from antiosc.reduce.site import Site
 
-#: Cells along the longest side of a geometry, and across the thickness under a site.
-CELLS, CELLS_THROUGH = 20, 3
+#: Cells across the thickness under a site.
+CELLS_THROUGH = 3
 #: Radius of the ball over the longest side of the part.
 BALL = 0.02
 #: Numbers of anti-oscillators. A printed bar of 13.6 × 5 × 100 mm: 40 % with 20, 0.05 % with 80. A
@@ -49,11 +49,6 @@ MOST_WORK = 8e7
 EXPANSION = 0.7
 #: Duration of the run on a rigid wall over the contact time.
 WALL = 4.0
-
-
-def usual_size(length: float) -> float:
-    """Size [m] of the cells of a geometry whose longest side is `length` [m]."""
-    return float(f"{length / CELLS:.1g}")
 
 
 def usual_cell(length: float, thickness: float) -> float:

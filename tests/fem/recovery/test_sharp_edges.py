@@ -7,6 +7,9 @@ import pytest
 
 import antiosc as ao
 import parts
+from antiosc.extension import longest_cell
+from antiosc.fem.mesh.surface import measures
+from antiosc.fem.platform import compat
 from antiosc.recovery import source
 from antiosc.recovery.skin import sharp_points
 from static_loads import held
@@ -93,4 +96,26 @@ def test_the_sharp_edge_of_an_angle_is_its_inner_one_and_a_fillet_is_none(tmp_pa
 def edges_of(part):
     """(points of sharp edges, volume over surface) of a part."""
     points, cells, _ = source(part).at_nodes(part, np.ones((part.rows, 1)))
-    return sharp_points(points, cells)
+    length = source(part).half_thickness(part)
+    return sharp_points(points, cells, length / 4), length
+
+
+@pytest.mark.parametrize("kind", ["tetrahedron", "hexahedron"])
+def test_volume_and_surface_of_a_box(kind):
+    assert measures(parts.box((4, 2, 3), (0.2, 0.02, 0.03), kind)) == pytest.approx(
+        (0.2 * 0.02 * 0.03, 2 * (0.2 * 0.02 + 0.2 * 0.03 + 0.02 * 0.03))
+    )
+
+
+def test_cells_of_thin_walls_are_no_longer_than_twice_their_thickness(tmp_path):
+    """A plate of 100 × 60 × 1 mm: 5 mm along its side, 2 mm by its wall."""
+    path = tmp_path / "plate.brep"
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize()
+    gmsh.model.occ.addBox(0, 0, 0, 0.1, 0.06, 1e-3)
+    gmsh.model.occ.synchronize()
+    gmsh.write(str(path))
+    gmsh.finalize()
+    with pytest.warns(ao.AntioscWarning, match="2.00 mm long"):
+        mesh = ao.read_mesh(path)
+    assert longest_cell(mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)[:, :4]]) < 4e-3

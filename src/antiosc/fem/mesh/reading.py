@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, cast
@@ -13,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.base import plausible
-from antiosc.base._types import IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import (
     choice,
     flag,
@@ -25,22 +26,31 @@ from antiosc.base.checks import (
     text,
     whole,
 )
-from antiosc.base.errors import AntioscWarning, ChoiceWarning, InputError, MeshError
-from antiosc.base.texts import printable
+from antiosc.base.errors import (
+    AntioscWarning,
+    ChoiceWarning,
+    InputError,
+    MeshError,
+    without_warnings,
+)
+from antiosc.base.texts import engineering, printable, rounded_up
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.finer import near, with_cells_of
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
+from antiosc.fem.mesh.surface import mean_thickness
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
-from antiosc.io.by_gmsh import GEOMETRY
+from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS
 from antiosc.io.cad import STATES_UNIT
 from antiosc.io.isolation import Refinement
 from antiosc.io.neutral import RawMesh, UnitSystem
-from antiosc.io.reading import HOW_MADE, NumberedElements, Wanted, read
+from antiosc.io.reading import HOW_MADE, NumberedElements, Wanted, outline, read
 
 if TYPE_CHECKING:
     from dolfinx.mesh import MeshTags  # the oldest dolfinx has no such name
 
 
+#: Cells along the longest side of a geometry, and most of them, by default.
+CELLS, MOST_DEFAULT = 20, 30_000
 #: Remedies of a message: arguments that choose one piece of a mesh.
 BY_PIECE = "piece 1 is the largest; or cells, its group"
 
@@ -81,8 +91,9 @@ def read_mesh(
         (see `unit`). Wedges, pyramids and mixed volumes are cut into tetrahedra, quadrilaterals
         beside triangles into triangles, and cells with 8 and 20 nodes get the missing nodes.
     size
-        Largest element size in m: of the mesh of a geometry (needed unless a `.geo` sets its own);
-        the cells of a finished mesh are all halved until none is longer, and its groups follow.
+        Largest element size in m: of the mesh of a geometry, by default that of `default_size`
+        unless a `.geo` sets its own; the cells of a finished mesh are all halved until none is
+        longer, and its groups follow.
     gdim
         2 or 3. By default a plane mesh of triangles or quadrilaterals is 2-D; lines and curved
         faces live in space. `gdim=2` makes a plane frame of lines, `gdim=3` a flat shell of faces.
@@ -183,7 +194,19 @@ def read_mesh(
         )
     file = checked_path("source", source)
     name = printable(file.name)
-    made_here = file.suffix.lower() in GEOMETRY or solid
+    suffix = file.suffix.lower()
+    made_here = suffix in GEOMETRY or solid
+    if size is None and made_here and suffix not in SCRIPTS:
+        options = {"solid": solid, "fragments": fragments, "piece": piece}
+        box = on_root(comm, lambda: outline(file, units, timeout, **options).points)
+        anew = partial(
+            read_mesh, file, gdim=gdim, order=order, refine=refine, cells=cells, unit=unit,
+            timeout=timeout, trust=trust, comm=comm, **options,
+        )  # fmt: skip
+        with without_warnings():
+            size = default_size(anew(size=usual_size(box)), usual_size(box))
+        warn(comm, f"the cells of {name} are {engineering(size, 'm')} long (size).", ChoiceWarning)
+        return anew(size=size)
 
     def checked(raw: RawMesh) -> RawMesh:
         if size is not None:
@@ -218,6 +241,24 @@ def read_mesh(
     unit_stated = unit is not None or file.suffix.lower() in STATES_UNIT
     mesh = distributed(raw, name, comm)
     return replace(mesh if made_here else near(mesh, refine), stated=unit_stated)
+
+
+def usual_size(points: Array) -> float:
+    """Size [m] of the cells of a geometry between points (n, 3): `CELLS` along its longest side."""
+    return float(f"{np.ptp(points, axis=0).max() / CELLS:.1g}")
+
+
+def default_size(mesh: Mesh, size: float) -> float:
+    """Size [m] of the cells of a geometry whose mesh of cells of `size` is known.
+
+    There are 20 along its longest side, and of a solid none is longer than twice the mean thickness
+    of its walls, as long as there are at most 30 000 (150 000 dofs).
+    """
+    wanted = usual_size(mesh.dolfinx.geometry.x)
+    if mesh.tdim == 3:
+        wanted = min(wanted, float(f"{2 * mean_thickness(mesh):.1g}"))
+    least = rounded_up(size * (mesh.n_cells / MOST_DEFAULT) ** (1 / mesh.tdim))
+    return max(wanted, least)
 
 
 def numbered_elements(elements: object) -> dict[str, list[int]]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from math import factorial, inf
 
 import basix
 import numpy as np
@@ -377,6 +378,39 @@ class Faces(Entities):
     def tangents(self) -> tuple[Array, Array]:
         """(points (F, 3), derivatives (F, 3, d)) at the middles of the faces."""
         return self.at(np.arange(len(self.facets)), self.middle)
+
+
+def measures(mesh: Mesh) -> tuple[float, float]:
+    """(volume, surface) of a mesh with straight edges [m³, m²]; in the plane (area, length)."""
+    cells = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
+    cells = cells[:, : len(mesh.geometry.corners)]
+    facets = compat.exterior_facets(mesh.dolfinx)
+    sides = compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]
+    x = mesh.dolfinx.geometry.x
+    of_rank = np.array([_measure(x[cells], mesh.tdim), _measure(x[sides], mesh.tdim - 1)])
+    volume, surface = mesh.comm.allreduce(of_rank)
+    return float(volume), float(surface)
+
+
+def _measure(corners: Array, dim: int) -> float:
+    """Total measure of simplices (n, dim + 1, 3), or of cells with the corners of a cube."""
+    if not len(corners):
+        return 0.0
+    if corners.shape[1] == dim + 1:
+        sides, share = corners[:, 1:] - corners[:, :1], factorial(dim)
+    else:
+        cubes = corners.reshape(-1, *[2] * dim, 3)
+        axes = range(1, dim + 1)
+        spans = [np.diff(cubes, axis=k).reshape(len(cubes), -1, 3).mean(axis=1) for k in axes]
+        sides, share = np.stack(spans, axis=1), 1
+    gram = np.abs(np.linalg.det(sides @ sides.transpose(0, 2, 1)))
+    return float(np.sqrt(gram).sum() / share)
+
+
+def mean_thickness(mesh: Mesh) -> float:
+    """Twice the volume over the surface [m]: the thickness of a wall; inf of a closed sheet."""
+    volume, surface = measures(mesh)
+    return 2 * volume / surface if surface else inf
 
 
 def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:

@@ -37,7 +37,14 @@ from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many
-from antiosc.fem.mesh.surface import DEGREE, Faces, WeightedPoints, largest, quadrature
+from antiosc.fem.mesh.surface import (
+    DEGREE,
+    Faces,
+    WeightedPoints,
+    largest,
+    mean_thickness,
+    quadrature,
+)
 from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure import (
     Dissipation,
@@ -613,29 +620,13 @@ def _stretched(
         thickness = float(min(material.section.thickness for material in materials))
         wide = ON_LINE * mesh.extent()
     else:
-        thickness = wide = mean_thickness(mesh) if materials[0].kind.name == "solid" else 0.0
+        thickness = wide = mean_thickness(mesh) if mesh.tdim == 3 else 0.0
         if not 0 < thickness <= THIN * mesh.extent():
             return None, False
     nodes = np.unique(fixed // form.space.dofmap.index_map_bs)
     x = np.vstack(mesh.comm.allgather(form.space.tabulate_dof_coordinates()[nodes]))
     extents = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
     return thickness, bool(extents[1:].sum() <= wide * (1.0 if sheet else np.sqrt(len(x))))
-
-
-def mean_thickness(mesh: Mesh) -> float:
-    """Mean thickness 2 V/A [m] of a solid with the volume V and the surface A; 0 in the plane."""
-    if mesh.tdim != 3:
-        return 0.0
-
-    faces = Faces(mesh, sheet=False)
-    x, J = faces.tangents
-    reference = 0.5 if faces.simplex else 1.0
-    areas = reference * np.linalg.norm(np.cross(J[:, :, 0], J[:, :, 1]), axis=1)
-
-    low, high = mesh.box
-    from_middle = np.einsum("fd,fd->f", x - (low + high) / 2, faces.normals)
-    volume, area = mesh.comm.allreduce(np.array([areas @ from_middle / 3, areas.sum()]))
-    return float(2 * volume / area)
 
 
 def _section_doubt(material: Family, extent: float) -> str:

@@ -39,7 +39,8 @@ from antiosc.fem.mesh.finer import (
 )
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.platform import bounds, compat, on_root, warn
+from antiosc.fem.mesh.surface import mean_thickness, measures
+from antiosc.fem.platform import bounds, on_root, warn
 from antiosc.io.by_gmsh import CUT, GEOMETRY, SizeField
 from antiosc.io.isolation import GRADING as USUAL, Refinement
 from antiosc.io.neutral import RawMesh
@@ -67,7 +68,7 @@ class MeshSource(ABC):
 
     def thickness(self) -> float:
         """Twice the volume over the surface [m]: the thickness of a thin wall."""
-        return thickness_of(self.coarsest)
+        return mean_thickness(self.coarsest)
 
     def extent(self) -> float:
         """Diagonal of the box around the part [m]."""
@@ -266,34 +267,6 @@ def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
     x = np.zeros((len(used_nodes), 3))
     x[:, : mesh.gdim] = pieces.points[used_nodes]
     return SizeField(x.tolist(), local.tolist(), sizes.tolist())
-
-
-def thickness_of(mesh: Mesh) -> float:
-    """Twice the volume over the surface of a mesh of simplices [m]."""
-    volume, surface = measures(mesh)
-    return 2 * volume / surface
-
-
-def measures(mesh: Mesh) -> tuple[float, float]:
-    """(volume, surface) of a mesh of simplices; in the plane (area, length)."""
-    x = mesh.dolfinx.geometry.x
-    cells = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
-    cells = cells[:, : mesh.tdim + 1]
-    facets = compat.exterior_facets(mesh.dolfinx)
-    sides = compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]
-    measures = np.array([_measure(x[cells]), _measure(x[sides])])
-    volume, surface = mesh.comm.allreduce(measures)
-    return float(volume), float(surface)
-
-
-def _measure(corners: Array) -> float:
-    """Total measure of simplices (n, dim + 1, 3)."""
-    if not len(corners):
-        return 0.0
-    sides = corners[:, 1:] - corners[:, :1]
-    dim = sides.shape[1]
-    gram = np.abs(np.linalg.det(sides @ sides.transpose(0, 2, 1)))
-    return float(np.sqrt(gram).sum() / (1, 1, 2, 6)[dim])
 
 
 #: Least ratio of sizes in one step.
