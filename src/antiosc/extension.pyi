@@ -144,6 +144,7 @@ from antiosc.strikes.second_order import (
 )
 from antiosc.strikes.stress import (
     closed as closed,
+    divided as divided,
     fields_by_strength as fields_by_strength,
 )
 from antiosc.strikes.tradeoff import (

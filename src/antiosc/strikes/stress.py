@@ -13,12 +13,13 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from antiosc.base.errors import AntioscError, InputError, MeshError, without_warnings
-from antiosc.base.texts import percent, plain
+from antiosc.base.texts import engineering, percent, plain, point_text
+from antiosc.fem.mesh.bisection import near
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.margin import criteria_of, sizes_at_nodes
@@ -110,13 +111,15 @@ def closed(
     return _told(replace(known, seconds=spent, why=why), hit, tol)
 
 
-def on_given(hit: History, structure: Structure, tol: float) -> History:
-    """The history with its stresses on a structure whose cells stay."""
+def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
+    """A structure whose straight triangles or tetrahedra are bisected at places.
 
-    def reduced(refine: Sequence[Refinement]) -> NoReturn:
-        raise InputError("the Structure was used as it is: give its mesh, material and supports")
-
-    return replace(hit, stresses=closed(hit, structure, reduced, tol).fields)
+    InputError for an assembly and given matrices, MeshError for other cells.
+    """
+    if structure.made_of is None:
+        raise InputError("the cells of an assembly, and given matrices, stay as they are")
+    mesh, material, options = structure.made_of
+    return Structure(near(mesh, refine), material, structure.supports, **options)
 
 
 def _again(hit: History, model: AntiOscillators) -> History:
@@ -179,6 +182,7 @@ def _told(stressed: Stressed, hit: History, tol: float) -> Stressed:
     change = 0.0 if hit.named else abs(stressed.hit.peak_force / hit.peak_force - 1)
     if change > tol:
         told = f"; the force differs by {percent(change)}"
+
     fields = {}
     for name, field in stressed.fields.items():
         low, high = bar(field)
@@ -188,6 +192,18 @@ def _told(stressed: Stressed, hit: History, tol: float) -> Stressed:
             f" +{percent(high)} −{percent(low)} by the mesh{told}"
         )
         if max(low, high) > tol and stressed.why:
-            sentence += f"; wider than {percent(tol)}, since {stressed.why}"
+            sentence += f"; {_open(field)}, since {stressed.why}"
         fields[name] = replace(field, rounds=sentence)
     return replace(stressed, fields=fields)
+
+
+def _open(field: PeakField) -> str:
+    """From which stress on nothing is known, and where it may be more."""
+    values, errors, counts = _counted(field)
+    least = float((values - errors)[counts].max(initial=0.0))
+    upper = np.where(counts, values + errors, 0.0)
+    k = int(upper.argmax())
+    return (
+        f"cannot say above {engineering(least, field.unit)}: up to"
+        f" {engineering(float(upper[k]), field.unit)} at {point_text(field.points[k])}"
+    )

@@ -243,7 +243,14 @@ def struck(
             "mesh is refined."
         )
         hit = _finished(result, tol, asked, [record(result)], reason)
-        return hit if stress_tol is None else stress.on_given(hit, source, stress_tol)
+        if stress_tol is None:
+            return hit
+
+        def divided(refine: Sequence[Refinement]) -> tuple[Structure, AntiOscillators]:
+            part = stress.divided(source, refine)
+            return part, extract(part, site, n=result.n)
+
+        return replace(hit, stresses=stress.closed(hit, source, divided, stress_tol).fields)
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
     site, mesh = _first_mesh(place, site, impactor, material, order)
     before: Answer | None = None

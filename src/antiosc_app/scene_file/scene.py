@@ -20,7 +20,7 @@ import numpy as np
 
 from antiosc import History
 from antiosc.base._types import Array
-from antiosc.base.errors import AntioscError, InputError, finite_element_packages
+from antiosc.base.errors import AntioscError, finite_element_packages
 from antiosc.models.body import AUTO
 from antiosc_app.scene_file.build import (
     Builder,
@@ -480,14 +480,20 @@ def _closed(structure: Structure, history: History, **options: Any) -> dict[str,
 def _with_smaller_cells(
     build: Builder, compiled: CompiledScene, places: Sequence[tuple[Sequence[float], float]]
 ) -> tuple[Structure, AntiOscillators]:
-    """The structure and its model with cells of given sizes at places of its geometry."""
+    """The structure and its model with smaller cells at places; those of a deck are bisected."""
+    evaluate = Evaluation(build.document)
+    divided = None
     if not any(call.place == ("geometry",) for call in calls_in(compiled.structure)):
-        raise InputError("the cells of a deck or an assembly stay as they are")
+        with finite_element_packages():
+            from antiosc.extension import divided as divided_at
+        divided = divided_at(evaluate(compiled.structure), places)
 
     @functools.cache
     def exchanged(call: Call) -> Call:
         if call.made is not None:
             return call
+        if divided is not None and call is compiled.structure:
+            return replace(call, made=divided)
         arguments = {key: replaced(value, exchanged) for key, value in call.arguments.items()}
         if call.place == ("geometry",):
             arguments["refine"] = (*arguments.get("refine", ()), *places)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import antiosc as ao
+import parts
 from antiosc.strikes import stress
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -59,3 +60,20 @@ def test_straight_cells_are_bisected():
     hit = ao.strike(mesh, site, BALL, ao.Linear(1e6), 2e-3, stress_tol=0.2, **asked)
     (closed,) = hit.stresses.values()
     assert max(stress.bar(closed)) <= 0.2 < max(stress.bar(ao.peak_field(hit.structure, hit)))
+
+
+@pytest.mark.parametrize("straight", [True, False])
+def test_cells_of_a_structure_are_bisected_or_stay_which_is_told(straight):
+    mesh = ao.box_mesh((0.06, 0.02, 0.01), 0.01)
+    if not straight:
+        mesh = parts.box((6, 2, 1), (0.06, 0.02, 0.01), "hexahedron")
+    part = ao.Structure(mesh, STEEL, [ao.Support("-x" if straight else "left")])
+    site = ao.Site((0.05, 0.01, 0.01), (0, 0, -1), radius=8e-3)
+    tol = 0.15 if straight else 1e-3
+    hit = ao.strike(part, site, BALL, ao.Linear(1e7), 1e-3, tol=0.5, stress_tol=tol)
+    (closed,) = hit.stresses.values()
+    if straight:
+        assert max(stress.bar(closed)) <= tol < max(stress.bar(ao.peak_field(part, hit)))
+        return
+    assert "cannot say above" in closed.rounds
+    assert "refine divides straight triangles and tetrahedra" in closed.rounds
