@@ -413,7 +413,6 @@ PLY_SURFACES = {
 }
 #: Criterion -> strength that a material must have for it.
 STRENGTH_OF = {
-    "yield": "a yield_strength, as 250e6 Pa",
     "tension": "a strength in tension, as tensile = (45e6, 69e6) Pa",
     "tsai_hill": "layers that have Strengths",
     "tsai_wu": "layers that have Strengths",

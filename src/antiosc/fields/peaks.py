@@ -58,8 +58,8 @@ PEAK_QUANTITIES = {
     "von_mises": ("stress", 0, "Pa"),
     "stress": ("stress", 0, "Pa"),
     "strain": ("strain", 0, ""),
-    **{name: ("stress", 0, "") for name in margin.CRITERIA},
     "tension": ("stress", 0, "Pa"),
+    **{name: ("stress", 0, "") for name in margin.PLY_SURFACES},
 }
 #: Share of the largest value from which what the times may miss is told.
 UNRESOLVED = 0.05
@@ -264,11 +264,10 @@ def peak_field(
     history : History or BodyHistory
     quantity : str
         "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
-        "displacement", "velocity", "acceleration": the length of the vector. "yield": the
-        equivalent stress over the yield strength; "tension": the largest principal stress of
-        materials that crack (`tensile`); "tsai_hill", "tsai_wu", "delamination": the
-        exposure of the worst ply (`Strengths`), 1 at failure, the last one by the interlaminar
-        shear stresses that are in equilibrium with the shear forces.
+        "displacement", "velocity", "acceleration": the length of the vector. "tension": the
+        largest principal stress of materials that crack (`tensile`); "tsai_hill", "tsai_wu",
+        "delamination": the exposure of the worst ply (`Strengths`), 1 at failure, the last one by
+        the interlaminar shear stresses that are in equilibrium with the shear forces.
     times : array_like (n,), optional
         Times in s at which the quantity is evaluated. Default: enough to resolve the fastest motion
         of the model where the value is at least half of the largest that counts, which `error`
@@ -355,12 +354,10 @@ def peak_field(
 
     # errors by the mesh
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
-    if quantity in ("von_mises", "stress", "yield", "tension"):
+    if quantity in ("von_mises", "stress", "tension"):
         peak_times = np.where(best.values > 0, best.times, instants[-1])
         errors = _mesh_error(structure, shapes, part, history, peak_times, body)
         best = best._replace(mesh_error=structure.comm.bcast(errors, root=0))
-    if quantity == "yield":
-        best = best.over_strength()
 
     # the worst point
     result, best = _peak_field_of(quantity, unit, points, cells, best)
@@ -403,15 +400,6 @@ class Maxima(NamedTuple):
         """Those of some of the points."""
         arrays = {k: v[nodes] for k, v in self._asdict().items() if np.size(v) > 1}
         return self._replace(**arrays)
-
-    def over_strength(self) -> Maxima:
-        """With exposures in place of stresses."""
-        strength = np.where(self.strength > 0, self.strength, 1.0)
-        errors = None if self.mesh_error is None else self.mesh_error / strength
-        bound = None if self.error is None else self.error / float(strength.min())
-        return self._replace(
-            values=self.exposure, times=self.exposed, error=bound, mesh_error=errors
-        )
 
 
 class Rows(NamedTuple):

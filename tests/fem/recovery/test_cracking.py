@@ -47,7 +47,7 @@ def test_the_bending_tension_of_a_strip_is_judged_by_its_strength_in_bending(sha
     assert "Cracks are not computed" in margin.sentence
     assert "yield" not in margin.sentence
     with pytest.raises(ao.InputError, match="yield_strength"):
-        ao.peak_field(part, hit, "yield", body="part")
+        ao.peak_field(part, hit, body="part").margin()
 
 
 def test_a_brittle_part_is_judged_by_itself():
