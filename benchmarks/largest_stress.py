@@ -17,6 +17,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -116,26 +117,36 @@ def blow(scene: Path, speed: float) -> str:
 
 
 #: R/d of the fillets, and D/d of the stepped bars.
-FILLETS, STEP = (0.05, 0.1, 0.2, 0.3), 2.0
-#: Stepped flat bar in bending, 0.25 < h/r < 2 and 2 < h/r < 20 (Peterson, chart 3.8).
-LOW = (1.007, 1.0, -0.031), (-0.27, -2.404, 0.749), (0.677, 1.133, -0.904), (-0.414, 0.271, 0.186)
-HIGH = (
-    *((1.042, 0.982, -0.036), (-3.599, 1.619, -0.431)),
-    *((6.084, -5.607, 1.158), (-2.527, 3.006, -0.691)),
-)
+FILLETS, STEP = (0.03, 0.05, 0.1, 0.2, 0.3), 2.0
+#: Stepped flat bar, h/r < 2 and 2 < h/r < 20, under a blow across (bending: Peterson, chart 3.8)
+#: and along (chart 3.1).
+CHARTS = {
+    "across": (
+        ((1.007, 1.0, -0.031), (-0.27, -2.404, 0.749),
+         (0.677, 1.133, -0.904), (-0.414, 0.271, 0.186)),
+        ((1.042, 0.982, -0.036), (-3.599, 1.619, -0.431),
+         (6.084, -5.607, 1.158), (-2.527, 3.006, -0.691)),
+    ),
+    "along": (
+        ((1.006, 1.008, -0.044), (-0.115, -0.584, 0.315),
+         (0.245, -1.006, -0.257), (-0.135, 0.582, -0.017)),
+        ((1.02, 1.009, -0.048), (-0.065, -0.165, -0.007),
+         (-3.459, 1.266, -0.016), (3.505, -2.109, 0.069)),
+    ),
+}  # fmt: skip
 
 
-def peterson(radius: float, d: float) -> float:
-    """Factor of a stepped flat bar of D = `STEP` d in bending with a fillet of `radius`."""
+def peterson(radius: float, d: float, way: str) -> float:
+    """Factor of a stepped flat bar of D = `STEP` d with a fillet of `radius`."""
     h = (STEP - 1) * d / 2
-    rows = HIGH if h / radius > 2 else LOW
+    rows = CHARTS[way][h / radius > 2]
     share = 2 * h / (STEP * d)
     factors = [a + b * np.sqrt(h / radius) + c * h / radius for a, b, c in rows]
     return float(np.polyval(factors[::-1], share))
 
 
-def fillet(share: float, folder: str) -> str:
-    """The row of a stepped bar in bending, struck slowly at its end."""
+def fillet(share: float, folder: str, way: str) -> str:
+    """The row of a stepped bar, struck slowly at its end."""
     d, radius = 0.02, share * 0.02
     D, half = STEP * d, 0.5 * d
     path = Path(folder, "stepped.geo")
@@ -157,6 +168,8 @@ def fillet(share: float, folder: str) -> str:
     steel = ao.Solid(210e9, 0.3, 7850.0, yield_strength=250e6)
     held = [ao.Support(plane=((0, 0, 0), (1, 0, 0)))]
     site = ao.Site((0.12, half, 0.002), (0, -1, 0), radius=4e-3)
+    if way == "along":
+        site = ao.Site((0.13, 0, 0.002), (-1, 0, 0), radius=4e-3)
     hit = ao.strike(
         *(path, site, ao.RigidMass(5.0, 0.05), ao.Linear(1e6), 2e-2),
         **{"tol": 0.1, "stress_tol": TOLERANCE, "material": steel, "supports": held},
@@ -164,12 +177,14 @@ def fillet(share: float, folder: str) -> str:
     (field,) = hit.stresses.values()
     near = field.counts & (abs(field.points[:, 0] - 0.05) < 2 * radius)
     k = int(np.argmax(np.where(near, field.values, 0.0)))
-    nominal = 6 * hit.peak_force * (0.12 - field.points[k, 0]) / (0.004 * d**2)
+    nominal = hit.peak_force / (0.004 * d)
+    if way == "across":
+        nominal *= 6 * (0.12 - field.points[k, 0]) / d
     low, high = stress.bar(field)
-    expected = peterson(radius, d)
+    expected = peterson(radius, d, way)
     found = field.values[k] / nominal
     return (
-        f"R/d {share:4.2f}: K_t {found:.3f} (-{100 * low:.0f} +{100 * high:.0f} %),"
+        f"{way:6} R/d {share:4.2f}: K_t {found:.3f} (-{100 * low:.0f} +{100 * high:.0f} %),"
         f" Peterson {expected:.3f}, {100 * (found / expected - 1):+.1f} %; {field.rounds}"
     )
 
@@ -183,8 +198,8 @@ def main() -> None:
     warnings.simplefilter("ignore")
 
     with tempfile.TemporaryDirectory() as folder:
-        for share in FILLETS if asked.fillets else ():
-            print(fillet(share, folder), flush=True)
+        for share, way in product(FILLETS, CHARTS) if asked.fillets else ():
+            print(fillet(share, folder, way), flush=True)
         for part in asked.parts:
             scene = scene_of(part, folder)
             for speed in (1.0, HARD) if scene else ():
