@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import dolfinx
 import numpy as np
@@ -197,16 +196,15 @@ def read_mesh(
     suffix = file.suffix.lower()
     made_here = suffix in GEOMETRY or solid
     if size is None and made_here and suffix not in SCRIPTS:
-        options = {"solid": solid, "fragments": fragments, "piece": piece}
-        box = on_root(comm, lambda: outline(file, units, timeout, **options).points)
-        anew = partial(
-            read_mesh, file, gdim=gdim, order=order, refine=refine, cells=cells, unit=unit,
-            timeout=timeout, trust=trust, comm=comm, **options,
-        )  # fmt: skip
+        kept: dict[str, Any] = {"solid": solid, "fragments": fragments, "piece": piece}
+        box = on_root(comm, lambda: outline(file, units, timeout, **kept).points)
+        kept |= {"gdim": gdim, "order": order, "refine": refine, "cells": cells, "unit": unit}
+        kept |= {"trust": trust, "timeout": timeout, "comm": comm}
         with without_warnings():
-            size = default_size(anew(size=usual_size(box)), usual_size(box))
+            first = read_mesh(file, usual_size(box), **kept)
+        size = default_size(first, usual_size(box))
         warn(comm, f"the cells of {name} are {engineering(size, 'm')} long (size).", ChoiceWarning)
-        return anew(size=size)
+        return read_mesh(file, size, **kept)
 
     def checked(raw: RawMesh) -> RawMesh:
         if size is not None:
