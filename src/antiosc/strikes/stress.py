@@ -19,7 +19,7 @@ import numpy as np
 
 from antiosc.base.errors import AntioscError, InputError, MeshError, without_warnings
 from antiosc.base.texts import engineering, percent, plain, point_text
-from antiosc.fem.mesh.bisection import near
+from antiosc.fem.mesh.finer import near
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.margin import criteria_of, sizes_at_nodes

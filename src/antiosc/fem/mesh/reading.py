@@ -197,7 +197,8 @@ def read_mesh(
     made_here = suffix in GEOMETRY or solid
     if size is None and made_here and suffix not in SCRIPTS:
         kept: dict[str, Any] = {"solid": solid, "fragments": fragments, "piece": piece}
-        box = on_root(comm, lambda: outline(file, units, timeout, **kept).points)
+        metres = 1.0 if units is None else units.length
+        box = metres * on_root(comm, lambda: outline(file, **kept).points)
         kept |= {"gdim": gdim, "order": order, "refine": refine, "cells": cells, "unit": unit}
         kept |= {"trust": trust, "timeout": timeout, "comm": comm}
         with without_warnings():
