@@ -50,6 +50,7 @@ def main(picture: Path = PICTURE) -> None:
     for ax, (name, title) in zip(axes[0], CASES.items(), strict=True):
         styles = {word: "".join(STYLE[method]) for method, word in METHODS.items()}
         error_charts.plot_errors(curves(found[name]), ax, styles=styles)
+        ax.fill_between(*proved(found[name]), alpha=0.15, color="C3", lw=0, label="proved")
         mesh = found[name].get("mesh error of the peak")
         if mesh:
             ax.axhline(mesh, color="C7", ls=":")
@@ -79,6 +80,15 @@ def curves(case: dict[str, Any]) -> dict[str, tuple[list[float], list[float]]]:
         for method, word in METHODS.items()
         if (own := [row for row in case["rows"] if row["method"] == method])
     }
+
+
+def proved(case: dict[str, Any]) -> tuple[list[float], list[float], list[float]]:
+    """Seconds, errors and proved errors of anti-oscillators."""
+    own = [row for row in case["rows"] if row.get("proved")]
+    seconds, errors, bounds = (
+        [row[key] for row in own] for key in ("total", "error force", "proved")
+    )
+    return seconds, errors, bounds
 
 
 def cheaper(case: dict[str, Any]) -> tuple[float, float, float]:
