@@ -21,7 +21,6 @@
 #define APART 1.25 /* damping ratio from which the two decays of a mode are bounded by themselves */
 #define TRIES 60
 #define TOUCHING 16 /* pieces more where a contact opens or closes */
-#define KINDS 8 /* lengths of pieces whose responses are kept */
 
 /* A convex law: value, slope and curvature of the force, and the potential. */
 typedef struct convex {
@@ -184,12 +183,6 @@ typedef struct part {
     bool decays; /* as exp(-rate t) */
 } part;
 
-/* Responses of all modes after one length of time. */
-typedef struct responses_of {
-    double length;
-    double *values; /* [6][n_modes] */
-} responses_of;
-
 typedef struct enclosing {
     const aom_enclosure *e;
     double *q, *v;             /* [J] of the reference motion */
@@ -202,8 +195,7 @@ typedef struct enclosing {
     channel *channels;         /* [k + l] */
     piece *pieces;             /* [m] */
     part *ringing;             /* [J][2] */
-    responses_of kept[KINDS];
-    int n_kept, next;
+    double *response;          /* [6][J] after a piece */
     double h, half;            /* length of a piece; of all those of half a step */
     int64_t count;
     double energy, bound;      /* relative energy without the defects' share; its largest bound */
@@ -212,7 +204,7 @@ typedef struct enclosing {
 
 size_t aom_enclosure_size(const aom_enclosure *e) {
     size_t J = (size_t)e->n_modes, m = (size_t)e->n_contacts, k = (size_t)e->n_channels;
-    size_t numbers = J * (6 * KINDS + 9) + k * m + 5 * m;
+    size_t numbers = J * (6 + 9) + k * m + 5 * m;
     size_t bytes = sizeof(double) * numbers + sizeof(piece) * m + sizeof(part) * 2 * J;
     return bytes + sizeof(channel) * (k + (size_t)e->n_losses);
 }
@@ -232,8 +224,7 @@ static enclosing laid_out(const aom_enclosure *e, void *memory) {
     double **modal[] = {&x.q, &x.v, &x.f0, &x.f1, &x.f2, &x.third, x.seen, x.seen + 1, x.seen + 2};
     for (size_t i = 0; i < sizeof modal / sizeof *modal; i++)
         *modal[i] = taken(&at, J);
-    for (int i = 0; i < KINDS; i++)
-        x.kept[i].values = taken(&at, 6 * J);
+    x.response = taken(&at, 6 * J);
 
     double **of_contacts[] = {&x.bend, &x.begin, &x.end, &x.far, &x.near};
     for (size_t i = 0; i < sizeof of_contacts / sizeof *of_contacts; i++)
@@ -294,24 +285,8 @@ static void start(enclosing *x) {
     e->clock[0] = x->t;
 }
 
-/* The responses after a piece; lengths that agree but for rounding are one. */
-static const double *responses(enclosing *x) {
-    for (int i = 0; i < x->n_kept; i++)
-        if (fabs(x->h - x->kept[i].length) <= 1e-9 * x->h) {
-            x->h = x->kept[i].length;
-            return x->kept[i].values;
-        }
-
-    responses_of *new = x->kept + x->next;
-    new->length = x->h;
-    aom_responses(x->e->n_modes, x->e->omega, x->e->decay, &x->h, 0, new->values);
-    x->next = (x->next + 1) % KINDS;
-    x->n_kept = x->n_kept < KINDS ? x->n_kept + 1 : KINDS;
-    return new->values;
-}
-
 /* The pieces of half a step, whose forces are F at 0, h/2 and h of the step. */
-static const double *divide(enclosing *x, int64_t node) {
+static void divide(enclosing *x, int64_t node) {
     const aom_enclosure *e = x->e;
     int m = e->n_contacts;
     const double *F = e->force + (node & ~(int64_t)1) * m;
@@ -325,16 +300,14 @@ static const double *divide(enclosing *x, int64_t node) {
     int64_t count = (int64_t)ceil(x->half / e->longest);
     x->count = (count < 1 ? 1 : count) * (touching ? TOUCHING : 1);
     x->h = x->half / (double)x->count;
-    const double *response = responses(x);
+    aom_responses(e->n_modes, e->omega, e->decay, &x->h, 0, x->response);
 
-    x->half = x->h * (double)x->count;
     for (int c = 0; c < m; c++) {
         double a = F[c], b = F[m + c], d = F[2 * m + c];
         double mean = (d - a) / (2.0 * x->half);
         x->bend[c] = (a - 2.0 * b + d) / (x->half * x->half);
         x->begin[c] = node % 2 ? mean : mean - x->bend[c] * x->half;
     }
-    return response;
 }
 
 /* Integral of the root of the channels' squares where the rates of the forces jump. */
@@ -517,10 +490,10 @@ static void bound_channels(enclosing *x) {
     }
 }
 
-static void advance(enclosing *x, const double *response) {
+static void advance(enclosing *x) {
     const aom_enclosure *e = x->e;
     int J = e->n_modes;
-    const double *P = response, *W = P + J, *S = W + J, *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
+    const double *P = x->response, *W = P + J, *S = W + J, *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
     double h = x->h;
 
     for (int j = 0; j < J; j++) {
@@ -612,14 +585,14 @@ static bool bound_energy(enclosing *x, double source, double given) {
 }
 
 /* Whether the bounds go on over a piece. */
-static bool over_piece(enclosing *x, const double *response, double jump) {
+static bool over_piece(enclosing *x, double jump) {
     const aom_enclosure *e = x->e;
 
     read_channels(x, 0);
     bound_modes(x);
     bound_channels(x);
     double source = jump + braked_at_end(x) + braked_between(x);
-    advance(x, response);
+    advance(x);
     observe(x);
     read_channels(x, 1);
 
@@ -696,11 +669,11 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
             repeat_node(&x, node + 1);
             continue;
         }
-        const double *response = divide(&x, node);
+        divide(&x, node);
         double jump = jumped(&x);
         for (int64_t i = 0; i < x.count; i++) {
             begin_piece(&x, node, x.h * (double)i);
-            if (!over_piece(&x, response, i ? 0.0 : jump))
+            if (!over_piece(&x, i ? 0.0 : jump))
                 return AOM_STUCK;
             record_piece(&x);
         }
