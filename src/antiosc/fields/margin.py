@@ -269,8 +269,9 @@ class Zones(NamedTuple):
         """(which points (P, 3) are judged, in words); a zone has no effect if no point outside is
         `known` to have a value.
         """
-        radii = {engineering(zone.ball[3], "m", 2) for zone in self.contacts}
-        of_contacts = f"{CONTACT_RADII:g} radii of the contact ({' and '.join(sorted(radii))})"
+        radii = sorted(zone.ball[3] for zone in self.contacts)
+        ends = dict.fromkeys(engineering(radius, "m", 2) for radius in (*radii[:1], *radii[-1:]))
+        of_contacts = f"{CONTACT_RADII:g} radii of the contact ({' to '.join(ends)})"
         of_edges = f"{engineering(self.distance, 'm', 2)} of {self.of_edges}"
         counts = np.ones(len(points), dtype=bool)
         places = []
@@ -342,6 +343,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     why = remedy = ""
     jumping = [k for k in (worst, most) if nodes.error[k] > UNRESOLVED]
     if unresolved is not None:
+        least = 0.0
         why = "the cells are larger than the contact"
         remedy = _cells(unresolved.radius, unresolved.point)
     elif jumping:

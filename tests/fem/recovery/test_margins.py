@@ -546,6 +546,15 @@ def test_a_patch_larger_than_the_contact_widens_the_bar_beside_it():
     assert wide.has_bar
 
 
+def test_a_contact_smaller_than_the_cells_leaves_the_verdict_open():
+    """By modes of the whole body, which show nothing of it: neither end of the stress is known."""
+    zone = ContactZone(np.zeros(3), 1e-4, np.inf, 100.0, 0.3)
+    found = judged("yield", row_of_nodes([0.9, 4.0, 0.1]), Zones([zone]))
+    assert found.errors == (0.0, np.inf)
+    assert found.answer == "it may bend for good"
+    assert "the cells are larger than the contact" in found.note
+
+
 def test_a_patch_on_a_sheet_hides_bending():
     """3 F (1 + nu) / (2 pi h^2) ln(patch / r) under it (Westergaard), nothing beside it."""
     zone = ContactZone(np.zeros(3), 1e-4, 5e-3, 100.0, 0.3, thickness=2e-3)
