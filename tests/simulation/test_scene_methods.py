@@ -11,17 +11,6 @@ from scenes import hertz_impact
 STEPS = ["newmark"]
 
 
-def several(law: ao.ContactLaw) -> ao.Scene:
-    """A mass strikes a model that strikes a wall behind it."""
-    body = ao.SiteModes([0.0, 4e3], [[1.5, 1.5], [2.0, -2.0]], ("front", "back"))
-    contacts = [
-        ao.Contact("body:front", "mass", law),
-        ao.Contact("wall", "body:back", law, gap=2e-4),
-    ]
-    bodies = {"body": body, "mass": ao.RigidMass(0.3, 2.0), "wall": ao.Obstacle()}
-    return ao.Scene(bodies, contacts)
-
-
 @pytest.mark.parametrize("method", [*STEPS, "DOP853"])
 def test_hertz_in_closed_form(method: str) -> None:
     bodies = {"m": ao.RigidMass(0.5, 1.0), "w": ao.Obstacle()}
