@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, cast
 from numpy.typing import ArrayLike
 
 import antiosc
+from antiosc.base import checks
 from antiosc.base._types import Array, Box, Matrix, SolverChoice
 from antiosc.base.checks import choice
 from antiosc.base.clock import clock
@@ -302,6 +303,7 @@ class Structure(ReprMixin):
         sides of one call; inf requires a direct factor. If a call asks for more columns than the
         solver was chosen for, a solver is chosen anew.
         """
+        columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
         if self._factored is not None and self._factored[0].columns < columns:
             self._factored = None
         if self._factored is None:
@@ -314,6 +316,8 @@ class Structure(ReprMixin):
 
     def factorize_at(self, shift: float, columns: float = 1.0) -> Solver:
         """A solver of K + shift·M [rad²/s²] for `columns` loads; the last one is kept."""
+        shift = checks.positive("shift", shift, "rad²/s²")
+        columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
         if self._expanded is None or self._expanded[1] != shift:
             self._expanded = None  # there may be no room for two
             start_time = clock()
