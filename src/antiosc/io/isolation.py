@@ -34,7 +34,6 @@ from antiosc.base.errors import (
 )
 from antiosc.base.progress import doing
 from antiosc.base.texts import printable
-from antiosc.io import child
 from antiosc.io.neutral import FileMesh, Json, unpacked
 
 if TYPE_CHECKING:
@@ -129,7 +128,7 @@ def _memory(size: int | None) -> int:
 
 
 def _ask(request: Json) -> tuple[int, bytes]:
-    """(exit code, response) of the reading process; see `child`."""
+    """(exit code, response) of the reading process, `child.py`."""
     if not sys.executable:
         raise MeshError("meshes are read by a second Python, but sys.executable names none.")
 
@@ -137,7 +136,7 @@ def _ask(request: Json) -> tuple[int, bytes]:
     line = {**request, "sys_path": [os.path.abspath(p) for p in sys.path if p]}
     environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
     process = subprocess.Popen(
-        [sys.executable, "-I", "-S", "-B", str(Path(child.__file__).resolve())],
+        [sys.executable, "-I", "-S", "-B", str(Path(__file__).resolve().with_name("child.py"))],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

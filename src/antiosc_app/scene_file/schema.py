@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import antiosc
 from antiosc import ContactLaw, LinearBody
@@ -90,12 +91,12 @@ def form_of(annotation: object) -> Form | None:
     """The form of an annotation; None if no file can hold it: functions, communicators."""
     if isinstance(annotation, dataclasses.InitVar):
         return form_of(annotation.type)
-    if hasattr(annotation, "__value__"):  # a name for a type, as ArrayLike is from NumPy 2.4
-        return form_of(annotation.__value__)
+    if annotation is ArrayLike:  # a name from NumPy 2.4 on
+        return ARRAY
 
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin in (typing.Union, types.UnionType):
-        if complex in arguments:  # NumPy's ArrayLike
+        if complex in arguments:  # ArrayLike, which was a union of types before
             return ARRAY
         return functools.reduce(_either, map(form_of, set(arguments) - {Unknown}), None)
     if origin in _LISTS:
