@@ -156,7 +156,7 @@ def loading() -> Iterator[None]:
 
 @contextmanager
 def _readable_arguments() -> Iterator[None]:
-    """Replace bytes of the arguments of the process that are not UTF-8 meanwhile."""
+    """In the block, arguments of the process have "?" for bytes that are not UTF-8."""
     arguments = sys.argv
     sys.argv = [text.encode(errors="replace").decode() for text in arguments]
     try:

@@ -281,15 +281,15 @@ def _extremes(t: Array, a: Array, f: float, Q: float, signal: str) -> tuple[floa
 
     if signal == "velocity":  # the mean acceleration of each step
         means = np.concatenate([np.diff(x) / h, np.zeros(tail + 1)])
-        y = _response(f, Q, h, "zoh", means)
+        y = _oscillator_acceleration(f, Q, h, "zoh", means)
     else:  # the base was at rest: a signal that begins with a jump does so at its first sample
         changes = np.concatenate([x - x[0], np.full(tail, -x[0])])
-        y = _response(f, Q, h, "foh", changes)
-        y += x[0] * _response(f, Q, h, "zoh", np.ones(y.size))
+        y = _oscillator_acceleration(f, Q, h, "foh", changes)
+        y += x[0] * _oscillator_acceleration(f, Q, h, "zoh", np.ones(y.size))
     return _largest(y), _largest(-y)
 
 
-def _response(f: float, Q: float, h: float, hold: str, x: Array) -> Array:
+def _oscillator_acceleration(f: float, Q: float, h: float, hold: str, x: Array) -> Array:
     """Absolute acceleration of an oscillator at steps h [s] of the base acceleration x, which is
     constant over each step ("zoh") or linear ("foh"): exact for either.
     """

@@ -178,7 +178,7 @@ def newmark(s: System, h: float) -> tuple[Array, Array, Predict]:
     return h / 2 * slower, slower, predict
 
 
-class Node(NamedTuple):
+class StepState(NamedTuple):
     """State, forces, indentations and rates at the end of a step."""
 
     q: Array
@@ -207,7 +207,7 @@ def fixed_steps(
 
     contacts = Contacts(s, laws)
     force = np.asarray(s.pressed, dtype=float)
-    node = Node(s.q, s.v, force, s.beta @ s.q - gaps[0] - s.R @ force, s.beta @ s.v)
+    node = StepState(s.q, s.v, force, s.beta @ s.q - gaps[0] - s.R @ force, s.beta @ s.v)
     nodes = [node]
     status = library.DONE
     for k in range(count):
@@ -228,7 +228,7 @@ def fixed_steps(
 
         rate = speed + s.R @ node.force / h
         F = contacts.forces(free, A, rate, A_rate)
-        new = Node(q - F @ less, v - F @ slower, F, free - A @ F, rate - A_rate @ F)
+        new = StepState(q - F @ less, v - F @ slower, F, free - A @ F, rate - A_rate @ F)
         contacts.advance(new.delta, new.rate)
         for c in contacts.active:
             if F[c] == 0.0 and new.delta[c] <= (origin := contacts.origin(c)):
@@ -252,7 +252,7 @@ def _crossing(before: float, after: float, origin: float) -> float:
     return min(max((before - origin) / (before - after), 0.0), 1.0)
 
 
-def _with_middles(times: Array, nodes: Sequence[Node]) -> tuple[Array, ...]:
+def _with_middles(times: Array, nodes: Sequence[StepState]) -> tuple[Array, ...]:
     """Time, force, depth, states of a run; a parabola has the mean of the forces of its ends."""
     columns = [times, [n.force for n in nodes], [n.delta for n in nodes]]
     arrays = []
@@ -326,7 +326,7 @@ MOST_IDLE = 200  # events at the same time
 
 
 def _by_solve_ivp(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """One run by a method of SciPy, to `IVP_TOL` of the tolerance."""
+    """One run by a method of SciPy, to `IVP_TOL` times the tolerance."""
     method = settings.method
     R = assembly.system.R
     for c, law in enumerate(assembly.laws):

@@ -495,7 +495,7 @@ def load_series(
 
 
 def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:
-    """InputError if the ground (K, 3) moves across the only direction in which a body can move."""
+    """InputError if the ground (K, 3) moves perpendicular to the only direction of a body."""
     if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
         return
     axis = _axis(body)

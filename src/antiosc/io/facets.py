@@ -181,7 +181,7 @@ def surface_of(ask: Request) -> Surface:
 
     with path.open("rb") as file:
         mesh = trimesh.load_mesh(file, file_type=suffix[1:], process=False, skip_materials=True)
-    _check_loaded(mesh, content, suffix, ask.name)
+    _check_triangles(mesh, content, suffix, ask.name)
     if not np.isfinite(mesh.vertices[mesh.faces]).all():
         raise MeshError(f"{ask.name} has corners whose coordinates are not finite.")
 
@@ -214,7 +214,7 @@ def surface_of(ask: Request) -> Surface:
     return Surface(points, *oriented(points, np.asarray(mesh.faces)), notes)
 
 
-def _check_loaded(mesh: object, content: bytes, suffix: str, name: str) -> None:
+def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> None:
     """MeshError for a surface without triangles, or with fewer than its file announces."""
     faces = getattr(mesh, "faces", np.zeros((0, 3)))
     count = len(getattr(mesh, "vertices", ()))

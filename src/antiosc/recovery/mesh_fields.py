@@ -315,7 +315,7 @@ def relaxes(structure: Structure) -> bool:
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
-    """The beams of stiffener `name` on the sheets of some parts, with shapes on their rows."""
+    """The beams of stiffener `name` on the sheets of some parts, with the shapes on their dofs."""
     beams = [
         (replace(member, part=alone(lines, group)), lines.rows_of(shapes_of_part))
         for member, shapes_of_part in parts

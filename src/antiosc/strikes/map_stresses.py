@@ -69,7 +69,7 @@ def largest_stresses(
     """
     places = sides(structure)
     with doing("stresses of the free modes", structure.comm.rank):
-        modes = _recovered(structure, sites.phi, places)
+        modes = _stresses_of_shapes(structure, sites.phi, places)
     b = sites.b[which]
     slow = b / (sites.omega**2 + structure.shift)
     loads = sites.map_sites.sites.loads[:, which]
@@ -78,7 +78,7 @@ def largest_stresses(
         for first in range(0, len(forces), AT_ONCE):
             span = slice(first, first + AT_ONCE)
             y = structure.factorize().solve_block(loads[:, span].toarray())
-            residual_stresses = _recovered(structure, y - sites.phi @ slow[span].T, places)
+            residual_stresses = _stresses_of_shapes(structure, y - sites.phi @ slow[span].T, places)
 
             def work(
                 span: slice = span, rest: _Sought = residual_stresses
@@ -118,7 +118,7 @@ def sides(structure: Structure) -> list[Place]:
     return [place(side, None, None, "global") for side in ("top", "bottom")[: 1 + sheets]]
 
 
-def _recovered(structure: Structure, shapes: Array, places: list[Place]) -> _Sought:
+def _stresses_of_shapes(structure: Structure, shapes: Array, places: list[Place]) -> _Sought:
     """Stresses of shapes (rows of this rank, columns) on rank 0."""
     tensors: NodeTensors
     points, _, tensors = source(structure).tensors_at_nodes(structure, shapes, "stress", places)

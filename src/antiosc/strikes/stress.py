@@ -177,7 +177,7 @@ def _places(field: PeakField, tol: float) -> list[Refinement]:
 
 
 def _told(stressed: Stressed, hit: History, tol: float) -> Stressed:
-    """With the sentence on rounds, cells and seconds in its fields."""
+    """`stressed`, its fields with the sentence on rounds, cells and seconds."""
     told = ""
     change = 0.0 if hit.named else abs(stressed.hit.peak_force / hit.peak_force - 1)
     if change > tol:

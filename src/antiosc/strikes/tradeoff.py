@@ -422,7 +422,7 @@ class Made:
     def unreduced(self, outcome: Outcome, finest: History) -> TradeoffMember:
         """The member of the unreduced model on the same mesh."""
         numbers = figures(outcome.curve)
-        stored_bytes = _kept(self.answer.structure)
+        stored_bytes = _matrix_bytes(self.answer.structure)
         return replace(
             self.member,
             method=UNREDUCED,
@@ -466,7 +466,7 @@ def _of_few(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | Non
     return Made(answer, mesh.site, member_of(answer))
 
 
-def _kept(structure: Structure) -> float:
+def _matrix_bytes(structure: Structure) -> float:
     """Number of bytes that K and M take."""
     return 0.0 if by_cells(structure.K) else MATRIX_BYTES * stored(structure.K)
 
@@ -499,7 +499,7 @@ def member_of(answer: Answer) -> TradeoffMember:
         proved=_proved(answer.raw),
         step=answer.hit.step,
         seconds=max(structure.comm.allgather(seconds)),
-        gigabytes=(_kept(structure) + cost.bytes) / 1e9,
+        gigabytes=(_matrix_bytes(structure) + cost.bytes) / 1e9,
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
         bars={name: answer.budget[name].numerical for name in QUANTITIES},

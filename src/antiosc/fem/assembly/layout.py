@@ -165,7 +165,7 @@ class Layout:
     def at_points(
         self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
-        """Displacements (3P, n) at reference points X of cells, or rotations, by `names`."""
+        """Matrix (3P, n) from dofs to the quantities `names` at reference points X of cells."""
         space = member.part.form.space
         entries = []
         for axis, name in enumerate(names):

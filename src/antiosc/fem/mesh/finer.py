@@ -365,7 +365,7 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     x = new.geometry.x[:, :gdim].copy()
     support = _supports(pieces, x)
     cells = compat.geometry_nodes(new).astype(np.int64)
-    parent = positions(_carriers(support, cells), pieces.cells)
+    parent = positions(_old_points_under(support, cells), pieces.cells)
     old_corners = pieces.points[pieces.cells]
     if cell == "triangle" and gdim == 3:  # the normals tell the side of layers
         cosine = np.einsum("ci,ci->c", _normals(x[cells]), _normals(old_corners[parent])) < 0
@@ -385,7 +385,7 @@ def _normals(corners: Array) -> Array:
 
 
 def _supports(pieces: Pieces, x: Array) -> IntArray:
-    """The two old points (n, 2) between which each new point lies; an old point is listed twice."""
+    """The two old points (n, 2) between which each new point lies; of an old one itself, twice."""
     first, second = np.triu_indices(pieces.cells.shape[1], 1)
     edges = np.stack([pieces.cells[:, first].ravel(), pieces.cells[:, second].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -395,7 +395,7 @@ def _supports(pieces: Pieces, x: Array) -> IntArray:
     return np.asarray(pairs[nearest])
 
 
-def _carriers(support: IntArray, entities: IntArray) -> IntArray:
+def _old_points_under(support: IntArray, entities: IntArray) -> IntArray:
     """Old points (n, k) between which each new entity (n, k) lies; -1 for an entity with more than
     k.
 
@@ -414,7 +414,7 @@ def _carriers(support: IntArray, entities: IntArray) -> IntArray:
 def _carried(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray) -> tuple[IntArray, IntArray]:
     """Vertices (n, dim + 1) of the new entities that lie in old ones, and of these old ones."""
     entities = compat.entity_vertices(mesh, dim).astype(np.int64)
-    carriers = _carriers(support, entities)
+    carriers = _old_points_under(support, entities)
     inside = carriers[:, 0] >= 0
     return entities[inside], carriers[inside]
 

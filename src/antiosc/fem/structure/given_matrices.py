@@ -289,7 +289,7 @@ def _forbid(comm: MPI.Comm, entries: _Entries, bad: BoolArray, text: str) -> Non
 
 
 def _typical(comm: MPI.Comm, entries: _Entries) -> float:
-    """Typical size of an off-diagonal entry, where penalties are few; 0 if there is none."""
+    """Median size of the off-diagonal entries, which a few penalties do not change; 0 of none."""
     size = np.abs(entries.value)
     smaller_diagonal = np.minimum(entries.diagonal[entries.row], entries.diagonal[entries.column])
     sizes = np.concatenate(comm.allgather(size[size > ENTRY_ROUNDING * smaller_diagonal]))

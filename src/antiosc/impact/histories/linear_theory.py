@@ -86,7 +86,7 @@ def large_deflection_message(history: RunHistory) -> str:
 
 
 def change_of_curved(history: RunHistory, name: str) -> float:
-    """Largest relative change of the force on a curved sheet by second-order strain; else 0."""
+    """Largest share in the force on a curved sheet by second-order strain; 0 of others."""
     body = history.assembly.bodies[name]
     shares = info_of(body.body).get("second_order", {})
     changes = [0.0]

@@ -80,8 +80,8 @@ class ContactZone(NamedTuple):
     """The surroundings of a contact on one body.
 
     `point` (3,) [m]; `radius` [m] of the contact and of the `patch` that carries its force in the
-    model, infinite if modes of the whole body do; `force` [N]: the largest; `nu`; `thickness` [m]
-    of a sheet, 0 of a solid.
+    model, infinite if modes of the whole body carry the force; `force` [N]: the largest; `nu`;
+    `thickness` [m] of a sheet, 0 of a solid.
     """
 
     point: Array

@@ -197,8 +197,8 @@ def _at_points(
     structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
     """Sites at points, each on the part that a `Site` at this point is on."""
-    points = points_given(where, direction)
-    assert direction is not None  # points_given has seen to that
+    points = checked_points(where, direction)
+    assert direction is not None  # checked_points has seen to that
     members = structure.members()
     nearest = nearest_parts(structure, points, _in_space(direction))
     distance = np.min([member.closest(points).distance for member in members], axis=0)
@@ -373,7 +373,7 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
     return SurfaceSample(x.reshape(-1, 3)[first], mean, corner)
 
 
-def points_given(points: object, direction: object) -> Array:
+def checked_points(points: object, direction: object) -> Array:
     """Checked points (P, 3) of a map."""
     if direction is None:
         raise InputError("points need the direction of impact, as (0, 0, -1).")

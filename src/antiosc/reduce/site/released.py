@@ -177,7 +177,7 @@ class Released:
         supported: list[tuple[str, IntArray, Array]] = []  # name, dofs, their motions
         for member in self._of.members():
             prefix = f"{member.name}:" if member.name else ""
-            for name, dofs in held_dofs(member.part).items():
+            for name, dofs in dofs_by_support(member.part).items():
                 centres[prefix + name] = centre = _centre(member, dofs)
                 support_motions = member.places.rigid_motions(centre, dofs)
                 supported.append((prefix + name, member.first + dofs, support_motions))
@@ -273,7 +273,7 @@ def names_of(supports: Sequence[Support], used: Container[str] = ()) -> list[str
     return names
 
 
-def held_dofs(part: MeshedStructure) -> dict[str, IntArray]:
+def dofs_by_support(part: MeshedStructure) -> dict[str, IntArray]:
     """Name of each support of a part -> its dofs on this rank; a dof counts for its first
     support.
     """
