@@ -91,8 +91,10 @@ def form_of(annotation: object) -> Form | None:
     """The form of an annotation; None if no file can hold it: functions, communicators."""
     if isinstance(annotation, dataclasses.InitVar):
         return form_of(annotation.type)
-    if annotation is ArrayLike:  # a name from NumPy 2.4 on
+    if annotation is ArrayLike:
         return ARRAY
+    if hasattr(annotation, "__value__"):  # a name for a type, as NDArray is from NumPy 2.4 on
+        return form_of(annotation.__value__)
 
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin in (typing.Union, types.UnionType):
