@@ -94,7 +94,7 @@ PLATE = ao.AntiOscillators(
 )
 
 
-@pytest.mark.parametrize(("stiffness", "n"), [(1e8, 60), (1e9, 150), (1e10, 400)])
+@pytest.mark.parametrize(("stiffness", "n"), [(1e8, 20), (1e9, 150), (1e10, 400)])
 def test_the_force_has_as_many_anti_oscillators_as_it_needs(stiffness, n):
     ball = ao.RigidMass(0.02, 1.0)
 

@@ -41,13 +41,13 @@ class Nodes(NamedTuple):
         return self.force[:-1].any(axis=1) | self.mean.any(axis=1)
 
 
-def nodes(name: str) -> Nodes:
+def nodes(name: str, method: str) -> Nodes:
     """A run of `STEPS` steps; `free`: indentations (n + 1, m) without what has no mass."""
     scene, duration = SCENES[name]
     made = assemble_scene(scene(), duration)
     set_initial_forces(made)
     s = made.system
-    found = fixed_steps(s, made.laws, duration / STEPS, duration, (1000, 1000))
+    found = fixed_steps(method, s, made.laws, duration / STEPS, duration, (1000, 1000))
     assert found.answer == library.DONE
     t, force = found.time[::2], found.force[::2]
     mean = (force[:-1] + 4 * found.force[1::2] + force[1:]) / 6  # what the parabolas give
@@ -76,10 +76,21 @@ def pulled(n: Nodes, force: Array, load: Array, q: Array, v: Array) -> Array:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_newmark_takes_the_mean_acceleration(name: str) -> None:
-    n = nodes(name)
+    n = nodes(name, "newmark")
     a = pulled(n, n.force, n.load, n.q, n.v)
     near(n, np.diff(n.v, axis=0), n.h / 2 * (a[1:] + a[:-1]))
     near(n, np.diff(n.q, axis=0), n.h / 2 * (n.v[1:] + n.v[:-1]))
+    near(n, n.mean, (n.force[1:] + n.force[:-1]) / 2)
+    check_forces(n)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_leapfrog_takes_central_differences(name: str) -> None:
+    n = nodes(name, "leapfrog")
+    half = n.v[:-1] + n.h / 2 * pulled(n, n.force, n.load, n.q, n.v)[:-1]
+    near(n, np.diff(n.q, axis=0), n.h * half)
+    after = pulled(n, n.force, n.load, n.q, n.v)[1:]
+    near(n, n.v[1:] - half, n.h / 2 * after)
     near(n, n.mean, (n.force[1:] + n.force[:-1]) / 2)
     check_forces(n)
 

@@ -22,15 +22,17 @@ MODEL = ao.AntiOscillators(m0=0.05, k0=1e5, m=[0.02, 0.08], omega=[1.5e3, 2e4])
 MASS, LAW = ao.RigidMass(0.1, 1.0), ao.Hertz(1e8)
 
 
-def test_steps_without_an_end_are_refused_beforehand() -> None:
+@pytest.mark.parametrize("method", ["newmark", "leapfrog"])
+def test_steps_without_an_end_are_refused_beforehand(method: str) -> None:
     with pytest.raises(ao.InputError, match="more than max_steps = 1000000"):
-        ao.simulate(MODEL, MASS, LAW, 2e-3, "newmark", step=2e-12)
+        ao.simulate(MODEL, MASS, LAW, 2e-3, method, step=2e-12)
 
 
 @pytest.mark.parametrize(
     ("method", "limits", "words"),
     [
         ("newmark", {"step": 1e-6, "max_steps": 20}, "more than 20 steps"),
+        ("leapfrog", {"step": 1e-6, "max_steps": 21}, "more than 21 steps"),
         ("DOP853", {"max_steps": 4}, "more than 4 steps"),
         ("DOP853", {"max_steps": 1}, "more than 1 steps"),
         ("exact", {"step": 1e-6, "max_steps": 30}, "more than 30 steps"),

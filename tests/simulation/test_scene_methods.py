@@ -1,4 +1,4 @@
-"""Newmark's method and solve_ivp on scenes: the march's checks."""
+"""Newmark's method, the leapfrog and solve_ivp on scenes: the march's checks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,23 @@ import pytest
 import antiosc as ao
 from scenes import hertz_impact
 
-STEPS = ["newmark"]
+STEPS = ["newmark", "leapfrog"]
+
+
+def several(law: ao.ContactLaw) -> ao.Scene:
+    """A mass strikes a model that strikes a wall behind it."""
+    body = ao.SiteModes([0.0, 4e3], [[1.5, 1.5], [2.0, -2.0]], ("front", "back"))
+    contacts = [
+        ao.Contact("body:front", "mass", law),
+        ao.Contact("wall", "body:back", law, gap=2e-4),
+    ]
+    bodies = {"body": body, "mass": ao.RigidMass(0.3, 2.0), "wall": ao.Obstacle()}
+    return ao.Scene(bodies, contacts)
+
+
+def test_a_step_beyond_the_limit_of_stability_is_refused() -> None:
+    with pytest.raises(ao.InputError, match="unstable"):
+        several(ao.Linear(1e7)).run(0.1, method="leapfrog", step=6e-4)
 
 
 @pytest.mark.parametrize("method", [*STEPS, "DOP853"])
@@ -23,7 +39,7 @@ def test_hertz_in_closed_form(method: str) -> None:
     assert hit.bodies["m"].velocity()[-1] == pytest.approx(-1.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("method", ["newmark", "DOP853"])
+@pytest.mark.parametrize("method", ["newmark", "leapfrog", "DOP853"])
 def test_coupling_without_mass_and_a_preload(method: str) -> None:
     """A site without inertia under a load that is released: the exact method's forces."""
     r = 1e-7 * (np.eye(2) + 0.5)

@@ -119,7 +119,7 @@ def test_forces_are_those_of_the_unreduced_system(posed: Callable[[], Posed]) ->
     assert hit.energy.drift < 1e-3
 
 
-@pytest.mark.parametrize("method", ["newmark", "DOP853"])
+@pytest.mark.parametrize("method", ["newmark", "leapfrog", "DOP853"])
 @pytest.mark.parametrize("posed", LONG)
 def test_other_methods_meet_their_tolerance(posed: Callable[[], Posed], method: str) -> None:
     scene, duration, (t, force) = posed()

@@ -15,7 +15,11 @@ from scipy.sparse.linalg import spsolve
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.impact import truncation
-from antiosc.impact.truncation import choose_n, halved, truncation_error
+from antiosc.impact.truncation import (
+    choose_n,
+    softest_model,
+    truncation_error,
+)
 from antiosc.models.closed_form import cantilever, free_free, pinned_free, pinned_pinned
 from scenes import BEAM, HERTZ, case_two
 
@@ -87,9 +91,10 @@ def test_choice_is_the_smallest_that_meets_the_tolerance():
     assert choice.missing == 0
     assert choice.error.worst <= 0.03
     assert 1 < choice.n < 60
-    few, all_of_them = run(model.truncated(choice.n - 1), 1e-3), run(model, 1e-3)
-    apart = max(abs(getattr(few, q) / getattr(all_of_them, q) - 1) for q in QUANTITIES)
-    assert apart > 0.03 - truncation_error(model, run).worst
+    below = truncation_error(
+        model.truncated(choice.n - 1), run, next_omega=model.omega[choice.n - 1]
+    )
+    assert below.worst > 0.03
     # and the answer is right
     short, whole = run(model.truncated(choice.n), 1e-3), run(model, 1e-3)
     for quantity in QUANTITIES:
@@ -106,19 +111,25 @@ def test_simulate_chooses():
     assert set(hit.error) == {"force", "peak", *(f"truncation {q}" for q in QUANTITIES)}
 
 
-def test_the_hung_model_moves_as_a_whole():
-    """A free beam whose residual mass moves with its last anti-oscillator: mass and momentum."""
-    model = free_free(BEAM, 0.3).anti_oscillators(4)
-    hung = truncation.softest_model(model)
-    assert (hung.m0, hung.n) == (0, 4)
-    assert hung.m[-1] == pytest.approx(model.m[-1] + model.m0)
-    assert hung.m_st == pytest.approx(model.m_st)
-    assert hung.participation.sum() == pytest.approx(model.participation.sum())
-    for motion in (ao.Motion((0, 2.0, 0)), ao.Motion(spin=(0, 0, 3.0))):
-        start = [body.modal().rigid_motion(motion) for body in (model, hung)]
-        assert start[1] @ start[1] == pytest.approx(start[0] @ start[0], rel=1e-9)
-    bare = truncation.softest_model(ao.AntiOscillators(m0=0.0, k0=1.0, m=[1, 2.0], omega=[1, 2.0]))
-    assert (bare.n, bare.m0) == (1, 2.0)
+@pytest.mark.slow
+def test_the_hung_model_keeps_the_dampers():
+    """A chain with a dashpot: given back by what was truncated, and its impact by n = "auto"."""
+    full = ao.AntiOscillators(
+        m0=0.0, k0=1e6, m=[0.2, 0.1, 0.05], omega=[3e3, 9e3, 2e4],
+        damping=ao.DampingMatrix(np.diag([0.0, 30.0, 20.0, 0.0]) + 10.0 * np.diag([1, 1, 1, 0])),
+    )  # fmt: skip
+    again = truncation.softest_model(full.truncated(2), full.omega[2])
+    np.testing.assert_allclose(again.damping.matrix, full.damping.matrix, atol=1e-12)
+    n, k = 30, 4e6
+    K = 2 * k * np.eye(n) - k * np.eye(n, k=1) - k * np.eye(n, k=-1)
+    C = np.zeros((n, n))
+    C[9, 9] = C[20, 20] = 80.0
+    chain = ao.Structure.from_matrices(K, 0.02 * np.eye(n), C=C)
+    models = {count: ao.extract(chain, ao.Site(dof=20), n=count) for count in (20, 29)}
+    striker, law = ao.RigidMass(0.1, 1.0), ao.Hertz(1e8)
+    truth = ao.simulate(models[29], striker, law, 5e-3, tol=1e-6)
+    chosen = ao.simulate(models[20], striker, law, 5e-3, tol=1e-2, n="auto")
+    assert chosen.peak_force == pytest.approx(truth.peak_force, rel=1e-2)
 
 
 @pytest.mark.slow
@@ -217,15 +228,20 @@ def test_a_blow_that_is_over_before_its_waves_return_needs_fewer_about_its_conta
     assert forces[1] == pytest.approx(every, rel=0.01)
 
 
-@pytest.mark.parametrize("sites", [1, 2])
-def test_half_of_a_krylov_model_is_that_of_half_as_many_vectors(sites):
-    """The measure of n anti-oscillators holds the Krylov space of n/2."""
-    part = thin_plate()
-    places = {"a": SITE, "b": ao.Site(dof=8 * 31 + 20)}
-    site = SITE if sites == 1 else places
-    half, direct = halved(ao.extract(part, site, n=12)), ao.extract(part, site, n=6)
-    for name in ("omega", "m0", "m", "m_st"):
-        np.testing.assert_allclose(getattr(half, name), getattr(direct, name), rtol=1e-6)
+@pytest.mark.parametrize("point", [None, POINT])
+def test_the_softest_model_has_the_moments_of_the_model(point):
+    """Both receptances agree at the expansion point, and differ elsewhere."""
+    model = ao.extract(thin_plate(), SITE, n=4, expansion=point)
+    softest = softest_model(model)
+    s = 2 * np.pi * (point or 0.0)
+    assert of_complex(softest, s) == pytest.approx(of_complex(model, s), rel=1e-9)
+    assert abs(of_complex(softest, 2e5j) / of_complex(model, 2e5j) - 1) > 1e-3
+
+
+def of_complex(model: ao.AntiOscillators, s: complex) -> complex:
+    """The receptance of a model at a complex s."""
+    springs = model.m * s**2 / (1 + (s / model.omega) ** 2)
+    return complex(1 / (model.k0 + model.m0 * s**2 + springs.sum()))
 
 
 def test_an_expansion_point_is_one_of_a_krylov_space():

@@ -1,14 +1,15 @@
 """Scenes by textbook methods, which the exact method is compared with: without friction.
 
 `solve_ivp` of SciPy integrates the modal equations with the laws at every call of their right-hand
-side. Newmark's method (average acceleration) goes through the whole run in equal steps; a touch and
-a release are interpolated within a step. Its order is 2, for forces without jumps.
+side; flights are exact. Newmark's method (average acceleration) and the leapfrog (central
+differences) go through the whole run in equal steps; a touch and a release are interpolated within
+a step. Their order is 2, for forces without jumps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, log2
 from typing import Any, NamedTuple
 
@@ -19,13 +20,13 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.march import Converged, Run, difference
+from antiosc.engine.march import Converged, Run, difference, run
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import interpolated
+from antiosc.impact.states import interpolated, starts
 
 IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
-METHODS = ("exact", "newmark", *IVP_METHODS)
+METHODS = ("exact", "newmark", "leapfrog", *IVP_METHODS)
 
 #: Default bounds of a run; a million steps with two anti-oscillators take 6 s.
 MAX_CONTACTS = 10_000
@@ -157,6 +158,7 @@ def _run(contacts: Contacts, nodes: tuple[Array, ...], answer: int, steps: int) 
 
 FIRST_STEPS = 24  # steps in the shortest contact that is expected, at first
 MOST_RUNS = 24
+SAFETY_STEP = 0.9  # of the leapfrog's limit of stability, h omega = 2
 #: Displacements and velocities at the end of a step without the force there, from those at its
 #: start, the modal forces there and the loads at its end.
 Predict = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
@@ -178,6 +180,22 @@ def newmark(s: System, h: float) -> tuple[Array, Array, Predict]:
     return h / 2 * slower, slower, predict
 
 
+def leapfrog(s: System, h: float) -> tuple[Array, Array, Predict]:
+    """Central differences, as `newmark`: the force at the end changes velocities alone."""
+    x = s.omega**2
+    scale = 1 + h * s.decay
+
+    def predict(q: Array, v: Array, pull: Array, load: Array) -> tuple[Array, Array]:
+        half = v + h / 2 * (pull - x * q - 2 * s.decay * v)
+        q1 = q + h * half
+        return q1, (half + h / 2 * (load - x * q1)) / scale
+
+    return np.zeros_like(s.beta), h / 2 * s.beta / scale, predict
+
+
+FIXED_STEPS = {"newmark": newmark, "leapfrog": leapfrog}
+
+
 class StepState(NamedTuple):
     """State, forces, indentations and rates at the end of a step."""
 
@@ -189,6 +207,7 @@ class StepState(NamedTuple):
 
 
 def fixed_steps(
+    method: str,
     s: System,
     laws: Sequence[ContactLaw],
     step: float,
@@ -201,7 +220,7 @@ def fixed_steps(
     times = np.linspace(0.0, duration, count + 1)
     loads, gaps = (interpolated(times, s.breaks, values) for values in (s.loads, s.offsets))
 
-    less, slower, predict = newmark(s, h)
+    less, slower, predict = FIXED_STEPS[method](s, h)
     A = s.R + less @ s.beta.T
     A_rate = slower @ s.beta.T + s.R / h
 
@@ -268,22 +287,30 @@ def _with_middles(times: Array, nodes: Sequence[StepState]) -> tuple[Array, ...]
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
     """A run in the given step, or in one that meets the tolerance."""
     s = assembly.system
+    method = settings.method
     if s.first is not None:
         raise InputError(
-            "newmark knows damping of each mode alone, not one that couples them (a"
-            " DampingMatrix, dampers): use the method 'exact' or 'DOP853'."
+            f"{method} knows damping of each mode alone, not one that couples them (a "
+            "DampingMatrix, dampers): use the method 'exact' or 'DOP853'."
         )
 
-    step = settings.step or min(assembly.contact_time_estimate / FIRST_STEPS, duration / 2)
+    top = float(s.omega.max(initial=0.0))
+    longest = SAFETY_STEP * 2 / top if method == "leapfrog" and top > 0 else np.inf
+    step = settings.step or min(assembly.contact_time_estimate / FIRST_STEPS, longest, duration / 2)
+    if step > longest / SAFETY_STEP:
+        raise InputError(
+            f"leapfrog is unstable with steps above {longest / SAFETY_STEP:.3g} s, 2 over the"
+            " highest frequency: take a shorter step, or the method 'exact'."
+        )
     most = max(settings.max_steps, MAX_STEPS) if settings.step else settings.max_steps
     if (count := duration / step) > most:
         raise InputError(
-            f"newmark needs steps of {step:.3g} s, {count:.3g} of them, more than max_steps ="
+            f"{method} needs steps of {step:.3g} s, {count:.3g} of them, more than max_steps ="
             f" {most}: take a longer step, or use the method 'exact'."
         )
 
     def run_with(h: float) -> Run:
-        return fixed_steps(s, assembly.laws, h, duration, settings.limits)
+        return fixed_steps(method, s, assembly.laws, h, duration, settings.limits)
 
     if settings.step is not None:
         return Converged(run_with(step), step, 0.0, 0.0, duration)
@@ -342,7 +369,8 @@ def _by_solve_ivp(assembly: Assembly, duration: float, settings: Settings) -> Co
             )
 
     longest = settings.step or IVP_STEP * assembly.contact_time_estimate
-    solver = Solver(assembly.system.marched, assembly.laws, settings, longest)
+    driven = bool(assembly.scene.loads) or assembly.scene.base is not None
+    solver = Solver(assembly.system.marched, assembly.laws, settings, longest, driven)
     return Converged(solver.run(duration), longest, 0.0, 0.0, duration)
 
 
@@ -359,11 +387,13 @@ class Solver:
         laws: Sequence[ContactLaw],
         settings: Settings,
         longest: float,
+        driven: bool,
     ) -> None:
         self.system = system
         self.contacts = Contacts(system, laws)
         self.settings = settings
         self.longest = longest
+        self.driven = driven
         self.p = len(laws)
         self.evaluations = 0
 
@@ -376,13 +406,14 @@ class Solver:
         t, steps, idle = 0.0, 0, 0
 
         while status == library.DONE and duration - t > SAME_TIME * duration:
+            flies = not self.contacts.active and not self.driven
             try:
-                piece, end, y, events = self._solved(t, y, duration)
+                piece, end, y, events = (self._flight if flies else self._solved)(t, y, duration)
             except _TooManyEvaluations:
                 status = library.TOO_MANY_STEPS
                 break
             pieces.append(piece)
-            steps += len(piece[3]) // NODES_A_STEP
+            steps += 0 if flies else len(piece[3]) // NODES_A_STEP
             idle = idle + 1 if end - t <= SAME_TIME * duration else 0
             t = end
 
@@ -437,8 +468,29 @@ class Solver:
         drive = load[n:] - force @ s.gamma
         return np.concatenate((v + drive, a - 2 * s.decay * drive))
 
+    def _flight(self, t: float, y: Array, duration: float) -> tuple[Any, float, Array, list[int]]:
+        """The exact motion until the next touch: nodes, end, state and the contacts that touch."""
+        s = self.system
+        n = s.omega.size
+        still = np.zeros(self.p)
+        system = replace(
+            s, R=np.zeros_like(s.R), q=y[:n], v=y[n:], pressed=still, contact_states=None
+        )
+        flown = run(system, duration - t, 1.0, fine=self.longest / 4, max_contacts=0)
+        states = np.stack(starts(flown, system, np.arange(flown.time.size // 2 + 1)), axis=1)
+
+        end = t + float(flown.time[-1])
+        y = states[-1].ravel()
+        touching = list[int]()
+        if flown.answer == library.TOO_MANY_CONTACTS:
+            free, rate, *_ = self.at(end, y)
+            size = abs(s.beta) @ abs(y[:n]) + abs(s.offsets[0])
+            coming = np.where(rate > 0, free, -np.inf)
+            touching = np.flatnonzero(coming >= coming.max() - SAME_TIME * size).tolist()
+        return (t + flown.time, 0 * flown.force, flown.depth, states), end, y, touching
+
     def _solved(self, t: float, y: Array, duration: float) -> tuple[Any, float, Array, list[int]]:
-        """The motion to the next event or corner of a load: nodes, end, state, the events there."""
+        """As `_flight`, by SciPy, to the next event or corner of a load."""
         from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 
         s = self.system

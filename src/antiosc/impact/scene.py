@@ -118,9 +118,10 @@ class Scene(SceneParts):
             peak. The error of a contact with a small force is relative to at least a thousandth of
             the force of the heaviest contact.
         method : str
-            "exact"; to compare with, without friction, "newmark" in equal steps, or a method of
-            `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory, which runs once,
-            to tol/100, and states no error.
+            "exact"; to compare with, without friction, "newmark" and "leapfrog" in equal steps, or
+            a method of `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory,
+            which runs once, to tol/100, and states no error. Its flights are exact, unless loads or
+            a base act.
         step : float, optional
             Step [s] of one run, whose error is then not known; otherwise steps are refined until
             `tol` is met. For `solve_ivp` it is the largest step. "exact" halves it where it does
@@ -475,7 +476,7 @@ def simulate(
     duration : float or "auto"
         Time to simulate [s]; "auto": 1 ms, doubled up to 32 ms until the bodies have parted.
     method : str
-        "exact"; to compare with, "newmark" in equal steps, or a method of
+        "exact"; to compare with, "newmark" and "leapfrog" in equal steps, or a method of
         `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory, which runs once, to
         tol/100, and states no error.
     n : int, "auto" or "proved", optional
