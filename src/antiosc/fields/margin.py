@@ -276,12 +276,14 @@ class Zones(NamedTuple):
         counts = np.ones(len(points), dtype=bool)
         places = []
 
-        for within, place in (
-            (self.at_contacts(points), of_contacts),
-            (self.at_edges(points), of_edges),
+        on_solids = any(not zone.thickness for zone in self.contacts)
+        at_edges = self.at_edges(points)
+        for found, within, place in (
+            (on_solids, self.at_contacts(points), of_contacts),
+            (at_edges.any(), at_edges, of_edges),
         ):
             outside = counts & ~within
-            if within.any() and (outside & known).any():
+            if found and (outside & known).any():
                 counts = outside
                 places.append(place)
         return counts, f"outside {', and '.join(places)}" if places else ""
