@@ -221,7 +221,7 @@ def modes_of(
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
         return modes, 1.0  # any will do
     size = float((layout.high - layout.low).max())
-    fields = eliminated.coordinates(layout.places.polynomials(layout.middle, size))
+    fields = eliminated.coordinates(layout.places.polynomials(comm, layout.middle, size))
     return modes, SHIFT * support.first_elastic(comm, K, M, fields, modes)
 
 

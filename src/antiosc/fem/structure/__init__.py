@@ -174,12 +174,12 @@ class DofPlaces:
         result[~is_translation, 3:] = axes[~is_translation]
         return result
 
-    def polynomials(self, centre: Array, size: float) -> Array:
+    def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
         """All fields of at most second order in (x − centre)/size, with half their curl as the
-        rotations: (dofs, k).
+        rotations: (dofs, k), k alike on all ranks.
         """
         s = (self.nodes - centre) / size
-        axes = np.flatnonzero(self.axes[self.kind == MOVE].any(axis=0))
+        axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
         powers += [(j, k) for j in axes for k in axes[axes >= j]]
         result = np.empty((len(self.kind), len(axes) * len(powers)), order="F")

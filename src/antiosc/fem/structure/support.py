@@ -320,7 +320,7 @@ def mesh_modes(
             "or a spring is so stiff that it should be a Support."
         )
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
-    fields = places_of(form).polynomials((low + high) / 2, float((high - low).max()))
+    fields = places_of(form).polynomials(comm, (low + high) / 2, float((high - low).max()))
     fields = _vanishing(comm, fields, fixed, springs)
     return modes, SHIFT * first_elastic(comm, K, M, fields, modes)
 
