@@ -74,10 +74,12 @@ def ratios(found: dict[str, Any]) -> dict[str, float]:
 
 def tables(result: dict[str, Any]) -> str:
     """All results as Markdown."""
-    lines = ["# Speed against accuracy", "", options.code_state(), ""]
+    lines = ["# Speed against accuracy", ""]
     for found in result["charts"]:
         lines += [
             f"## {found['case']}, {found['dofs']} dofs",
+            "",
+            found["made"],
             "",
             f"Peak force {found['peak force']:.4g} N, contact {found['contact time'] * 1e6:.4g} µs;"
             f" band {found['band'] / 2e3 / pi:.3g} kHz with"
