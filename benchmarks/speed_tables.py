@@ -8,7 +8,6 @@ from typing import Any
 
 import error_charts
 import numpy as np
-import options
 
 from antiosc import plotting
 
