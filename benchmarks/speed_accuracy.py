@@ -319,8 +319,8 @@ def _add_mesh_and_memory(found: dict[str, Any], size: float) -> None:
 
 def _report(result: dict[str, Any], out: Path) -> str:
     """What there is so far, written to `out`."""
-    text = tables(result)
     files.write_text(out / "speed_accuracy.json", json.dumps(result, indent=1))
+    text = tables(result)
     files.write_text(out / "speed_accuracy.md", text)
     return text
 
