@@ -46,11 +46,10 @@ def main(picture: Path = PICTURE) -> None:
     picture : file to draw
     """
     found = cases()
-    figure, axes = plotting.panels(1, 2, size=(9, 3.6), sharey="row")
+    figure, axes = plotting.panels(1, 2, size=(11, 3.6), sharey="row")
     for ax, (name, title) in zip(axes[0], CASES.items(), strict=True):
         styles = {word: "".join(STYLE[method]) for method, word in METHODS.items()}
         error_charts.plot_errors(curves(found[name]), ax, styles=styles)
-        ax.fill_between(*proved(found[name]), alpha=0.15, color="C3", lw=0, label="proved")
         mesh = found[name].get("mesh error of the peak")
         if mesh:
             ax.axhline(mesh, color="C7", ls=":")
@@ -58,7 +57,8 @@ def main(picture: Path = PICTURE) -> None:
                     transform=ax.get_yaxis_transform(), fontsize=8)  # fmt: skip
         ax.set(title=title, xlabel="time of the whole computation (s)", ylabel="")
     axes[0, 0].set_ylabel("relative error of the force")
-    axes[0, 1].legend(*axes[0, 0].get_legend_handles_labels(), loc="upper center")
+    legend = axes[0, 0].get_legend_handles_labels()
+    axes[0, 1].legend(*legend, loc="center left", bbox_to_anchor=(1.02, 0.5))
     plotting.save_figure(figure, picture, dpi=200)
     print(picture, *sentences(found), sep="\n")
 
@@ -80,15 +80,6 @@ def curves(case: dict[str, Any]) -> dict[str, tuple[list[float], list[float]]]:
         for method, word in METHODS.items()
         if (own := [row for row in case["rows"] if row["method"] == method])
     }
-
-
-def proved(case: dict[str, Any]) -> tuple[list[float], list[float], list[float]]:
-    """Seconds, errors and proved errors of anti-oscillators."""
-    own = [row for row in case["rows"] if row.get("proved")]
-    seconds, errors, bounds = (
-        [row[key] for row in own] for key in ("total", "error force", "proved")
-    )
-    return seconds, errors, bounds
 
 
 def cheaper(case: dict[str, Any]) -> tuple[float, float, float]:

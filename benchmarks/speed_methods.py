@@ -16,7 +16,6 @@ import scipy.sparse.linalg
 from speed_cases import Case
 
 import antiosc as ao
-from antiosc.errors import AntioscError
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver_choice import factorize
@@ -53,22 +52,7 @@ def reduced(case: Case, method: str, n: int, tol: float | None = None) -> dict[s
         "total": case.before + made + simulated,
         "error Z": case.error_of_z(model),
         "error force": case.error_of_force(hit.time, hit.force),
-        "proved": proved(case, n) if method == "Krylov" else None,
     }
-
-
-def proved(case: Case, n: int) -> float | None:
-    """Proved relative error of the peak force by what n vectors leave out; None: nothing is."""
-    striker, law, _ = case.impact
-    contact = case.hit.contact_time
-    try:
-        model = ao.extract(case.part, case.site, n=n, shapes=False, proof=contact)
-        hit = ao.simulate(model, striker, law, 1.2 * contact, proof=True)
-    except AntioscError:
-        return None
-    low, high = hit.enclosure.peak
-    peak = hit.peak_force
-    return float(max(high - peak, peak - low) / peak) if np.isfinite(high) else None
 
 
 def unreduced(case: Case, steps: int) -> dict[str, Any]:
