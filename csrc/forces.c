@@ -116,7 +116,7 @@ static void subtract_coupled(const aom_stepper *st, const influence *local, int 
         d += by[h].depth[stage][node] * st->work.sum[h].f[node];
         v += by[h].rate[stage][node] * st->work.sum[h].f[node];
     }
-    if (!alone(st, g) && own != 0.0) {
+    if (!alone(st, g) && own != 0.0) { /* of a row that does not touch it is not known */
         d += (local[i].depth[stage][node] - by[g].depth[stage][node]) * own;
         v += (local[i].rate[stage][node] - by[g].rate[stage][node]) * own;
     }

@@ -365,18 +365,19 @@ void ready_local(aom_stepper *st, int index, double h) {
     int kind = with_slope(st) ? WITH_SLOPE : PLAIN;
     double quarter = kind == WITH_SLOPE ? 0.25 : 0.0;
     for (int n = 0; n < st->n_touching; n++) {
-        int b = st->work.touching[n], row = st->first[b];
-        if (whole->local_kind[b] == kind)
+        int acting = st->work.touching[n];
+        if (whole->local_kind[acting] == kind)
             continue;
-        ready_coupling(st, whole, b);
-        ready_coupling(st, whole + 1, b);
+        ready_coupling(st, whole, acting);
+        ready_coupling(st, whole + 1, acting);
+
         for (int i = 0; i < st->system.n_rows; i++)
-            if (st->group[i] == b)
+            if (st->group[i] == acting)
                 fill_local(st, index, h, i, i, i, quarter);
         for (int g = 0; g < st->n_groups; g++) {
-            int other = g == b ? st->second[b] : row;
-            fill_local(st, index, h, pair_of(st, g, b), st->first[g], other, quarter);
+            int row = g == acting ? st->second[acting] : st->first[acting];
+            fill_local(st, index, h, pair_of(st, g, acting), st->first[g], row, quarter);
         }
-        whole->local_kind[b] = kind;
+        whole->local_kind[acting] = kind;
     }
 }

@@ -10,5 +10,5 @@
 #define ldexp(x, n) ((x) * pow(2.0, (double)(n)))
 #define exp2(x) pow(2.0, x)
 #define lround(x) ((long)floor((x) + 0.5))
-double cos(double x), sin(double x), exp(double x), expm1(double x), log(double x), log2(double x),
+double cbrt(double x), cos(double x), sin(double x), exp(double x), expm1(double x), log(double x), log2(double x),
     pow(double x, double y);
