@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import antiosc.fem  # loads MPI before tests import dolfinx or PETSc
 from rank import compile_quickly
 
 
@@ -19,6 +18,16 @@ from rank import compile_quickly
 def rng() -> np.random.Generator:
     """Random numbers, the same ones in every run."""
     return np.random.default_rng(20250)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Load MPI before tests import dolfinx or PETSc.
+
+    Not where pytest only hands out tests: Open MPI changes the environment for child processes, of
+    which the mpirun of their tests ends with code 1.
+    """
+    if config.getoption("dist", "no") == "no":
+        import antiosc.fem  # noqa: F401
 
 
 def pytest_report_header() -> str:
@@ -45,8 +54,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_collection_finish() -> None:
-    if antiosc.fem.missing is None and "dolfinx.jit" in sys.modules:
-        compile_quickly()
+    if "dolfinx.jit" in sys.modules:
+        from antiosc.fem import missing
+
+        if missing is None:
+            compile_quickly()
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by marks
