@@ -50,7 +50,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 11 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 12 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -314,15 +314,6 @@ typedef struct aom_solution {
 AOM_API int aom_solve(aom_stepper *stepper, const aom_system *system, const aom_options *options,
                       aom_solution *solution, aom_record records[3], int64_t max_attempts);
 #endif
-
-/* Present modal state: q into state[0 .. n_modes-1], v behind it. */
-AOM_API void aom_modal_state(const aom_stepper *stepper, double *state);
-
-/* All that a run changes, as bytes: to go back to a state of the same stepper, or to go on with it
- * in another one of the same system and options. */
-AOM_API size_t aom_snapshot_size(const aom_stepper *stepper);
-AOM_API void aom_save(const aom_stepper *stepper, void *snapshot);
-AOM_API void aom_restore(aom_stepper *stepper, const void *snapshot);
 
 /* ---- Reading runs ---------------------------------------------------------------------------- */
 

@@ -135,13 +135,10 @@ typedef struct run_state {
     int64_t lasting; /* steps since a contact went over to another branch */
 } run_state;
 
-/* One contact in Newton's method for all forces: the slopes of its law and its residual, at h/2, h;
- * of a contact that slides, the forces of its rows over the normal one. */
-typedef struct newton_row {
-    double by_delta[2], by_rate[2], rest[2];
-    double inverse[2][2], step[2]; /* of its own part of the matrix; the correction */
-    double share[3][2];
-} newton_row;
+/* Of a contact that slides, the forces of its rows over the normal one, at h/2 and h. */
+typedef struct shares {
+    double by[3][2];
+} shares;
 
 /* A row in two runs: time integrals of |F_a - F_b|^2, |F_b|^2, F_a - F_b and |F_b|, the largest forces,
  * those at the last node, and the first integral that ends what agrees. */
@@ -157,13 +154,12 @@ typedef struct workspace {
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
     double *load, *load_rate;       /* [J], with gamma [2][J] */
     double *offset, *drift;         /* [m] */
-    double *matrix, *rest;          /* [2G][2G], [2G] */
-    newton_row *newton;   /* [p] */
+    double *matrix, *rest;          /* [n][n], [n] of Newton's method, n = 2 (p + s) */
+    shares *shares;       /* [p] */
     int *place;           /* [G] of a group among those that press */
     nodes *sum;           /* [G] of the forces of a group */
     int *touching;        /* [G] groups of contacts that touch, and of stretching: others have no force */
     nodes *before;        /* [m] */
-    int *active;          /* [p] */
     int *unknown;         /* [p + s] rows, s those of stretching */
     double *correction;   /* [2][p + s] of Newton's method */
     double *coordinates, *squares;           /* [s], [s][s]: of stretching, and their products */
@@ -191,9 +187,7 @@ struct aom_stepper {
     bound exit_bound;
     slot slots[SLOTS];
     workspace work;
-    /* what aom_save keeps: contiguous from here */
     run_state now;
-    size_t changing_bytes;
     double *x; /* [2][J]: q, v, and one number beyond, 0 */
     row_state *rows;
     contact_state *contacts;
@@ -224,25 +218,6 @@ static void add_contact_work(aom_stepper *st, double h);
 
 /* ---- laws.c */
 #define SLOWEST 0.01 /* share of the fastest approach that a damped law's speed is held above */
-/* Unloading or reloading by the whole indentation: from `low` over `width` to `force` by a power,
- * less a compliance times the force. */
-typedef struct unloading {
-    double low, width, force, compliance, power;
-} unloading;
-
-static curve whole_loading(const aom_law *law, double delta);
-static curve whole_permanent(const aom_law *law, double deepest);
-static curve elastic_pressing(double s);
-static curve elastic_recovery(double s);
-static double whole_depth(const aom_law *law, double delta);
-static double patch_compliance(const aom_law *law);
-static curve law_loading(const aom_law *law, double delta);
-static double law_permanent(const aom_law *law, double deepest);
-static curve law_power(const aom_law *law, double deepest, bool back);
-static curve law_shape(const aom_law *law, double n, double x);
-static double law_share(const aom_law *law, const unloading *u, double delta);
-static unloading law_unloading(const aom_law *law, bool back, const double *memory);
-static curve law_kink(const aom_law *law);
 static inline bool remembers(int kind) { return kind >= AOM_THORNTON && kind <= AOM_TABLE; }
 /* Whether reloading goes back along the unloading curve. */
 static inline bool retraces(int kind) { return kind != AOM_YANG_SUN; }
@@ -287,8 +262,8 @@ static void scale_stretch(aom_stepper *st);
 static void start_stretch(aom_stepper *st);
 /* clear_of_touches where forces of stretching act on the motion. */
 static bool stretched_clear(aom_stepper *st, int slot);
-/* all_forces with those of stretching, by Newton's method for all of them together. */
-static bool stretched_forces(aom_stepper *st, const influence *local);
+static void gather_depths(aom_stepper *st, const influence *local, int n);
+static void stretch_equations(aom_stepper *st, const influence *local, int n, int stage, double *A);
 
 /* ---- steps.c */
 static int try_step(aom_stepper *st);

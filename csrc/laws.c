@@ -25,6 +25,12 @@ static const double RECOVERY_ELASTIC[] = {0.16412376, 3.3252718, -7.3789789, 3.8
 #define PRESSINGS ((int)(sizeof PRESSING / sizeof *PRESSING))
 #define RECOVERIES ((int)(sizeof RECOVERY / sizeof *RECOVERY))
 
+/* Unloading or reloading by the whole indentation: from `low` over `width` to `force` by a power,
+ * less a compliance times the force. */
+typedef struct unloading {
+    double low, width, force, compliance, power;
+} unloading;
+
 static const tangent NO_FORCE = {0.0, 0.0, 0.0};
 
 static bool elastic_table(const aom_law *law) {
@@ -83,22 +89,11 @@ static curve polynomial(const double *c, int n, double s) {
     return sum;
 }
 
-/* What an elastic side adds to P(s) and Q(s), over its share to 1.5. */
-curve elastic_pressing(double s) { return polynomial(PRESSING_ELASTIC, PRESSINGS, s); }
-curve elastic_recovery(double s) { return polynomial(RECOVERY_ELASTIC, RECOVERIES, s); }
-
-/* P(s) of a sphere that yields, and its slope. */
-static curve pressing_of(const aom_law *law, double s) {
-    curve p = polynomial(PRESSING, PRESSINGS, s);
-    curve more = elastic_pressing(s);
-    return (curve){p.value + law->params[2] * more.value, p.slope + law->params[2] * more.slope};
-}
-
-/* Q(s), and its slope. */
-static curve recovery_of(const aom_law *law, double s) {
-    curve q = polynomial(RECOVERY, RECOVERIES, s);
-    curve more = elastic_recovery(s);
-    return (curve){q.value + law->params[2] * more.value, q.slope + law->params[2] * more.slope};
+/* P(s) or Q(s) of a sphere that yields, and its slope: what an elastic side adds, times its share. */
+static curve fitted(const aom_law *law, const double *c, const double *elastic, int n, double s) {
+    curve rigid = polynomial(c, n, s), more = polynomial(elastic, n, s);
+    double share = law->params[2];
+    return (curve){rigid.value + share * more.value, rigid.slope + share * more.slope};
 }
 
 static curve power(const double *p, double delta) {
@@ -113,7 +108,7 @@ static curve power(const double *p, double delta) {
 }
 
 /* Force and its slope of a new contact by its whole indentation, with that of a patch. */
-curve whole_loading(const aom_law *law, double delta) {
+static curve whole_loading(const aom_law *law, double delta) {
     if (delta <= 0.0)
         return (curve){0.0, 0.0};
     if (law->kind == AOM_TABLE)
@@ -123,7 +118,7 @@ curve whole_loading(const aom_law *law, double delta) {
     double k = law->params[0], y = law->params[1];
     if (law->kind == AOM_ELASTIC_PLASTIC && delta > y) {
         double s = sqrt(sqrt(y / delta)), top = k * y * sqrt(y);
-        curve p = pressing_of(law, s);
+        curve p = fitted(law, PRESSING, PRESSING_ELASTIC, PRESSINGS, s);
         return (curve){top * delta / y * p.value, top / y * (p.value - 0.25 * s * p.slope)};
     }
     if (law->kind == AOM_THORNTON && delta > y)
@@ -159,7 +154,7 @@ static double whole_work(const aom_law *law, double delta) {
 }
 
 /* Permanent indentation after a deepest one, and its slope. */
-curve whole_permanent(const aom_law *law, double deepest) {
+static curve whole_permanent(const aom_law *law, double deepest) {
     double y = law->params[1];
     if (law->kind == AOM_TABLE) /* the share that remains */
         return (curve){y * deepest, y};
@@ -178,7 +173,7 @@ curve whole_permanent(const aom_law *law, double deepest) {
     }
     default: {
         double s = sqrt(sqrt(1.0 / x));
-        curve q = recovery_of(law, s);
+        curve q = fitted(law, RECOVERY, RECOVERY_ELASTIC, RECOVERIES, s);
         double recovers = s * s * q.value;
         return (curve){larger(deepest * (1.0 - recovers), 0.0),
                        1.0 - 0.5 * recovers + 0.25 * s * s * s * q.slope};
@@ -187,17 +182,16 @@ curve whole_permanent(const aom_law *law, double deepest) {
 }
 
 /* The power of the unloading (`back`) or the reloading curve of a contact that was so deep, by the
- * whole indentation, and its slope. */
-curve law_power(const aom_law *law, double deepest, bool back) {
+ * whole indentation. */
+static double law_power(const aom_law *law, double deepest, bool back) {
     double x = deepest / law->params[1];
     if (law->kind == AOM_ELASTIC_PLASTIC && x > 1.0)
-        return (curve){DEEP_POWER + (HERTZIAN - DEEP_POWER) / sqrt(x),
-                       -0.5 * (HERTZIAN - DEEP_POWER) / (x * sqrt(x)) / law->params[1]};
-    return (curve){back && law->kind == AOM_YANG_SUN ? 2.5 : HERTZIAN, 0.0};
+        return DEEP_POWER + (HERTZIAN - DEEP_POWER) / sqrt(x);
+    return back && law->kind == AOM_YANG_SUN ? 2.5 : HERTZIAN;
 }
 
 /* Unloading (`back`) or reloading curve of a power n from (0, 0) to (1, 1); a table has its own. */
-curve law_shape(const aom_law *law, double n, double x) {
+static curve law_shape(const aom_law *law, double n, double x) {
     if (x <= 0.0)
         return (curve){0.0, 0.0};
     if (law->kind == AOM_TABLE)
@@ -259,7 +253,7 @@ static int count_numbers(const aom_law *law) {
 }
 
 /* c [m/N], 0: none. That of Hertz's law is a number of its own. */
-double patch_compliance(const aom_law *law) {
+static double patch_compliance(const aom_law *law) {
     int n = count_numbers(law);
     return law->n_params > n ? law->params[n] : 0.0;
 }
@@ -272,7 +266,7 @@ static double linear_stiffness(const aom_law *law) {
 static double most_taken(const aom_law *law) {
     if (law->kind == AOM_TABLE)
         return TAKEN / law_shape(law, HERTZIAN, 1.0).slope;
-    return TAKEN / (remembers(law->kind) ? law_power(law, 0.0, true).value : law->params[1]);
+    return TAKEN / (remembers(law->kind) ? law_power(law, 0.0, true) : law->params[1]);
 }
 
 /* Whether a patch may take so much off a whole indentation. */
@@ -324,7 +318,7 @@ static double inverse(curve (*function)(const aom_law *, const double *, double)
 }
 
 /* The whole indentation of a new contact. */
-double whole_depth(const aom_law *law, double delta) {
+static double whole_depth(const aom_law *law, double delta) {
     double c = patch_compliance(law), d = delta;
     if (delta <= 0.0 || c == 0.0)
         return delta;
@@ -344,7 +338,7 @@ double whole_depth(const aom_law *law, double delta) {
 }
 
 /* Share of the width of an unloading or reloading curve at an indentation. */
-double law_share(const aom_law *law, const unloading *u, double delta) {
+static double law_share(const aom_law *law, const unloading *u, double delta) {
     double with[3] = {u->width, u->compliance * u->force, u->power};
     double low = (delta - u->low) / u->width;
     if (with[1] == 0.0)
@@ -374,7 +368,7 @@ static elastic_part elastic_of(const aom_law *law) {
 }
 
 /* Force and its slope of a new contact. */
-curve law_loading(const aom_law *law, double delta) {
+static curve law_loading(const aom_law *law, double delta) {
     if (law->kind == AOM_ELASTIC_PLASTIC && delta > 0.0) {
         elastic_part part = elastic_of(law);
         if (delta <= part.end)
@@ -390,7 +384,7 @@ curve law_loading(const aom_law *law, double delta) {
 }
 
 /* Permanent indentation after a deepest one. */
-double law_permanent(const aom_law *law, double deepest) {
+static double law_permanent(const aom_law *law, double deepest) {
     return whole_permanent(law, whole_depth(law, deepest)).value;
 }
 
@@ -411,19 +405,19 @@ double aom_law_loading_work(const aom_law *law, double delta) {
 }
 
 /* How a contact unloads (`back`) from its turning point, or reloads to its deepest indentation. */
-unloading law_unloading(const aom_law *law, bool back, const double *memory) {
+static unloading law_unloading(const aom_law *law, bool back, const double *memory) {
     double deepest = whole_depth(law, memory[0]);
     unloading u = {.low = whole_permanent(law, deepest).value};
     u.force = whole_loading(law, deepest).value;
     u.width = deepest - u.low;
     u.compliance = taken_compliance(law, u.force, u.width);
-    u.power = law_power(law, deepest, false).value;
+    u.power = law_power(law, deepest, false);
     if (back && memory[1] < memory[0]) {
         double share = law_share(law, &u, memory[1]);
         u.force *= law_shape(law, u.power, share).value;
         u.width *= share;
     }
-    u.power = law_power(law, deepest, back).value;
+    u.power = law_power(law, deepest, back);
     return u;
 }
 
@@ -480,13 +474,10 @@ static double origin(const aom_law *law, const double *memory) {
     return remembers(law->kind) ? law_permanent(law, memory[0]) : 0.0;
 }
 
-/* The kink of the loading curve, where the contact yields; infinite: none. The slope is that by the
- * yield indentation. */
-curve law_kink(const aom_law *law) {
-    if (law->kind != AOM_THORNTON && law->kind != AOM_ELASTIC_PLASTIC)
-        return (curve){INFINITY, 0.0};
-    double y = law->params[1], share = 1.5 * patch_compliance(law) * whole_loading(law, y).value;
-    return (curve){outside(law, y).value, 1.0 - share / y};
+/* The indentation at the kink of the loading curve, where the contact yields; infinite: none. */
+static double law_kink(const aom_law *law) {
+    bool yields = law->kind == AOM_THORNTON || law->kind == AOM_ELASTIC_PLASTIC;
+    return yields ? outside(law, law->params[1]).value : INFINITY;
 }
 
 /* Where a branch ends. */
@@ -508,7 +499,7 @@ branch_bounds law_bounds(const aom_law *law, int branch, const double *memory) {
         }
         b.slow = 0.0; /* loading or reloading, up to the next kink */
         double deepest = memory[0], from = memory[2];
-        double first = law_kink(law).value;
+        double first = law_kink(law);
         if (law->kind == AOM_ELASTIC_PLASTIC && larger(deepest, from) < first)
             b.slow = -INFINITY; /* it goes back as it came */
         if (from < deepest)

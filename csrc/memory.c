@@ -45,7 +45,7 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
 
 static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, size_t G,
                          size_t s) {
-    size_t n = s > 0 && p + s > G ? p + s : G; /* rows of Newton's method */
+    size_t n = p + s; /* rows of Newton's method */
     w->force = take(a, m, sizeof(nodes));
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
@@ -59,11 +59,10 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->drift = take(a, m, sizeof(double));
     w->matrix = take(a, 4 * n * n, sizeof(double));
     w->rest = take(a, 2 * n, sizeof(double));
-    w->newton = take(a, p, sizeof(newton_row));
+    w->shares = take(a, p, sizeof(shares));
     w->place = take(a, G, sizeof(int));
     w->sum = take(a, G, sizeof *w->sum);
     w->touching = take(a, G, sizeof(int));
-    w->active = take(a, p, sizeof(int));
     w->unknown = take(a, p + s, sizeof(int));
     w->correction = take(a, 2 * (p + s), sizeof(double));
     w->coordinates = take(a, s, sizeof(double));
@@ -86,7 +85,6 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     to->owner = take(&a, m, sizeof(int));
     to->first = take(&a, G, sizeof(int));
     to->second = take(&a, G, sizeof(int));
-    size_t changing = a.used;
     to->x = take(&a, 2 * J + 1, sizeof(double));
     to->rows = take(&a, m, sizeof(row_state));
     to->contacts = take(&a, p, sizeof(contact_state));
@@ -95,7 +93,6 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     to->sag = take(&a, p, sizeof(double));
     to->missed = take(&a, (LEVELS + 1) * p, sizeof(double));
     to->known = take(&a, LEVELS, sizeof(bool));
-    to->changing_bytes = a.used - changing;
     lay_out_slots(st, &a, J, m, G);
     return a.used;
 }

@@ -378,21 +378,3 @@ aom_summary aom_summarize(const aom_stepper *st) {
                          now->surplus, now->load_work,   now->steps,
                          now->steps + now->retries, now->touches, now->refused};
 }
-
-void aom_modal_state(const aom_stepper *st, double *state) {
-    memcpy(state, st->x, 2 * (size_t)st->system.n_modes * sizeof *state);
-}
-
-size_t aom_snapshot_size(const aom_stepper *st) { return sizeof st->now + st->changing_bytes; }
-
-void aom_save(const aom_stepper *st, void *snapshot) {
-    memcpy(snapshot, &st->now, sizeof st->now);
-    memcpy((char *)snapshot + sizeof st->now, st->x, st->changing_bytes);
-}
-
-void aom_restore(aom_stepper *st, const void *snapshot) {
-    memcpy(&st->now, snapshot, sizeof st->now);
-    memcpy(st->x, (const char *)snapshot + sizeof st->now, st->changing_bytes);
-    st->slots[SCRATCH].span = st->slots[SCRATCH + 1].span = NAN;
-    st->law_failed = false;
-}

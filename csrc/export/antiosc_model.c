@@ -14,7 +14,6 @@ struct axm_run {
     double *v;                       /* [J] start */
     double *responses;               /* [6][J] of a port, over the last communication step */
     double *modal;                   /* [2][J] force and rate on the modes of a port */
-    size_t changing;                 /* bytes from `time` on; the stepper's snapshot comes behind */
     double *time;                    /* [1] */
     double *span;                    /* [1] of the responses */
     double *input;                   /* [2][n_sites] force and rate */
@@ -43,7 +42,6 @@ static size_t lay_out_run(const axm_model *model, void *memory) {
     run->v = run_doubles(&a, J);
     run->responses = run_doubles(&a, 6 * J);
     run->modal = run_doubles(&a, 2 * J);
-    size_t begin = a.used;
     run->time = run_doubles(&a, 1);
     run->span = run_doubles(&a, 1);
     run->input = run_doubles(&a, 2 * model->n_sites);
@@ -60,7 +58,6 @@ static size_t lay_out_run(const axm_model *model, void *memory) {
     run->node_depth = run_doubles(&a, 3 * m);
     run->node_state = run_doubles(&a, 2 * J);
     run->filled = run_doubles(&a, 1);
-    run->changing = a.used - begin;
     if (!is_port(model))
         run->stepper = take(&a, aom_memory_size(&model->system), 1);
     return a.used;
@@ -309,23 +306,6 @@ void axm_set_parameter(axm_run *run, int parameter, double value) {
 }
 
 double axm_parameter(const axm_run *run, int parameter) { return run->parameter[parameter]; }
-
-size_t axm_state_size(const axm_run *run) {
-    return run->changing + (is_port(run->model) ? 0 : aom_snapshot_size(run->stepper));
-}
-
-void axm_save(const axm_run *run, void *state) {
-    memcpy(state, run->time, run->changing);
-    if (!is_port(run->model))
-        aom_save(run->stepper, (char *)state + run->changing);
-}
-
-void axm_restore(axm_run *run, const void *state) {
-    memcpy(run->time, state, run->changing);
-    run->span[0] = -1.0;
-    if (!is_port(run->model))
-        aom_restore(run->stepper, (const char *)state + run->changing);
-}
 
 uint64_t axm_checksum(const void *bytes, size_t size) {
     const unsigned char *at = bytes;

@@ -68,11 +68,7 @@ AOM_API double axm_input(const axm_run *run, int site);
 /* An initial speed; axm_start uses it. */
 AOM_API void axm_set_parameter(axm_run *run, int parameter, double value);
 AOM_API double axm_parameter(const axm_run *run, int parameter);
-/* All that advancing changes, as bytes of the same model on the same machine. */
-AOM_API size_t axm_state_size(const axm_run *run);
-AOM_API void axm_save(const axm_run *run, void *state);
-AOM_API void axm_restore(axm_run *run, const void *state);
-/* FNV-1a of bytes: what a model file ends with, of all before it; of a kept state. */
+/* FNV-1a of bytes: what a model file ends with, of all before it. */
 AOM_API uint64_t axm_checksum(const void *bytes, size_t size);
 
 #endif

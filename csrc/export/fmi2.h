@@ -86,25 +86,30 @@ FMI_API fmi2Status fmi2SetString(void *self, const unsigned refs[], size_t n,
     return no_values(self, n, "String");
 }
 
-FMI_API fmi2Status fmi2GetFMUstate(void *self, void **state) { return get_state(self, state); }
-FMI_API fmi2Status fmi2SetFMUstate(void *self, void *state) { return set_state(self, state); }
+FMI_API fmi2Status fmi2GetFMUstate(void *self, void **state) {
+    (void)state;
+    return unsupported(self, "fmi2GetFMUstate");
+}
+FMI_API fmi2Status fmi2SetFMUstate(void *self, void *state) {
+    (void)state;
+    return unsupported(self, "fmi2SetFMUstate");
+}
 FMI_API fmi2Status fmi2FreeFMUstate(void *self, void **state) {
-    if (self == NULL || state == NULL)
-        return FMI_ERROR;
-    free(*state);
-    *state = NULL;
-    return FMI_OK;
+    (void)state;
+    return unsupported(self, "fmi2FreeFMUstate");
 }
 FMI_API fmi2Status fmi2SerializedFMUstateSize(void *self, void *state, size_t *size) {
-    (void)state;
-    return serialized_size(self, size);
+    (void)state, (void)size;
+    return unsupported(self, "fmi2SerializedFMUstateSize");
 }
 FMI_API fmi2Status fmi2SerializeFMUstate(void *self, void *state, char bytes[], size_t size) {
-    return serialize(self, state, (unsigned char *)bytes, size);
+    (void)state, (void)bytes, (void)size;
+    return unsupported(self, "fmi2SerializeFMUstate");
 }
 FMI_API fmi2Status fmi2DeSerializeFMUstate(void *self, const char bytes[], size_t size,
                                            void **state) {
-    return deserialize(self, (const unsigned char *)bytes, size, state);
+    (void)bytes, (void)size, (void)state;
+    return unsupported(self, "fmi2DeSerializeFMUstate");
 }
 
 FMI_API fmi2Status fmi2GetDirectionalDerivative(void *self, const unsigned unknown[], size_t n,

@@ -190,21 +190,24 @@ FMI_API fmi3Status fmi3SetClock(void *self, const uint32_t refs[], size_t n,
     (void)refs, (void)values;
     return no_values(self, n, "Clock");
 }
-FMI_API fmi3Status fmi3GetFMUState(void *self, void **state) { return get_state(self, state); }
-FMI_API fmi3Status fmi3SetFMUState(void *self, void *state) { return set_state(self, state); }
+FMI_API fmi3Status fmi3GetFMUState(void *self, void **state) {
+    return fmi2GetFMUstate(self, state);
+}
+FMI_API fmi3Status fmi3SetFMUState(void *self, void *state) {
+    return fmi2SetFMUstate(self, state);
+}
 FMI_API fmi3Status fmi3FreeFMUState(void *self, void **state) {
     return fmi2FreeFMUstate(self, state);
 }
 FMI_API fmi3Status fmi3SerializedFMUStateSize(void *self, void *state, size_t *size) {
-    (void)state;
-    return serialized_size(self, size);
+    return fmi2SerializedFMUstateSize(self, state, size);
 }
 FMI_API fmi3Status fmi3SerializeFMUState(void *self, void *state, uint8_t bytes[], size_t size) {
-    return serialize(self, state, bytes, size);
+    return fmi2SerializeFMUstate(self, state, (char *)bytes, size);
 }
 FMI_API fmi3Status fmi3DeserializeFMUState(void *self, const uint8_t bytes[], size_t size,
                                            void **state) {
-    return deserialize(self, bytes, size, state);
+    return fmi2DeSerializeFMUstate(self, (const char *)bytes, size, state);
 }
 
 FMI_API fmi3Status fmi3DoStep(void *self, double at, double h, fmi3Boolean no_return,

@@ -114,9 +114,7 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
         attributes["numberOfEventIndicators"] = "0"
     root = ET.Element("fmiModelDescription", attributes)
 
-    state = "FMUstate" if is_fmi2 else "FMUState"
     abilities = ["canHandleVariableCommunicationStepSize"]
-    abilities += [f"canGetAndSet{state}", f"canSerialize{state}"]
     if is_fmi2:
         abilities.append("canNotUseMemoryManagementFunctions")
         abilities += ["canInterpolateInputs"] if data.input_variables else []

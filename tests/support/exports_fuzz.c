@@ -67,16 +67,13 @@ static void calls(const uint8_t *data, size_t size) {
     memcpy(token, whole + 8 + N_COUNTS * sizeof(int32_t), TOKEN);
     void *some[2] = {fmi2Instantiate("a", 1, token, folder, &callbacks, 0, 0),
                      fmi2Instantiate("b", 1, token, folder, &callbacks, 0, 0)};
-    void *state = NULL;
     double at = 0.0;
     for (size_t k = 1; k + 3 < size && some[0] != NULL && some[1] != NULL; k += 4) {
         void *self = some[data[k] & 1];
         unsigned refs[2] = {data[k + 2], data[k + 3]};
         double values[2] = {0.1 * data[k + 2], data[k + 3] == 255 ? NAN : -0.1 * data[k + 3]};
         double h = 1e-6 * data[k + 2];
-        unsigned char bytes[65536];
-        size_t length = 0;
-        switch ((data[k] >> 1) % 14) {
+        switch ((data[k] >> 1) % 10) {
         case 0:
             fmi2SetupExperiment(self, 0, 0.0, values[0] - 1.0, data[k + 1] & 1, values[1]);
             break;
@@ -98,26 +95,9 @@ static void calls(const uint8_t *data, size_t size) {
             fmi2SetReal(self, refs, 2, values);
             break;
         case 7:
-            fmi2GetFMUstate(self, &state);
-            break;
-        case 8:
-            fmi2SetFMUstate(self, state);
-            break;
-        case 9:
-            fmi2FreeFMUstate(self, &state);
-            break;
-        case 10: /* bytes of a state, damaged or not */
-            fmi2SerializedFMUstateSize(self, state, &length);
-            if (length > sizeof bytes ||
-                fmi2SerializeFMUstate(self, state, (char *)bytes, length) != FMI_OK)
-                break;
-            bytes[(data[k + 2] + 256u * data[k + 3]) % length] ^= data[k + 1];
-            fmi2DeSerializeFMUstate(self, (char *)bytes, length, &state);
-            break;
-        case 11:
             fmi2Terminate(self);
             break;
-        case 12:
+        case 8:
             fmi2Reset(self);
             break;
         default: {
@@ -129,8 +109,6 @@ static void calls(const uint8_t *data, size_t size) {
         }
         }
     }
-    if (some[0] != NULL)
-        fmi2FreeFMUstate(some[0], &state);
     fmi2FreeInstance(some[0]);
     fmi2FreeInstance(some[1]);
 }

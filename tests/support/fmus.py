@@ -123,24 +123,5 @@ class Instance:
             rows.append(self.get(*names))
         return rows
 
-    def state(self) -> c_void_p:
-        kept = c_void_p()
-        assert self.call("GetFMUstate" if self.two else "GetFMUState", byref(kept)) == OK
-        return kept
-
-    def bytes_of(self, state: c_void_p) -> bytes:
-        name = "FMUstate" if self.two else "FMUState"
-        size = c_size_t()
-        assert self.call(f"Serialized{name}Size", state, byref(size)) == OK
-        room = ctypes.create_string_buffer(size.value)
-        assert self.call(f"Serialize{name}", state, room, size) == OK
-        return room.raw
-
-    def state_of(self, content: bytes) -> tuple[int, c_void_p]:
-        """The state of such bytes."""
-        state = c_void_p()
-        call = "DeSerializeFMUstate" if self.two else "DeserializeFMUState"
-        return self.call(call, content, c_size_t(len(content)), byref(state)), state
-
-    def back_to(self, state: c_void_p) -> int:
-        return self.call("SetFMUstate" if self.two else "SetFMUState", state)
+    def keep_state(self) -> int:
+        return self.call("GetFMUstate" if self.two else "GetFMUState", byref(c_void_p()))

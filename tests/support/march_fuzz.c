@@ -176,7 +176,7 @@ static void run(const aom_system *system, const aom_options *options) {
     size_t size = aom_memory_size(system);
     if (size == 0)
         return;
-    void *memory = malloc(size), *snapshot = NULL;
+    void *memory = malloc(size);
     aom_stepper *stepper;
     int status = aom_create(system, memory, size, &stepper);
     for (int again = 0; again < 2 && status == AOM_DONE; again++) {
@@ -190,11 +190,6 @@ static void run(const aom_system *system, const aom_options *options) {
             if (status == AOM_FULL)
                 aom_clear(&record);
             status = aom_integrate(stepper, &record, options->duration * calls / 8.0, 500);
-            if (status == AOM_PAUSED && snapshot == NULL) {
-                snapshot = malloc(aom_snapshot_size(stepper));
-                aom_save(stepper, snapshot);
-            } else if (status == AOM_PAUSED && calls == 7)
-                aom_restore(stepper, snapshot);
             if (record.n_nodes > record.max_nodes || record.n_nodes < 0 || before < 0)
                 abort();
             if (status == AOM_DONE && aom_summarize(stepper).time == options->duration)
@@ -216,7 +211,7 @@ static void run(const aom_system *system, const aom_options *options) {
     }
     if (status == AOM_DONE)
         solve(stepper, system, options);
-    free(snapshot);
+
     free(memory);
 }
 

@@ -32,7 +32,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 11
+VERSION = 12
 #: numbers that a contact may remember
 MEMORY = 8
 #: `aom_touch`
@@ -232,7 +232,6 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_integrate": (c_int, c_void_p, c_void_p, c_double, c_int64),
     "aom_solve": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64),
     "aom_summarize": (CSummary, c_void_p),
-    "aom_modal_state": (None, c_void_p, c_void_p),
     "aom_responses": (None, c_int64, c_void_p, c_void_p, c_void_p, c_int, c_void_p),
     "aom_energies": (None, c_int64, c_int, c_void_p, c_void_p, c_void_p),
     "aom_compare": (
