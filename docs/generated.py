@@ -85,13 +85,9 @@ REPORTED = ROOT / "demos/scenes/step.toml"
 
 def public_names() -> dict[str, str]:
     """Public name -> module, in the order of the stub of the package."""
-    stub = ast.parse((ROOT / "src/antiosc/__init__.pyi").read_text(encoding="utf-8"))
-    imports = [
-        node
-        for node in stub.body
-        if isinstance(node, ast.ImportFrom) and node.module != "antiosc"  # groups of names
-    ]
-    return {alias.name: str(node.module) for node in imports for alias in node.names}
+    from antiosc.base import lazily
+
+    return lazily.listed(str(ROOT / "src/antiosc/__init__.py"))
 
 
 def api(modules: list[str]) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import threading
 from types import SimpleNamespace
 
 import pytest
@@ -56,25 +55,3 @@ def test_it_is_quiet_elsewhere(terminal, monkeypatch, case):
     with progress.doing("work", rank=1 if case == "rank" else 0) as further:
         further("more")
     assert terminal.getvalue() == ""
-
-
-@pytest.mark.parametrize("is_terminal", [True, False])
-def test_work_that_lasts_tells_for_how_long_also_in_a_log(terminal, monkeypatch, is_terminal):
-    """By a clock of which each look is a second later, at intervals of none."""
-    seconds = iter(range(1000))
-    monkeypatch.setattr(progress.time, "monotonic", lambda: next(seconds))
-    monkeypatch.setattr(progress, "TICK", 1e-3)
-    monkeypatch.setattr(terminal, "isatty", lambda: is_terminal)
-    with progress.with_time(), progress.doing("meshing"):
-        for _ in range(1000):
-            if "120 s" in terminal.getvalue() or "2 min" in terminal.getvalue():
-                break
-            threading.Event().wait(0.01)
-    told = terminal.getvalue()
-    if is_terminal:
-        assert "antiosc: 4 s: meshing" not in told
-        assert "antiosc: 5 s: meshing …" in told
-        assert lines(terminal)[-1] == ""  # it goes away
-    else:
-        times = ["30 s", "60 s", "2 min"]
-        assert told == "".join(f"antiosc: meshing … ({time} so far)\n" for time in times)

@@ -5,10 +5,7 @@ from antiosc.fem import missing as missing
 from antiosc.fem.assembly import with_parts as with_parts
 from antiosc.fem.assembly.assemble import assemble as assemble
 from antiosc.fem.elements.shell import GivenSheet as GivenSheet
-from antiosc.fem.elements.weak_form import (
-    Family as Family,
-    measure as measure,
-)
+from antiosc.fem.elements.weak_form import Family as Family, measure as measure
 from antiosc.fem.linalg import cholmod as cholmod
 from antiosc.fem.mesh import distributed as distributed
 from antiosc.fem.mesh.closest import projected as projected
@@ -39,13 +36,8 @@ from antiosc.fields.fields import (
     shapes_of as shapes_of,
     tensors_at_nodes as tensors_at_nodes,
 )
-from antiosc.fields.margin import (
-    ELASTIC as ELASTIC,
-    criteria_of as criteria_of,
-)
-from antiosc.fields.pictures import (
-    MAP_QUANTITIES as MAP_QUANTITIES,
-)
+from antiosc.fields.margin import ELASTIC as ELASTIC, criteria_of as criteria_of
+from antiosc.fields.pictures import MAP_QUANTITIES as MAP_QUANTITIES
 from antiosc.fields.probe import (
     ProbeError as ProbeError,
     check_point as check_point,
@@ -53,44 +45,29 @@ from antiosc.fields.probe import (
 )
 
 # Impacts: bodies, scenes, and what a history tells.
-from antiosc.impact.bodies import (
-    SceneBody as SceneBody,
-    scene_body as scene_body,
-)
+from antiosc.impact.bodies import SceneBody as SceneBody, scene_body as scene_body
 from antiosc.impact.error_budget import SAFETY as SAFETY
-from antiosc.impact.histories import (
-    budget_of as budget_of,
-    error_scope as error_scope,
-)
+from antiosc.impact.histories import budget_of as budget_of, error_scope as error_scope
 from antiosc.impact.histories.bars import (
     DEFLECTION as DEFLECTION,
     OF_ALL_CONTACTS as OF_ALL_CONTACTS,
     QUANTITIES as QUANTITIES,
     ErrorBudget as ErrorBudget,
 )
-from antiosc.impact.histories.energy import (
-    energy_gain as energy_gain,
-    impulses as impulses,
-)
+from antiosc.impact.histories.energy import energy_gain as energy_gain, impulses as impulses
 from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,
     open_contacts as open_contacts,
 )
 
 # Defaults.
-from antiosc.impact.histories.site_motion import (
-    LONGER as LONGER,
-    parted as parted,
-)
+from antiosc.impact.histories.site_motion import LONGER as LONGER, parted as parted
 from antiosc.impact.histories.verdict import (
     ContactZone as ContactZone,
     unknown_dent as unknown_dent,
     yield_share as yield_share,
 )
-from antiosc.impact.many import (
-    QUANTILES as QUANTILES,
-    checked_levels as checked_levels,
-)
+from antiosc.impact.many import QUANTILES as QUANTILES, checked_levels as checked_levels
 from antiosc.impact.reference import Settings as Settings
 from antiosc.impact.scene import (
     check_range as check_range,
@@ -104,17 +81,11 @@ from antiosc.impact.truncation import (
     TRUNCATION_SAFETY as TRUNCATION_SAFETY,
     softest_model as softest_model,
 )
-from antiosc.impact.two_bodies import (
-    Impact as Impact,
-    assemble_pair as assemble_pair,
-)
+from antiosc.impact.two_bodies import Impact as Impact, assemble_pair as assemble_pair
 
 # Displacements and strains at points of a structure.
 from antiosc.recovery import source as source
-from antiosc.recovery.place import (
-    NodeTensors as NodeTensors,
-    place as place,
-)
+from antiosc.recovery.place import NodeTensors as NodeTensors, place as place
 from antiosc.recovery.skin import outer_faces as outer_faces
 
 # Sites and extraction.
@@ -138,10 +109,7 @@ from antiosc.strikes.map_results import (
     trusted as trusted,
 )
 from antiosc.strikes.map_stresses import sides as sides
-from antiosc.strikes.second_order import (
-    simulated as simulated,
-    stretching as stretching,
-)
+from antiosc.strikes.second_order import simulated as simulated, stretching as stretching
 from antiosc.strikes.stress import (
     closed as closed,
     divided as divided,

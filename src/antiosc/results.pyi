@@ -12,15 +12,9 @@ from antiosc.fields.margin import Margin as Margin
 from antiosc.fields.peaks import PeakField as PeakField, PrestressedState as PrestressedState
 from antiosc.fields.pictures import SavedFields as SavedFields
 from antiosc.fields.probe import probe_error as probe_error
-from antiosc.fields.spectra import (
-    ShockSpectrum as ShockSpectrum,
-    Spectrum as Spectrum,
-)
+from antiosc.fields.spectra import ShockSpectrum as ShockSpectrum, Spectrum as Spectrum
 from antiosc.impact.enclosure import Enclosure as Enclosure
-from antiosc.impact.histories import (
-    History as History,
-    SceneHistory as SceneHistory,
-)
+from antiosc.impact.histories import History as History, SceneHistory as SceneHistory
 from antiosc.impact.histories.energy import Energy as Energy
 from antiosc.impact.histories.parts import (
     BodyHistory as BodyHistory,
@@ -32,10 +26,7 @@ from antiosc.impact.histories.vibration import (
     body_energy as body_energy,
     vibration_share as vibration_share,
 )
-from antiosc.impact.many import (
-    Many as Many,
-    Quantile as Quantile,
-)
+from antiosc.impact.many import Many as Many, Quantile as Quantile
 from antiosc.models.modal import SiteModes as SiteModes
 from antiosc.models.motion import ModalState as ModalState
 from antiosc.reduce.extraction.superposition import StructureModes as StructureModes

@@ -13,7 +13,7 @@ from types import FrameType
 from typing import Any
 
 from antiosc.base.errors import AntioscError, labelled, warnings_to
-from antiosc.base.progress import print_text, with_time
+from antiosc.base.progress import print_text
 from antiosc_app import info
 
 #: Command -> its description.
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return the exit code; antiosc's own errors become one line."""
     try:
         try:
-            with _terminable(), warnings_to(_Warned().tell), with_time():
+            with _terminable(), warnings_to(_Warned().tell):
                 return _run(arguments)
         finally:
             if sys.stdout is not None:

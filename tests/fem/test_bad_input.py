@@ -321,10 +321,10 @@ def bar(scale: float = 1.0, material: ao.Solid = SOLID_STEEL, **options: int) ->
 
 
 REFUSED = [
-    (lambda: plausible.material_doubt(ao.Beam(210e3, 0.3, 7850.0, ROUND)), "E in MPa is probably"),
+    (lambda: plausible.material_doubt(ao.Beam(210e3, 0.3, 7850.0, ROUND)), "outside 40 to"),
     (
         lambda: plausible.material_doubt(ao.Solid(210, 0.3, 7850.0)),
-        "0.164 m/s.*E in GPa is probably",
+        "0.164 m/s.*units are SI",
     ),
     (lambda: plausible.material_doubt(ao.Solid(210e9, 0.3, 7.85e-9)), "rho in t/mm³ is probably"),
     (lambda: bar(material=ao.Solid(210e3, 0.3, 7850.0)), "Solid"),

@@ -1,30 +1,21 @@
 """Files are written completely or not at all: a reader never sees a partial file.
 
 The content is written to a temporary file in the same folder, flushed to the disk, and then renamed
-in one step. An interrupted run, a full disk or an error leaves the previous file unchanged. A
-folder that replaces another one is renamed once that one is moved aside. Temporary files of a
-killed process are removed by the next process that writes the same file: they are locked by their
-process as long as it lives.
+in one step. An interrupted run, a full disk or an error leaves the previous file unchanged. Only a
+process that is killed leaves its temporary file behind.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import secrets
-import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-
-try:
-    import fcntl
-except ImportError:  # Windows, where nobody can remove a file in use, and no lock tells
-    fcntl = None  # type: ignore[assignment]
 
 #: With what the name of a temporary file or folder begins.
 PART = ".antiosc-"
@@ -49,59 +40,20 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
         old_status = _regular_status(target, path, what)
         part = _temporary(target, old_status)
         try:
-            with claimed(part):
-                yield part
-                _sync(part)
-                os.replace(part, target)
-                _sync(target.parent)
+            yield part
+            _sync(part)
+            os.replace(part, target)
+            _sync(target.parent)
         except BaseException:
             part.unlink(missing_ok=True)
             raise
-        clear_parts(target)
     except (OSError, UnicodeEncodeError) as error:
         raise cannot_write(what, path, error) from error
 
 
 def part_name(target: Path, suffix: str = "") -> Path:
-    """A new name of a temporary file or folder beside `target`, which `clear_parts` recognises."""
-    return target.with_name(f"{_part_prefix(target)}{secrets.token_hex(6)}{suffix}")
-
-
-def _part_prefix(target: Path) -> str:
-    digest = hashlib.sha256(os.fsencode(target.name)).hexdigest()[:8]
-    return f"{PART}{digest}-"
-
-
-@contextlib.contextmanager
-def claimed(part: Path) -> Iterator[None]:
-    """Context manager that locks a temporary file or folder, so that others do not remove it."""
-    with contextlib.ExitStack() as stack:
-        if fcntl is not None and os.path.lexists(part):
-            handle = os.open(part, os.O_RDONLY | os.O_CLOEXEC)
-            stack.callback(os.close, handle)
-            with contextlib.suppress(OSError):  # a file system without locks
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-
-
-def clear_parts(target: Path) -> None:
-    """Remove the temporary files and folders of `target` whose process was killed."""
-    if fcntl is None:
-        return
-    with contextlib.suppress(OSError), os.scandir(target.parent) as entries:
-        for entry in [part for part in entries if part.name.startswith(_part_prefix(target))]:
-            with contextlib.suppress(OSError):  # it is held, or gone
-                _clear(Path(entry.path))
-
-
-def _clear(part: Path) -> None:
-    """Remove a temporary file or folder; OSError where a living process holds it."""
-    handle = os.open(part, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        shutil.rmtree(part) if part.is_dir() else part.unlink()
-    finally:
-        os.close(handle)
+    """A new name of a temporary file or folder beside `target`."""
+    return target.with_name(f"{PART}{secrets.token_hex(10)}{suffix}")
 
 
 def check_readable(path: Path, what: str) -> None:

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 
+@cache
 def listed(module: str) -> dict[str, str]:
     """Name -> module that defines it, read from the stub (.pyi) beside a module's file."""
-    stub = ast.parse(Path(module).with_suffix(".pyi").read_text(encoding="utf-8"))
-    imports = [
-        node
-        for node in stub.body
-        if isinstance(node, ast.ImportFrom) and node.module != "antiosc"  # its namespaces
-    ]
-    return {alias.name: str(node.module) for node in imports for alias in node.names}
+    stub = Path(module).with_suffix(".pyi")
+    names: dict[str, str] = {}
+    for node in ast.parse(stub.read_text(encoding="utf-8")).body:
+        if not isinstance(node, ast.ImportFrom) or node.module == "antiosc":  # its namespaces
+            continue
+
+        source = str(node.module)
+        if node.names[0].name == "*":
+            names |= listed(str(stub.with_name(source.rpartition(".")[2])))
+        else:
+            names |= {alias.name: source for alias in node.names}
+    return names
 
 
 def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:

@@ -8,7 +8,7 @@ sentence has the number, the rule, and the unit that is probably meant.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import inf, isfinite, sqrt
+from math import inf, isfinite
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -54,15 +54,6 @@ RANGES = {
     "radius": Range(0.0, 5.0, "m", MILLIMETRES),
     "speed": Range(0.0, 100.0, "m/s", ((1e-3, "mm/s"),)),
 }
-#: (factor of E, factor of ρ) to SI units, and the units in words.
-UNITS = (
-    (1e6, 1.0, "E in MPa"),
-    (1e9, 1.0, "E in GPa"),
-    (1.0, 1e3, "rho in g/cm³"),
-    (1.0, 1e12, "rho in t/mm³"),
-    (1e6, 1e12, "E in MPa and rho in t/mm³"),
-    (1e9, 1e3, "E in GPa and rho in g/cm³"),
-)
 
 
 def doubt(quantity: str, value: float, what: str, low: float = 0.0, high: float = inf) -> str:
@@ -95,7 +86,7 @@ def material_doubt(material: ExaminedMaterial) -> str:
     """Why a material is implausible, "" if it is not; InputError for impossible values."""
     speed = material.bar_speed()
     name = f"a {type(material).__name__} of this part"
-    E, rho, strength = (getattr(material, key, None) for key in ("E", "rho", "yield_strength"))
+    rho, strength = (getattr(material, key, None) for key in ("rho", "yield_strength"))
     massless = abs(speed / MASSLESS_WAVE - 1) < ROUNDING
 
     if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
@@ -106,25 +97,11 @@ def material_doubt(material: ExaminedMaterial) -> str:
 
     sentence = (
         f"the wave speed in {name} is √(E/ρ) = {speed:.3g} m/s, outside {SLOWEST_WAVE:g} to"
-        f" {FASTEST_WAVE:g}: units are SI, E in Pa and rho in kg/m³ (steel: 210e9 and 7850)"
-        f"{_likely_units(E, rho)}."
+        f" {FASTEST_WAVE:g}: units are SI, E in Pa and rho in kg/m³ (steel: 210e9 and 7850)."
     )
     if speed > LIGHT or (rho is not None and rho > DENSE and speed < SLOWEST_OF_DENSE):
         raise InputError(sentence)
     return sentence
-
-
-def _likely_units(E: float | None, rho: float | None) -> str:
-    """The system of units in which a modulus [Pa] and a density [kg/m³] would be plausible."""
-    if E is None or rho is None:
-        return ""
-    for of_E, of_rho, words in UNITS:
-        modulus, density = of_E * E, of_rho * rho
-        real = MODULI[0] <= modulus <= MODULI[1] and DENSITIES[0] <= density <= DENSITIES[1]
-        if real and 10 * SLOWEST_WAVE <= sqrt(modulus / density) <= FASTEST_WAVE:
-            return f"; {words} is probably meant: E {modulus:g}, rho {density:g}"
-
-    return ""
 
 
 def size_doubt(extent: float, stated: bool = False, lines: bool = False) -> str:

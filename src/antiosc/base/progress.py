@@ -1,8 +1,7 @@
 """The progress of long work on one line of the terminal, which is erased at the end.
 
-If the amount of work is known, the line shows how much is done. The command tells how long it lasts
-too, in files and pipes by a line after half a minute and then ever fewer ones. Otherwise nothing is
-written to files and pipes, to notebooks, and on MPI ranks other than the first.
+If the amount of work is known, the line shows how much is done. Nothing is written to files and
+pipes, to notebooks, and on MPI ranks other than the first.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TextIO
 
 #: Carriage return, and the sequence that clears the line.
@@ -24,9 +23,6 @@ CLEAR = "\r\x1b[2K"
 COUNTED = re.compile(r"\b\d+ of \d+\b")
 #: Seconds between two changes of a count.
 REFRESH = 0.1
-#: Seconds between two looks at the clock of lasting work, from which on a terminal shows it, and
-#: after which a line is printed elsewhere.
-TICK, LASTS, FIRST_LINE = 1.0, 5.0, 30.0
 
 #: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
 RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
@@ -43,13 +39,8 @@ class _Lines(threading.local):
     @property
     def innermost(self) -> str:
         """The innermost work, behind the last work around it that is counted; "" without any."""
-        return _innermost(self.texts)
-
-
-def _innermost(texts: list[str]) -> str:
-    """The last text, behind the last one before it that is counted; "" without any."""
-    counted = [text for text in texts[:-1] if COUNTED.search(text)]
-    return " – ".join([*counted[-1:], *texts[-1:]])
+        counted = [text for text in self.texts[:-1] if COUNTED.search(text)]
+        return " – ".join([*counted[-1:], *self.texts[-1:]])
 
 
 _lines = _Lines()
@@ -88,46 +79,6 @@ def following(tell: Callable[[str], None]) -> Iterator[None]:
 
 
 @contextmanager
-def with_time(stream: TextIO | None = None) -> Iterator[None]:
-    """Tell beside the work of this thread how long the block has run.
-
-    On the line of a terminal from `LASTS` on; elsewhere a line is printed after `FIRST_LINE`, then
-    each time after twice as long, so that a log shows that it goes on.
-    """
-    target = sys.stderr if stream is None else stream
-    if world_rank() or target is None:
-        yield
-        return
-
-    ended = threading.Event()
-    clock = threading.Thread(target=_tell_time, args=(_lines.texts, target, ended), daemon=True)
-    clock.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        clock.join()
-        if _is_terminal(target):
-            _show(target, "")
-
-
-def _tell_time(texts: list[str], stream: TextIO, ended: threading.Event) -> None:
-    """Tell how long the work lasts whose texts another thread keeps, until it ends."""
-    began, told = time.monotonic(), FIRST_LINE
-    while not ended.wait(TICK):
-        text = _innermost(texts)
-        seconds = time.monotonic() - began
-        if not text:
-            continue
-        with suppress(OSError, ValueError):  # a stream that was closed
-            if _is_terminal(stream) and seconds >= LASTS:
-                _show(stream, f"{seconds_text(seconds)}: {text}")
-            elif not _is_terminal(stream) and seconds >= told:
-                told *= 2
-                print_text(f"antiosc: {text} … ({seconds_text(seconds)} so far)", stream)
-
-
-@contextmanager
 def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
     """Show how many of `total` are done; yields a function of the number done.
 
@@ -144,13 +95,6 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
                 report(f"{min(count, total)} of {total}")
 
         yield done
-
-
-def seconds_text(seconds: float) -> str:
-    """A time in words: 12 s, 3 min, 2 h."""
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.0f} h"
 
 
 def _write(rank: int) -> None:

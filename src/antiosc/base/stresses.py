@@ -158,32 +158,11 @@ DEVIATOR = np.zeros((5, 6))
 DEVIATOR[0, :3] = np.sqrt(0.75) * np.array([1.0, -1.0, 0.0])
 DEVIATOR[1, :3] = 0.5 * np.array([1.0, 1.0, -2.0])
 DEVIATOR[2:, 3:] = np.sqrt(3.0) * np.eye(3)
-#: Singular value over the largest below which it is rounding.
-RANK = 1e-12
-#: Stresses that are examined for their rank first, which is usually that of all.
-LOOKED_AT = 20
-#: Stresses that are processed at once: their arrays then fit in a cache.
-AT_ONCE = 2000
 
 
 def equivalent_parts(columns: Array) -> Array:
-    """Columns (S, r, B) from components (S, 6, B): their Euclidean length is von Mises's stress.
-
-    r is 5 in solids; a sheet's plane stress has 3.
-    """
-    parts = DEVIATOR @ columns
-    sampled_values = np.linalg.svd(parts[:: 1 + len(parts) // LOOKED_AT], compute_uv=False)
-    if not len(parts) or (sampled_values[:, -1] > RANK * sampled_values[:, 0]).any():
-        return np.asarray(parts)
-    reduced = np.zeros_like(parts[:, : columns.shape[2]])
-    rank = 0
-    for first in range(0, len(parts), AT_ONCE):
-        block = slice(first, first + AT_ONCE)
-        _, sizes, rows = np.linalg.svd(parts[block], full_matrices=False)
-        reduced[block] = sizes[:, :, None] * rows
-        rank_of_sizes = (sizes > RANK * sizes[:, :1]).sum(axis=1)
-        rank = max(rank, int(rank_of_sizes.max()))
-    return reduced[:, :rank]
+    """Columns (S, 5, B) from components (S, 6, B): their Euclidean length is von Mises's stress."""
+    return np.asarray(DEVIATOR @ columns)
 
 
 class Tensile(NamedTuple):

@@ -113,7 +113,7 @@ def measured_errors(impact: RepeatedImpact) -> Shares:
 
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     changes = [
-        impact.change(ModalModel(ModalBody(omega, b, float(r), decay)))
+        impact.change(ModalModel(ModalBody(omega, b, float(r), decay=decay)))
         for omega, b, r, decay in bodies
     ]
     draws = int(facts["draws"])

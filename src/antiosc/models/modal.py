@@ -12,7 +12,7 @@ object whose `modal()` returns a `ModalBody` can take part in an impact (`antios
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -105,6 +105,7 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
     return Damping(ratio=value)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class FreeModes(ReprMixin):
     """Common base of bodies with one contact point (`ModalBody`) and with several (`SiteModes`).
 
@@ -114,15 +115,20 @@ class FreeModes(ReprMixin):
 
     omega: Array
     b: Array
-    r: Value
-    weight: Array | None
-    decay: Array | None
-    shape: Array | None
-    residual: Array | None
-    basis: tuple[Array, ...] | None
-    inertia: Inertia | None
+    _: KW_ONLY
+    decay: Array | None = None
+    weight: Array | None = None
+    shape: Array | None = None
+    residual: Array | None = None
+    basis: tuple[Array, ...] | None = None
     amplitude: Array | None = None
+    inertia: Inertia | None = None
     damping: DampingMatrix | None = None
+
+    @property
+    def r(self) -> Value:
+        """Residual compliance [m/N], (P, P) of several contact points."""
+        raise NotImplementedError
 
     def _check_modes(self, *points: int | None) -> None:
         """Check and store the common attributes; `points` is the axis of the contact points."""
@@ -131,10 +137,19 @@ class FreeModes(ReprMixin):
             raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
         size = omega.size
         checks.store(self, omega=omega, b=checks.floats("b", self.b, (size, *points)))
-        if self.decay is not None:
-            checks.store(self, decay=checks.floats("decay", self.decay, (size,)))
-            if np.any(self.decay < 0):
-                raise InputError("decay must be >= 0: negative damping adds energy.")
+
+        # arrays with their shapes
+        self._check("decay", (size,))
+        self._check("shape", (None, size))
+        count = self._size
+        self._check("amplitude", (None, count))
+        known = points or self.shape is not None
+        self._check("residual", (count if known else None, *self.b.shape[1:]))
+        if self.decay is not None and np.any(self.decay < 0):
+            raise InputError("decay must be >= 0: negative damping adds energy.")
+        if self.basis is not None:
+            checks.store(self, basis=checked_basis(self.basis))
+
         if self.damping is not None:
             damping = checks.instance("damping", self.damping, DampingMatrix, "a DampingMatrix")
             if damping.n != size or (self.decay is not None and self.decay.any()):
@@ -142,26 +157,17 @@ class FreeModes(ReprMixin):
                     f"damping needs a matrix of the {size} modes, and no decay beside it; got one "
                     f"of {damping.n}."
                 )
-        if self.shape is not None:
-            checks.store(self, shape=checks.floats("shape", self.shape, (None, size)))
-        coordinate_count = self._size
-        if self.residual is not None:
-            rows = coordinate_count if points or self.shape is not None else None
-            residual = checks.floats("residual", self.residual, (rows, *self.b.shape[1:]))
-            checks.store(self, residual=residual)
-        if self.basis is not None:
-            checks.store(self, basis=checked_basis(self.basis))
-        if self.amplitude is not None:
-            checks.store(
-                self, amplitude=checks.floats("amplitude", self.amplitude, (None, coordinate_count))
-            )
         if self.inertia is not None:
-            checks.instance("inertia", self.inertia, Inertia, "an Inertia")
-        if self.inertia is not None and len(self.inertia.momentum) != size:
-            raise InputError(
-                f"inertia.momentum needs one row for each of {size} modes; got"
-                f" {len(self.inertia.momentum)}."
-            )
+            rows = len(checks.instance("inertia", self.inertia, Inertia, "an Inertia").momentum)
+            if rows != size:
+                raise InputError(
+                    f"inertia.momentum needs one row for each of {size} modes; got {rows}."
+                )
+
+    def _check(self, name: str, shape: tuple[int | None, ...]) -> None:
+        """Store an attribute as an array of a shape, if it is known."""
+        if getattr(self, name) is not None:
+            checks.store(self, **{name: checks.floats(name, getattr(self, name), shape)})
 
     @cached_property
     def first_order(self) -> FirstOrder | None:
@@ -343,24 +349,13 @@ class ModalBody(FreeModes):
     inertia : momentum (J, 6) of each mode and the mass of the whole body; None: unknown.
     """
 
-    omega: Array
-    b: Array
     r: float = 0.0
-    decay: Array | None = None
-    weight: Array | None = None
-    shape: Array | None = None
-    residual: Array | None = None
-    basis: tuple[Array, ...] | None = None
-    amplitude: Array | None = None
-    direction: Array | None = None
-    inertia: Inertia | None = None
-    damping: DampingMatrix | None = None
+    direction: Array | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         self._check_modes()
+        self._check("weight", self.omega.shape)
         checks.store(self, r=checks.nonnegative("r", self.r, "m/N"))
-        if self.weight is not None:
-            checks.store(self, weight=checks.floats("weight", self.weight, self.omega.shape))
         if self.direction is not None:
             checks.store(self, direction=unit_vector("direction", self.direction))
 
@@ -427,10 +422,10 @@ class SiteModes(FreeModes):
 
         q_j'' + 2 d_j q_j' + omega_j^2 q_j = sum_c b_jc f_c,      u_c = sum_j b_jc q_j + (r f)_c.
 
+    `omega`, `decay`, `shape`, `basis`, `inertia` and `damping` are those of a `ModalBody`.
+
     Parameters
     ----------
-    omega : array_like, shape (J,)
-        Circular frequencies [rad/s]; exactly 0 for rigid-body modes.
     b : array_like, shape (J, P)
         Displacement of each column in each mode [kg^-1/2]; 0 for hidden rigid motions.
     sites : mapping or sequence of names
@@ -440,22 +435,12 @@ class SiteModes(FreeModes):
         Residual compliance [m/N], symmetric, positive semidefinite.
     directions : array_like, shape (P, 3), optional
         Unit vectors of the columns, in the axes of the scene.
-    decay : array_like, shape (J,), optional
-        Decay constants [1/s].
-    inertia : Inertia, optional
-        Momentum (J, 6) of each mode: for gravity, `Motion` and momentum.
     weight : array_like, shape (J, 3), optional
         Modal forces of unit gravities along the axes [kg^1/2]; default: those of the inertia.
-    shape, residual : array_like, shapes (C, J) and (C, P), optional
-        The transformation to the body's own coordinates, x = shape q + residual f; None: the modes
-        are the coordinates.
-    basis : sequence of arrays (n, .), optional
-        Displacement shapes of the whole body on the rows of this rank, one column for each
-        coordinate.
+    residual : array_like, shape (C, P), optional
+        Coordinates of the body per force, x = shape q + residual f.
     local_compliance : mapping, optional
         Half-space compliance [m/N] of the patch of each site, which the modes contain.
-    damping : DampingMatrix, optional
-        Damping of the modes, in place of `decay`, where it couples them.
 
     Raises
     ------
@@ -463,19 +448,11 @@ class SiteModes(FreeModes):
         For shapes that do not fit and numbers outside their range.
     """
 
-    omega: Array
-    b: Array
     sites: Mapping[str, Sequence[int]] | Sequence[str]
     r: Array | None = None
+    _: KW_ONLY
     directions: Array | None = None
-    decay: Array | None = None
-    inertia: Inertia | None = None
-    weight: Array | None = None
-    shape: Array | None = None
-    residual: Array | None = None
-    basis: tuple[Array, ...] | None = None
     local_compliance: Mapping[str, float] = field(default_factory=dict)
-    damping: DampingMatrix | None = None
 
     def __post_init__(self) -> None:
         self._check_modes(None)
@@ -493,9 +470,8 @@ class SiteModes(FreeModes):
         if self.directions is not None:
             directions = checks.floats("directions", self.directions, (count, 3))
             checks.store(self, directions=unit_vectors("directions", directions))
-        if self.weight is not None:
-            checks.store(self, weight=checks.floats("weight", self.weight, (modes, 3)))
-        elif self.inertia is not None:
+        self._check("weight", (modes, 3))
+        if self.weight is None and self.inertia is not None:
             checks.store(self, weight=self.inertia.momentum[:, :3])
         if self.basis is not None and sum(shapes.shape[1] for shapes in self.basis) != self._size:
             raise InputError(f"basis needs one column for each of the {self._size} coordinates.")

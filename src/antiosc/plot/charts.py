@@ -12,13 +12,13 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc.base import checks, files
-from antiosc.base._types import Array, Numbers
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.process import loading
 from antiosc.base.texts import engineering, percent, prefixed
@@ -29,8 +29,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Something that a chart draws.
-D = TypeVar("D")
+#: a `History`, or several by name
+HistoryLike: TypeAlias = Any
+#: `AntiOscillators`, or several by name
+ModelLike: TypeAlias = Any
 
 
 def panels(
@@ -162,31 +164,31 @@ def axes_or_new(ax: Axes | None) -> Axes:
     return ax
 
 
-def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D]:
-    """Name -> object; a single object gets the name ""."""
+#: What charts read of each kind of result.
+READ = {
+    "History": ("time", "force", "displacement", "indentation", "contacts", "cumulative_impulse"),
+    "AntiOscillators": ("m0", "k0", "omega", "labels", "mass_shares", "dynamic_stiffness"),
+}
+
+
+def by_name(items: Any, kind: str) -> Mapping[str, Any]:
+    """Name -> object of a kind of `READ`; a single object gets the name ""."""
     objects = items if isinstance(items, Mapping) else {"": items}
     if not objects:
-        raise InputError(f"nothing to draw: give at least one {noun}.")
-    for name, item in objects.items():
-        drawn_text = f"the {noun} named {checks.shown(name)}" if name else "what is drawn"
-        check_drawn(drawn_text, item, kind, f"a {noun}")
+        raise InputError(f"nothing to draw: give at least one {kind}.")
+
+    for drawn in objects.values():
+        missing = {"type"} if isinstance(drawn, type) else set()
+        for name in READ[kind]:
+            try:
+                getattr(drawn, name)
+            except AttributeError as error:
+                if isinstance(error, InputError):  # a history of several contacts says why
+                    raise
+                missing.add(name)
+        if missing:
+            raise InputError(f"what is drawn must be a {kind}; got {checks.shown(drawn)}.")
     return objects
-
-
-def check_drawn(name: str, drawn: object, kind: type, noun: str) -> None:
-    """InputError unless `drawn` has all attributes of the protocol `kind`."""
-    try:
-        for attribute in vars(kind):
-            if not attribute.startswith("_"):
-                getattr(drawn, attribute)
-        fits = not isinstance(drawn, type)
-    except AttributeError as error:
-        if isinstance(error, InputError):  # a history of several contacts says why
-            raise
-        fits = False
-    if not fits:
-        type_name = "" if drawn is None else f"{type(drawn).__name__} "
-        raise InputError(f"{name} must be {noun}; got {type_name}{checks.shown(drawn)}.")
 
 
 def widths(named: Mapping[str, object]) -> Array:
@@ -217,31 +219,6 @@ LATE_IMPULSE = 0.01
 VISIBLE = 0.005
 
 
-class HistoryLike(Protocol):
-    """The attributes of a `History` that charts use."""
-
-    @property
-    def time(self) -> Array:
-        """Times (T,), s; force (N) and displacements (m) have the same shape."""
-
-    @property
-    def force(self) -> Array: ...
-    @property
-    def displacement(self) -> Array: ...
-    @property
-    def indentation(self) -> Array: ...
-    @property
-    def impactor_displacement(self) -> Array: ...
-    @property
-    def peak_force(self) -> float: ...
-    @property
-    def contacts(self) -> list[tuple[float, float]]: ...
-    @property
-    def error(self) -> Mapping[str, float]: ...
-    @property
-    def cumulative_impulse(self) -> Array: ...
-
-
 def _error_of(hit: HistoryLike) -> tuple[float, str]:
     """(relative error of the largest force, its words, with a place for the number): that of the
     error budget once it is known, else of the run alone.
@@ -253,13 +230,13 @@ def _error_of(hit: HistoryLike) -> tuple[float, str]:
     return error, "numerical error{}"
 
 
-def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = None) -> Axes:
+def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     """Contact force over time for one history or several by name; the largest force is marked.
 
     The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
     peak of 0.5 % or more, of the error budget if that is known, is drawn as a band.
     """
-    runs = by_name(hits, HistoryLike, "History")
+    runs = by_name(hits, "History")
     ax = axes_or_new(ax)
     spans = [_contact_span(hit) for hit in runs.values()]
     start = min(s for s, _ in spans)
@@ -304,13 +281,13 @@ def _mark_yield(ax: Axes, hit: HistoryLike) -> None:
         ax.axhline(force, color="0.5", lw=0.6, label=text)
 
 
-def plot_motion(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = None) -> Axes:
+def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     """Displacements of the site and, dashed, of the striker over time; contacts are shaded.
 
     The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
     covers the motion of the site, that of the other body during contact, and a stop at rest.
     """
-    runs = by_name(hits, HistoryLike, "History")
+    runs = by_name(hits, "History")
     ax = axes_or_new(ax)
     factor, unit = prefixed(max(float(hit.time[-1]) for hit in runs.values()), "s")
     besides = [hit.displacement + hit.indentation for hit in runs.values()]
@@ -340,9 +317,7 @@ def plot_motion(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None =
     return legend(ax)
 
 
-def plot_history(
-    hits: HistoryLike | Mapping[str, HistoryLike], path: str | os.PathLike[str] | None = None
-) -> Figure | Path:
+def plot_history(hits: HistoryLike, path: str | os.PathLike[str] | None = None) -> Figure | Path:
     """The force during contact, and below it the motions over the whole run.
 
     Parameters
@@ -355,7 +330,7 @@ def plot_history(
     -------
     matplotlib Figure, or `path` where it was given.
     """
-    runs = by_name(hits, HistoryLike, "History")
+    runs = by_name(hits, "History")
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
     plot_force(runs, axes[0, 0])
     plot_motion(runs, axes[1, 0])
@@ -400,37 +375,13 @@ MOST_POINTS = 20_000
 LOWEST = 0.2
 
 
-class ModelLike(Protocol):
-    """The attributes of an `AntiOscillators` that charts use."""
-
-    @property
-    def m0(self) -> Any: ...
-    @property
-    def k0(self) -> Any: ...
-    @property
-    def m(self) -> Array: ...
-    @property
-    def n(self) -> int: ...
-    @property
-    def labels(self) -> tuple[str, ...]: ...
-    @property
-    def mass_shares(self) -> Array: ...
-    @property
-    def omega(self) -> Array: ...
-    def dynamic_stiffness(self, omega: ArrayLike) -> Numbers: ...
-
-
-def plot_dynamic_stiffness(
-    models: ModelLike | Mapping[str, ModelLike],
-    omega: ArrayLike,
-    ax: Axes | None = None,
-) -> Axes:
+def plot_dynamic_stiffness(models: ModelLike, omega: ArrayLike, ax: Axes | None = None) -> Axes:
     """|Z| over frequency: poles at the antiresonances, zeros at the free frequencies.
 
     `omega` [rad/s], (n,). A model of several sites has one curve for each entry of the matrix on
     and above its diagonal.
     """
-    models_by_name = by_name(models, ModelLike, "AntiOscillators")
+    models_by_name = by_name(models, "AntiOscillators")
     ax = axes_or_new(ax)
     w = checks.floats("omega", omega, (None,))
     for (name, model), width in zip(models_by_name.items(), widths(models_by_name), strict=True):
@@ -499,6 +450,6 @@ def plot_model(model: ModelLike, path: str | os.PathLike[str] | None = None) -> 
 
 
 def _with_anti_oscillators(model: ModelLike) -> None:
-    check_drawn("model", model, ModelLike, "AntiOscillators")
+    by_name(model, "AntiOscillators")
     if model.n == 0:
         raise InputError("this model has no anti-oscillator whose mass could be drawn.")
