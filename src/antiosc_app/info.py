@@ -175,8 +175,7 @@ def _cholmod() -> str:
         return f"not called directly, as its binding cannot be loaded ({error})"
     if refusal := cholmod.refusal():
         return f"not called, MUMPS factors: {refusal}"
-    numbers = cholmod.version(cholmod.loaded_cholmod())
-    return f"{'.'.join(map(str, numbers))}  called directly"
+    return f"{cholmod.version(cholmod.loaded_cholmod())}  called directly"
 
 
 def blas() -> str:

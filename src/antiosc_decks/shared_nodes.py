@@ -22,9 +22,10 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.extension import projected
-from antiosc.fem.assembly.joint import Constraints, Joint, Rows, Stiffness, following
+from antiosc.fem.assembly.joint import Constraints, Joint, Rows, following
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.platform import compat
+from antiosc.fem.structure.attachments import ElasticTerm
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import Term
@@ -543,10 +544,10 @@ class NodeConstraints(Joint):
         found = (inner, _on_middles(nodes))
         return rows + [Rows.free(matrix, label) for matrix in found if matrix.shape[0]]
 
-    def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
+    def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
         """The springs, dampers and masses as stiffness contributions."""
         nodes = Nodes(layout, self.points, self.numbers)
-        contributions: list[Stiffness] = []
+        contributions: list[ElasticTerm] = []
         none = np.zeros((1, 1))
         links = [terms for terms, _ in (*self.springs, *self.dampers)]
         rows = nodes.functionals(links)
@@ -554,7 +555,7 @@ class NodeConstraints(Joint):
         for k, value in enumerate(values):
             spring = k < len(self.springs)
             damping = None if spring else value
-            contributions.append(Stiffness(rows[k], value if spring else none, none, c=damping))
+            contributions.append(ElasticTerm(rows[k], value if spring else none, none, c=damping))
 
         masses = nodes.functionals([terms for motions, _, _ in self.masses for terms in motions])
         start = 0
@@ -562,7 +563,7 @@ class NodeConstraints(Joint):
             of_mass = masses[start : start + len(motions)]
             start += len(motions)
             contributions.append(
-                Stiffness(of_mass, np.zeros((len(motions),) * 2), np.array(M), mass)
+                ElasticTerm(of_mass, np.zeros((len(motions),) * 2), np.array(M), mass)
             )
         return contributions
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.linalg
@@ -33,7 +34,6 @@ from antiosc.fem.assembly.joint import (
     EndMotion,
     Joint,
     Rows,
-    Stiffness,
     group_end,
     motion,
 )
@@ -52,12 +52,9 @@ from antiosc.fem.platform import collective
 from antiosc.fem.structure import TURN, Placement, in_space
 from antiosc.fem.structure.attachments import (
     Attachment,
-    Damper,
-    PointMass,
-    Spring,
+    ElasticTerm,
     attachments_of,
-    damper_to_itself,
-    values_of,
+    terms_of,
 )
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.structure import Structure, holding
@@ -171,7 +168,7 @@ def _joined(
     layout: Layout,
     joints: Sequence[Joint],
     supports: Sequence[Support],
-    attached: Sequence[PointMass | Spring | Damper],
+    attached: Sequence[Attachment],
 ) -> _Joined:
     """The constraints and terms of all joints, supports and attachments."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
@@ -182,12 +179,12 @@ def _joined(
     scale = np.where(places.kind == TURN, 1 / layout.size, 1.0)  # of displacements and rotations
     checked_supports = list_of("supports", supports, Support, "Support(where, fix)")
     rows = [Rows.free(support_rows(layout, support), "") for support in checked_supports]
-    elastic: list[Stiffness] = []
+    elastic: list[ElasticTerm] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
         rows += joint.constraints(layout, Constraints(rows, fixed, scale), label)
         elastic += [replace(support, name=label) for support in joint.elastic(layout, label)]
-    for support in attached:
-        elastic += attachment(layout, support)
+    for one in attached:
+        elastic += terms_of(one, layout.plane, partial(_places, layout))
     elastic += [superelement(layout, support) for support in layout.condensed.values()]
     for r in rows:
         _check_dense(r.label or "a support", r.matrix)
@@ -245,7 +242,7 @@ def _check_joined(
     bodies: Sequence[RigidDofs],
     moving: Sequence[RigidDofs],
     rows: Sequence[Rows],
-    elastic: Sequence[Stiffness],
+    elastic: Sequence[ElasticTerm],
 ) -> None:
     """InputError for a moving part, body of a part, or reference point without any joint."""
     body = np.zeros(layout.count, dtype=int)
@@ -323,47 +320,10 @@ def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
     ]
 
 
-def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[Stiffness]:
-    """The terms of a mass, a grounded spring or a damper, one for each of its points."""
-    values = values_of(attached, layout.plane)
-    names = list(values)
-    diagonal = np.diag(list(values.values()))
-    zero = np.zeros_like(diagonal)
-    other_point = None
-    if isinstance(attached, Damper) and attached.to is not None:
-        other_point = _places(layout, attached.to)[0]
-    terms = []
-    for end in _places(layout, attached.where):
-        lack = end.lacking(names)
-        if lack:
-            raise InputError(
-                f"{type(attached).__name__} at {attached.where!r} acts on {', '.join(lack)}, which"
-                " this point does not have: points of solids have no rotations (act on a group or"
-                " on a reference point)."
-            )
-        G = end.components(names)
-        if other_point is not None:
-            if isinstance(attached, Damper) and np.allclose(other_point.point, end.point):
-                raise InputError(damper_to_itself(attached))
-            G = G - other_point.components(names)
-        name = getattr(attached, "name", None) or ""
-        term = Stiffness(G, zero, zero, name=name, point=end.point)
-        if isinstance(attached, PointMass):
-            term = replace(term, m=diagonal, mass=attached.mass)
-        elif isinstance(attached, Spring):
-            term = replace(term, k=diagonal)
-        elif attached.tau is None:
-            term = replace(term, c=diagonal)
-        else:
-            term = replace(term, branches=[(diagonal, attached.tau)])
-        terms.append(term)
-    return terms
-
-
-def superelement(layout: Layout, part: Superelement) -> Stiffness:
+def superelement(layout: Layout, part: Superelement) -> ElasticTerm:
     """K and M of a superelement as a term on the dofs of that superelement."""
     functionals = layout.units(np.arange(part.rows.start, part.rows.stop))
-    return Stiffness(functionals, part.K, part.M, rigid=part.rigid)
+    return ElasticTerm(functionals, part.K, part.M, rigid=part.rigid)
 
 
 def _places(layout: Layout, where: str | Sequence[float]) -> list[EndMotion]:

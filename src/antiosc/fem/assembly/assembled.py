@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -21,7 +21,7 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
 from antiosc.base.checks import floats
 from antiosc.base.errors import AccuracyError, InputError, name_list, warn
-from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
+from antiosc.fem.assembly.joint import Constraints, Eliminated
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded
 from antiosc.fem.linalg.algebra import by_strains, dot, force_ratios, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, from_csr, with_entries
@@ -34,6 +34,7 @@ from antiosc.fem.structure import (
     orthonormal,
     support,
 )
+from antiosc.fem.structure.attachments import ElasticTerm
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.models.motion import Inertia
 
@@ -270,7 +271,7 @@ class Added:
     mass : total mass, kg.
     """
 
-    def __init__(self, elastic: Sequence[Stiffness], T: Sparse) -> None:
+    def __init__(self, elastic: Sequence[ElasticTerm], T: Sparse) -> None:
         self._terms = elastic
         self.mass = float(sum(term.mass for term in elastic))
         self._G = stacked([term.G for term in elastic], len(T.indptr) - 1)
@@ -285,19 +286,14 @@ class Added:
 
     def dissipation(self, *, on_u: bool = False) -> list[Dissipation]:
         """Dashpots and Maxwell branches on q, or on u before the parts are joined."""
-        dashpots: list[Dissipation] = []
-        branches: list[Dissipation] = []
-        for term, on_q in zip(self._terms, self._on_q, strict=True):
-            made = partial(Dissipation, term.G if on_u else on_q, name=term.name, point=term.point)
-            dashpots += [] if term.c is None else [made(term.c)]
-            branches += [made(k, tau) for k, tau in term.branches]
-        return dashpots + branches
+        functionals = [term.G for term in self._terms] if on_u else self._on_q
+        pairs = zip(self._terms, functionals, strict=True)
+        terms = [damper for term, G in pairs for damper in term.dampers(G)]
+        return sorted(terms, key=lambda term: term.tau is not None)
 
     def springs(self) -> list[Dissipation]:
         """The springs as `Dissipation` terms on u, whose c is the stiffness."""
-        return [
-            Dissipation(term.G, term.k, name=term.name, point=term.point) for term in self._terms
-        ]
+        return [term.spring for term in self._terms]
 
     def forces(self, motions: Array) -> Array:
         """Elastic forces in q (n, j) for motions of u (n, j)."""

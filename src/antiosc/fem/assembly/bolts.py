@@ -11,9 +11,10 @@ import scipy.sparse
 from antiosc.base._types import Array
 from antiosc.base.checks import checked_by, instance
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import NAME, Stiffness, TwoEnds, end_text, motion
+from antiosc.fem.assembly.joint import NAME, TwoEnds, end_text, motion
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.elements.beam import Beam, heights
+from antiosc.fem.structure.attachments import ElasticTerm
 
 #: Gauss points for the mass matrix, whose integrands are products of two cubics.
 GAUSS_POINTS = 5
@@ -46,8 +47,8 @@ class Bolt(TwoEnds):
         if self.beam.offset:
             raise InputError("the beam of a Bolt has no offset: it goes from end to end.")
 
-    def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
-        """Stiffness and mass of the beam."""
+    def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
+        """ElasticTerm and mass of the beam."""
         ends = [motion(layout, end) for end in (self.a, self.b)]
         line = ends[1].point - ends[0].point
         length = float(np.linalg.norm(line))
@@ -74,11 +75,11 @@ class Bolt(TwoEnds):
         rotation = scipy.sparse.block_diag([scipy.sparse.csr_matrix(R)] * 4, format="csr")
         G = (rotation @ scipy.sparse.vstack([end_motion.six for end_motion in ends])).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
-        return [Stiffness(G, k, m, mass)]
+        return [ElasticTerm(G, k, m, mass)]
 
 
 def element(beam: Beam, length: float) -> tuple[Array, Array]:
-    """Stiffness and mass (12, 12) of a beam along x, its height along y.
+    """ElasticTerm and mass (12, 12) of a beam along x, its height along y.
 
     Dofs: x, y, z, rx, ry, rz of the first end, then of the second.
     """

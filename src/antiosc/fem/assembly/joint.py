@@ -24,9 +24,7 @@ from antiosc.base.errors import InputError, name_list
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.surface import WeightedPoints, quadrature
 from antiosc.fem.structure import in_space, skew
-from antiosc.fem.structure.attachments import (
-    NEAR,
-)
+from antiosc.fem.structure.attachments import NEAR, UNIT, ElasticTerm
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import SIDES
@@ -42,10 +40,6 @@ CUT_DEGREE, CUT_POINTS = 16, 12
 
 #: "part:group" or the name of a reference point, ("part", point) or ("part", point, radius)
 End: TypeAlias = str | tuple[str, tuple[float, ...]] | tuple[str, tuple[float, ...], float]
-
-
-#: Unit motions (6,) by the names of the components.
-UNIT = dict(zip(COMPONENTS, np.eye(6), strict=True))
 
 
 def stacked(displacements: Sparse, rotations: Sparse) -> Sparse:
@@ -382,40 +376,6 @@ class Eliminated:
         return q
 
 
-@dataclass(frozen=True, eq=False)
-class Stiffness:
-    """Stiffness k and mass m of functionals G: Gᵀ k G is added to K_b, Gᵀ m G to M_b."""
-
-    G: Sparse  # (j, n) functionals of u
-    #: k, m: (j, j) stiffness and mass of these
-    k: Array
-    m: Array
-    mass: float = 0.0  # kg
-    #: (j, r) orthonormal values of the functionals that are without strain, where they are known
-    rigid: Array | None = None
-    c: Array | None = None  # (j, j) damping of the functionals
-    #: stiffnesses (j, j) and relaxation times [s] of Maxwell branches
-    branches: Sequence[tuple[Array, float]] = ()
-    name: str = ""  # of the joint or attachment
-    point: Array | None = None  # (3,) of an attachment, m
-
-    @property
-    def strains(self) -> Array:
-        """Unit combinations (r, functionals) of the functionals that vanish in strain-free motions.
-
-        Functionals without entries, such as motions out of a plane, take no part.
-        """
-        if self.rigid is not None:
-            basis, _ = np.linalg.qr(self.rigid, mode="complete")
-            return np.asarray(basis[:, self.rigid.shape[1] :].T)
-        nonzero_rows = np.flatnonzero(np.diff(self.G.indptr))
-        values, vectors = np.linalg.eigh(self.k[np.ix_(nonzero_rows, nonzero_rows)])
-        vectors = vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)]
-        strains = np.zeros((vectors.shape[1], len(self.k)))
-        strains[:, nonzero_rows] = vectors.T
-        return strains
-
-
 class Joint(Checked):
     """A joint between parts: linear constraints, springs and masses.
 
@@ -433,7 +393,7 @@ class Joint(Checked):
         """The linear constraints C u = 0 of the joint."""
         return []
 
-    def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
+    def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
         """The springs and masses of the joint."""
         return []
 

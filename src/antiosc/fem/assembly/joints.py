@@ -17,13 +17,11 @@ from antiosc.fem.assembly.joint import (
     COLLINEAR,
     END,
     NAME,
-    UNIT,
     Constraints,
     End,
     EndMotion,
     Joint,
     Rows,
-    Stiffness,
     TwoEnds,
     checked_end,
     end_text,
@@ -34,7 +32,7 @@ from antiosc.fem.assembly.joint import (
 )
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure import checked_axis, in_space
-from antiosc.fem.structure.attachments import by_components
+from antiosc.fem.structure.attachments import UNIT, ElasticTerm, by_components
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 
@@ -331,7 +329,7 @@ class Bushing(TwoEnds):
                 f"{shown(self.stiffness)}."
             )
 
-    def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
+    def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
         """A spring k (b − a)²/2 for each component."""
         ends = [(end, motion(layout, end, allow_partial=True)) for end in (self.a, self.b)]
         constants = [self.stiffness, self.damping, *(values for values, _ in self.branches)]
@@ -358,7 +356,9 @@ class Bushing(TwoEnds):
         )
         times = [tau for _, tau in self.branches]
         branches = list(zip(of_branches, times, strict=True))
-        return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)]
+        return [
+            ElasticTerm(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)
+        ]
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ class Layout:
         for name, part in parts.items():
             if isinstance(part, Superelement):
                 self.condensed[name] = part.placed(at[name], first)
-                first += part.size
+                first += len(part.K)
         self.points = dict(points)
         self._first_point = first
         self.plane = _plane(self.members, self.condensed)

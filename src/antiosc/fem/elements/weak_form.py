@@ -83,21 +83,24 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function
     axis[:] = x[:, 1] - x[:, 0]
     side[:] = 1.0
     has_sides = np.zeros(len(x), dtype=bool)
-    has_top = np.zeros(len(x), dtype=bool)
 
     def work() -> None:
         for material, cells in parts:
+            n = normals[cells]
             if material.axis is not None:
-                axis[cells] = _axis(material.axis, x[cells], normals[cells])
+                axis[cells] = d = _directions_at("axis", material.axis, x[cells])
+                sine = np.linalg.norm(np.cross(d[:, None], n), axis=2)
+                _refuse(sine, x[cells], "the axis is normal to the sheet")
             top = (0.0, 0.0, 1.0) if material.top is None and mesh.gdim == 2 else material.top
             if top is not None:
-                side[cells] = _side(top, x[cells], normals[cells])
-            has_sides[cells] = material.section.has_sides
-            has_top[cells] = material.top is not None
+                cosine = np.einsum("ci,cqi->cq", _directions_at("top", top, x[cells]), n)
+                side[cells] = np.sign(cosine[:, 0])
+                _refuse(cosine * side[cells, None], x[cells], "top lies along the sheet")
+            has_sides[cells] = material.section.has_sides and material.top is None
 
     agreed(mesh.comm, work)
     if any(material.section.has_sides for material, _ in parts):
-        _check_neighbours(mesh, x, side, has_sides, has_top)
+        _check_neighbours(mesh, x, side, has_sides)
     return axes, sides
 
 
@@ -109,51 +112,24 @@ def _normals(mesh: Mesh, x: Array) -> Array:
     return np.asarray(normals / np.linalg.norm(normals, axis=2, keepdims=True))
 
 
-def _axis(direction: Direction, x: Array, normals: Array) -> Array:
-    """Unit vectors (cells, 3) along `direction`; InputError where it is normal to a cell."""
-    axis = _directions_at("axis", direction, x)
-    projected_length = np.linalg.norm(np.cross(axis[:, None], normals), axis=2).min(axis=1)
-    _refuse(
-        projected_length < LEAST_SINE,
-        x,
-        f"the axis{shown_direction(direction)} is normal to the sheet",
-        "choose a direction along the surface, a function of x, or a separate laminate for these "
-        "cells",
-    )
-    return axis
-
-
-def _side(direction: Direction, x: Array, normals: Array) -> Array:
-    """Sign ±1 (cells,): whether a cell's normal points toward the top, given by a direction."""
-    cosine = np.einsum("ci,cqi->cq", _directions_at("top", direction, x), normals)
-    side = np.sign(cosine[:, 0])
-    _refuse(
-        (cosine * side[:, None]).min(axis=1) < LEAST_SINE,
-        x,
-        f"top{shown_direction(direction)} lies along the sheet",
-        "choose a direction off the surface, a function of x, or a separate laminate for these "
-        "cells",
-    )
-    return np.asarray(side)
-
-
 def _directions_at(name: str, direction: Direction, x: Array) -> Array:
     """Unit vectors (cells, 3) of the direction at the middle of every cell."""
-    directions = (
-        direction(x.mean(axis=1).T) if callable(direction) else np.reshape(direction, (3, 1))
-    )
-    vectors = floats(f"{name}, as a function of x (3, n),", directions, (3, None)).T
+    at_cells = direction(x.mean(axis=1).T) if callable(direction) else np.reshape(direction, (3, 1))
+    vectors = floats(f"{name}, as a function of x (3, n),", at_cells, (3, None)).T
     vectors = np.broadcast_to(vectors, (len(x), 3))
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    _refuse(lengths[:, 0] == 0, x, f"{name} has no length", "give a direction everywhere")
+    _refuse(lengths, x, f"{name} has no length")
     return np.asarray(vectors / lengths)
 
 
-def _refuse(bad: BoolArray, x: Array, what: str, remedy: str) -> None:
-    """InputError that names the number of bad cells and the place of one, if there are any."""
+def _refuse(sine: Array, x: Array, what: str) -> None:
+    """InputError that names a cell where a sine (cells, points) is too small, if there is one."""
+    bad = sine.min(axis=1) < LEAST_SINE
     if bad.any():
-        location = point_text(x[np.argmax(bad)].mean(axis=0))
-        raise InputError(f"{what} in {int(bad.sum())} cells, one at {location}: {remedy}.")
+        raise InputError(
+            f"{what} in {int(bad.sum())} cells, one at {point_text(x[np.argmax(bad)].mean(axis=0))}"
+            ": choose another direction, a function of x, or a separate laminate for these cells."
+        )
 
 
 def shown_direction(direction: Direction) -> str:
@@ -161,45 +137,35 @@ def shown_direction(direction: Direction) -> str:
     return "" if callable(direction) else f" ({', '.join(f'{c:g}' for c in direction)})"
 
 
-def _check_neighbours(
-    mesh: Mesh,
-    x: Array,
-    side: Array,
-    has_sides: BoolArray,
-    stated: BoolArray,
-) -> None:
-    """InputError if two neighbouring cells have normals on different sides of the sheet.
+def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -> None:
+    """InputError if neighbouring cells have normals on different sides of the sheet.
 
-    This is checked if both stacks are unsymmetric and at least one uses the normals of the mesh.
-    Edges of three or more cells are not checked.
+    `has_sides` (cells,): unsymmetric stacks without a `top`. Edges of three or more cells are not
+    checked.
     """
     owned = compat.cell_map(mesh.dolfinx).size_local
-    corner_order = CORNERS_IN_TURN[mesh.cell]
+    in_turn = CORNERS_IN_TURN[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
-    corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned][:, corner_order]]
+    corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned][:, in_turn]]
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-    points = x[:owned, corner_order]
-    middles = (points + np.roll(points, -1, axis=1)) / 2
 
     # cells that agree go along their edge in opposite directions
     sign = np.where(ends[..., 0] < ends[..., 1], 1, -1) * side[:owned, None]
-    flags = [np.repeat(flag[:owned], len(corner_order)) for flag in (has_sides, stated)]
-    table = np.sort(ends.reshape(-1, 2), axis=1), sign.ravel(), *flags, middles.reshape(-1, 3)
+    compared = np.broadcast_to(has_sides[:owned, None], sign.shape)
+    table = np.sort(ends.reshape(-1, 2), axis=1), sign.ravel(), compared.ravel(), x[:owned, in_turn]
     tables = mesh.comm.gather(table, root=0) or []
 
     def work() -> None:
-        edges, sign, has_sides, stated, points = map(np.concatenate, zip(*tables, strict=True))
+        edges, sign, compared, points = map(np.concatenate, zip(*tables, strict=True))
         _, edge, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
         edge = edge.ravel()
-        compared = (np.bincount(edge, has_sides) == 2) & (np.bincount(edge, stated) < 2)
-        bad = compared & (count == 2) & (np.bincount(edge, sign) != 0)
+        bad = (count == 2) & (np.bincount(edge, compared) == 2) & (np.bincount(edge, sign) != 0)
         if bad.any():
-            location = point_text(points[np.argmax(bad[edge])])
+            place = point_text(points.reshape(-1, 3)[np.argmax(bad[edge])])
             raise InputError(
                 f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
-                f"{location}, so that the top of the sheet would change sides: reverse the node "
-                "order of those cells, or give Laminate or Shell a top, a direction on whose side "
-                "the top lies."
+                f"{place}, so that the top of the sheet would change sides: reverse the nodes of "
+                "these cells, or give Laminate or Shell a top, a direction on its side."
             )
 
     on_root(mesh.comm, work)

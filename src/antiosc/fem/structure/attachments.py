@@ -8,9 +8,9 @@ T.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import dolfinx
 import numpy as np
@@ -41,6 +41,10 @@ from antiosc.fem.platform import agree, compat
 from antiosc.fem.structure import Dissipation, in_space
 from antiosc.io.matrices import COMPONENTS
 
+Sparse: TypeAlias = scipy.sparse.csr_matrix
+
+#: Unit motions (6,) by the names of the components.
+UNIT = dict(zip(COMPONENTS, np.eye(6), strict=True))
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
 NEAR = 1e-3
 
@@ -139,6 +143,10 @@ class Spring(Checked):
     stiffness: Mapping[str, float] = field(metadata=checked_by(_some_components, "Spring"))
     name: str | None = field(default=None, kw_only=True, metadata=NAME)
 
+    def values(self) -> dict[str, float]:
+        """Component -> stiffness."""
+        return dict(self.stiffness)
+
 
 @dataclass(frozen=True)
 class Damper(Checked):
@@ -167,10 +175,9 @@ class Damper(Checked):
     tau: float | None = field(default=None, metadata=checked_by(positive, "s"))
     name: str | None = field(default=None, kw_only=True, metadata=NAME)
 
-    @property
     def values(self) -> dict[str, float]:
-        """Component -> damping; for a relaxing damper, stiffness."""
-        return {name: c / (self.tau or 1.0) for name, c in self.damping.items()}
+        """Component -> damping."""
+        return dict(self.damping)
 
 
 #: What a structure carries at points.
@@ -192,159 +199,203 @@ def attachments_of(attached: object) -> list[Attachment]:
     return attachments
 
 
-def damper_to_itself(damper: Damper) -> str:
-    """Message for a damper between two coincident points."""
-    return (
-        f"the Damper at {shown(damper.where)} ends at the point where it begins,"
-        f" {shown(damper.to)}: it brakes nothing; name another point, or leave to= out for the"
-        " ground."
-    )
+@dataclass(frozen=True, eq=False)
+class ElasticTerm:
+    """Stiffness k, damping c and mass m of functionals G: Gᵀ k G is added to K, and so on."""
+
+    G: Sparse  # (j, n) functionals of u
+    #: k, m: (j, j) stiffness and mass of these
+    k: Array
+    m: Array
+    mass: float = 0.0  # kg
+    c: Array | None = None  # (j, j) damping
+    #: (j, r) orthonormal values of the functionals that are without strain, where they are known
+    rigid: Array | None = None
+    #: stiffnesses (j, j) and relaxation times [s] of Maxwell branches
+    branches: Sequence[tuple[Array, float]] = ()
+    name: str = ""  # of the joint or attachment
+    point: Array | None = None  # (3,) of an attachment, m
+    components: Sequence[str] = ()  # of an attachment, one for each functional
+
+    @property
+    def strains(self) -> Array:
+        """Unit combinations (r, functionals) of the functionals that vanish in strain-free motions.
+
+        Functionals without entries, such as motions out of a plane, take no part.
+        """
+        if self.rigid is not None:
+            basis, _ = np.linalg.qr(self.rigid, mode="complete")
+            return np.asarray(basis[:, self.rigid.shape[1] :].T)
+        nonzero_rows = np.flatnonzero(np.diff(self.G.indptr))
+        values, vectors = np.linalg.eigh(self.k[np.ix_(nonzero_rows, nonzero_rows)])
+        vectors = vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)]
+        strains = np.zeros((vectors.shape[1], len(self.k)))
+        strains[:, nonzero_rows] = vectors.T
+        return strains
+
+    @property
+    def spring(self) -> Dissipation:
+        """The spring as a term whose c is the stiffness."""
+        return Dissipation(self.G, self.k, name=self.name, point=self.point)
+
+    def dampers(self, G: Sparse) -> list[Dissipation]:
+        """Dashpots and Maxwell branches on functionals `G`, those of this term or their like."""
+        constants = [] if self.c is None else [(self.c, None)]
+        return [
+            Dissipation(G, c, tau, name=self.name, point=self.point)
+            for c, tau in [*constants, *self.branches]
+        ]
 
 
-def values_of(attachment: PointMass | Spring | Damper, plane: bool) -> dict[str, float]:
-    """Component -> mass, stiffness or damping; stiffness for a damper that relaxes.
+class PointMotion(Protocol):
+    """The motion of the point at which an attachment acts."""
 
-    A mass on a `plane` structure has none along z, nor about x and y.
+    @property
+    def point(self) -> Array:
+        """Coordinates (3,), m."""
+        ...
+
+    def components(self, names: Sequence[str]) -> Sparse:
+        """Functionals of the named displacements and rotations."""
+        ...
+
+    def lacking(self, names: Sequence[str]) -> list[str]:
+        """The components among `names` that the point does not have."""
+        ...
+
+
+def terms_of(
+    attached: Attachment,
+    plane: bool,
+    places: Callable[[str | Sequence[float]], Sequence[PointMotion]],
+) -> list[ElasticTerm]:
+    """The terms of a mass, a grounded spring or a damper, one for each of its points.
+
+    `places` gives the points of `where` and of `to`. A mass on a `plane` structure has none along
+    z, nor about x and y.
     """
-    if isinstance(attachment, Spring):
-        return dict(attachment.stiffness)
-    if isinstance(attachment, Damper):
-        return attachment.values
-    names = ("x", "y", "rz") if plane else COMPONENTS
-    return {name: value for name, value in attachment.values().items() if value and name in names}
+    values = attached.values()
+    if isinstance(attached, PointMass):
+        names = [name for name in (("x", "y", "rz") if plane else COMPONENTS) if values[name]]
+    else:
+        names = list(values)
+    diagonal = np.diag([values[name] for name in names])
+    zero = np.zeros_like(diagonal)
+    kind = type(attached).__name__
+    other = None
+    if isinstance(attached, Damper) and attached.to is not None:
+        other = places(attached.to)[0]
+
+    terms = []
+    for end in places(attached.where):
+        if lacking := end.lacking(names):
+            raise InputError(
+                f"{kind} at {attached.where!r} acts on {', '.join(lacking)}, which this point does "
+                "not have: points of solids have no rotations (act on a group or on a reference "
+                "point of an assembly), plane parts move along x and y."
+            )
+        G = end.components(names)
+        if other is not None:
+            if np.allclose(other.point, end.point):
+                raise InputError(f"the Damper at {shown(attached.where)} ends where it begins.")
+            G = G - other.components(names)
+        name = "" if other is not None else getattr(attached, "name", None) or ""
+        term = ElasticTerm(G, zero, zero, name=name, point=end.point, components=names)
+        if isinstance(attached, PointMass):
+            term = replace(term, m=diagonal, mass=attached.mass)
+        elif isinstance(attached, Spring):
+            term = replace(term, k=diagonal)
+        elif attached.tau is None:
+            term = replace(term, c=diagonal)
+        else:
+            term = replace(term, branches=[(diagonal / attached.tau, attached.tau)])
+        terms.append(term)
+    return terms
 
 
 @dataclass(frozen=True)
-class Matrices:
-    """The matrices of a structure, and the data that attachments need to change them in place."""
+class MeshPoint:
+    """The motion of a point of a mesh, by functionals of the rows of this rank."""
 
     mesh: Mesh
     form: WeakForm
-    K: PETSc.Mat
-    M: PETSc.Mat
     #: dofs of this rank, ghosts included, that the supports hold
     fixed: IntArray
+    nearest: ClosestPoint
+
+    @property
+    def point(self) -> Array:
+        """Coordinates (3,), m."""
+        return self.nearest.x
+
+    def lacking(self, names: Sequence[str]) -> list[str]:
+        """The components among `names` that the mesh does not have."""
+        return [name for name in names if name not in self.form.components]
+
+    def components(self, names: Sequence[str]) -> Sparse:
+        """Functionals of the named displacements and rotations; 0 at fixed dofs."""
+        space = self.form.space
+        rows = compat.local_size(space)
+        functionals = []
+        for name in names:
+            path = self.form.components[name]
+            b = PETSc.Vec().createMPI((rows, None), comm=self.mesh.comm)
+            if self.mesh.comm.rank == self.nearest.rank:
+                dofs = compat.subspace(space, path).dofmap.cell_dofs(self.nearest.cell)
+                weights = compat.tabulate(space, path, self.nearest.X.reshape(1, -1))[0]
+                weights = np.where(np.isin(dofs, self.fixed), 0.0, weights)
+                b.setValues(compat.global_dofs(space, dofs), weights)
+            b.assemble()
+            functionals.append(b.array_r.copy())
+            b.destroy()
+        return Sparse(np.array(functionals).reshape(len(names), rows))
 
 
-@dataclass(frozen=True)
-class AttachedTerms:
-    """Contributions of attachments other than K and M, which the structure sums."""
-
-    #: kg
-    mass: float
-    #: M e for unit accelerations e along x, y, z, of the attachment alone (rows of this rank, 3)
-    inertia: Array
-    springs: Sequence[Dissipation] = ()
-    dampers: Sequence[Dissipation] = ()
-
-
-def add_at_points(structure: Matrices, attachment: PointMass | Spring | Damper) -> AttachedTerms:
-    """Add a mass or a spring at its points to K and M, or a damper to the damping terms."""
-    values = values_of(attachment, plane="z" not in structure.form.components)
-    foreign = [component for component in values if component not in structure.form.components]
-    if foreign:
-        raise InputError(
-            f"{type(attachment).__name__} at {attachment.where!r} acts on {', '.join(foreign)}, but"
-            f" the components of this structure are {', '.join(structure.form.components)}."
-        )
-    matrix = None
-    if isinstance(attachment, PointMass):
-        matrix = structure.M
-    elif isinstance(attachment, Spring):
-        matrix = structure.K
-    points = _attachment_points(structure.mesh, attachment.where)
-    rows = compat.local_size(structure.form.space)
-    mass = 0.0
-    inertia = np.zeros((rows, 3))
-    centre = np.mean([nearest.x for nearest in points], axis=0)
-    terms = [
-        (component, value, _add_component(structure, matrix, component, nearest, value))
-        for nearest in points
-        for component, value in values.items()
-    ]
-    if matrix is not None:
-        matrix.assemble()
-    diagonal = np.diag([value for _, value, _ in terms])
-    if isinstance(attachment, Damper):
-        ground = [] if attachment.to is None else _attachment_points(structure.mesh, attachment.to)
-        if ground and any(np.allclose(ground[0].x, nearest.x) for nearest in points):
-            raise InputError(damper_to_itself(attachment))
-        ends = {c: _add_component(structure, None, c, end, 0.0) for end in ground for c in values}
-        G = [b - ends[c] if ends else b for c, _, b in terms]
-        name = "" if ends else str(attachment.name)
-        damper = Dissipation(
-            _functionals(G, rows), diagonal, attachment.tau, name=name, point=centre
-        )
-        return AttachedTerms(mass, inertia, dampers=[damper])
-    if isinstance(attachment, Spring):
-        G = [b for _, _, b in terms]
-        name = str(attachment.name)
-        spring = Dissipation(_functionals(G, rows), diagonal, name=name, point=centre)
-        return AttachedTerms(mass, inertia, [spring])
-    for component, value, b in terms:
-        if component in "xyz":
-            inertia[:, "xyz".index(component)] += value * b
-    return AttachedTerms(attachment.mass * len(points), inertia)
+def add(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
+    """Add Gᵀ diag(values) G to the entries of a matrix over ranks. Collective."""
+    if not values.any():
+        return
+    comm = matrix.getComm().tompi4py()
+    first, _ = matrix.getOwnershipRange()
+    for row, value in zip(G, values, strict=True):
+        everywhere = comm.allgather((first + row.indices, row.data))
+        dofs, weights = map(np.concatenate, zip(*everywhere, strict=True))
+        if comm.rank == 0:
+            dofs = dofs.astype(PETSc.IntType)
+            entries = value * np.outer(weights, weights)
+            matrix.setValues(dofs, dofs, entries, addv=PETSc.InsertMode.ADD_VALUES)
+    matrix.assemble()
 
 
-def _functionals(b: Sequence[Array], rows: int) -> scipy.sparse.csr_matrix:
-    return scipy.sparse.csr_matrix(np.array(b).reshape(len(b), rows))
-
-
-def _add_component(
-    structure: Matrices,
-    matrix: PETSc.Mat | None,
-    component: str,
-    nearest: ClosestPoint,
-    value: float,
-) -> Array:
-    """Add value·b bᵀ to `matrix`, where bᵀu is a displacement component of a point.
-
-    Returns b (rows of this rank).
-    """
-    path = structure.form.components[component]
-    vector = structure.K.createVecRight()
-    if structure.mesh.comm.rank == nearest.rank:
-        dofs = compat.subspace(structure.form.space, path).dofmap.cell_dofs(nearest.cell)
-        weights = compat.tabulate(structure.form.space, path, nearest.X.reshape(1, -1))[0]
-        weights = np.where(np.isin(dofs, structure.fixed), 0.0, weights)
-        rows = compat.global_dofs(structure.form.space, dofs)
-        add = PETSc.InsertMode.ADD_VALUES
-        if matrix is not None:
-            matrix.setValues(rows, rows, value * np.outer(weights, weights), addv=add)
-        vector.setValues(rows, weights, addv=add)
-    vector.assemble()
-    b = np.array(vector.array_r)
-    vector.destroy()
-    return b
-
-
-def _attachment_points(mesh: Mesh, where: str | Sequence[float]) -> list[ClosestPoint]:
-    if not isinstance(where, str):
-        if len(where) < mesh.gdim:
+def mesh_points(
+    mesh: Mesh, form: WeakForm, fixed: IntArray, where: str | Sequence[float]
+) -> list[MeshPoint]:
+    """The points of a mesh at which an attachment acts."""
+    if isinstance(where, str):
+        group = mesh.group(where)
+        if set(group) != {0}:
             raise InputError(
-                f"the point {point_text(np.array(where))} of a mass, spring or damper has"
-                f" {len(where)} coordinates, and {mesh.name} lives in space: give x, y and z."
+                f"group {where!r} must hold points alone to carry masses or springs; it holds "
+                f"entities of dimension {', '.join(str(dim) for dim in sorted(group))}."
             )
-        nearest = closest(mesh, in_space(where))
-        if nearest.distance > NEAR * mesh.extent():
-            raise InputError(
-                f"the point {point_text(where)} of a mass, spring or damper is "
-                f"{nearest.distance:.3g} m off the structure; its nearest point is "
-                f"{point_text(nearest.x)}."
-            )
-        return [nearest]
-    group = mesh.group(where)
-    if set(group) != {0}:
+        owned_nodes = group[0][group[0] < mesh.dolfinx.topology.index_map(0).size_local]
+        x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[owned_nodes, 0]]
+        points = np.vstack(mesh.comm.allgather(x))
+        return [MeshPoint(mesh, form, fixed, closest(mesh, point)) for point in points]
+
+    if len(where) < mesh.gdim:
         raise InputError(
-            f"group {where!r} must hold points alone to carry masses or springs; it holds "
-            f"entities of dimension {', '.join(str(dim) for dim in sorted(group))}."
+            f"the point {point_text(np.array(where))} of a mass, spring or damper has"
+            f" {len(where)} coordinates, and {mesh.name} lives in space: give x, y and z."
         )
-    owned = mesh.dolfinx.topology.index_map(0).size_local
-    owned_nodes = group[0][group[0] < owned]
-    x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[owned_nodes, 0]]
-    points = np.vstack(mesh.comm.allgather(x))
-    return [closest(mesh, point) for point in points]
+    nearest = closest(mesh, in_space(where))
+    if nearest.distance > NEAR * mesh.extent():
+        raise InputError(
+            f"the point {point_text(where)} of a mass, spring or damper is "
+            f"{nearest.distance:.3g} m off the structure; its nearest point is "
+            f"{point_text(nearest.x)}."
+        )
+    return [MeshPoint(mesh, form, fixed, nearest)]
 
 
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
@@ -363,17 +414,20 @@ class Stiffener:
     M: PETSc.Mat
     #: T of beam dofs = T · sheet dofs
     shared: PETSc.Mat
+    mass: float  # kg
+    #: M e for unit accelerations e along x, y, z (rows of the sheet on this rank, 3)
+    inertia: Array
 
     def rows_of(self, columns: Array) -> Array:
         """Motions (beam rows of this rank, k) of the beams' dofs, for those of the sheet."""
         return multiply(self.shared, columns)
 
 
-def add_beams(
-    structure: Matrices, name: str, beam: Beam, edges: IntArray
-) -> tuple[AttachedTerms, Stiffener]:
-    """Add `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
-    if structure.mesh.cell == "quadrilateral" and structure.mesh.order > 1:
+def beams_on(
+    mesh: Mesh, sheet: WeakForm, fixed: IntArray, name: str, beam: Beam, edges: IntArray
+) -> Stiffener:
+    """The stiffener `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
+    if mesh.cell == "quadrilateral" and mesh.order > 1:
         raise InputError(
             f"beams on curved quadrilaterals (group {name!r}): these are too soft under the pull "
             "of a stiffener if they are thinner than their rise; mesh the surface with triangles."
@@ -383,25 +437,20 @@ def add_beams(
             f"stiffeners (group {name!r}) deform in shear with their shell: shear=False is for "
             "beams without a shell only."
         )
-    line = _edge_mesh(structure.mesh, edges, f"the edges of group {name!r}")
+    line = _edge_mesh(mesh, edges, f"the edges of group {name!r}")
     cells = compat.cell_map(line.dolfinx)
     parts = [(beam, np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32))]
-    form = on_lines(line, parts, 3 if structure.mesh.cell == "triangle" else 2, on_sheet=True)
-    T = _shared_dofs(structure, edges, form, line)
-    matrices = [
-        compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass)
-    ]
-    kind = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
-    for matrix, beam_matrix in zip((structure.K, structure.M), matrices, strict=True):
-        matrix.axpy(1.0, beam_matrix.ptap(T), structure=kind)
+    form = on_lines(line, parts, 3 if mesh.cell == "triangle" else 2, on_sheet=True)
+    T = _shared_dofs(sheet, fixed, edges, form, line)
+    K, M = (compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass))
     directions = np.zeros((compat.local_size(form.space), 3))
     for axis, component in enumerate("xyz"):
         dofs, _ = compat.dof_coordinates(form.space, form.components[component])
         directions[dofs[dofs < len(directions)], axis] = 1.0
-    inertia = multiply(matrices[1], directions)
-    mass = line.comm.allreduce(float(directions[:, 0] @ inertia[:, 0]))
-    on_sheet = multiply(T.transpose(PETSc.Mat()), inertia)
-    return AttachedTerms(mass, on_sheet), Stiffener(line, form, parts, matrices[0], matrices[1], T)
+    loads = multiply(M, directions)
+    mass = line.comm.allreduce(float(directions[:, 0] @ loads[:, 0]))
+    inertia = multiply(T.transpose(PETSc.Mat()), loads)
+    return Stiffener(line, form, parts, K, M, T, mass, inertia)
 
 
 #: Corners of the edges of a cell, in dolfinx's order; mid-side nodes follow the corners.
@@ -441,19 +490,21 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     return Mesh(line, {}, name)
 
 
-def _shared_dofs(structure: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> PETSc.Mat:
+def _shared_dofs(
+    form_of_sheet: WeakForm, fixed: IntArray, edges: IntArray, form: WeakForm, line: Mesh
+) -> PETSc.Mat:
     """Matrix T of beam dofs = T · shell dofs; the rows of fixed dofs are empty."""
-    sheet = structure.form.space
+    sheet = form_of_sheet.space
     block = len(form.components)  # dofs of a node, of the beam and of the sheet
     components = np.arange(block)
 
-    first = compat.subspace(sheet, structure.form.components["x"])
+    first = compat.subspace(sheet, form_of_sheet.components["x"])
     nodes = np.asarray(dolfinx.fem.locate_dofs_topological(first, 1, edges)) // block
     dofs = block * nodes[:, None] + components
     numbers = compat.global_dofs(sheet, dofs.ravel()).reshape(dofs.shape)
     x = sheet.tabulate_dof_coordinates()[nodes]
-    of_ranks = structure.mesh.comm.allgather((x, numbers, np.isin(dofs, structure.fixed)))
-    x, numbers, fixed = map(np.concatenate, zip(*of_ranks, strict=True))
+    of_ranks = line.comm.allgather((x, numbers, np.isin(dofs, fixed)))
+    x, numbers, is_fixed = map(np.concatenate, zip(*of_ranks, strict=True))
 
     rows = compat.local_size(form.space)
     points = form.space.tabulate_dof_coordinates()[: rows // block]
@@ -461,14 +512,14 @@ def _shared_dofs(structure: Matrices, edges: IntArray, form: WeakForm, line: Mes
     error = None
     if distance.max(initial=0.0) > SAME_DOF * line.extent():
         error = InputError(f"{line.name} do not carry the dofs of the sheet.")
-    agree(structure.mesh.comm, error)
+    agree(line.comm, error)
 
     T = PETSc.Mat().createAIJ(
-        ((rows, None), (compat.local_size(sheet), None)), nnz=1, comm=structure.mesh.comm
+        ((rows, None), (compat.local_size(sheet), None)), nnz=1, comm=line.comm
     )
     first_row, _ = T.getOwnershipRange()
     for node, k in enumerate(nearest):
-        for component in components[~fixed[k]]:
+        for component in components[~is_fixed[k]]:
             T.setValue(first_row + block * node + component, numbers[k, component], 1.0)
     T.assemble()
     return T

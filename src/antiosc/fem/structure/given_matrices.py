@@ -8,8 +8,7 @@ the diagonal, all other entries are below its rounding.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
 import scipy.sparse
@@ -28,11 +27,12 @@ from antiosc.io.matrices import DofMap, rows_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-    from petsc4py import PETSc
 
 #: Of the algebra: "auto" is PETSc where it is installed.
 Backend = Literal["auto", "petsc", "scipy"]
 BACKENDS = get_args(Backend)
+#: (row, column, value) of entries of a matrix
+Entries: TypeAlias = tuple[IntArray, IntArray, Array]
 
 #: Difference of mirrored entries over √(a_ii a_jj) that the other program may leave by rounding.
 MIRRORED = 1e-9
@@ -52,41 +52,26 @@ DOMINATES = 1e12
 
 def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
     """A checked copy of a square matrix (SciPy, dense or PETSc) in the chosen library."""
-    is_petsc = of_petsc(matrix)
-    if backend == "petsc" or (backend == "auto" and (is_petsc or fem.missing is None)):
-        copy = as_petsc(name, matrix)
+    copy: Matrix
+    if of_petsc(matrix) or backend == "petsc" or (backend == "auto" and fem.missing is None):
+        with finite_element_packages():
+            from antiosc.fem.linalg import petsc_algebra
+        if of_petsc(matrix):
+            copy = petsc_algebra.copied(name, matrix)
+        else:
+            copy = petsc_algebra.from_csr(name, _csr_of_arrays(name, matrix))
+        if backend == "scipy":
+            if communicator(copy).size > 1:
+                raise InputError(f"{name} is spread over MPI ranks, SciPy's back-end needs one.")
+            copy = petsc_algebra.csr(copy)
     else:
-        copy = _csr_of_petsc(name, matrix) if is_petsc else _csr_of_arrays(name, matrix)
-        _check_square(name, copy.shape)
-        _check_values(name, copy.data)
-    return copy
+        copy = _csr_of_arrays(name, matrix)
 
-
-def as_petsc(name: str, matrix: Matrix) -> PETSc.Mat:
-    """A square, finite PETSc matrix from a SciPy, dense or PETSc one; always a copy."""
-    with finite_element_packages():
-        from antiosc.fem.linalg import petsc_algebra
-    if of_petsc(matrix):
-        copy = petsc_algebra.copied(name, matrix)
-    else:
-        copy = petsc_algebra.from_csr(name, _csr_of_arrays(name, matrix))
-    _check_square(name, copy.getSize())
+    rows, columns = copy.shape if algebra.by_scipy(copy) else copy.getSize()
+    if rows != columns or not rows:
+        raise InputError(f"{name} must be square; got {rows} rows and {columns} columns.")
     agreed(communicator(copy), lambda: _check_values(name, algebra.entries(copy)[2]))
     return copy
-
-
-def _csr_of_petsc(name: str, matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
-    from antiosc.fem.linalg import petsc_algebra
-
-    copy = petsc_algebra.copied(name, matrix)
-    if communicator(copy).size > 1:
-        raise InputError(f"{name} is spread over MPI ranks: SciPy's back-end works on one rank.")
-    return petsc_algebra.csr(copy)
-
-
-def _check_square(name: str, shape: tuple[int, int]) -> None:
-    if shape[0] != shape[1] or not shape[0]:
-        raise InputError(f"{name} must be square; got {shape[0]} rows and {shape[1]} columns.")
 
 
 def _csr_of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
@@ -106,10 +91,7 @@ def _csr_of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     if isinstance(matrix, np.ma.MaskedArray) and np.ma.is_masked(matrix):
         raise InputError(f"{name} must be given without masked entries.")
     if entries.dtype.kind not in "iuf":
-        raise InputError(
-            f"{name} must hold real numbers; got entries of type {entries.dtype} (of complex ones "
-            f"give {name}.real: damping is added later)."
-        )
+        raise InputError(f"{name} must hold real numbers; got entries of type {entries.dtype}.")
 
     with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused later
         result = scipy.sparse.csr_matrix(entries, dtype=float, copy=True)
@@ -175,23 +157,9 @@ def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
             f"C must be of the size and distribution of K; got {algebra.size(C)} rows for "
             f"{algebra.size(K)}."
         )
-    _checked_entries("C", C)
+    _checked_diagonal("C", C)
     first, _ = algebra.row_range(C)
     return algebra.hold(C, fixed[fixed < algebra.rows(C)] + first, 0.0)
-
-
-@dataclass(frozen=True)
-class _Entries:
-    """Off-diagonal entries of a matrix on this rank, and its whole diagonal."""
-
-    row: IntArray
-    column: IntArray
-    value: Array
-    #: (n,) on every rank
-    diagonal: Array
-    #: √(a_ii a_jj) of each entry, and what of it is rounding
-    scale: Array
-    noise: float
 
 
 def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
@@ -205,28 +173,23 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
         Matrices that are not a stiffness and a mass matrix, and penalties that couple dofs and hide
         their stiffness by rounding.
     """
-    sizes = [(algebra.size(matrix),) * 2 for matrix in (K, M)]
-    if sizes[0] != sizes[1]:
-        raise InputError(f"K and M must be of one size; got {sizes[0]} and {sizes[1]}.")
     comm = communicator(K)
-    same_ranks = alike(comm, communicator(M))
-    if not same_ranks or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
-        raise InputError("K and M must have the same distribution over the MPI ranks.")
-    of_K, of_M = (_checked_entries(name, matrix) for name, matrix in (("K", K), ("M", M)))
-    empty = np.flatnonzero((of_K.diagonal == 0) & (of_M.diagonal == 0))
+    same_rows = algebra.size(K) == algebra.size(M) and alike(comm, communicator(M))
+    if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
+        raise InputError(
+            "K and M must have the same distribution over the MPI ranks, and one size; got "
+            f"{algebra.size(K)} and {algebra.size(M)} rows."
+        )
+
+    of_K, of_M = (_checked_diagonal(name, matrix) for name, matrix in (("K", K), ("M", M)))
+    empty = np.flatnonzero((of_K == 0) & (of_M == 0))
     if len(empty):
         raise InputError(
             f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}: leave "
             "their rows and columns out."
         )
-    constrained = _penalised(comm, of_K)
-    stray = np.setdiff1d(_penalised(comm, of_M), constrained)
-    if len(stray):
-        raise InputError(
-            f"M has a penalty on its diagonal ({of_M.diagonal[stray[0]]:g} in row {stray[0]}) and "
-            "K has none there: apply supports to K."
-        )
-    _check_couplings(comm, of_K, constrained)
+
+    constrained = _penalised(K, of_K)
     first, last = algebra.row_range(K)
     of_rank = constrained[(constrained >= first) & (constrained < last)]
     if len(constrained):
@@ -235,95 +198,68 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     return K, M, of_rank - first
 
 
-def _checked_entries(name: str, matrix: Matrix) -> _Entries:
-    """The entries of a matrix, checked for signs of asymmetry and indefiniteness."""
+def _checked_diagonal(name: str, matrix: Matrix) -> Array:
+    """The diagonal (n,) on every rank of a matrix that is symmetric and not zero."""
     comm = communicator(matrix)
     diagonal = np.concatenate(comm.allgather(algebra.diagonal(matrix)))
-    if not diagonal.any() and not any(comm.allgather(algebra.entries(matrix)[2].any())):
-        raise InputError(f"{name} is zero: a structure needs stiffness and mass.")
-    typical = np.median(np.abs(diagonal[diagonal != 0])) if diagonal.any() else 0.0
-    smallest = int(np.argmin(diagonal))
-    if diagonal[smallest] < -ENTRY_ROUNDING * typical:
+    if not diagonal.any():
+        raise InputError(f"{name} is zero on its diagonal: a structure needs stiffness and mass.")
+    noise = ENTRY_ROUNDING * np.median(np.abs(diagonal[diagonal != 0]))
+    if diagonal.min() < -noise:
+        k = int(np.argmin(diagonal))
         raise InputError(
-            f"{name} must be positive semidefinite; its diagonal has {diagonal[smallest]:g} in row "
-            f"{smallest}."
+            f"{name} must be positive semidefinite; its diagonal has {diagonal[k]:g} in row {k}."
         )
-    noise = ENTRY_ROUNDING * typical
-    asymmetry, entries = (_entries(A, diagonal, noise) for A in (algebra.skew(matrix), matrix))
-    _forbid(
-        comm,
-        asymmetry,
-        np.abs(asymmetry.value) > MIRRORED * asymmetry.scale + asymmetry.noise,
+
+    row, column, value = _entries(algebra.skew(matrix))
+    root = np.sqrt(np.maximum(diagonal, 0.0))
+    bad = np.abs(value) > MIRRORED * root[row] * root[column] + noise
+    text = (
         f"{name} must be symmetric (to {MIRRORED:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
-        "and ({1}, {0}) differ by {2:g}.",
+        "and ({1}, {0}) differ by {2:g}."
     )
-    _forbid(
-        comm,
-        entries,
-        np.abs(entries.value) > (1 + MIRRORED) * entries.scale + entries.noise,
-        f"{name} must be positive semidefinite; its entry ({{0}}, {{1}}) = {{2:g}} exceeds "
-        "√(a_ii a_jj) = {3:g}.",
-    )
-    return entries
+    _forbid(comm, bad, (row, column, value), text)
+    return diagonal
 
 
-def _entries(matrix: Matrix, diagonal: Array, noise: float) -> _Entries:
+def _entries(matrix: Matrix) -> Entries:
+    """(row, column, value) of the off-diagonal entries on this rank."""
     pointers, column, value = algebra.entries(matrix)
     row = algebra.row_range(matrix)[0] + np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
     off_diagonal = (row != column) & (value != 0)
-    row = row[off_diagonal]
-    column = column[off_diagonal]
-    value = value[off_diagonal]
-    roots = np.sqrt(np.maximum(diagonal, 0.0))
-    return _Entries(row, column, value, diagonal, roots[row] * roots[column], noise)
+    return row[off_diagonal], column[off_diagonal], value[off_diagonal]
 
 
-def _forbid(comm: MPI.Comm, entries: _Entries, bad: BoolArray, text: str) -> None:
-    """InputError on all ranks if entries are `bad`; `text` formats row, column, value, scale."""
+def _forbid(comm: MPI.Comm, bad: BoolArray, entries: Entries, text: str) -> None:
+    """InputError on all ranks if entries are `bad`; `text` formats row, column and size."""
     error = None
     if bad.any():
-        k = int(np.argmax(bad))
-        numbers = entries.row[k], entries.column[k], abs(entries.value[k]), entries.scale[k]
-        error = InputError(text.format(*numbers))
+        row, column, value = (part[bad][0] for part in entries)
+        error = InputError(text.format(row, column, abs(value)))
     agree(comm, error)
 
 
-def _typical(comm: MPI.Comm, entries: _Entries) -> float:
-    """Median size of the off-diagonal entries, which a few penalties do not change; 0 of none."""
-    size = np.abs(entries.value)
-    smaller_diagonal = np.minimum(entries.diagonal[entries.row], entries.diagonal[entries.column])
-    sizes = np.concatenate(comm.allgather(size[size > ENTRY_ROUNDING * smaller_diagonal]))
-    if len(sizes):
-        return float(np.median(sizes))
-    return 0.0
+def _penalised(K: Matrix, diagonal: Array) -> IntArray:
+    """Numbers, on every rank, of the dofs that a penalty on the diagonal fixes.
 
-
-def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
-    """Numbers, on every rank, of the dofs that a penalty on the diagonal fixes."""
-    typical = _typical(comm, entries)
-    if not typical:
+    InputError for a penalty between two dofs that drowns their own stiffness in rounding.
+    """
+    comm = communicator(K)
+    row, column, value = _entries(K)
+    size = np.abs(value)
+    sums = comm.allreduce(np.bincount(row, size, len(diagonal)))
+    told = size > ENTRY_ROUNDING * np.minimum(diagonal[row], diagonal[column])
+    sizes = np.concatenate(comm.allgather(size[told]))
+    if not len(sizes):
         return np.zeros(0, dtype=int)
-    row_sums = np.bincount(entries.row, np.abs(entries.value), len(entries.diagonal))
-    row_sums = comm.allreduce(row_sums)
-    return np.flatnonzero(
-        (entries.diagonal > PENALTY_OVER_ROW * row_sums)
-        & (entries.diagonal > PENALTY_OVER_TYPICAL * typical)
-    )
 
-
-def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -> None:
-    """InputError for a penalty between two dofs that drowns their own stiffness in rounding."""
-    typical = _typical(comm, entries)
-    large = np.abs(entries.value) > DOMINATES * (typical or np.inf)
-    large &= ~np.isin(entries.row, constrained) & ~np.isin(entries.column, constrained)
-    small = np.zeros(len(entries.diagonal))
-    np.maximum.at(small, entries.row[~large], np.abs(entries.value[~large]))
-    small = np.max(comm.allgather(small), axis=0)
-    neighbours = np.maximum(small[entries.row], small[entries.column])
-    _forbid(
-        comm,
-        entries,
-        large & (DOMINATES * neighbours < np.abs(entries.value)),
+    # a few penalties do not change the median
+    typical = np.median(sizes)
+    is_fixed = (diagonal > PENALTY_OVER_ROW * sums) & (diagonal > PENALTY_OVER_TYPICAL * typical)
+    drowns = (size > DOMINATES * typical) & ~is_fixed[row] & ~is_fixed[column]
+    text = (
         "K couples dofs {0} and {1} by a penalty of {2:g}, which leaves less than four digits of "
-        "their own stiffness: take a penalty of at most 1e8 times the usual entries.",
+        "their own stiffness: take a penalty of at most 1e8 times the usual entries."
     )
+    _forbid(comm, drowns, (row, column, value), text)
+    return np.flatnonzero(is_fixed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -55,12 +55,14 @@ from antiosc.fem.structure import (
     support,
 )
 from antiosc.fem.structure.attachments import (
+    UNIT,
     Attachment,
-    Matrices,
     Stiffener,
-    add_at_points,
-    add_beams,
+    add,
     attachments_of,
+    beams_on,
+    mesh_points,
+    terms_of,
 )
 from antiosc.fem.structure.support import (
     NO_DOFS,
@@ -532,21 +534,30 @@ def assembled(
     if form.strains is not None:
         added_to_K = K.duplicate()
         added_to_K.zeroEntries()
-    matrices = Matrices(mesh, form, added_to_K, added_to_M, fixed)
-    on_edges = {name: add_beams(matrices, name, beam, edges) for name, beam, edges in beams}
-    terms = [term for term, _ in on_edges.values()]
-    terms += [add_at_points(matrices, attachment) for attachment in attachments]
+    lines = {name: beams_on(mesh, form, fixed, name, beam, edges) for name, beam, edges in beams}
+    kind = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+    for beam in lines.values():
+        added_to_K.axpy(1.0, beam.K.ptap(beam.shared), structure=kind)
+        added_to_M.axpy(1.0, beam.M.ptap(beam.shared), structure=kind)
+    places = partial(mesh_points, mesh, form, fixed)
+    plane = "z" not in form.components
+    terms = [term for one in attachments for term in terms_of(one, plane, places)]
+    for term in terms:
+        add(added_to_K, term.G, term.k.diagonal())
+        add(added_to_M, term.G, term.m.diagonal())
     if form.strains is not None:
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
         _take_by_strains(K, S, added_to_K, fixed)
     if by_cells is not None:
-        by_cells.carries = bool(terms)
+        by_cells.carries = bool(attachments)
 
     mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
-    mass += sum(term.mass for term in terms)
-    inertia = sum((term.inertia for term in terms), np.zeros((rows, 3)))
-    springs = [spring for term in terms for spring in term.springs]
+    mass += sum(term.mass for term in terms) + sum(beam.mass for beam in lines.values())
+    inertia = sum((beam.inertia for beam in lines.values()), np.zeros((rows, 3)))
+    for term in terms:
+        inertia += term.G.T @ term.m @ [UNIT[name][:3] for name in term.components]
+    springs = [term.spring for term in terms if term.k.any()]
 
     resisted = np.column_stack([np.zeros((rows, 0)), *(s.G.toarray().T for s in springs)])
     modes, shift = support.mesh_modes(form, fixed, K, M, resisted)
@@ -584,8 +595,8 @@ def assembled(
         attached_inertia=inertia,
         again=reassembled,
         supports=checked_supports,
-        stiffeners={name: lines for name, (_, lines) in on_edges.items()},
-        dampers=[damper for term in terms for damper in term.dampers],
+        stiffeners=lines,
+        dampers=[damper for term in terms for damper in term.dampers(term.G)],
         springs=springs,
         conditions=conditions,
         doubts=doubts,
