@@ -22,9 +22,10 @@ from antiosc.fem.assembly.assembled import (
     RigidDofs,
     as_petsc,
     modes_of,
+    moving,
+    names_of,
     reduced,
     stacked,
-    warn_of_motions,
 )
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import (
@@ -132,7 +133,7 @@ def assemble(
     joined = _joined(layout, joints, supports, attachments_of(attached))
     eliminated = joined.eliminated
     K, M = reduced(layout, eliminated, joined.added)
-    modes, shift = modes_of(layout, K, M, eliminated, *joined.motions)
+    modes, shift = modes_of(layout, K, M, eliminated, joined.motions, joined.bodies)
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):  # a rigid body: K is rounding
         K = as_petsc("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr(), layout)
 
@@ -160,8 +161,8 @@ class _Joined:
     constraints: Constraints
     eliminated: Eliminated
     added: Added
-    #: rigid motions (n, r), mechanisms (n, m), the bodies that move in them
-    motions: tuple[Array, Array, list[RigidDofs]]
+    motions: Array  # (n, k) without strain
+    bodies: Sequence[RigidDofs]  # before they are joined
 
 
 def _joined(
@@ -204,11 +205,20 @@ def _joined(
     stretches = [scipy.sparse.csr_matrix(support.strains) @ support.G for support in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
     bodies = assembled.unjoined_bodies(layout)
-    motions = assembled.free_motions(layout, bodies, C, fixed, scale)
-    _check_joined(layout, bodies, motions[2], rows, elastic)
-    supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
-    warn_of_motions(*motions, supported=supported)
-    return _Joined(constraints, eliminated, added, motions)
+    motions, rigid = assembled.free_motions(layout, bodies, C, fixed, scale)
+    movable = moving(bodies, motions) if motions.size else []
+    _check_joined(layout, bodies, movable, rows, elastic)
+    if mechanisms := motions.shape[1] - rigid:
+        warn(
+            f"the joints leave parts free to move without strain ({mechanisms} motions, of "
+            f"{names_of(movable)}): join or hold them unless it is intended."
+        )
+    if rigid and (supports or any(len(m.part.fixed) for m in layout.members.values())):
+        warn(
+            f"the supports leave the assembly free to move as a rigid body ({rigid} motions): hold "
+            "that too unless it is intended."
+        )
+    return _Joined(constraints, eliminated, added, motions, bodies)
 
 
 # -- the dofs
@@ -240,7 +250,7 @@ def _check_dense(label: str, functionals: Sparse) -> None:
 def _check_joined(
     layout: Layout,
     bodies: Sequence[RigidDofs],
-    moving: Sequence[RigidDofs],
+    movable: Sequence[RigidDofs],
     rows: Sequence[Rows],
     elastic: Sequence[ElasticTerm],
 ) -> None:
@@ -259,7 +269,7 @@ def _check_joined(
     largest = np.bincount(label, [len(body_k.rows) for body_k in bodies]).argmax()
     for k in np.flatnonzero(label != largest):
         body_k = bodies[k]
-        if body_k not in moving:
+        if body_k not in movable:
             continue
         if body_k.name in layout.points:
             raise InputError(f"the reference point {body_k.name!r} is joined to nothing.")

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
 from antiosc.base.checks import floats
-from antiosc.base.errors import AccuracyError, InputError, name_list, warn
+from antiosc.base.errors import AccuracyError, InputError, name_list
 from antiosc.fem.assembly.joint import Constraints, Eliminated
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded
 from antiosc.fem.linalg.algebra import by_strains, dot, force_ratios, multiply
@@ -53,7 +53,7 @@ class RigidDofs:
     name: str  # of the part or of the reference point, for messages
     rows: IntArray  # its dofs in u
     centre: Array  # (3,) [m]
-    motions: Array  # (rows, 6) unit translations, and rotations that move its ends by 1
+    motions: Array  # (rows, k) unit translations, and rotations that move its ends by 1
 
 
 def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
@@ -80,20 +80,13 @@ def _box_of(x: Array, layout: Layout) -> tuple[Array, float]:
     return (x.min(axis=0) + x.max(axis=0)) / 2, max(size, 1e-9 * layout.size)
 
 
-def whole_body(layout: Layout) -> RigidDofs:
-    """The assembly as one body, with rotations about its middle."""
-    return _rigid_body(
-        layout.places, "all", np.arange(layout.count), layout.middle, layout.size / 2
-    )
-
-
 def _rigid_body(
     places: DofPlaces, name: str, rows: IntArray, centre: Array, size: float
 ) -> RigidDofs:
     """The rigid motions of these rows."""
     motions = places.rigid_motions(centre, rows)
     motions[:, 3:] /= size
-    return RigidDofs(name, rows, centre, motions)
+    return RigidDofs(name, rows, centre, motions[:, np.abs(motions).max(axis=0) > 0])
 
 
 def free_motions(
@@ -102,26 +95,20 @@ def free_motions(
     constraints: Sparse,
     fixed: BoolArray,
     scale: Array,
-) -> tuple[Array, Array, list[RigidDofs]]:
-    """Strain-free motions of the bodies that satisfy the constraints and vanish at fixed dofs.
-
-    Returns (rigid motions of the whole (n, r), mechanisms (n, m), the bodies that move in them).
+) -> tuple[Array, int]:
+    """(strain-free motions (n, k) of the bodies that meet the constraints and vanish at fixed dofs,
+    how many of them are rigid motions of the whole).
     """
-    rigid_motions = whole_body(layout).motions
-    rigid_motions = rigid_motions[:, np.abs(rigid_motions).max(axis=0) > 0]
     rows = _rows(constraints, fixed, scale)
-    rigid = rigid_motions @ _null_space(rows @ rigid_motions)
-    if len(bodies) == 1:
-        return rigid, np.zeros((layout.count, 0)), []
+    whole = [_rigid_body(layout.places, "all", np.arange(layout.count), layout.middle, layout.size)]
+    N, R = (_motions_of(of, layout.count) for of in (bodies, whole))
+    return np.asarray(N @ _null_space(rows @ N)), _null_space(rows @ R).shape[1]
 
-    N = _motions_of(bodies, layout.count)
-    mechanisms = _excluding_rigid(N @ _null_space(rows @ N), rigid)
-    moving_bodies = [
-        body
-        for body in bodies
-        if mechanisms.shape[1] and np.abs(mechanisms[body.rows]).max() > STILL
-    ]
-    return rigid, mechanisms, moving_bodies
+
+def moving(bodies: Sequence[RigidDofs], motions: Array) -> list[RigidDofs]:
+    """The bodies that take part in some motions (n, k)."""
+    least = STILL * np.abs(motions).max(initial=0.0)
+    return [body for body in bodies if np.abs(motions[body.rows]).max(initial=0.0) > least]
 
 
 def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
@@ -131,7 +118,7 @@ def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
     values = []
     count = 0
     for body in bodies:
-        motions = body.motions[:, np.abs(body.motions).max(axis=0) > 0]
+        motions = body.motions
         rows.append(np.repeat(body.rows, motions.shape[1]))
         columns.append(np.tile(count + np.arange(motions.shape[1]), len(motions)))
         values.append(motions.ravel())
@@ -165,18 +152,6 @@ def _null_space(E: Array | Sparse) -> Array:
     return np.asarray(right[values <= SATISFIES * max(1.0, values[0])].T)
 
 
-def _excluding_rigid(motions: Array, rigid: Array) -> Array:
-    """Basis (n, k − r) of the part of `motions` (n, k) orthogonal to `rigid` (n, r)."""
-    if not motions.shape[1]:
-        return motions
-    basis = np.linalg.qr(rigid)[0] if rigid.shape[1] else rigid
-    remainder = motions - basis @ (basis.T @ motions)
-    remainder -= basis @ (basis.T @ remainder)
-    U, values, _ = np.linalg.svd(remainder, full_matrices=False)
-    count = motions.shape[1] - rigid.shape[1]
-    return np.asarray(U[:, :count] * values[:count])
-
-
 #: A part is at rest if its motion is below this fraction of the largest.
 AT_REST = 1e-6
 #: A motion has no mass if its mass is below this fraction of the largest.
@@ -190,68 +165,39 @@ def modes_of(
     K: Matrix,
     M: Matrix,
     eliminated: Eliminated,
-    rigid: Array,
-    mechanisms: Array,
-    moving: Sequence[RigidDofs],
+    motions: Array,
+    bodies: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
     """(M-orthonormal strain-free motions (n, r), first shift)."""
     comm = MPI.COMM_SELF
-    motions = eliminated.coordinates(np.hstack([rigid, mechanisms]))
+    motions = eliminated.coordinates(motions)
     modes = orthonormal(comm, M, motions)
     if modes.shape[1] < motions.shape[1]:
         values, rotation = np.linalg.eigh(dot(comm, motions, multiply(M, motions)))
         massless = motions @ rotation[:, values <= IDLE_MASS * values[-1]]
-        massless_motions = eliminated.T @ massless
-        points = [body for body in moving if np.abs(massless_motions[body.rows]).max() > STILL]
         raise InputError(
-            f"the reference point {names_of(points)} moves without resistance and without mass: "
-            "join it, support it, or give it a mass."
+            f"the reference point {names_of(moving(bodies, eliminated.T @ massless))} moves "
+            "without resistance and without mass: join it, support it, or give it a mass."
         )
     if not modes.shape[1]:
         return modes, 0.0
 
     u = eliminated.T @ modes
-    threshold = AT_REST * np.abs(u).max()
-    force = max(_force_ratio(m.part.K, u[m.rows], threshold) for m in layout.members.values())
-    if force > MECHANISM_FORCE:
-        raise AccuracyError(
-            f"a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = {force:.1e}, "
-            f"limit {MECHANISM_FORCE:.0e}): parts or their distances differ too much in size for "
-            "double precision."
-        )
+    least = AT_REST * np.abs(u).max()
+    for member in layout.members.values():
+        r = u[member.rows][:, np.abs(u[member.rows]).max(axis=0) > least]
+        ratios = force_ratios(member.part.K, r, multiply(member.part.K, r)) if r.size else r
+        if ratios.max(initial=0.0) > MECHANISM_FORCE:
+            raise AccuracyError(
+                "a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = "
+                f"{ratios.max():.1e}, limit {MECHANISM_FORCE:.0e}): parts or their distances "
+                "differ too much in size for double precision."
+            )
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
         return modes, 1.0  # any will do
     size = float((layout.high - layout.low).max())
     fields = eliminated.coordinates(layout.places.polynomials(comm, layout.middle, size))
     return modes, SHIFT * support.first_elastic(comm, K, M, fields, modes)
-
-
-def _force_ratio(K: Matrix, motions: Array, least: float) -> float:
-    """Largest of `force_ratios` of motions (rows, k) of a part that are not below `least`."""
-    moving = motions[:, np.abs(motions).max(axis=0) > least]
-    if not moving.shape[1]:
-        return 0.0
-    return float(force_ratios(K, moving, multiply(K, moving)).max())
-
-
-def warn_of_motions(
-    rigid: Array,
-    mechanisms: Array,
-    moving: Sequence[RigidDofs],
-    *,
-    supported: bool,
-) -> None:
-    """Warn of mechanisms, and of rigid motions that the supports permit."""
-    if mechanisms.shape[1]:
-        warn(
-            f"the joints leave parts free to move without strain ({mechanisms.shape[1]} motions, "
-            f"of {names_of(moving)}): join or hold them unless it is intended.",
-        )
-    if supported and rigid.shape[1]:
-        warn(
-            f"the supports leave the assembly free to move as a rigid body ({rigid.shape[1]} "
-            "motions): hold that too unless it is intended.",
-        )
 
 
 def names_of(bodies: Sequence[RigidDofs]) -> str:
