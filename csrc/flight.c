@@ -81,12 +81,14 @@ static double slopes_before(const aom_stepper *st, int i) {
     return 0.25 * total;
 }
 
-/* Indentations and rates at h/2 and h without contact forces. */
+/* Indentations and rates at h/2 and h without contact forces; under contact of rows that touch. */
 void free_step(aom_stepper *st, int index, double h, stages *to) {
     const slot *const slots[2] = {st->slots + index + 1, st->slots + index};
     const double t[2] = {0.5 * h, h};
     for (int i = 0; i < st->system.n_rows; i++) {
         motion out[2];
+        if (!st->now.flying && !touches(st, i))
+            continue;
         free_row(st, i, slots, t, 2, out);
         if (with_slope(st))
             out[0].rate += slopes_before(st, i);

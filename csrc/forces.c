@@ -132,14 +132,14 @@ static void add_up(aom_stepper *st) {
             st->work.sum[st->group[i]].f[node] += st->work.force[i].f[node];
 }
 
-/* Take from the free motion of the step what the forces at its start hold back. */
+/* Take from the free motion of the step what the forces at its start hold back, of rows that touch. */
 static void start_forces(aom_stepper *st, const influence *local) {
     add_up(st);
     for (int c = 0; c < st->system.n_contacts; c++)
         for (int node = 1; node < 3; node++)
             memcpy(st->contacts[c].anchor[node], st->contacts[c].anchor[0], sizeof(double[2]));
     for (int i = 0; i < st->system.n_rows; i++)
-        for (int stage = 0; stage < 2; stage++)
+        for (int stage = 0; stage < 2 && touches(st, i); stage++)
             subtract_coupled(st, local, stage, i, 0, st->work.base[i].depth + stage,
                              st->work.base[i].rate + stage);
 }
@@ -159,6 +159,46 @@ static void row_motion(const aom_stepper *st, const influence *local, int stage,
     *rate = st->work.base[i].rate[stage];
     subtract_coupled(st, local, stage, i, 1, delta, rate);
     subtract_coupled(st, local, stage, i, 2, delta, rate);
+}
+
+/* Take from the motion of a row at a stage that of what has no mass, of groups that touch. */
+static void subtract_massless(const aom_stepper *st, int i, int stage, double h, motion *from) {
+    const double *compliance = st->system.residual + (ptrdiff_t)i * st->system.n_rows;
+    for (int n = 0; n < st->n_touching; n++) {
+        int g = st->work.touching[n];
+        const double *f = st->work.sum[g].f, r = compliance[st->first[g]];
+        double change = stage == 0 ? f[2] - f[0] : f[0] - 4.0 * f[1] + 3.0 * f[2];
+        from->depth -= r * f[stage + 1];
+        from->rate -= r * change / h;
+    }
+}
+
+/* Indentations and rates of all rows under the forces of the attempt, at h/2 and h: where contacts
+ * touch by their coupling, else by the modes. */
+void move_rows(aom_stepper *st, int index, double h) {
+    const slot *whole = st->slots + index;
+    double *ahead = st->work.ahead;
+    parabolas(st, h);
+    for (int stage = 0; stage < 2; stage++) {
+        if (st->n_touching < st->n_groups) {
+            memcpy(ahead, st->x, 2 * (size_t)st->system.n_modes * sizeof *ahead);
+            move_modes(st, stage == 0 ? whole[1].response : whole->response, ahead);
+        }
+        for (int i = 0; i < st->system.n_rows; i++) {
+            motion at;
+            if (touches(st, i))
+                row_motion(st, whole->local, stage, i, &at.depth, &at.rate);
+            else {
+                double t = 0.5 * (stage + 1) * h, drift = st->work.drift[i];
+                at = row_of_modes(st, i, ahead);
+                at.depth -= st->work.offset[i] + drift * t;
+                at.rate -= drift;
+                subtract_massless(st, i, stage, h, &at);
+            }
+            st->work.motion[i].depth[stage] = at.depth;
+            st->work.motion[i].rate[stage] = at.rate;
+        }
+    }
 }
 
 /* T (2) of C T = b; C: compliance[3] = C11, C22, C12. */
@@ -403,12 +443,8 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
         for (int c = 0; c < st->system.n_contacts; c++) {
             const aom_contact *contact = st->system.contacts + c;
             double delta, rate, new = st->work.force[c].f[stage + 1], old = new;
-            if (!pressing(st->contacts[c].branch)) {
-                set_force(st, stage, c, 0.0);
-                for (int r = 0; r < contact->n_tangential; r++)
-                    set_force(st, stage, contact->first_tangential + r, 0.0);
+            if (!pressing(st->contacts[c].branch))
                 continue;
-            }
             if (take) {
                 row_motion(st, local, stage, c, &delta, &rate);
                 tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
@@ -436,8 +472,9 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
  * and first guesses, from the motion work.base without forces: Gauss and Seidel's sweeps; the whole
  * system by Newton's method where they do not converge, or where the rate of what has no mass couples
  * the stages. */
-bool all_forces(aom_stepper *st, const influence *local) {
+bool all_forces(aom_stepper *st, int index, double h) {
     int m = st->system.n_rows;
+    const influence *local = st->slots[index].local;
     nodes *force = st->work.force;
     start_forces(st, local);
     bool coupled = st->rated || st->system.n_stretch > 0;
@@ -457,10 +494,7 @@ bool all_forces(aom_stepper *st, const influence *local) {
             return false;
         if (found[0] > SETTLED * found[1] + found[2] || far > SQUARED * found[1])
             continue;
-        for (int stage = 0; stage < 2; stage++)
-            for (int i = 0; i < m; i++)
-                row_motion(st, local, stage, i, &st->work.motion[i].depth[stage],
-                     &st->work.motion[i].rate[stage]);
+        move_rows(st, index, h);
         return true;
     }
     return false;

@@ -82,7 +82,7 @@ typedef struct nodes {
 typedef struct slot {
     double span; /* [s], NaN: none */
     bool has_rows;
-    bool *has_coupling; /* [G] with the forces of a group */
+    bool *has_coupling; /* [G] of a group with all others that have it */
     int *local_kind;    /* [G] the same */
     double *response; /* [6][J]: P, W, S, J0, J1, J2 */
     double *rows;     /* [m][(J + 1)/2][4][2]: depth by q, by v; rate by q, by v, of two modes */
@@ -158,7 +158,9 @@ typedef struct workspace {
     shares *shares;       /* [p] */
     int *place;           /* [G] of a group among those that press */
     nodes *sum;           /* [G] of the forces of a group */
-    int *touching;        /* [G] groups of contacts that touch, and of stretching: others have no force */
+    double *ahead;        /* [2][J]: q and v of the modes at h/2, or h */
+    bool *touches;        /* [G] a contact of the group does, or it stretches: others have no force */
+    int *touching;        /* [G] these groups */
     nodes *before;        /* [m] */
     int *unknown;         /* [p + s] rows, s those of stretching */
     double *correction;   /* [2][p + s] of Newton's method */
@@ -244,7 +246,8 @@ static aom_expected scale_contact(const aom_system *s, aom_contact *only, double
 static bool eliminate(double *A, double *b, int n);
 static bool one_force(aom_stepper *st, double h, const influence *local);
 static bool long_force(aom_stepper *st, double h, const influence *local);
-static bool all_forces(aom_stepper *st, const influence *local);
+static void move_rows(aom_stepper *st, int slot, double h);
+static bool all_forces(aom_stepper *st, int slot, double h);
 
 static bool clear_of_touches(aom_stepper *st, int slot);
 static void amplitudes(aom_stepper *st);
@@ -287,8 +290,14 @@ static int start_run(aom_stepper *st, const aom_system *system, const aom_option
 static void set_scale(aom_stepper *st, int c, double force);
 static double expect_contact(aom_stepper *st, int c, double speed);
 static double body_energy(aom_stepper *st);
+/* Indentation and rate of a row by the modal state x [2][J]. */
+static motion row_of_modes(const aom_stepper *st, int i, const double *x);
 
 /* ---- stepper.c */
+/* The forces of the attempt as value, slope and curvature at its start. */
+static void parabolas(aom_stepper *st, double h);
+/* The modal state x [2][J] after the time of the responses, under these forces and the loads. */
+static void move_modes(const aom_stepper *st, const double *response, double *x);
 static void write_state(const aom_stepper *st, aom_record *out);
 
 /* ---- runs.c */
@@ -311,7 +320,14 @@ static inline bool nothing_touches(const aom_stepper *st) {
             return false;
     return true;
 }
+/* Whether a contact touches where row i acts, or it stretches. */
+static inline bool touches(const aom_stepper *st, int i) { return st->work.touches[st->group[i]]; }
 static inline bool pressing(int branch) { return branch == AOM_FORWARD || branch == AOM_BACK; }
+/* Whether a row has forces: of a contact that presses, or of stretching. */
+static inline bool acts(const aom_stepper *st, int i) {
+    int c = st->owner[i];
+    return c == st->system.n_contacts || pressing(st->contacts[c].branch);
+}
 static inline const double *beta_row(const aom_stepper *st, int i) {
     return st->system.beta + (ptrdiff_t)i * st->system.n_modes;
 }

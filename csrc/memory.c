@@ -62,6 +62,8 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->shares = take(a, p, sizeof(shares));
     w->place = take(a, G, sizeof(int));
     w->sum = take(a, G, sizeof *w->sum);
+    w->ahead = take(a, 2 * L, sizeof(double));
+    w->touches = take(a, G, sizeof(bool));
     w->touching = take(a, G, sizeof(int));
     w->unknown = take(a, p + s, sizeof(int));
     w->correction = take(a, 2 * (p + s), sizeof(double));

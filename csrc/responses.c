@@ -175,6 +175,8 @@ static void fill_rows(aom_stepper *st, slot *s, double t) {
     for (int g = 0; g < st->n_groups; g++) {
         s->has_coupling[g] = false;
         s->local_kind[g] = NO_LOCAL;
+        if (s > st->slots)
+            s[-1].local_kind[g] = NO_LOCAL; /* of the step whose half this is */
     }
 }
 
@@ -278,16 +280,16 @@ void find_spans(aom_stepper *st) {
 /* The groups of contacts that touch, and of stretching. */
 void find_touching(aom_stepper *st) {
     const aom_system *system = &st->system;
-    int *place = st->work.place, first = system->n_rows - system->n_stretch;
-    for (int g = 0; g < st->n_groups; g++)
-        place[g] = -1;
+    bool *touches = st->work.touches;
+    int first = system->n_rows - system->n_stretch;
+    memset(touches, 0, (size_t)st->n_groups * sizeof *touches);
     for (int i = 0; i < system->n_rows; i++)
         if (i >= first || st->contacts[st->owner[i]].branch != AOM_APART)
-            place[st->group[i]] = 0;
+            touches[st->group[i]] = true;
 
     st->n_touching = 0;
     for (int g = 0; g < st->n_groups; g++)
-        if (place[g] == 0)
+        if (touches[g])
             st->work.touching[st->n_touching++] = g;
 }
 
@@ -299,27 +301,26 @@ static void couple_rows(aom_stepper *st, slot *s, ptrdiff_t pair, int a, int b) 
         s->coupling[k * n_pairs(st) + pair] = total[k];
 }
 
-/* See to it that a slot holds the coupling of all groups with a group, and that of its rows. */
+/* See to it that a slot holds the coupling of a group with itself, its rows, and all groups that it
+ * holds already. */
 static void ready_coupling(aom_stepper *st, slot *s, int h) {
-    ptrdiff_t pairs = n_pairs(st);
+    ptrdiff_t pairs = n_pairs(st), own = pair_of(st, h, h);
     if (s->has_coupling[h])
         return;
+    s->has_coupling[h] = true;
     for (int i = 0; i < st->system.n_rows; i++)
         if (st->group[i] == h)
             couple_rows(st, s, i, i, i);
+    couple_rows(st, s, own, st->first[h], st->second[h]);
 
     for (int g = 0; g < st->n_groups; g++) {
-        ptrdiff_t pair = pair_of(st, g, h), known = -1;
-        if (g == h && st->first[h] == st->second[h])
-            known = st->first[h];
-        else if (g != h && s->has_coupling[g])
-            known = pair_of(st, h, g);
-        if (known < 0)
-            couple_rows(st, s, pair, st->first[g], g == h ? st->second[h] : st->first[h]);
-        for (int k = 0; k < 4 && known >= 0; k++)
-            s->coupling[k * pairs + pair] = s->coupling[k * pairs + known];
+        ptrdiff_t pair = pair_of(st, g, h), mirrored = pair_of(st, h, g);
+        if (g == h || !s->has_coupling[g])
+            continue;
+        couple_rows(st, s, pair, st->first[g], st->first[h]);
+        for (int k = 0; k < 4; k++)
+            s->coupling[k * pairs + mirrored] = s->coupling[k * pairs + pair];
     }
-    s->has_coupling[h] = true;
 }
 
 /* How the forces of row b at the nodes of a step h hold back row a, from the coupling of their pair. */
@@ -352,7 +353,7 @@ static void fill_local(aom_stepper *st, int index, double h, ptrdiff_t pair, int
 }
 
 /* See to it that the slot of a step holds how the forces at its nodes, of groups that touch, hold back
- * the motion.
+ * the motion of one another.
  *
  * The rate of what has no mass, -R F', is that of the parabola. Where a law depends on the rate, this
  * is a differential equation of F, stiff where the contact is hardly closed: at h it is met by the
@@ -374,10 +375,14 @@ void ready_local(aom_stepper *st, int index, double h) {
         for (int i = 0; i < st->system.n_rows; i++)
             if (st->group[i] == acting)
                 fill_local(st, index, h, i, i, i, quarter);
+        whole->local_kind[acting] = kind;
         for (int g = 0; g < st->n_groups; g++) {
             int row = g == acting ? st->second[acting] : st->first[acting];
+            if (whole->local_kind[g] != kind)
+                continue;
             fill_local(st, index, h, pair_of(st, g, acting), st->first[g], row, quarter);
+            if (g != acting)
+                fill_local(st, index, h, pair_of(st, acting, g), row, st->first[g], quarter);
         }
-        whole->local_kind[acting] = kind;
     }
 }

@@ -22,36 +22,40 @@ static void turn(int J, const double *restrict omega, const double *restrict res
     }
 }
 
-/* The modal state at the end of the step. */
-static void move(aom_stepper *st, int index, double h) {
-    int J = st->system.n_modes, m = st->system.n_rows;
-    double *q = st->x, *v = st->x + J;
-    const double *response = st->slots[index].response;
-    if (st->loaded)
-        st->now.load_work -= loads_on(st, h);
+void move_modes(const aom_stepper *st, const double *response, double *x) {
+    int J = st->system.n_modes;
+    double *q = x, *v = x + J;
     turn(J, st->system.omega, response, q, v);
-    for (int i = 0; i < m; i++) {
+    for (int i = 0; i < st->system.n_rows; i++) {
         const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
         if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
             apply_force(st, response, st->spans + i, row_vector(st, i), f, q, v);
     }
-    if (st->loaded) {
-        const row_span all = {{0, J}, {J, J}};
-        modal_vector load = load_vector(st, st->work.load);
-        apply_force(st, response, &all, load, (double[]){-1.0, 0.0, 0.0}, q, v);
-        modal_vector load_rate = load_vector(st, st->work.load_rate);
-        if (st->rising)
-            apply_force(st, response, &all, load_rate, (double[]){0.0, -1.0, 0.0}, q, v);
-        st->now.load_work += loads_on(st, h);
-    }
-    if (st->shifted) /* the moving gaps: loads on sites without mass */
-        for (int i = 0; i < m; i++) {
-            const double *f = st->work.force[i].f;
-            st->now.load_work -= st->work.drift[i] * h / 6.0 * (f[0] + 4.0 * f[1] + f[2]);
-        }
+    if (!st->loaded)
+        return;
+
+    const row_span all = {{0, J}, {J, J}};
+    modal_vector load = load_vector(st, st->work.load);
+    apply_force(st, response, &all, load, (double[]){-1.0, 0.0, 0.0}, q, v);
+    modal_vector load_rate = load_vector(st, st->work.load_rate);
+    if (st->rising)
+        apply_force(st, response, &all, load_rate, (double[]){0.0, -1.0, 0.0}, q, v);
 }
 
-static void parabolas(aom_stepper *st, double h) {
+/* The modal state at the end of the step, and what the loads did. */
+static void move(aom_stepper *st, int index, double h) {
+    if (st->loaded)
+        st->now.load_work -= loads_on(st, h);
+    move_modes(st, st->slots[index].response, st->x);
+    if (st->loaded)
+        st->now.load_work += loads_on(st, h);
+    for (int i = 0; i < st->system.n_rows && st->shifted; i++) {
+        const double *f = st->work.force[i].f; /* the moving gaps: loads on sites without mass */
+        st->now.load_work -= st->work.drift[i] * h / 6.0 * (f[0] + 4.0 * f[1] + f[2]);
+    }
+}
+
+void parabolas(aom_stepper *st, double h) {
     for (int i = 0; i < st->system.n_rows; i++) {
         const double *f = st->work.force[i].f;
         double *to = st->work.parabola + 3 * (ptrdiff_t)i;

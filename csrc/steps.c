@@ -44,13 +44,14 @@ static bool attempt(aom_stepper *st, int index, double h) {
         return long_force(st, h, local);
     if (m == 1 && one_force(st, h, local))
         return true;
+    memset(st->work.force, 0, (size_t)m * sizeof *st->work.force);
     for (int i = 0; i < m; i++)
-        for (int node = 0; node < 3; node++) { /* a first guess on the last parabola */
+        for (int node = 0; node < 3 && acts(st, i); node++) { /* a first guess on the last parabola */
             const row_state *row = st->rows + i;
             double u = 0.5 * h * node;
             st->work.force[i].f[node] = row->force + u * (row->slope + 0.5 * u * row->bend);
         }
-    return all_forces(st, local);
+    return all_forces(st, index, h);
 }
 
 /* Where a branch is left between the start and a stage of the step: the time after the start of

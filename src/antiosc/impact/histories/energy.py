@@ -232,7 +232,7 @@ def energy_gain(a: Assembly, run: Run) -> float:
                 work[first:last] = _work_by_step(a, run_slice(run, first, last), q, v, energies)
         current = mechanical.copy()
         if system.R.any():
-            current += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
+            current += 0.5 * np.sum((force @ system.R) * force, axis=1)
         stored, losses = contact_energies(a, run)
         current += stored[::2]
         total = current + losses[::2]
