@@ -22,10 +22,9 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.extension import projected
-from antiosc.fem.assembly.joint import Constraints, Joint, Rows, following
+from antiosc.fem.assembly.joint import Constraints, ElasticTerm, Joint, Rows, following
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.platform import compat
-from antiosc.fem.structure.attachments import ElasticTerm
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import Term

@@ -297,7 +297,10 @@ def terms_of(
         G = end.components(names)
         if other is not None:
             if np.allclose(other.point, end.point):
-                raise InputError(f"the Damper at {shown(attached.where)} ends where it begins.")
+                raise InputError(
+                    f"the Damper at {shown(attached.where)} ends at the point where it begins: "
+                    "name another point, or leave to= out for the ground."
+                )
             G = G - other.components(names)
         name = "" if other is not None else getattr(attached, "name", None) or ""
         term = ElasticTerm(G, zero, zero, name=name, point=end.point, components=names)
