@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import error_charts
 import numpy as np
+from beam_modes import modes
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
@@ -122,7 +123,7 @@ def analytic_families(beam: StruckBeam) -> list[Family]:
     """Anti-oscillators, mode superposition, and that with static correction, of a beam."""
     return [
         Family("anti-oscillators", beam.anti_oscillators),
-        Family("modes", beam.modes),
+        Family("modes", lambda n: modes(beam, n)),
         Family("modes, static correction", lambda n: corrected(beam, n)),
     ]
 
@@ -141,7 +142,7 @@ def meshed_families(part: ao.Structure, where: ao.Site) -> list[Family]:
 
 def corrected(beam: StruckBeam, n: int, x: Sequence[float] = ()) -> ModalModel:
     """Natural modes with static correction."""
-    return beam.modes(n, x, static_correction=True)
+    return modes(beam, n, x, static_correction=True)
 
 
 def convergence(

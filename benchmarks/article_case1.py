@@ -38,6 +38,7 @@ from article_beam import (
     show,
     site,
 )
+from beam_modes import modes
 
 import antiosc as ao
 from antiosc import plotting
@@ -90,8 +91,8 @@ def main(
         "AO 9": beam.anti_oscillators(9, x),
         "AO 50": beam.anti_oscillators(50, x),
         "AO 50, FE": ao.extract(part, tip, n=50, method="modes"),
-        "modes 10": beam.modes(10, x),
-        "modes 90": beam.modes(90, x),
+        "modes 10": modes(beam, 10, x),
+        "modes 90": modes(beam, 90, x),
         "exact": corrected(beam, reference_modes, x),
     }
     # 9 AO and 10 modes rattle: their displacement settles with the step, their force does not

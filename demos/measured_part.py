@@ -38,7 +38,7 @@ def main(
     out : folder of the results
     """
     out.mkdir(parents=True, exist_ok=True)
-    modes = closed_form.cantilever(BEAM, 0.37).modes(80, [0.37]).modal()
+    modes = closed_form.cantilever(BEAM, 0.37).anti_oscillators(79).modal()
     part = ao.SiteModes(modes.omega, modes.b[:, None], ["eye"], decay=DAMPING * modes.omega)
     measure(part, top, noise, lines, out)
     contact = ao.Contact("bar:eye", "ball", ao.contact_between(BALL, STEEL))

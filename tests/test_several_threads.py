@@ -85,7 +85,6 @@ def test_openmp_is_as_before_after_factors_of_two_threads(monkeypatch):
     assert levels[-1] == 3
 
 
-V1 = "/sys/fs/cgroup/memory/memory."
 MACHINE = ["MemTotal:   100 kB", "MemAvailable:   64 kB", "SwapTotal:   9 kB"]
 
 
@@ -99,7 +98,6 @@ MACHINE = ["MemTotal:   100 kB", "MemAvailable:   64 kB", "SwapTotal:   9 kB"]
         ({"/proc/meminfo": MACHINE, "max": ["50000"]}, 65536.0),
         ({"max": ["50000"], "current": ["20000"]}, 30000.0),
         ({"max": ["50000"], "current": ["20000"], "stat": ["inactive_file 5000"]}, 35000.0),
-        ({V1 + "limit_in_bytes": ["50000"], V1 + "usage_in_bytes": ["20000"]}, 30000.0),
         ({}, np.inf),
     ],
 )

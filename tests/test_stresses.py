@@ -32,15 +32,14 @@ def test_von_mises(tensor, equivalent):
     assert ao.von_mises(six) == pytest.approx(equivalent, abs=1e-9)
 
 
-def test_tsai_hill_of_single_stresses_is_the_square_of_the_share():
-    strengths = {"X": 1500.0, "Y": 40.0, "S": 70.0}
+def test_tsai_hill_of_single_stresses_is_their_share_of_the_strength():
+    ply = ao.Strengths(X_t=1500.0, X_c=1000.0, Y_t=40.0, Y_c=200.0, S=70.0)
     for entry, strength in (((0, 0), 1500.0), ((1, 1), 40.0), ((0, 1), 70.0)):
         s = np.zeros((3, 3))
         s[entry] = s[entry[::-1]] = strength / 2
-        assert ao.tsai_hill(s, **strengths) == pytest.approx(0.25)
+        assert ply.tsai_hill(s) == pytest.approx(0.5)
     s = np.diag([-500.0, -60.0, 0.0])
-    found = ao.tsai_hill(s, **strengths, X_compression=1000.0, Y_compression=200.0)
-    assert found == pytest.approx(0.25 - 500 * 60 / 1e6 + 0.09)
+    assert ply.tsai_hill(s) ** 2 == pytest.approx(0.25 - 500 * 60 / 1e6 + 0.09)
 
 
 def test_the_delamination_load_releases_the_critical_energy():

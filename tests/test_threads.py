@@ -29,7 +29,7 @@ def two_threads(monkeypatch):
 def test_a_container_s_quota_counts(monkeypatch):
     monkeypatch.setattr(process.os, "sched_getaffinity", lambda _: set(range(8)))
     for text, count in (("max 100000", 8), ("250000 100000", 2), ("50000 100000", 1), ("", 8)):
-        monkeypatch.setattr(process, "_text", lambda _, text=text: text)
+        monkeypatch.setattr(process, "_lines", lambda _, text=text: text.splitlines())
         assert process.cores() == count
 
 

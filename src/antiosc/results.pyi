@@ -4,7 +4,6 @@ from antiosc.base.cfc import cfc_filter as cfc_filter
 from antiosc.base.stresses import (
     delamination_load as delamination_load,
     principal as principal,
-    tsai_hill as tsai_hill,
     von_mises as von_mises,
 )
 from antiosc.fields.fields import Reactions as Reactions

@@ -23,6 +23,7 @@ from struck_beams import (
     UNIT,
     cutoff,
     hinged_roots,
+    modes,
     struck,
 )
 
@@ -50,17 +51,17 @@ def test_what_a_mode_carries_is_the_integral_of_its_shape(kind):
     simpson = np.full(401, 2.0)
     simpson[1::2], simpson[[0, -1]] = 4.0, 1.0
     simpson *= beam.rhoA * 0.002 / 3
-    modes = kind(beam, 0.3).modes(2, x).modal()
-    shapes = modes.shape.T
-    np.testing.assert_allclose(modes.weight, shapes @ simpson, rtol=1e-7, atol=1e-8)
+    body = modes(kind(beam, 0.3), 2, x).modal()
+    shapes = body.shape.T
+    np.testing.assert_allclose(body.weight, shapes @ simpson, rtol=1e-7, atol=1e-8)
     mass = shapes @ (simpson * shapes).T
     np.testing.assert_allclose(mass, np.eye(len(mass)), rtol=0, atol=1e-6)
-    if modes.inertia is None:
+    if body.inertia is None:
         return
-    about = modes.inertia.point[0]
-    np.testing.assert_allclose(modes.inertia.momentum[:, 1], shapes @ simpson, atol=1e-8)
+    about = body.inertia.point[0]
+    np.testing.assert_allclose(body.inertia.momentum[:, 1], shapes @ simpson, atol=1e-8)
     turning = (shapes * simpson) @ (x - about)
-    np.testing.assert_allclose(np.abs(modes.inertia.momentum[:, 5]), np.abs(turning), atol=1e-8)
+    np.testing.assert_allclose(np.abs(body.inertia.momentum[:, 5]), np.abs(turning), atol=1e-8)
 
 
 def test_rigid_body_mass_formulae():
@@ -116,7 +117,7 @@ def test_modes_and_anti_oscillators_are_one_beam(supports):
     """Σ b²/(ω_j² - ω²) + r from the zeros of Z against 1/Z from its poles."""
     beam = struck(THICK, supports)
     model = beam.anti_oscillators(60)
-    body = beam.modes(60, [beam.site], static_correction=True).modal()
+    body = modes(beam, 60, [beam.site], static_correction=True).modal()
     omega = 0.8 * body.omega[body.b > 0][1:4]
     H = 1 / model.dynamic_stiffness(omega)
     np.testing.assert_allclose(body.receptance(omega).real, H, atol=2e-4 * np.abs(H).max())
@@ -158,8 +159,8 @@ def test_orders_of_what_truncation_leaves_out(beam, orders):
     H/ω² in spite of static correction: Σ b²/ω⁴.
     """
     case, top = pinned_pinned(beam), 160
-    modes, model = case.modes(top).modal(), case.anti_oscillators(top)
-    sums = ((modes.b / modes.omega) ** 2, model.m / model.omega**2, modes.b**2 / modes.omega**4)
+    body, model = modes(case, top).modal(), case.anti_oscillators(top)
+    sums = ((body.b / body.omega) ** 2, model.m / model.omega**2, body.b**2 / body.omega**4)
     wholes = (1 / case.static_stiffness, sums[1].sum(), sums[2].sum())
     for terms, whole, order in zip(sums, wholes, orders, strict=True):
         left = whole - np.cumsum(terms)
@@ -190,8 +191,8 @@ def test_a_free_beam_falls_and_spins_as_a_whole(kind, site):
     x = np.linspace(0, length, 5)
     model = {
         "anti-oscillators": lambda: beam.anti_oscillators(6, x),
-        "modes": lambda: beam.modes(6, x),
-        "corrected": lambda: beam.modes(6, x, static_correction=True),
+        "modes": lambda: modes(beam, 6, x),
+        "corrected": lambda: modes(beam, 6, x, static_correction=True),
     }[kind]()
     V, W, g = -0.4, 2.0, -9.81
     tensor = mass * length**2 * (1 / 12 + BEAM.alpha)
@@ -230,5 +231,5 @@ def test_unobservable_modes_are_left_out():
     beam = pinned_pinned(SLENDER)
     model, constrained = beam.anti_oscillators(5), beam.antiresonances(10)
     np.testing.assert_allclose(model.omega, constrained[1::2], rtol=1e-10)
-    omega = beam.modes(5).modal().omega
+    omega = modes(beam, 5).modal().omega
     np.testing.assert_allclose(omega, beam.natural_frequencies(10)[::2], rtol=1e-10)

@@ -175,7 +175,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: charts.axes_or_new("top"), "matplotlib"),
     (lambda: charts.panels(1, 1, (0.1, 4.0)), "lengths"),
     (lambda: plotting.plot_force({}), "History"),
-    (lambda: plotting.plot_force({"a": None}), "named"),
+    (lambda: plotting.plot_force({"a": None}), "must be a History"),
     (lambda: plotting.plot_masses(ao.AntiOscillators), "AntiOscillators"),
     (lambda: plotting.plot_map(3.0), "ImpactMap"),
     (lambda: ao.spectrum([0, 1.0], [0, 1.0], pad=0.5), "pad"),

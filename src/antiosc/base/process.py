@@ -65,40 +65,36 @@ def restored() -> Iterator[None]:
     meanwhile stay.
     """
     with _lock:
-        yield from _restored()
-
-
-def _restored() -> Iterator[None]:
-    root = logging.getLogger()
-    handlers = list(root.handlers)
-    level = root.level
-    showwarning = warnings.showwarning
-    levels = {name: _level(name) for name in LOGGERS}
-    environment = {name: os.environ.get(name) for name in ENVIRONMENT}
-    flags = sys.getdlopenflags()
-    former = locale.setlocale(locale.LC_ALL)
-    path = list(sys.path)
-    sys.path.extend(entry for entry in _appended if entry not in path)
-    try:
-        yield
-    finally:
-        new = [entry for entry in sys.path if entry not in path and VENDOR in Path(entry).parts]
-        _appended.extend(entry for entry in new if entry not in _appended)
-        sys.path[:] = [entry for entry in sys.path if entry not in new]
-        root.handlers[:] = handlers
-        root.setLevel(level)
-        if warnings.showwarning is not showwarning:
-            logging.captureWarnings(False)
-        for name, before in levels.items():
-            if before is not None:
-                logging.getLogger(name).setLevel(before)
-        for name, value in environment.items():
-            if value is None:
-                os.environ.pop(name, None)
-            elif os.environ.get(name) != value:
-                os.environ[name] = value
-        sys.setdlopenflags(flags)
-        locale.setlocale(locale.LC_ALL, former)
+        root = logging.getLogger()
+        handlers = list(root.handlers)
+        level = root.level
+        showwarning = warnings.showwarning
+        levels = {name: _level(name) for name in LOGGERS}
+        environment = {name: os.environ.get(name) for name in ENVIRONMENT}
+        flags = sys.getdlopenflags()
+        former = locale.setlocale(locale.LC_ALL)
+        path = list(sys.path)
+        sys.path.extend(entry for entry in _appended if entry not in path)
+        try:
+            yield
+        finally:
+            new = [entry for entry in sys.path if entry not in path and VENDOR in Path(entry).parts]
+            _appended.extend(entry for entry in new if entry not in _appended)
+            sys.path[:] = [entry for entry in sys.path if entry not in new]
+            root.handlers[:] = handlers
+            root.setLevel(level)
+            if warnings.showwarning is not showwarning:
+                logging.captureWarnings(False)
+            for name, before in levels.items():
+                if before is not None:
+                    logging.getLogger(name).setLevel(before)
+            for name, value in environment.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                elif os.environ.get(name) != value:
+                    os.environ[name] = value
+            sys.setdlopenflags(flags)
+            locale.setlocale(locale.LC_ALL, former)
 
 
 def _level(name: str) -> int | None:
@@ -134,13 +130,12 @@ class _BelowWarning(logging.Filter):
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Context for imports of packages: outside the working folder, with a home folder, and with
-    arguments in UTF-8, which dolfinx passes on as it is loaded.
+    """Context for imports of packages: outside the working folder, with a home folder.
 
     It changes the working folder of the whole process, and is meant for imports only.
     """
     _give_home()
-    with _lock, _readable_arguments():
+    with _lock:
         try:
             working_folder = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
         except OSError:  # nothing can be read there
@@ -152,17 +147,6 @@ def loading() -> Iterator[None]:
         finally:
             os.fchdir(working_folder)
             os.close(working_folder)
-
-
-@contextmanager
-def _readable_arguments() -> Iterator[None]:
-    """In the block, arguments of the process have "?" for bytes that are not UTF-8."""
-    arguments = sys.argv
-    sys.argv = [text.encode(errors="replace").decode() for text in arguments]
-    try:
-        yield
-    finally:
-        sys.argv = arguments
 
 
 def _give_home() -> None:
@@ -241,17 +225,10 @@ def cores() -> int:
     """Number of cores that this process may use (affinity and quota of the container)."""
     affinity = getattr(os, "sched_getaffinity", None)  # of Linux
     allowed = len(affinity(0)) if affinity else os.cpu_count() or 1
-    quota = _text("/sys/fs/cgroup/cpu.max").split()
+    quota = " ".join(_lines(f"{CONTAINER}/cpu.max")).split()
     if len(quota) == 2 and quota[0].isdigit():
         allowed = min(allowed, max(1, int(quota[0]) // int(quota[1])))
     return allowed
-
-
-def _text(path: str | Path) -> str:
-    try:
-        return Path(path).read_text()
-    except OSError:
-        return ""
 
 
 def useful_threads(fronts: Array, most: int) -> int:
@@ -299,17 +276,9 @@ class _Blas:
                 self.limit.restore_original_limits()
 
 
+@cache
 def _blas() -> _Blas | None:
     """The BLAS libraries of this process, for all Python threads; None without threadpoolctl."""
-    with _blas_lock:
-        return _blas_once()
-
-
-_blas_lock = Lock()
-
-
-@cache
-def _blas_once() -> _Blas | None:
     try:
         with restored():
             from threadpoolctl import ThreadpoolController
@@ -367,14 +336,8 @@ T = TypeVar("T")
 
 #: Share of the free memory that a factor, a basis or a run may fill.
 MEMORY_SHARE = 0.9
-#: Files of a container's limit, of what it uses, and of the cached files among that, which the
-#: kernel gives up first: cgroup 2, and cgroup 1.
-CONTAINERS = (
-    ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current", "/sys/fs/cgroup/memory.stat"),
-    tuple(
-        f"/sys/fs/cgroup/memory/memory.{x}" for x in ("limit_in_bytes", "usage_in_bytes", "stat")
-    ),
-)
+#: Folder of a container's limits.
+CONTAINER = "/sys/fs/cgroup"
 #: Bytes below which the free memory is not looked up: that takes longer than a short run.
 NEGLIGIBLE = 1 << 26
 #: Remedy where a run needs too much.
@@ -387,14 +350,11 @@ def free_memory() -> float:
     for line in _lines("/proc/meminfo"):
         if line.startswith("MemAvailable:"):
             free = 1024 * float(line.split()[1])
-    for limit, usage, stat in CONTAINERS:
-        limit_text = _lines(limit)
-        used_memory = _lines(usage)
-        if limit_text and used_memory and limit_text[0].isdigit():
-            cached = [line.split()[1] for line in _lines(stat) if line.startswith("inactive_file ")]
-            free = min(
-                free, float(limit_text[0]) - float(used_memory[0]) + float((cached or ["0"])[0])
-            )
+    limit, used, stat = (_lines(f"{CONTAINER}/memory.{x}") for x in ("max", "current", "stat"))
+    if limit and used and limit[0].isdigit():
+        # the kernel gives up cached files first
+        cached = [line.split()[1] for line in stat if line.startswith("inactive_file ")]
+        free = min(free, float(limit[0]) - float(used[0]) + float((cached or ["0"])[0]))
 
     return min(free, _process_limit())
 

@@ -46,41 +46,6 @@ def principal(tensor: ArrayLike) -> Array:
     return np.asarray(np.linalg.eigvalsh(tensors("tensor", tensor))[..., ::-1])
 
 
-@checks.within_range
-def tsai_hill(
-    stress: ArrayLike,
-    X: float,
-    Y: float,
-    S: float,
-    *,
-    X_compression: float | None = None,
-    Y_compression: float | None = None,
-) -> Array:
-    """Tsai–Hill index (...,) of a layer: 1 or more is failure.
-
-    (σ1/X)² − σ1σ2/X² + (σ2/Y)² + (τ12/S)², after S. W. Tsai, NASA CR-224 (1965).
-
-    Parameters
-    ----------
-    stress : array_like (..., 3, 3) or (..., 6)
-        Pa, in the axes of the layer: `probe(..., "stress", layer=k, axes="local")`.
-    X, Y, S : float
-        Strengths along the fibres, across them and in shear, Pa.
-    X_compression, Y_compression : float, optional
-        Strengths in compression, used for negative σ1 and σ2; default: X and Y.
-    """
-    tension = [checks.positive(n, v, "Pa") for n, v in (("X", X), ("Y", Y))]
-    compressive = [
-        default if value is None else checks.positive(name, value, "Pa")
-        for name, value, default in (
-            ("X_compression", X_compression, tension[0]),
-            ("Y_compression", Y_compression, tension[1]),
-        )
-    ]
-    x, y = zip(tension, compressive, strict=True)
-    return hill_index(components("stress", stress), x, y, checks.positive("S", S, "Pa"))
-
-
 def hill_index(s: Array, X: tuple[float, float], Y: tuple[float, float], S: float) -> Array:
     """Tsai–Hill index (...,) of components (..., 6); X, Y in tension and in compression."""
     sigma1 = s[..., 0]
@@ -239,7 +204,7 @@ class Strengths(Checked):
 
     @within_range
     def tsai_hill(self, stress: ArrayLike) -> Array:
-        """Exposure (...,) after Tsai and Hill: the root of `antiosc.tsai_hill`.
+        """Exposure (...,) after Tsai and Hill (NASA CR-224, 1965): the root of the index.
 
         `stress` (..., 3, 3) or (..., 6) in the axes of the layer, Pa; compressive strengths are
         taken for negative σ1 and σ2.

@@ -69,9 +69,10 @@ def _fields(declarations: str) -> list[tuple[str, _Scalar]]:
     return [(name.strip(), _TYPES[kind]) for kind, names in groups for name in names.split(",")]
 
 
-class UserLaw(Structure):
-    """The C structure `aom_user_law`."""
+# The C structures of these names: `CLaw` is `aom_law`.
 
+
+class UserLaw(Structure):
     _fields_ = [
         *_fields("pointer context; int n_state, rated"),
         *(("force", FORCE), ("touch", TOUCHED), ("advance", ADVANCE), ("work", WORK)),
@@ -79,14 +80,10 @@ class UserLaw(Structure):
 
 
 class CLaw(Structure):
-    """The C structure `aom_law`."""
-
     _fields_ = _fields("int kind, n_params; pointer params, user")
 
 
 class CContact(Structure):
-    """The C structure `aom_contact`."""
-
     _fields_ = [
         ("law", CLaw),
         *_fields("double friction, tangential_stiffness; int first_tangential, n_tangential"),
@@ -96,8 +93,6 @@ class CContact(Structure):
 
 
 class CSystem(Structure):
-    """The C structure `aom_system`."""
-
     _fields_ = [
         *_fields("int n_modes, n_rows, n_contacts, n_breaks; pointer omega, decay, beta, residual"),
         *_fields("pointer breaks, loads, offsets, contacts, q, v; double stored; pointer gamma"),
@@ -106,8 +101,6 @@ class CSystem(Structure):
 
 
 class COptions(Structure):
-    """The C structure `aom_options`."""
-
     _fields_ = [
         *_fields("double duration, rel_tol, force_scale, step, resolution"),
         *_fields("int64 max_contacts, max_steps, max_runs"),
@@ -115,8 +108,6 @@ class COptions(Structure):
 
 
 class CRecord(Structure):
-    """The C structure `aom_record`."""
-
     _fields_ = [
         *_fields("int64 max_nodes, max_states, max_events, n_nodes, n_states, n_events, every"),
         *_fields("pointer time, force, depth, states, events"),
@@ -124,22 +115,16 @@ class CRecord(Structure):
 
 
 class CSummary(Structure):
-    """The C structure `aom_summary`."""
-
     _fields_ = _fields(
         "double time, force_scale, highest, gained, work; int64 steps, attempts, touches, refused"
     )
 
 
 class CDifference(Structure):
-    """The C structure `aom_difference`."""
-
     _fields_ = _fields("double force, peak, until")
 
 
 class CSolution(Structure):
-    """The C structure `aom_solution`."""
-
     _fields_ = [
         *_fields("int best, answer; double force, peak, certain, share"),
         ("summary", CSummary),
@@ -149,14 +134,10 @@ class CSolution(Structure):
 
 
 class CNumbers(Structure):
-    """The C structure `aom_numbers`."""
-
     _fields_ = _fields("double peak, impulse, contact_time, restitution, closed; int64 steps")
 
 
 class CImpact(Structure):
-    """The C structure `aom_impact`."""
-
     _fields_ = [
         *(("system", CSystem), ("options", COptions)),
         *_fields("int n_turning; pointer turning"),
@@ -164,14 +145,10 @@ class CImpact(Structure):
 
 
 class CExpected(Structure):
-    """The C structure `aom_expected`."""
-
     _fields_ = _fields("double depth, speed, time")
 
 
 class COutcome(Structure):
-    """The C structure `aom_outcome`."""
-
     _fields_ = [
         *_fields("int64 status, contacts, touches, open, n_nodes, body"),
         ("numbers", CNumbers),
@@ -180,14 +157,10 @@ class COutcome(Structure):
 
 
 class CPulseNodes(Structure):
-    """The C structure `aom_pulse_nodes`."""
-
     _fields_ = _fields("int64 max_nodes, n_nodes; pointer time, force")
 
 
 class CEnclosure(Structure):
-    """The C structure `aom_enclosure`."""
-
     _fields_ = [
         *_fields("int n_modes, n_channels, n_losses, n_contacts; pointer omega, decay, load, q, v"),
         *_fields("pointer beta, gap, rows, brake; int n_spans; pointer spans, kappa, laws"),

@@ -106,7 +106,7 @@ def probe(
         "rotation" (n, 3) rad: of the sections of beams and shells, half the curl in solids; of
         plane parts (n, 1).
         "strain" (n, 3, 3): the tensor (the entry 12 is half the angle γ12). "stress" (n, 3, 3)
-        Pa. "von_mises" (n,) Pa. See `von_mises`, `principal`, `tsai_hill`.
+        Pa. "von_mises" (n,) Pa. See `von_mises`, `principal`, `Strengths`.
         "section_forces": of beams in space (n, 6) the forces N, Vy, Vz and moments T, My, Mz, y
         being the height of the section; of plane beams (n, 3) N, V, M; of shells (n, 8) per width
         N1, N2, N12, M1, M2, M12, Q1, Q2 in the axes of the laminate; 1 of a `Shell` is x along its

@@ -28,8 +28,6 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import ModalModel
-from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia
 
 __all__ = [
@@ -134,56 +132,6 @@ class UniformBeam:
         return math.sqrt(self.EI / (self.rhoA * self.length**4))
 
 
-class Polynomials:
-    """The beam of length 1 in polynomials of the curvature and of the shear; see the module.
-
-    Coefficients are w₀, θ₀, then those of κ and of γ/√η segment by segment.
-    """
-
-    def __init__(self, beam: UniformBeam, site: float, degrees: tuple[int, int]) -> None:
-        self._eta = beam.eta
-        parts = zip((0.0, site), (site, 1 - site), degrees, strict=True)
-        self._segments = [part for part in parts if part[1] > 0]
-        each = [degree + 1 for _, _, degree in self._segments]
-        self.size = 2 + sum(each) * (2 if beam.eta else 1)
-
-        points, weights = [], []
-        for start, length, degree in self._segments:
-            nodes, rule = legendre.leggauss(degree + 4)
-            points.append(start + length * (nodes + 1) / 2)
-            weights.append(length * rule / 2)
-        x, rule = np.concatenate(points), np.concatenate(weights)
-        w, theta = self.motions(x)
-        self.stiffness = np.diag(np.append([0.0, 0.0], np.ones(self.size - 2)))
-        self.mass = (w.T * rule) @ w + beam.alpha * (theta.T * rule) @ theta
-
-        #: rows of the momentum and of the angular momentum about mid-span
-        turning = (rule * (x - 0.5)) @ w + beam.alpha * (rule @ theta)
-        self.moved = np.vstack((rule @ w, turning))
-
-    def motions(self, x: Array) -> tuple[Array, Array]:
-        """(w, θ) (len(x), size) at points x for each coefficient."""
-        once, twice = [], []
-        for start, length, degree in self._segments:
-            size = np.sqrt((2 * np.arange(degree + 1) + 1) / length)
-            integrals = [legendre.legint(np.diag(size), m, lbnd=-1) for m in (1, 2)]
-            inside = np.clip(2 * (x - start) / length - 1, -1, 1)
-            first, second = (
-                (length / 2) ** m * legendre.legvander(inside, degree + m) @ integral
-                for m, integral in enumerate(integrals, start=1)
-            )
-            beyond = np.maximum(x - start - length, 0.0)[:, None]
-            once.append(first)
-            twice.append(second + beyond * first)
-
-        one, zero = np.ones((len(x), 1)), np.zeros((len(x), 1))
-        w, theta = [one, x[:, None], *twice], [zero, one, *once]
-        if self._eta:
-            w += [math.sqrt(self._eta) * first for first in once]
-            theta += [np.zeros_like(first) for first in once]
-        return np.hstack(w), np.hstack(theta)
-
-
 @dataclass(frozen=True)
 class StruckBeam:
     """A beam, its two end supports and the impact site (deflection w, positive along the impact).
@@ -252,14 +200,14 @@ class StruckBeam:
         Constraint modes that carry no mass are not counted. The model's `field` gives the
         deflections at the points `x` (m), Article (8).
         """
-        points = self._checked_points(x)
-        solved, omega, phi, c = self._observable(_count_of(n), held=True)
+        points = self.points_on(x)
+        solved, omega, phi, c = self.observable(_count_of(n), held=True)
         mass = self.beam.mass
         m = c**2 * mass
         shapes = np.column_stack((solved.static, c * phi, solved.hidden / math.sqrt(mass)))
 
         momenta = mass * solved.moved @ shapes
-        inertia = self._inertia(momenta)
+        inertia = self.inertia_of(momenta)
         moved = momenta[0, : n + 1].copy()
         moved[0] -= moved[1:].sum()
         at_points = solved.motions(points / self.beam.length)[0] @ shapes
@@ -275,52 +223,6 @@ class StruckBeam:
             hidden=at_points[:, n + 1 :] if points.size and inertia else None,
         )
 
-    @checks.within_range
-    def modes(self, n: int, x: ArrayLike = (), *, static_correction: bool = False) -> ModalModel:
-        """The first n natural modes that move the site, the rigid-body one included.
-
-        Rigid-body motions that leave the site at rest are before them, with b = 0. The coordinates
-        are the deflections at x [m]. With `static_correction` the static deflection of the
-        truncated modes is included.
-        """
-        points = self._checked_points(x)
-        checks.flag("static_correction", static_correction)
-        rigid = min(self.rigid_modes, 1)
-        solved, omega, phi, b = self._observable(_count_of(n) - rigid, held=False)
-        if rigid:
-            swing = solved.static / math.sqrt(solved.m_st)
-            phi = np.column_stack((swing, phi))
-            omega, b = np.append(0.0, omega), np.append(solved.at_site @ swing, b)
-
-        mass = self.beam.mass
-        hidden = solved.hidden.shape[1]
-        phi = np.column_stack((solved.hidden, phi * np.sign(b))) / math.sqrt(mass)
-        b = np.append(np.zeros(hidden), np.abs(b)) / math.sqrt(mass)
-        omega = np.append(np.zeros(hidden), omega * self.beam.omega_unit)
-        at_points = solved.motions(points / self.beam.length)[0]
-        r, residual = 0.0, np.zeros(solved.size)
-        if static_correction:
-            elastic = omega > 0
-            modal = b[elastic] / omega[elastic] ** 2
-            flexibility = self.beam.length**3 / self.beam.EI
-            residual = flexibility * solved.deflection - phi[:, elastic] @ modal
-            r = max(float(solved.at_site @ residual), 0.0)
-
-        momenta = mass * solved.moved @ phi
-        return ModalModel(
-            ModalBody(
-                omega,
-                b,
-                r,
-                weight=momenta[0],
-                shape=at_points @ phi,
-                residual=at_points @ residual,
-                basis=(np.eye(points.size),),
-                direction=ACROSS,
-                inertia=self._inertia(momenta),
-            )
-        )
-
     @cached_property
     def _few(self) -> Solved:
         """The static shapes: cubic deflections are enough."""
@@ -332,7 +234,7 @@ class StruckBeam:
         degrees = [math.ceil(EACH * count * share) + ENDING for share in (site, 1 - site)]
         return Solved(self, (degrees[0], degrees[1]))
 
-    def _observable(self, n: int, *, held: bool) -> tuple[Solved, Array, Array, Array]:
+    def observable(self, n: int, *, held: bool) -> tuple[Solved, Array, Array, Array]:
         """(the beam, √Ω, shapes of unit mass, b or c) of the first n modes that the site sees."""
         count = n + 2
         while True:
@@ -344,13 +246,13 @@ class StruckBeam:
                 return solved, omega[seen], phi[:, seen], share[seen]
             count *= 2
 
-    def _checked_points(self, x: ArrayLike) -> Array:
+    def points_on(self, x: ArrayLike) -> Array:
         points = checks.floats("x", x, (None,))
         if points.size and not (points.min() >= 0 and points.max() <= self.beam.length):
             raise InputError(f"x must lie on the beam, 0 to {self.beam.length:g} m.")
         return points
 
-    def _inertia(self, moved: Array) -> Inertia | None:
+    def inertia_of(self, moved: Array) -> Inertia | None:
         """The inertia of a free beam along x that moves along y; None for a supported one.
 
         moved : (2, C) momentum of each shape, and its moment over the length [kg].
@@ -366,8 +268,10 @@ class StruckBeam:
         return Inertia(np.array([length / 2, 0, 0]), matrix, momentum)
 
 
-class Solved(Polynomials):
-    """A struck beam in polynomials: its static and rigid shapes, and its lowest modes.
+class Solved:
+    """A struck beam of length 1 in polynomials of the curvature and of the shear; see the module.
+
+    Coefficients are w₀, θ₀, then those of κ and of γ/√η segment by segment.
 
     Attributes
     ----------
@@ -380,8 +284,27 @@ class Solved(Polynomials):
     """
 
     def __init__(self, struck: StruckBeam, degrees: tuple[int, int]) -> None:
-        site = struck.site / struck.beam.length
-        super().__init__(struck.beam, site, degrees)
+        beam, site = struck.beam, struck.site / struck.beam.length
+        self._eta = beam.eta
+        parts = zip((0.0, site), (site, 1 - site), degrees, strict=True)
+        self._segments = [part for part in parts if part[1] > 0]
+        each = [degree + 1 for _, _, degree in self._segments]
+        self.size = 2 + sum(each) * (2 if beam.eta else 1)
+
+        points, weights = [], []
+        for start, length, degree in self._segments:
+            nodes, rule = legendre.leggauss(degree + 4)
+            points.append(start + length * (nodes + 1) / 2)
+            weights.append(length * rule / 2)
+        x, rule = np.concatenate(points), np.concatenate(weights)
+        w, theta = self.motions(x)
+        self.stiffness = np.diag(np.append([0.0, 0.0], np.ones(self.size - 2)))
+        self.mass = (w.T * rule) @ w + beam.alpha * (theta.T * rule) @ theta
+
+        #: rows of the momentum and of the angular momentum about mid-span
+        turning = (rule * (x - 0.5)) @ w + beam.alpha * (rule @ theta)
+        self.moved = np.vstack((rule @ w, turning))
+
         self.at_site = self.motions(np.array([site]))[0][0]
         ends = np.array(self.motions(np.array([0.0, 1.0])))
         rows = [ends[motion, 0] for motion in ENDS[struck.left]]
@@ -405,6 +328,28 @@ class Solved(Polynomials):
         if at_site.size:
             self.static = self.rigid @ at_site / (at_site @ at_site)
         self.m_st = float(self.static @ self.mass @ self.static)
+
+    def motions(self, x: Array) -> tuple[Array, Array]:
+        """(w, θ) (len(x), size) at points x for each coefficient."""
+        once, twice = [], []
+        for start, length, degree in self._segments:
+            size = np.sqrt((2 * np.arange(degree + 1) + 1) / length)
+            integrals = [legendre.legint(np.diag(size), m, lbnd=-1) for m in (1, 2)]
+            inside = np.clip(2 * (x - start) / length - 1, -1, 1)
+            first, second = (
+                (length / 2) ** m * legendre.legvander(inside, degree + m) @ integral
+                for m, integral in enumerate(integrals, start=1)
+            )
+            beyond = np.maximum(x - start - length, 0.0)[:, None]
+            once.append(first)
+            twice.append(second + beyond * first)
+
+        one, zero = np.ones((len(x), 1)), np.zeros((len(x), 1))
+        w, theta = [one, x[:, None], *twice], [zero, one, *once]
+        if self._eta:
+            w += [math.sqrt(self._eta) * first for first in once]
+            theta += [np.zeros_like(first) for first in once]
+        return np.hstack(w), np.hstack(theta)
 
     def lowest(self, n: int, *, held: bool) -> tuple[Array, Array]:
         """(√Ω > 0 ascending, shapes of unit mass) of n modes, the site `held` or free."""

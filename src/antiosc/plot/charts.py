@@ -73,15 +73,14 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], **options: object)
 
 
 def render(figure: Figure, target: object, **options: object) -> None:
-    """`figure.savefig`; InputError if matplotlib, or LaTeX for it, cannot draw the figure."""
+    """`figure.savefig`; InputError if matplotlib cannot draw the figure."""
     try:
         figure.savefig(target, **options)
     except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())[:200].rstrip(".")
-        remedy = "choose other names or options"
-        if _matplotlib().rcParams["text.usetex"]:
-            remedy = 'install LaTeX, or set matplotlib.rcParams["text.usetex"] = False'
-        raise InputError(f"the picture cannot be drawn ({reason}): {remedy}.") from error
+        raise InputError(
+            f"the picture cannot be drawn ({reason}): choose other names or options."
+        ) from error
 
 
 def figure_or_path(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Path:
@@ -131,14 +130,6 @@ def _matplotlib(module: str = "") -> ModuleType:
 def legend_beside(ax: Axes) -> Axes:
     """Place the legend right of the axes, since many names would hide data."""
     ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=8)
-    return ax
-
-
-def legend_above(ax: Axes) -> Axes:
-    """Place the legend above the axes, where it hides neither a curve nor the label of a peak."""
-    if ax.get_legend_handles_labels()[1]:
-        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
-        ax.legend(**place, ncols=2, frameon=False, fontsize=8)
     return ax
 
 
@@ -265,20 +256,9 @@ def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     if len(runs) == 1:
         hit = next(iter(runs.values()))
         _mark_peak(ax, hit, 0.5 * (start + end), factor)
-        _mark_yield(ax, hit)
     ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel("contact force (N)")
-    if len(runs) > 1:
-        return legend(ax)
-    return legend_above(ax)
-
-
-def _mark_yield(ax: Axes, hit: HistoryLike) -> None:
-    """Draw a thin line at the force from which the contact yields, if it does."""
-    force = getattr(getattr(hit, "law", None), "yield_force", np.inf)
-    if force < hit.peak_force:
-        text = f"the contact yields from {engineering(force, 'N')} on"
-        ax.axhline(force, color="0.5", lw=0.6, label=text)
+    return legend(ax)
 
 
 def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:

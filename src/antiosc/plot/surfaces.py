@@ -24,13 +24,8 @@ GREY = "0.75"
 LIGHT = np.array([0.5, -0.4, 0.77])
 DARK = 0.62
 
-#: Share of the axes that a part may fill, whose edge would cut it.
-LARGEST_EXTENT = 0.97
 #: A side shorter than this share of the longest one has no ticks: their numbers would overlap.
 SHORT_SIDE = 0.1
-#: Distance of the names of the axes from their numbers where a side is that short, points: with the
-#: 4 of matplotlib they overlap.
-LABEL_PAD = 14.0
 
 
 def axes_in_space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
@@ -115,21 +110,7 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
             axis.label.set_visible(False)
         else:
             axis.get_major_locator().set_params(nbins=max(1, round(4 * length / side.max())))
-            axis.labelpad = LABEL_PAD if is_short.any() else axis.labelpad
     axes.set_box_aspect(side, zoom=zoom)
-    axes.set_box_aspect(side, zoom=zoom * min(1.0, LARGEST_EXTENT / _extent_seen(axes, x)))
-
-
-def _extent_seen(axes: Axes3D, x: Array) -> float:
-    """Largest distance of the points (P, 3) from the centre of the picture; 1 is its edge."""
-    from mpl_toolkits.mplot3d import proj3d
-
-    axes.apply_aspect()
-    projected = proj3d.proj_transform(*x.T, axes.get_proj())[:2]
-    (left, bottom), (right, top) = axes.transAxes.transform([(0, 0), (1, 1)])
-    pixels = axes.transData.transform(np.column_stack(projected))
-    share = 2 * (pixels - (left, bottom)) / (right - left, top - bottom) - 1
-    return float(np.abs(share).max(initial=LARGEST_EXTENT))
 
 
 #: Motions are drawn this share of the part's largest dimension.

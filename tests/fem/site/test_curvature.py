@@ -6,11 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 import antiosc as ao
 from antiosc.engine.contact.curvature import CURVED, EDGE, LINE, PLANE
-from antiosc.engine.contact.line import line_indentation, line_law
 from antiosc.fem.mesh.curvature import curvature
 from antiosc.fem.mesh.surface import Faces
 from antiosc.reduce.site.surface import curvature_at
@@ -88,23 +86,3 @@ def test_a_part_of_an_assembly_is_curved_where_it_lies(tmp_path: Path) -> None:
     assert found.error < 0.2 * known[1]
     np.testing.assert_allclose(found.normal, (1, 0, 0), atol=1e-2)
     np.testing.assert_allclose(np.abs(found.directions), [[0, 0, 1], [0, 1, 0]], atol=0.1)
-
-
-def test_the_law_of_a_line_is_the_field_of_its_pressure() -> None:
-    """Boussinesq's 1/(π E* r), integrated over Hertz's pressure on the line, in its middle."""
-    E, R, L, F = 1.1e11, 0.01, 0.05, 5e3
-    b = np.sqrt(4 * F * R / (np.pi * E * L))
-
-    def along(y: float) -> float:  # of the pressure of a line of 1 N/m at the distance y
-        return 2 * np.arcsinh(L / (2 * y)) / (np.pi * E)
-
-    def across(y: float) -> float:
-        return 2 * F / (np.pi * b * L) * np.sqrt(1 - (y / b) ** 2)
-
-    known = 2 * quad(lambda y: across(y) * along(y), 0, b)[0]
-    assert line_indentation(np.array([F]), E, R, L)[0] == pytest.approx(known, rel=1e-5)
-    law = line_law(E, R, L)
-    force = np.geomspace(1e-6, 0.9, 7) * law.valid_force
-    depth = line_indentation(force, E, R, L)
-    found = [law.force(float(d), 0.0, law.touch(1.0)) for d in depth]
-    np.testing.assert_allclose(found, force, rtol=1e-3)

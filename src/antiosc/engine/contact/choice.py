@@ -4,7 +4,6 @@
 |---|---|---|
 | a laminate | `YangSun` | S. H. Yang, C. T. Sun, ASTM STP 787 (1982) |
 | both flat, a of the smaller | `Punch`, 2 E* a | Johnson, (3.36) |
-| a straight line | `line_law` of its length | `antiosc.engine.contact.line` |
 | curved, a known loss | `Gonthier`, Hertz's stiffness | Multibody Syst. Dyn. 11 (2004) |
 | curved, a yield strength | `ElasticPlastic`, Hertz up to yield | that law's docstring |
 | curved, none | `Hertz`, elliptic where curvatures differ | Johnson, 4.1-4.2 |
@@ -22,7 +21,6 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import acos, degrees, exp, inf, pi, sqrt
 
-from antiosc.base import checks
 from antiosc.base.errors import InputError, SiteError
 from antiosc.base.texts import engineering
 from antiosc.engine.contact.base import ContactLaw
@@ -34,7 +32,6 @@ from antiosc.engine.contact.geometry import (
     relative_of_curvatures,
 )
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, Punch, YangSun
-from antiosc.engine.contact.line import line_law
 from antiosc.engine.contact.surfaces import RIGID, RUBBER_E, RUBBER_NU, Matter, Surface
 
 #: Loss factor from which a contact of a material that does not yield is damped: below it the
@@ -50,10 +47,9 @@ STRONGER = 2.6
 #: and 5 % for a linear growth up to `STRONGER`).
 STRENGTH_RATIO = 1.6
 
-#: Unknown properties (`Choice.unknown`) of contacts of flat faces, along a line, without a yield
-#: strength, of laminates.
+#: Unknown properties (`Choice.unknown`) of contacts of flat faces, without a yield strength, of
+#: laminates.
 FLAT = "the pressure of flat faces, which are never quite parallel"
-LINES = "when a contact along a line yields"
 NO_STRENGTH = "whether one side yields (give the yield strength or a material)"
 LAMINATE = "the indentation from which this laminate is damaged"
 #: That of a surface that may fit into the other one by the error of its curvature on the mesh.
@@ -114,7 +110,8 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     Raises
     ------
     InputError
-        Two rigid surfaces; surfaces that fit into each other; flat ones of unknown size.
+        Two rigid surfaces; surfaces that fit into each other, or touch along a line; flat ones of
+        unknown size.
     """
     materials = one.matter, other.matter
     elastic = sorted((m for m in materials if not m.rigid), key=lambda m: m.E)
@@ -134,7 +131,9 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
             return _flat(one, other, modulus)
         raise SiteError(_in_a_hollow(one, other))
     if A <= NO_CURVATURE * B:
-        return _line(one, other, modulus, B)
+        raise InputError(
+            "the surfaces touch along a line: give the law of the contact, such as Tabulated."
+        )
     shape = "" if A == B else ", elliptic"
     if any(m.rubbery and not m.brittle for m in materials):
         softest = engineering(RUBBER_E, "Pa")
@@ -243,18 +242,6 @@ def _flat(first: Surface, second: Surface, modulus: float) -> Choice:
         )
     reason = f"flat faces over a radius of {engineering(min(sizes), 'm')}"
     return Choice(Punch(2 * modulus * min(sizes)), reason, None, FLAT)
-
-
-def _line(first: Surface, second: Surface, modulus: float, B: float) -> Choice:
-    """Law of a line contact with the gap B y^2."""
-    length = min(first.length, second.length)
-    if checks.is_infinite(length):
-        raise InputError(
-            "the surfaces touch along a line whose length is not known: give the law of the "
-            "contact, as antiosc.engine.contact.line.line_law(E*, R, length)."
-        )
-    reason = f"a line of {engineering(length, 'm')}"
-    return Choice(line_law(modulus, 1 / (2 * B), length), reason, None, LINES)
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:

@@ -24,7 +24,7 @@ reloads from delta_p.
 from __future__ import annotations
 
 from abc import abstractmethod
-from copy import copy
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import atan, inf, log, log1p, pi, sqrt
@@ -48,12 +48,23 @@ from antiosc.engine.contact.geometry import (
 )
 
 
-def checked_exponent(name: str, value: object) -> float:
-    """n of a force that grows as delta^n, 1 <= n <= 10, or InputError."""
-    n = checks.number(name, value)
-    if not 1 <= n <= 10:
-        raise InputError(f"exponent must lie in 1 <= n <= 10 (1 linear, 1.5 Hertz); got {n:g}.")
-    return n
+def _within(text: str, fits: Callable[[float], bool]) -> Callable[[str, object], float]:
+    """The check that a number fits a range, of which the text tells; else InputError."""
+
+    def check(name: str, value: object) -> float:
+        result = checks.number(name, value)
+        if not fits(result):
+            raise InputError(f"{name} must lie in {text}; got {result:g}.")
+        return result
+
+    return check
+
+
+#: of a force that grows as delta^n
+_exponent = _within("1 <= n <= 10 (1 linear, 1.5 Hertz)", lambda n: 1 <= n <= 10)
+_poisson = _within("0 <= nu < 0.5", lambda nu: 0 <= nu < 0.5)
+_restitution = _within("0 < e <= 1", lambda e: 0 < e <= 1)
+_share = _within("0 <= share <= 1", lambda share: 0 <= share <= 1)
 
 
 @dataclass(frozen=True)
@@ -89,7 +100,7 @@ class Power(Compiled):
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
-    exponent: float = field(metadata=checked_by(checked_exponent))
+    exponent: float = field(metadata=checked_by(_exponent))
 
     kind: ClassVar[int] = library.POWER
 
@@ -191,20 +202,6 @@ class Hertz(Compiled):
         return replace(self, compliance=compliance)
 
 
-def _checked_poisson(name: str, value: object) -> float:
-    nu = checks.number(name, value)
-    if not 0 <= nu < 0.5:
-        raise InputError(f"Poisson's ratio must lie in 0 <= nu < 0.5; got {nu:g}.")
-    return nu
-
-
-def _checked_restitution(name: str, value: object) -> float:
-    e = checks.number(name, value)
-    if not 0 < e <= 1:
-        raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
-    return e
-
-
 #: Exponent of Hertz's law.
 HERTZIAN = 1.5
 
@@ -224,8 +221,8 @@ class _Damped(Patched):
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
-    restitution: float = field(metadata=checked_by(_checked_restitution))
-    exponent: float = field(default=HERTZIAN, metadata=checked_by(checked_exponent))
+    restitution: float = field(metadata=checked_by(_restitution))
+    exponent: float = field(default=HERTZIAN, metadata=checked_by(_exponent))
     factor: float = field(init=False, repr=False, compare=False)
 
     kind: ClassVar[int] = library.DAMPED
@@ -300,13 +297,6 @@ class Gonthier(_Damped):
             if slope_at_end < 1e-15:
                 return 1 / e
         return float(brentq(mismatch, low, (1 - slope_at_end) / e, xtol=1e-16, rtol=1e-14))
-
-
-def _checked_share(name: str, value: object) -> float:
-    share = checks.number(name, value)
-    if not 0 <= share <= 1:
-        raise InputError(f"{name} must lie in 0 <= share <= 1; got {share:g}.")
-    return share
 
 
 @dataclass(frozen=True)
@@ -397,8 +387,8 @@ class ElasticPlastic(Hysteretic):
     modulus: float = field(metadata=checked_by(checks.positive, "Pa"))
     radius: float = field(metadata=checked_by(checks.positive, "m"))
     yield_strength: float = field(metadata=checked_by(checks.positive, "Pa"))
-    nu: float = field(default=0.3, metadata=checked_by(_checked_poisson))
-    elastic_share: float = field(default=0.0, metadata=checked_by(_checked_share))
+    nu: float = field(default=0.3, metadata=checked_by(_poisson))
+    elastic_share: float = field(default=0.0, metadata=checked_by(_share))
     stiffness: float = field(init=False, repr=False, compare=False)
     yield_indentation: float = field(init=False, repr=False, compare=False)
 
@@ -580,25 +570,6 @@ class Tabulated(Hysteretic):
                     f"unloading from {d:g} m would give back {returned:g} J of {work:g} J put in;"
                     f" the unloading curve must lie below the loading curve."
                 )
-
-
-class HalfSpaceTable(Tabulated):
-    """A table of a contact of half-spaces, whose indentation a patch has too."""
-
-    @cached_property
-    def valid_force(self) -> float:
-        return min(self._end, super(Tabulated, self).valid_force)
-
-    def out_of_range(self, peak: float, radius: float | None) -> str:
-        if peak > self._end:
-            return super().out_of_range(peak, radius)
-        return Hysteretic.out_of_range(self, peak, radius)
-
-    def without(self, compliance: float) -> Self:
-        law = copy(self)
-        law.__dict__ = {**self.__getstate__(), "compliance": compliance}
-        law.__dict__.pop("valid_force", None)
-        return law
 
 
 def _knots(x: Array, y: Array) -> list[float]:

@@ -96,7 +96,6 @@ class Surface:
         of the assumed radius.
     error : bound on the error of the curvatures [1/m].
     kind : "plane", "line", "curved", "edge" or "corner", as of a `Curvature`.
-    length : length of the straight line along which a "line" extends [m].
     along : (3,) unit vector of the first principal direction; None: not known, or none.
     radius : radius of the patch of the contact [m]; None: a point.
     largest_ball : radius [m] of the largest ball that touches there and meets the body nowhere
@@ -108,7 +107,6 @@ class Surface:
     curvatures: tuple[float, float] = (0.0, 0.0)
     error: float = 0.0
     kind: str = PLANE
-    length: float = inf
     along: tuple[float, float, float] | None = None
     radius: float | None = None
     largest_ball: float = inf
