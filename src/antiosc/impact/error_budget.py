@@ -17,8 +17,8 @@ is repeated on each of them; the error is `BAR` standard deviations of the resul
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,7 +39,6 @@ from antiosc.impact.histories.bars import (
     UNITS,
     ErrorBar,
     ErrorBudget,
-    Rebound,
 )
 from antiosc.impact.stretching import (
     NEGLIGIBLE,
@@ -62,32 +61,42 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import energy_error
 
 Shares = dict[str, float]
-T = TypeVar("T")
-#: Simulates an impact on another body to a tolerance.
+#: Simulates an impact on another model, or by another law, to a tolerance.
 Rerun = Callable[[LinearBody, float], History]
-#: The same by another law.
 ByLaw = Callable[[ContactLaw, float], History]
 
 
-@dataclass(frozen=True, eq=False)
 class RepeatedImpact:
-    """An impact that is repeated on other bodies by the exact method, to `tol`.
+    """An impact that is repeated by the exact method, to `tol`.
 
-    `raw` is the history on `model` itself; `run` simulates the impact on a body.
+    `raw` is the history on `model` itself; `runs` are all histories.
     """
 
-    model: AntiOscillators
-    raw: History
-    run: Rerun
-    tol: float
+    def __init__(self, model: AntiOscillators, rerun: Rerun, by_law: ByLaw, tol: float) -> None:
+        self.model = model
+        self.rerun = rerun
+        self.by_law = by_law
+        self.tol = tol
+        self.runs: list[History] = []
+        self.raw = self.on(model)
 
-    def simulate_on(self, body: LinearBody) -> History:
-        """Simulate the impact on another body."""
-        return self.run(body, self.tol)
+    def on(self, body: LinearBody) -> History:
+        """The impact on another body."""
+        self.runs.append(self.rerun(body, self.tol))
+        return self.runs[-1]
+
+    def by(self, law: ContactLaw) -> History:
+        """The impact by another law."""
+        self.runs.append(self.by_law(law, self.tol))
+        return self.runs[-1]
+
+    def known(self, body: LinearBody, tol: float) -> History:
+        """The history on a body, without a new run for the model itself."""
+        return self.raw if body is self.model else self.on(body)
 
     def change(self, body: LinearBody) -> Shares:
-        """Relative changes of peak force, impulse and contact time on another body."""
-        return bars.all_changes(self.raw, self.simulate_on(body))
+        """Relative changes of the quantities on another body."""
+        return bars.all_changes(self.raw, self.on(body))
 
 
 #: Error bar, in standard deviations over the bodies (measured).
@@ -203,8 +212,6 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         kind = type(model).__name__
         raise InputError(f"only impacts on AntiOscillators have an error budget; this is a {kind}.")
 
-    runs: list[History] = []
-    rerun, by_law = _kept(rerun, runs), _kept(by_law, runs)
     stretching_model = model
     stretches = model.stretch is not None
     if not hit.contacts:
@@ -218,20 +225,18 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
     if stretches:
         model = replace(model, stretch=None)
-    raw = rerun(model, tol)
-    impact = RepeatedImpact(model, raw, rerun, tol)
-    weights = amplitudes(raw)
-    of_mesh = _mesh(impact, weights, WITHOUT_STRETCHING if hit.assembly.stretched else "")
+    impact = RepeatedImpact(model, rerun, by_law, tol)
+    of_mesh = _mesh(impact, WITHOUT_STRETCHING if hit.assembly.stretched else "")
     patch, patch_notes = _patch(impact)
-    law, law_reason = law_error(raw, by_law, tol)
-    finer = None if hit.assembly.stretched else raw  # that is linear
+    law, law_reason = law_error(impact)
+    finer = None if hit.assembly.stretched else impact.raw  # that is linear
     shares = {
         "mesh": of_mesh.mesh,
         "truncation": {**of_mesh.truncation, **_proved(hit)},
         "time": _time(hit, finer, tol),
         "patch": patch,
         "noise": measured_errors(impact),
-        "stretch": _stretch(hit, stretching_model, rerun, tol),
+        "stretch": _stretch(hit, stretching_model, impact),
     }
 
     unknown = _unknown_mesh(hit, model, stretches, of_mesh, CUT_PATCH in patch_notes)
@@ -240,7 +245,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         unknown["patch"] = NO_PATCH
     if law_reason:
         unknown["law"] = law_reason
-    if not all(bars.comparable(raw, run) for run in runs):
+    if not all(bars.comparable(impact.raw, run) for run in impact.runs):
         unknown["contact_time"] = bars.NO_BAR
 
     def bar(name: str, value: float) -> ErrorBar:
@@ -259,7 +264,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         (*patch_notes, *of_mesh.doubts, *further),
         of_mesh.safety,
         unknown,
-        rebound_of(hit),
+        restitution_of(hit),
         None if motion is None else bar(DEFLECTION, motion.largest),
     )
 
@@ -298,46 +303,33 @@ def _unknown_mesh(
     return dict.fromkeys(("mesh", "truncation"), both)
 
 
-#: Largest relative difference of an impulse to m v (1 + e) with which no other force acts.
-CONSERVED = 0.01
-
-
-def rebound_of(hit: History) -> Rebound | None:
-    """What momentum and energy say of a blow of a striker on a part at rest; None if the part moves
-    before, or other forces act.
+def restitution_of(hit: History) -> float | None:
+    """Restitution of a blow on a part at rest, whose impulse is m v (1 + e); None if other forces
+    act, the part moves before, or it is not defined or < 0.
     """
-    ends = hit.assembly.bodies
     scene = hit.assembly.scene
-    part = ends["structure"]
+    part = hit.assembly.bodies["structure"]
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
+    e = hit.restitution
     if loaded or part.start.any() or part.initial_displacements.any():
         return None
-
-    rigid = {name: body.omega == 0 for name, body in ends.items()}
-    mobility = sum(float(np.sum(body.B[rigid[name], 0] ** 2)) for name, body in ends.items())
-    striker = ends["impactor"]
-    speed = abs(float(striker.B[rigid["impactor"], 0] @ striker.start[rigid["impactor"]]))
-    if not (mobility > 0 and speed > 0):
+    if e is None or e < 0 or hit.assembly.system.first is not None:  # of dampers to the ground
         return None
-
-    rebound = Rebound(speed / mobility, hit.restitution)
-    e = rebound.restitution
-    if e is not None and abs(rebound.momentum * (1 + e) / hit.impulse - 1) > CONSERVED:
-        return None
-    return rebound
+    return e
 
 
 #: Note for a law given by the caller.
 GIVEN = "The contact's law was given: its error is not in these bars."
 
 
-def law_error(hit: History, by_law: ByLaw, tol: float) -> tuple[Shares | None, str]:
+def law_error(impact: RepeatedImpact) -> tuple[Shares | None, str]:
     """(the shares of the law in the errors, or None; why they are missing).
 
     A share is the error of the law, by which impulse and contact time change no more than the peak
     force, and what the lowest and the highest yield strength change, by two runs. The shares are 0
     for a law that the caller gave.
     """
+    hit = impact.raw
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:
         return bars.NO_ERROR, GIVEN
@@ -346,22 +338,10 @@ def law_error(hit: History, by_law: ByLaw, tol: float) -> tuple[Shares | None, s
 
     start, end = hit.contacts[0]
     laws = weakest_and_strongest(choice, hit.peak_force, end - start)
-    changes = [bars.NO_ERROR, *(bars.all_changes(hit, by_law(law, tol)) for law in laws)]
+    changes = [bars.NO_ERROR, *(bars.all_changes(hit, impact.by(law)) for law in laws)]
     share = error_of_law(choice, hit.peak_force)
 
     return {name: share + max(change[name] for change in changes) for name in UNITS}, ""
-
-
-def _kept(
-    simulated: Callable[[T, float], History], runs: list[History]
-) -> Callable[[T, float], History]:
-    """The function that repeats an impact, which adds its histories to `runs`."""
-
-    def run(other: T, tol: float) -> History:
-        runs.append(simulated(other, tol))
-        return runs[-1]
-
-    return run
 
 
 def _no_bar(value: float) -> ErrorBar:
@@ -386,7 +366,7 @@ ESTIMATED_WITH = "extract the model from its mesh with the error 'estimate'"
 COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"
 
 
-def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> Shares:
+def _stretch(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> Shares:
     """Error due to the truncated second-order modes: the change from m to m + 2 modes, or to small
     second-order forces that are left out.
     """
@@ -403,15 +383,10 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
         stretch_errors = dict.fromkeys(UNITS, 0.0)
     else:
         count = min(stretch.size + 2, model.stretch.size)
-        stretch_errors = differences(hit, rerun(with_count(model, count), tol))
+        more = replace(model, stretch=replace(model.stretch, count=count))
+        stretch_errors = differences(hit, impact.on(more))
 
     return stretch_shares(stretch_errors, before_peak(hit))
-
-
-def with_count(model: AntiOscillators, count: int) -> AntiOscillators:
-    """The model with this number of modes of its second-order forces."""
-    assert model.stretch is not None
-    return replace(model, stretch=replace(model.stretch, count=count))
 
 
 #: Note where the truncation may change the force by more than `WARN_SHARE`.
@@ -439,7 +414,7 @@ class MeshErrors(NamedTuple):
     doubts: Sequence[str] = ()
 
 
-def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshErrors:
+def _mesh(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
     """The errors due to the mesh and to truncation; `unstretched`: text on runs without stretch."""
     model = impact.model
     raw = impact.raw
@@ -447,18 +422,14 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
     if not model.n or (no_error and not is_reduced(model)):
         return MeshErrors()
 
-    def known(body: AntiOscillators, tol: float) -> History:
-        """The history on a body, without a new run for the model itself."""
-        return raw if body is model else impact.run(body, tol)
-
-    truncated = truncation_error(model, known, tol=impact.tol)
+    truncated = truncation_error(model, impact.known, tol=impact.tol)
     truncation = {name: getattr(truncated, name) for name in UNITS}
     too_few = [TOO_FEW.format(model.n)] if truncated.peak_force > WARN_SHARE else []
     if model.strain_error is None:
         return MeshErrors(truncation=truncation, doubts=too_few)
 
-    softer = impact.simulate_on(model.corrected())
-    share = energy_error(model, model.strain_error, weights)
+    softer = impact.on(model.corrected())
+    share = energy_error(model, model.strain_error, amplitudes(raw))
     safety, doubts = _safety(model, share)
     changes = bars.all_changes(raw, softer)
     if model.strain_misfit is not None:

@@ -1,15 +1,15 @@
 """Scenes by textbook methods, which the exact method is compared with: without friction.
 
-`solve_ivp` of SciPy integrates the modal equations with the laws at every call of their right-hand
-side; flights are exact. Newmark's method (average acceleration) and the leapfrog (central
-differences) go through the whole run in equal steps; a touch and a release are interpolated within
-a step. Their order is 2, for forces without jumps.
+`solve_ivp` of SciPy integrates the modal equations from one touch or release to the next, with the
+laws at every call of their right-hand side. Newmark's method (average acceleration) and the
+leapfrog (central differences) go through the whole run in equal steps; a touch and a release are
+interpolated within a step. Their order is 2, for forces without jumps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil, log2
 from typing import Any, NamedTuple
 
@@ -20,10 +20,10 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.march import Converged, Run, difference, run
+from antiosc.engine.march import Converged, Run, difference
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import interpolated, starts
+from antiosc.impact.states import interpolated
 
 IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 METHODS = ("exact", "newmark", "leapfrog", *IVP_METHODS)
@@ -64,6 +64,11 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
         raise InputError(
             f"the method {settings.method!r} does not take friction: use the method 'exact'."
         )
+    if assembly.system.first is not None:
+        raise InputError(
+            f"{settings.method} knows damping of each mode alone, not one that couples them (a"
+            " DampingMatrix, dampers): use the method 'exact'."
+        )
     if settings.method in IVP_METHODS:
         return _by_solve_ivp(assembly, duration, settings)
 
@@ -84,13 +89,11 @@ class Contacts:
         self.system = system
         self.laws = laws
         self.closed = system.closed.tolist()
-        earlier = system.contact_states or [None] * len(laws)
-        self.states: list[Any] = [None] * len(laws)  # before the first touch
-        for c, contact in enumerate(earlier):
-            if contact is not None:
-                self.states[c] = contact.state
-            elif self.closed[c]:
-                self.states[c] = laws[c].touch(0.0)
+        # none before the first touch
+        self.states: list[Any] = [
+            law.touch(0.0) if closed else None
+            for law, closed in zip(laws, self.closed, strict=True)
+        ]
         self.events: list[tuple[float, int, int, float]] = []
         self.touches = 0
 
@@ -288,12 +291,6 @@ def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> 
     """A run in the given step, or in one that meets the tolerance."""
     s = assembly.system
     method = settings.method
-    if s.first is not None:
-        raise InputError(
-            f"{method} knows damping of each mode alone, not one that couples them (a "
-            "DampingMatrix, dampers): use the method 'exact' or 'DOP853'."
-        )
-
     top = float(s.omega.max(initial=0.0))
     longest = SAFETY_STEP * 2 / top if method == "leapfrog" and top > 0 else np.inf
     step = settings.step or min(assembly.contact_time_estimate / FIRST_STEPS, longest, duration / 2)
@@ -369,32 +366,20 @@ def _by_solve_ivp(assembly: Assembly, duration: float, settings: Settings) -> Co
             )
 
     longest = settings.step or IVP_STEP * assembly.contact_time_estimate
-    driven = bool(assembly.scene.loads) or assembly.scene.base is not None
-    solver = Solver(assembly.system.marched, assembly.laws, settings, longest, driven)
+    solver = Solver(assembly.system, assembly.laws, settings, longest)
     return Converged(solver.run(duration), longest, 0.0, 0.0, duration)
-
-
-class _TooManyEvaluations(Exception):
-    """The limit of evaluations is reached."""
 
 
 class Solver:
     """`solve_ivp` from event to event: a contact touches or parts, a load has a corner."""
 
     def __init__(
-        self,
-        system: System,
-        laws: Sequence[ContactLaw],
-        settings: Settings,
-        longest: float,
-        driven: bool,
+        self, system: System, laws: Sequence[ContactLaw], settings: Settings, longest: float
     ) -> None:
         self.system = system
         self.contacts = Contacts(system, laws)
         self.settings = settings
         self.longest = longest
-        self.driven = driven
-        self.p = len(laws)
         self.evaluations = 0
 
     def run(self, duration: float) -> Run:
@@ -406,14 +391,9 @@ class Solver:
         t, steps, idle = 0.0, 0, 0
 
         while status == library.DONE and duration - t > SAME_TIME * duration:
-            flies = not self.contacts.active and not self.driven
-            try:
-                piece, end, y, events = (self._flight if flies else self._solved)(t, y, duration)
-            except _TooManyEvaluations:
-                status = library.TOO_MANY_STEPS
-                break
+            piece, end, y, events = self._solved(t, y, duration)
             pieces.append(piece)
-            steps += 0 if flies else len(piece[3]) // NODES_A_STEP
+            steps += len(piece[3]) // NODES_A_STEP
             idle = idle + 1 if end - t <= SAME_TIME * duration else 0
             t = end
 
@@ -438,7 +418,7 @@ class Solver:
         """Indentations without contact forces, their rates, the forces and the loads at time t."""
         s = self.system
         n = s.omega.size
-        free, rate = s.free_rows(y[:n], y[n:])
+        free, rate = s.beta @ y[:n], s.beta @ y[n:]
         gap, drift, load = s.offsets[0], 0.0, s.loads[0]
         if s.breaks.size > 1:
             k = min(max(int(np.searchsorted(s.breaks, t, side="right")) - 1, 0), s.breaks.size - 2)
@@ -453,44 +433,24 @@ class Solver:
         return free, rate, self.contacts.forces(free, s.R, rate, 0.0 * s.R), load
 
     def _slope(self, t: float, y: Array) -> Array:
-        """Right-hand side of the equations; first-order modes as in csrc/antiosc_march.h."""
+        """Right-hand side of the equations."""
         s = self.system
         self.evaluations += 1
         if self.evaluations > EVALUATIONS * self.settings.max_steps:
-            raise _TooManyEvaluations
+            raise NotConvergedError(
+                f"{self.settings.method} takes more than max_steps = {self.settings.max_steps}:"
+                " use the method 'exact'."
+            )
 
         n = s.omega.size
         _, _, force, load = self.at(t, y)
         q, v = y[:n], y[n:]
-        a = load[:n] - force @ s.beta - s.omega**2 * q - 2 * s.decay * v
-        if s.gamma is None:
-            return np.concatenate((v, a))
-        drive = load[n:] - force @ s.gamma
-        return np.concatenate((v + drive, a - 2 * s.decay * drive))
-
-    def _flight(self, t: float, y: Array, duration: float) -> tuple[Any, float, Array, list[int]]:
-        """The exact motion until the next touch: nodes, end, state and the contacts that touch."""
-        s = self.system
-        n = s.omega.size
-        still = np.zeros(self.p)
-        system = replace(
-            s, R=np.zeros_like(s.R), q=y[:n], v=y[n:], pressed=still, contact_states=None
-        )
-        flown = run(system, duration - t, 1.0, fine=self.longest / 4, max_contacts=0)
-        states = np.stack(starts(flown, system, np.arange(flown.time.size // 2 + 1)), axis=1)
-
-        end = t + float(flown.time[-1])
-        y = states[-1].ravel()
-        touching = list[int]()
-        if flown.answer == library.TOO_MANY_CONTACTS:
-            free, rate, *_ = self.at(end, y)
-            size = abs(s.beta) @ abs(y[:n]) + abs(s.offsets[0])
-            coming = np.where(rate > 0, free, -np.inf)
-            touching = np.flatnonzero(coming >= coming.max() - SAME_TIME * size).tolist()
-        return (t + flown.time, 0 * flown.force, flown.depth, states), end, y, touching
+        return np.concatenate((v, load - force @ s.beta - s.omega**2 * q - 2 * s.decay * v))
 
     def _solved(self, t: float, y: Array, duration: float) -> tuple[Any, float, Array, list[int]]:
-        """As `_flight`, by SciPy, to the next event or corner of a load."""
+        """The nodes, end, state and the contacts that touch or part, up to the next event or corner
+        of a load.
+        """
         from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 
         s = self.system
@@ -508,7 +468,7 @@ class Solver:
                 rtol=rtol,
                 atol=np.maximum(1e-3 * rtol * np.concatenate(sizes), 1e-300),
                 max_step=self.longest,
-                events=[self._event(c) for c in range(self.p)],
+                events=[self._event(c) for c in range(len(self.contacts.closed))],
                 dense_output=True,
             )
         if found.status < 0:

@@ -120,8 +120,7 @@ class Scene(SceneParts):
         method : str
             "exact"; to compare with, without friction, "newmark" and "leapfrog" in equal steps, or
             a method of `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory,
-            which runs once, to tol/100, and states no error. Its flights are exact, unless loads or
-            a base act.
+            which runs once, to tol/100, and states no error.
         step : float, optional
             Step [s] of one run, whose error is then not known; otherwise steps are refined until
             `tol` is met. For `solve_ivp` it is the largest step. "exact" halves it where it does
@@ -655,17 +654,14 @@ def _truncated(
 
     choice = choose_n(model, run, tol)
     errors = {
-        f"truncation {name}": getattr(choice.error, name)
+        f"truncation {name}": getattr(choice, name)
         for name in ("peak_force", "impulse", "contact_time")
     }
     shortage = ""
-    if choice.missing:
-        dofs = model.info.dofs
-        exceeds_mesh = dofs is not None and model.n + choice.missing > dofs
-        advice = "more than the mesh has" if exceeds_mesh else f"about {choice.missing} more"
+    if choice.worst > tol:
         shortage = (
             f"The model's {model.n} anti-oscillators leave an estimated truncation error of"
-            f" {choice.error.worst:.2g}, more than tol = {tol:g}; {advice} are needed."
+            f" {choice.worst:.2g}, more than tol = {tol:g}: extract more (n)."
         )
 
     return model.truncated(choice.n), errors, shortage

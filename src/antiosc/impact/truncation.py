@@ -22,10 +22,10 @@ largest change counts, that of the softest and of the lightest model with the fa
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from math import ceil, inf, log
-from typing import TypeGuard
+from math import inf
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -94,26 +94,7 @@ class TruncationError:
         return max(self.peak_force, self.impulse, self.contact_time)
 
 
-@dataclass(frozen=True)
-class CountChoice:
-    """The number of anti-oscillators for a scene.
-
-    Attributes
-    ----------
-    n : smallest number found that meets the tolerance, otherwise all of the model.
-    error : the estimate for that number.
-    missing : how many more anti-oscillators are needed, 0 if none; extrapolated from the decay of
-        the estimate, without guarantee.
-    """
-
-    n: int
-    error: TruncationError
-    missing: int
-
-
-def truncation_error(
-    model: AntiOscillators, run: Run, *, next_omega: float | None = None, tol: float = 1e-4
-) -> TruncationError:
+def truncation_error(model: AntiOscillators, run: Run, *, tol: float = 1e-4) -> TruncationError:
     """Estimate the effect of the truncated modes of `model` on an impact; that of a part that
     stretches, by runs without its stretching.
 
@@ -123,34 +104,25 @@ def truncation_error(
     run : callable
         The impact: `run(model, tol)` returns its `History`, for instance
         `lambda m, tol: simulate(m, impactor, law, duration, tol=tol)`.
-    next_omega : float, optional
-        First truncated frequency [rad/s]; by default extrapolated from the last two.
     tol : float
         Time integration error of the impacts.
     """
     _check(model, run)
     tol = checks.tolerance(tol)
-    if next_omega is not None:
-        next_omega = checks.positive("next_omega", next_omega, "rad/s")
     if model.n == 0:
         return TruncationError(0, inf, inf, inf, inf)
     if model.stretch is not None:
         model = replace(model, stretch=None)
 
-    def impact_on(body: AntiOscillators) -> History:
-        """The impact on a model; its warnings are those of a run that nobody sees."""
-        with without_warnings():
-            return _checked_run(run(body, tol))
-
-    raw = impact_on(model)
+    raw = _unseen(run, model, tol)
 
     def change(other: AntiOscillators) -> dict[str, float]:
         """Relative changes of the quantities on another model, beyond the errors in time."""
-        changes = all_changes(raw, impact_on(other))
+        changes = all_changes(raw, _unseen(run, other, tol))
         return {name: max(share - tol, 0.0) for name, share in changes.items()}
 
-    softer = change(softest_model(model, next_omega))
-    if next_omega is not None or not _unconverged(model):
+    softer = change(softest_model(model))
+    if not _unconverged(model):
         errors = {name: TRUNCATION_SAFETY * share for name, share in softer.items()}
         return TruncationError(model.n, **with_floor(errors))
 
@@ -168,11 +140,11 @@ def truncation_error(
     return TruncationError(model.n, **with_floor(errors))
 
 
-def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> CountChoice:
-    """Smallest truncation of `model` with an estimated error <= `tol`, or the missing number.
+def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> TruncationError:
+    """The fewest anti-oscillators of `model` whose errors are at most `tol`, or all of them, and
+    these errors: what they change from the whole model, and the error of that.
 
-    `run(model, tol)` is the impact, as for `truncation_error`. To extract as many anti-oscillators
-    as a scene needs: extract some, call this, and extract `choice.missing` more until that is 0.
+    `run(model, tol)` is the impact, as for `truncation_error`.
 
     Raises
     ------
@@ -181,85 +153,93 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> CountChoice
     """
     _check(model, run)
     tol = checks.tolerance(tol)
-    errors: dict[int, TruncationError] = {}
+    accuracy = min(0.1 * tol, 1e-3)
+    whole = truncation_error(model, run, tol=accuracy)
+    if whole.worst > tol:
+        return whole
+
+    raw = _unseen(run, model, accuracy)
+    errors = {model.n: whole}
 
     def error(n: int) -> TruncationError:
         if n not in errors:
-            next_omega = float(model.omega[n]) if n < model.n else None
-            errors[n] = truncation_error(
-                model.truncated(n), run, next_omega=next_omega, tol=min(0.1 * tol, 1e-3)
-            )
+            changes = all_changes(raw, _unseen(run, model.truncated(n), accuracy))
+            added = {name: change + getattr(whole, name) for name, change in changes.items()}
+            errors[n] = TruncationError(n, **with_floor(added))
         return errors[n]
 
     # double until it is enough, then bisect between the last two
     low = 0
     high = min(1, model.n)
-    while error(high).worst > tol and high < model.n:
+    while error(high).worst > tol:
         low = high
         high = min(2 * high, model.n)
-    if error(high).worst > tol:
-        return CountChoice(model.n, error(high), _missing_count(errors, tol))
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if error(middle).worst <= tol else (middle, high)
-    return CountChoice(high, error(high), 0)
+
+    return error(high)
 
 
-def softest_model(model: AntiOscillators, next_omega: float | None = None) -> AntiOscillators:
+def softest_model(model: AntiOscillators) -> AntiOscillators:
     """The model whose residual mass has the softest springs that the moments of the model permit.
 
     If Krylov anti-oscillators have not converged, it is the Gauss rule of the same moments
-    (module); otherwise one spring with the first truncated frequency carries m0.
+    (module); otherwise one spring with the first truncated frequency, extrapolated from the last
+    two, carries m0.
     """
     if model.m0 == 0:  # nothing is left out but what the last anti-oscillator stands for
         return model.truncated(model.n - 1)
+
     n = model.n
-    psi = np.eye(n + 1)  # shares of psi_0 ... psi_n in the new shapes
-    if next_omega is None and _unconverged(model):
+    if _unconverged(model):
         masses, omega, psi = _gauss(np.append(model.m0, model.m), model.omega, _expansion(model))
     else:
-        if next_omega is None:
-            spacing = model.omega[-1] - model.omega[-2] if n > 1 else model.omega[-1]
-            next_omega = float(model.omega[-1] + spacing)
+        spacing = model.omega[-1] - model.omega[-2] if n > 1 else model.omega[-1]
         masses = np.append(model.m, model.m0)
-        omega = np.append(model.omega, next_omega)
-        psi = np.roll(psi, -1, axis=0)
+        omega = np.append(model.omega, model.omega[-1] + spacing)
+        psi = np.roll(np.eye(n + 1), -1, axis=0)
+
+    # in the softest model psi_0 moves against the site: no damper is known to act on that motion
+    modes = np.sqrt(model.m)[:, None] * psi[:, 1:].T / np.sqrt(masses)
     p = model.participation
-    inertia = model.inertia
-    damping = model.damping
-    if isinstance(damping, DampingMatrix):
-        damping = in_coordinates(damping, _softest_coordinates(model, masses, psi))
-    if inertia is not None:
-        momentum = inertia.momentum
-        residual_momentum = momentum[0] - momentum[1 : n + 1].sum(axis=0)  # of psi_0
-        momenta = psi @ np.vstack((residual_momentum, momentum[1 : n + 1]))
-        inertia = inertia.along(np.vstack((momentum[:1], momenta, momentum[n + 1 :])))
     if p is not None:
         p = np.concatenate(([0.0], psi @ p[: n + 1], p[n + 1 :]))
+    momentum = None
+    if model.inertia is not None:
+        momentum = np.array(model.inertia.momentum)
+        residual = momentum[0] - momentum[1 : n + 1].sum(axis=0)  # of psi_0
+        momenta = psi @ np.vstack((residual, momentum[1 : n + 1]))
+        momentum = np.vstack((momentum[:1], momenta, momentum[n + 1 :]))
+
+    given = {"m0": 0.0, "m": masses, "omega": omega, "participation": p, "hidden": None}
+    return _in_motions(model, modes, momentum, given)
+
+
+def _in_motions(
+    model: AntiOscillators, modes: Array, momentum: Array | None, given: Mapping[str, Any]
+) -> AntiOscillators:
+    """The model with `given` values in new motions: modes (n, k) of unit mass in those of the
+    model, the momentum of all its coordinates.
+    """
+    damping = model.damping
+    if isinstance(damping, DampingMatrix):
+        from scipy.linalg import block_diag  # takes as long to load as some impacts
+
+        sites, hidden = np.eye(model.n_sites), np.eye(model.hidden_count)
+        damping = in_coordinates(damping, block_diag(sites, modes, hidden))
+    inertia = model.inertia
+    if inertia is not None and momentum is not None:
+        inertia = inertia.along(momentum)
     return replace(
         model,
-        m0=0.0,
-        m=masses,
-        omega=omega,
+        **given,
         damping=damping,
-        participation=p,
-        shapes=None,
         inertia=inertia,
-        hidden=None,
+        shapes=None,
         strain_error=None,
         strain_misfit=None,
     )
-
-
-def _softest_coordinates(model: AntiOscillators, masses: Array, psi: Array) -> Array:
-    """Matrix from coordinates of the softest model (site, n modes, hidden) to the model's.
-
-    In the softest model psi_0 moves against the site: no damper is known to act on that motion.
-    """
-    from scipy.linalg import block_diag  # takes as long to load as some impacts
-
-    modes = np.sqrt(model.m)[:, None] * psi[:, 1:].T / np.sqrt(masses)
-    return np.asarray(block_diag(1.0, modes, np.eye(model.hidden_count)))
 
 
 def halved(model: AntiOscillators) -> AntiOscillators:
@@ -280,12 +260,6 @@ def halved(model: AntiOscillators) -> AntiOscillators:
         left_out = P - (P @ modes) @ modes.T  # of orthonormal modes
         given = {"m0": model.m0 + left_out @ left_out.T, "P": P @ modes}
 
-    damping = model.damping
-    if isinstance(damping, DampingMatrix):
-        from scipy.linalg import block_diag  # takes as long to load as some impacts
-
-        damping = in_coordinates(damping, block_diag(np.eye(p), modes, np.eye(model.hidden_count)))
-
     def fewer(values: Array) -> Array:
         """Values of the motions in the new ones."""
         return np.concatenate([values[:p], psi @ values[rows], values[rows.stop :]])
@@ -296,17 +270,10 @@ def halved(model: AntiOscillators) -> AntiOscillators:
         participation = fewer(participation)
         if not model.sites:
             participation[0] += lumped - participation[p : p + len(psi)].sum()
-    return replace(
-        model,
-        **given,
-        omega=omega,
-        damping=damping,
-        participation=participation,
-        shapes=None,
-        inertia=model.inertia and model.inertia.along(fewer(model.inertia.momentum)),
-        strain_error=None,
-        strain_misfit=None,
-    )
+
+    momentum = None if model.inertia is None else fewer(model.inertia.momentum)
+    given |= {"omega": omega, "participation": participation}
+    return _in_motions(model, modes, momentum, given)
 
 
 def _krylov(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Array]:
@@ -342,11 +309,10 @@ def too_few_in(hit: History, rerun: Run | None, tol: float) -> str:
     if not is_reduced(model) or rerun is None:
         return ""
 
-    def known(other: AntiOscillators, tol: float) -> History:
-        """The history on a model, without a new run for the model itself."""
-        return hit if other is model else rerun(other, tol)
-
-    return too_few(model.n, truncation_error(model, known, tol=tol).peak_force)
+    error = truncation_error(
+        model, lambda other, tol: hit if other is model else rerun(other, tol), tol=tol
+    )
+    return too_few(model.n, error.peak_force)
 
 
 def _unconverged(model: AntiOscillators) -> bool:
@@ -393,20 +359,8 @@ def _check(model: AntiOscillators, run: Run) -> None:
     checks.function("run", run, "a function run(model, tol) that returns a History")
 
 
-def _checked_run(hit: History) -> History:
+def _unseen(run: Run, model: AntiOscillators, tol: float) -> History:
+    """The impact on a model, without the warnings of a run that nobody sees."""
+    with without_warnings():
+        hit = run(model, tol)
     return checks.instance("what run returns", hit, History, "a History")
-
-
-def _missing_count(known: dict[int, TruncationError], tol: float) -> int:
-    """Estimated number of missing anti-oscillators, if the error decreases as a power of n."""
-    n = max(known)
-    worst = known[n].worst
-    rates = [
-        log(known[k].worst / worst) / log(n / k)
-        for k in known
-        if 0 < k <= n / 2 and np.isfinite(known[k].worst) and known[k].worst > worst > 0
-    ]
-    rate = min(max(min(rates, default=1.0), 0.5), 2.0)
-    if not np.isfinite(worst):
-        return max(2 * n, 4)
-    return max(ceil(n * ((worst / tol) ** (1 / rate) - 1)), 1)

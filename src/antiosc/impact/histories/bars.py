@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -86,24 +86,6 @@ class ErrorBar:
         return None if self.law is None or self.without_mesh else self.known
 
 
-class Rebound(NamedTuple):
-    """What momentum and energy say of a blow on a part at rest: its impulse is m v (1 + e).
-
-    momentum : m v of the approach, with the mass of both bodies against each other [N s].
-    restitution : e; None if it is not defined.
-    """
-
-    momentum: float
-    restitution: float | None
-
-    @property
-    def impulses(self) -> tuple[float, float]:
-        """Least and largest impulse [N s]: 0 <= e <= 1; 0 if e is not known to be positive."""
-        e = self.restitution
-        parts = e is not None and e >= 0
-        return self.momentum if parts else 0.0, 2 * self.momentum
-
-
 @dataclass(frozen=True)
 class ErrorBudget(Mapping[str, ErrorBar]):
     """The bars of "peak_force", "impulse" and "contact_time".
@@ -117,7 +99,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     unknown : what is not known -> why: a cause that was not estimated, with 0 in the bars; a
         quantity whose compared runs differ in more than their size. There are no bars without
         "mesh", or without "law", unless the law was given: then they are those for this law.
-    rebound : what bounds the impulse and the restitution; None if loads act or the part moves.
+    restitution : e of a blow on a part at rest, whose impulse is m v (1 + e); None if it is not
+        defined or < 0, loads act or the part moves.
     deflection : bar of the largest displacement of the site within the run; None of a free part. It
         is no member of the mapping.
     """
@@ -127,7 +110,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     notes: tuple[str, ...] = ()
     safety: float = 2.0
     unknown: Mapping[str, str] = field(default_factory=dict)
-    rebound: Rebound | None = None
+    restitution: float | None = None
     deflection: ErrorBar | None = None
 
     def __getitem__(self, name: str) -> ErrorBar:
@@ -151,15 +134,13 @@ class ErrorBudget(Mapping[str, ErrorBar]):
             name: replace(bar, value=getattr(hit, name), mesh=nearer * bar.mesh)
             for name, bar in self.bars.items()
         }
-        rebound = self.rebound
-        if rebound is not None:
-            rebound = rebound._replace(restitution=getattr(hit, "restitution", None))
+        e = None if self.restitution is None else getattr(hit, "restitution", None)
         deflection, motion = self.deflection, getattr(hit, "site_motion", None)
         if deflection is not None:
             value = deflection.value if motion is None else motion.largest
             deflection = replace(deflection, value=value, mesh=nearer * deflection.mesh)
 
-        return replace(self, bars=bars, rebound=rebound, deflection=deflection)
+        return replace(self, bars=bars, restitution=e, deflection=deflection)
 
     def bar(self, name: str) -> ErrorBar:
         """The bar of a quantity, or of the "deflection"."""
@@ -199,14 +180,13 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def sides(self, name: str) -> tuple[float, float]:
         """Relative error of a quantity below and above it, as far as physics allows.
 
-        By the causes that are known. No quantity is negative, and the impulse of a
-        blow on a part at rest lies between m v and 2 m v (`rebound`).
+        By the causes that are known. No quantity is negative, and the impulse m v (1 + e) of a
+        blow on a part at rest lies between m v and 2 m v.
         """
         bar = self.bar(name)
         below, above = min(bar.known, 1.0), bar.known
-        if name == "impulse" and self.rebound is not None and bar.value > 0:
-            low, high = (limit / bar.value for limit in self.rebound.impulses)
-            return min(below, max(1 - low, 0.0)), min(above, max(high - 1, 0.0))
+        if name == "impulse" and (e := self.restitution) is not None:
+            return min(below, e / (1 + e)), min(above, max(1 - e, 0.0) / (1 + e))
         return below, above
 
     @property
@@ -214,12 +194,11 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """Error of the restitution e below and above it, within 0 to 1, by that of the impulse
         m v (1 + e); not relative. None if it is not known.
         """
-        rebound = self.rebound
-        if rebound is None or rebound.restitution is None or self.no_bar:
+        if self.restitution is None or self.no_bar:
             return None
 
         below, above = self.sides("impulse")
-        return (1 + rebound.restitution) * below, (1 + rebound.restitution) * above
+        return (1 + self.restitution) * below, (1 + self.restitution) * above
 
     def shown(self, name: str, digits: int = 4) -> str:
         """A quantity with its error as text, of one that may be 0 how large it may be, or that it
@@ -307,8 +286,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
             reason = self.unknown.get(name) or self.causes_text(name)
             lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {reason}")
 
-        if self.rebound is not None and self.restitution_sides is not None:
-            lines.append(f"restitution {self.shown_restitution(self.rebound.restitution)}")
+        if self.restitution_sides is not None:
+            lines.append(f"restitution {self.shown_restitution(self.restitution)}")
         return "\n".join([*lines, *filter(None, [self.footnote]), *self.notes])
 
 

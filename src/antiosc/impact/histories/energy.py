@@ -9,13 +9,12 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.texts import ReprMixin
-from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.march import Run
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import blocks, contact_intervals, node_states, run_slice, starts
+from antiosc.impact.states import blocks, contact_intervals, node_states, run_slice
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -215,33 +214,11 @@ def energy_gain(a: Assembly, run: Run) -> float:
     is_doubtful = run.gained > 0.1 * GAIN * run.highest
     if not is_doubtful and (len(system.beta) == 1 or run.time.size > BALANCED_NODES):
         return 0.0
-    if system.damped or (a.scene.loads and a.r.any()):
-        energy = energy_balance(a, run)
-        current = energy.kinetic + energy.strain + energy.contact
-        total = energy.total
-    else:  # nothing between the ends of the steps is needed
-        force = run.force[::2]
-        mechanical = np.empty(run.time.size // 2 + 1)
-        work = np.zeros(mechanical.size - 1)
-        for first, last in blocks(run, system.omega.size):
-            q, v = starts(run, system, np.arange(first, last + 1))
-            energies = mechanical[first : last + 1]
-            energies[...] = library.energies(np.stack([q, v], axis=1), system.omega)
-            energies += system.stretch_energy(q)
-            if system.loads.any():
-                work[first:last] = _work_by_step(a, run_slice(run, first, last), q, v, energies)
-        current = mechanical.copy()
-        if system.R.any():
-            current += 0.5 * np.sum((force @ system.R) * force, axis=1)
-        stored, losses = contact_energies(a, run)
-        current += stored[::2]
-        total = current + losses[::2]
-        if system.loads.any():
-            total[1:] -= np.cumsum(work)
-    highest = float(current.max())
-    if highest > 0:
-        return float(total.max() - total[0]) / highest
-    return 0.0
+
+    energy = energy_balance(a, run)
+    total = energy.total[::2]  # at the ends of steps
+    highest = float((energy.kinetic + energy.strain + energy.contact)[::2].max())
+    return float(total.max() - total[0]) / highest if highest > 0 else 0.0
 
 
 def _work_and_losses(
@@ -324,35 +301,6 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     slope = np.diff(load, axis=0) / np.where(span > 0, span, 1.0)
     work = np.diff(load * q, axis=0) - slope * area
     return np.asarray(np.where(elastic, work, np.diff(path_work(load, q), axis=0)).sum(axis=1))
-
-
-def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) -> Array:
-    """Work (n - 1,) of the modal loads over each step without damping, from its end states.
-
-    Integration by parts, as in `_work`; the integral of a rigid motion is that of its acceleration,
-    a parabola.
-    """
-    system = a.system
-    f0 = run.force[:-2:2]
-    f1 = run.force[1:-1:2]
-    f2 = run.force[2::2]
-    time = run.time[::2]
-    h = np.diff(time)[:, None]
-    load = a.load(time)
-    work = np.diff(load * q, axis=0)
-    if len(system.breaks) > 1:  # loads that change in time
-        rise = np.diff(load, axis=0)
-        impulse = h / 6 * (f0 + 4 * f1 + f2)
-        elastic = system.omega > 0
-        impulse_of_loads = h * 0.5 * (load[1:] + load[:-1]) - impulse @ system.beta
-        area = (impulse_of_loads - np.diff(v, axis=0)) / np.where(elastic, system.omega, 1.0) ** 2
-        start = load[:-1] - f0 @ system.beta
-        slope = rise - (4 * f1 - 3 * f0 - f2) @ system.beta
-        load_curvature = -4 * (f0 - 2 * f1 + f2) @ system.beta
-        next_q = q[:-1] + h / 2 * (v[:-1] + h / 3 * (start + slope / 4 + load_curvature / 20))
-        work -= rise * np.where(elastic, area / np.where(h > 0, h, 1.0), next_q)
-    flight = ~np.any((f0 != 0.0) | (f1 != 0.0) | (f2 != 0.0), axis=1)  # exact and long
-    return np.where(flight, np.diff(mechanical), work.sum(axis=1))
 
 
 def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
