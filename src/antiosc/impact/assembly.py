@@ -7,12 +7,12 @@ computed accurately.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from ctypes import byref
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from math import isfinite, sqrt
-from typing import NamedTuple, TypeAlias, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -191,14 +191,6 @@ def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[Contac
     ]
 
 
-Parts: TypeAlias = tuple[SceneParts, dict[str, SceneBody]]
-
-
-def scene_source(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
-    """A picklable function without arguments that returns this scene and these bodies."""
-    return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
-
-
 @dataclass(eq=False)
 class Assembly:
     """A scene in one set of modal coordinates.
@@ -207,7 +199,7 @@ class Assembly:
 
     Attributes
     ----------
-    parts : function that returns the scene and its bodies.
+    scene, bodies : bodies and contacts as given by the user; the placed bodies by name.
     G : (m, P) the rows: contacts, then the tangential rows of their friction.
     laws : contact laws, without the compliance of patches; `notes` say so.
     system : the system that the march integrates.
@@ -224,7 +216,8 @@ class Assembly:
         theory holds; "" for others.
     """
 
-    parts: Callable[[], Parts]
+    scene: SceneParts
+    bodies: dict[str, SceneBody]
     G: Array
     laws: list[ContactLaw]
     notes: list[str]
@@ -240,22 +233,8 @@ class Assembly:
     hopeless: str = field(default="", kw_only=True)
 
     @cached_property
-    def _parts(self) -> Parts:
-        return self.parts()
-
-    @cached_property
     def _stacked(self) -> scene_parts.StackedBodies:
         return scene_parts.stacked_bodies(self.bodies)
-
-    @property
-    def scene(self) -> SceneParts:
-        """The scene's bodies and contacts as given by the user."""
-        return self._parts[0]
-
-    @property
-    def bodies(self) -> dict[str, SceneBody]:
-        """The placed bodies by name."""
-        return self._parts[1]
 
     @property
     def spans(self) -> dict[str, slice]:
@@ -346,8 +325,7 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
     time = expect_contacts(scene, system, local, duration)
     can_rotate = any(map(may_rotate, bodies.values()))
     thin = any(map(is_thin, scene.bodies.values()))
-    parts = scene_source(scene, bodies)
-    return Assembly(parts, G, laws, notes, system, time, can_rotate, thin, stretches)
+    return Assembly(scene, bodies, G, laws, notes, system, time, can_rotate, thin, stretches)
 
 
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:

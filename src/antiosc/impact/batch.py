@@ -296,7 +296,7 @@ def _row_of(
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
     if peak_force > law.valid_force:
         doubts = [*info_of(scene.model).get("doubts", ()), *_doubts(scene)]
-        return _failed(range_error(law, peak_force, pair.checked[0].patch_radius, doubts))
+        return _failed(range_error(law, peak_force, pair.structure.patch_radius, doubts))
     return _Row(
         result=check,
         peak_force=peak_force,

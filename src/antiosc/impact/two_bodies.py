@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from ctypes import byref, c_int64, c_void_p
-from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -22,7 +20,7 @@ from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.system import BodyModes, System, posed, side_by_side
-from antiosc.impact.assembly import Assembly, Parts, without_patch
+from antiosc.impact.assembly import Assembly, without_patch
 from antiosc.impact.bodies import (
     Obstacle,
     RigidMass,
@@ -33,7 +31,7 @@ from antiosc.impact.bodies import (
     stacked_first_order,
 )
 from antiosc.impact.scene_parts import two_body_parts
-from antiosc.models.body import AUTO, LAW, AnyLaw, Body, LinearBody, checked_body, is_thin, law_of
+from antiosc.models.body import AUTO, LAW, AnyLaw, LinearBody, checked_body, is_thin, law_of
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import refuse_stretch, stretch_of
@@ -44,55 +42,47 @@ LARGEST_PHASE = 1e15
 _ROW = np.array([[-1.0, -1.0]])
 
 
-@dataclass(eq=False)
-class Pair:
+class Pair(NamedTuple):
     """Two bodies side by side in their modes, without the contact between them.
 
     Attributes
     ----------
-    given : the structure and the impactor, as the caller passed them.
-    checked : their site, velocity and modes, read and checked.
-    modes : their free modes.
-    start : (J,) modal velocities of each at the start.
+    structure, impactor : the bodies as a scene has them, with their motion at the start.
     pull : modal forces of gravity on each; None without gravity.
-    local : half-space compliance [m/N] of the patches.
     """
 
-    given: tuple[LinearBody, LinearBody]
-    checked: tuple[Body, Body]
-    modes: tuple[ModalBody, ModalBody]
-    start: tuple[Array, Array]
+    structure: SceneBody
+    impactor: SceneBody
     pull: Sequence[Array | None]
-    local: float
 
     @property
-    def bodies(self) -> tuple[SceneBody, SceneBody]:
-        """The structure and the impactor as a scene has them, with their motion at the start."""
-        structure, striker = zip(self.given, self.checked, self.modes, self.start, strict=True)
-        return single_site_body("structure", *structure), single_site_body("impactor", *striker)
+    def local(self) -> float:
+        """Half-space compliance [m/N] of the patches."""
+        return self.structure.local_compliance[""] + self.impactor.local_compliance[""]
 
     @property
     def mass(self) -> float:
         """Inertia [kg] behind the contact."""
-        mobility = self.modes[0].mobility + self.modes[1].mobility
+        mobility = self.structure.modes.mobility + self.impactor.modes.mobility
         return 1 / mobility if mobility > 0 else 1.0
 
     def gap(self, gap: float | None) -> float:
         """Distance [m] at the start, checked; None: that of the obstacle."""
         if gap is None:
-            return self.checked[1].gap
+            return self.impactor.gap
         return checks.nonnegative("gap", gap, "m")
 
     def posed(self, law: ContactLaw, gap: float) -> System:
         """The system of both bodies with one contact."""
-        structure, striker = self.modes
+        pair = self.structure, self.impactor
+        modes = [body.modes for body in pair]
         bodies = [
-            BodyModes(body.omega, body.decay, body.closing, start, None, pull)
-            for body, start, pull in zip(self.modes, self.start, self.pull, strict=True)
+            BodyModes(one.omega, one.decay, one.closing, body.start, None, pull)
+            for one, body, pull in zip(modes, pair, self.pull, strict=True)
         ]
-        coupled = structure.damping is not None or striker.damping is not None
-        first = stacked_first_order(self.bodies) if coupled else None
-        return posed(bodies, [law], np.array([[structure.r + striker.r]]), gap, first=first)
+        coupled = any(one.damping is not None for one in modes)
+        first = stacked_first_order(pair) if coupled else None
+        return posed(bodies, [law], np.array([[modes[0].r + modes[1].r]]), gap, first=first)
 
 
 def check_span(system: System, duration: float) -> None:
@@ -162,13 +152,11 @@ def modal_pair(impact: Impact) -> Pair:
         initial = -checks.number("initial_velocity", initial, "m/s")
     start = structure.rigid_motion(initial)
     strike = striker.rigid_motion(checked_impactor.velocity)
+    strike = strike if isinstance(checked_impactor.velocity, Motion) else -strike
     return Pair(
-        given=(model, impactor),
-        checked=(checked_model, checked_impactor),
-        modes=(structure, striker),
-        start=(start, strike if isinstance(checked_impactor.velocity, Motion) else -strike),
-        pull=_gravity_loads(structure, striker, gravity),
-        local=checked_model.local_compliance + checked_impactor.local_compliance,
+        single_site_body("structure", model, checked_model, structure, start),
+        single_site_body("impactor", impactor, checked_impactor, striker, strike),
+        _gravity_loads(structure, striker, gravity),
     )
 
 
@@ -188,17 +176,13 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
     system = pair.posed(law, gap)
     check_span(system, duration)
     contact_time = system.expect_contact(pair.mass, duration)
-    parts = partial(_parts, contact, gap, gravity, pair)
-    structure, striker = pair.modes
-    can_rotate = may_rotate(structure) or may_rotate(striker)
+    bodies = {"structure": pair.structure, "impactor": pair.impactor}
+    scene = two_body_parts(model, impactor, contact, gap, gravity)
+    can_rotate = any(map(may_rotate, bodies.values()))
     thin = is_thin(model) or is_thin(impactor)
-    return Assembly(parts, _ROW, [law], notes, system, contact_time, can_rotate, thin, stretches)
-
-
-def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], pair: Pair) -> Parts:
-    """The bodies "structure" and "impactor" as a scene has them."""
-    bodies = {body.name: body for body in pair.bodies}
-    return two_body_parts(*pair.given, contact, gap, gravity), bodies
+    return Assembly(
+        scene, bodies, _ROW, [law], notes, system, contact_time, can_rotate, thin, stretches
+    )
 
 
 def _gravity_loads(
@@ -352,7 +336,7 @@ class ImpactRows:
         b = 1 / np.sqrt(np.array([striker.mass for striker in strikers]))
         beta[:, -1] = -b
         v[:, -1] = -(np.array([striker.velocity for striker in strikers]) * b / (b * b))
-        return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
+        return beta, v, 1 / (self.pair.structure.modes.mobility + b * b)
 
     def solved(
         self, report: Callable[[int], None]
@@ -394,10 +378,9 @@ def _laws_without_patch(contacts: Sequence[ContactLaw], local: float) -> list[Co
 def _rotation_rows(pair: Pair) -> Array:
     """Rotation vectors (n, 3, J) by the modes of the n bodies that may turn."""
     turning: list[Array] = []
-    if not any(map(may_rotate, pair.modes)):
-        return np.array(turning)
-    spans = side_by_side([body.omega.size for body in pair.modes])
-    for body, span in zip(pair.bodies, spans, strict=True):
+    bodies = pair.structure, pair.impactor
+    spans = side_by_side([body.omega.size for body in bodies])
+    for body, span in zip(bodies, spans, strict=True):
         if may_rotate(body):
             rows = np.zeros((3, spans[-1].stop))
             rows[:, span] = body.rotation(np.eye(body.omega.size)).T

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, engineering, percent, point_text, restitution_text
-from antiosc.impact.assembly import scene_source
 from antiosc.impact.histories import verdict
 from antiosc.impact.histories.bars import ErrorBudget, contact_time_note
 from antiosc.impact.histories.factors import modes_of, no_field_message, stretch_in, stretch_shapes
@@ -333,9 +332,7 @@ def with_model(hit: History, model: object) -> History:
     """The same history with another record of the structure's model."""
     structure = hit._ends[0]
     bodies = {**hit.assembly.bodies, structure.name: replace(structure, body=model)}
-    return replace(
-        hit, assembly=replace(hit.assembly, parts=scene_source(hit.assembly.scene, bodies))
-    )
+    return replace(hit, assembly=replace(hit.assembly, bodies=bodies))
 
 
 def _contact_label(contact: ContactHistory) -> str:
