@@ -117,19 +117,10 @@ class Scene(SceneParts):
             Relative error of the forces of each contact in the L2 norm, of its impulse and of its
             peak. The error of a contact with a small force is relative to at least a thousandth of
             the force of the heaviest contact.
-        method : str
-            "exact"; to compare with, without friction, "newmark" and "leapfrog" in equal steps, or
-            a method of `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory,
-            which runs once, to tol/100, and states no error.
-        step : float, optional
-            Step [s] of one run, whose error is then not known; otherwise steps are refined until
-            `tol` is met. For `solve_ivp` it is the largest step. "exact" halves it where it does
-            not resolve the forces, and stops with a message where the contacts excite the modes at
-            this step.
-        max_contacts, max_steps : int
-            Bounds on the work; a run that meets one stops and says so.
-        proof : bool
-            As `simulate`: proved bounds `hit[a, b].enclosure`.
+        method, step, max_contacts, max_steps, proof : as for `simulate`
+            Other methods take no friction; proved bounds are `hit[a, b].enclosure`. "exact" halves
+            a given step where it does not resolve the forces, and stops with a message where the
+            contacts excite the modes at this step.
 
         Returns
         -------

@@ -465,15 +465,8 @@ def load_series(
     vector = gravity.ndim == 1 or (scene.base is not None and scene.base.accelerations.ndim == 2)
     if np.any(gravity):
         for name, body in bodies.items():
-            if not np.any(body.omega == 0):
-                continue
-            if gravity.ndim == 1:
-                gravity_load = _unit_loads(body, True) @ gravity
-            else:
-                gravity_load = _unit_loads(body, False)[:, 0] * float(gravity)
-            if body.supported:
-                gravity_load = np.where(body.omega == 0, gravity_load, 0.0)
-            loads[:, stacked.spans[name]] += gravity_load
+            if (load := gravity_load(body, gravity)) is not None:
+                loads[:, stacked.spans[name]] += load
     if scene.base is not None:
         if not any(body.grounded for body in bodies.values()):
             raise InputError(
@@ -492,6 +485,21 @@ def load_series(
                 _check_ground_direction(body, ground_motion)
                 loads[:, stacked.spans[name]] -= ground_motion @ weights.T
     return breaks, loads, gaps - forces @ stacked.r @ G.T
+
+
+def gravity_load(body: SceneBody, gravity: Array | float) -> Array | None:
+    """Modal forces (J,) of gravity, a vector or along the body's one coordinate; None where it
+    moves nothing.
+
+    Displacements of a body that is supported at its sites are measured from its equilibrium.
+    """
+    if not np.any(body.omega == 0):
+        return None
+    if np.ndim(gravity):
+        load = _unit_loads(body, True) @ gravity
+    else:
+        load = _unit_loads(body, False)[:, 0] * float(gravity)
+    return np.where(body.omega == 0, load, 0.0) if body.supported else load
 
 
 def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:

@@ -30,9 +30,8 @@ from antiosc.impact.bodies import (
     single_site_body,
     stacked_first_order,
 )
-from antiosc.impact.scene_parts import two_body_parts
+from antiosc.impact.scene_parts import gravity_load, two_body_parts
 from antiosc.models.body import AUTO, LAW, AnyLaw, LinearBody, checked_body, is_thin, law_of
-from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import refuse_stretch, stretch_of
 
@@ -153,11 +152,11 @@ def modal_pair(impact: Impact) -> Pair:
     start = structure.rigid_motion(initial)
     strike = striker.rigid_motion(checked_impactor.velocity)
     strike = strike if isinstance(checked_impactor.velocity, Motion) else -strike
-    return Pair(
+    bodies = (
         single_site_body("structure", model, checked_model, structure, start),
         single_site_body("impactor", impactor, checked_impactor, striker, strike),
-        _gravity_loads(structure, striker, gravity),
     )
+    return Pair(*bodies, _gravity_loads(*bodies, gravity))
 
 
 def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
@@ -186,50 +185,28 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
 
 
 def _gravity_loads(
-    structure: ModalBody, striker: ModalBody, gravity: float | Sequence[float]
+    structure: SceneBody, impactor: SceneBody, gravity: float | Sequence[float]
 ) -> list[Array | None]:
     """Modal forces of gravity on both bodies; None for a body without any."""
     vector = None
     if isinstance(gravity, list | tuple) or (isinstance(gravity, np.ndarray) and gravity.ndim):
         vector = checks.floats("gravity", gravity, (3,))
-        if structure.direction is None:
+        if structure.modes.direction is None:
             raise InputError(
                 "gravity as a vector needs a model that knows the direction of impact: extract it"
                 " from a mesh, or give gravity as a number along the impact."
             )
-        component = float(vector @ structure.direction)
+        component = float(vector @ structure.modes.direction)
     else:
         component = checks.number("gravity", gravity, "m/s^2")
+        if component == 0.0:
+            return [None, None]
+
     loads: list[Array | None] = []
-    for name, body, sign in (("structure", structure, 1.0), ("impactor", striker, -1.0)):
-        if vector is None or body.inertia is None:
-            loads.append(_gravity_load(name, body, sign * component))
-        else:
-            loads.append(_free_body_load(body, body.inertia.momentum[:, :3] @ vector))
+    for body, along in ((structure, component), (impactor, -component)):
+        in_space = vector is not None and body.inertia is not None
+        loads.append(gravity_load(body, vector if in_space else along))
     return loads
-
-
-def _gravity_load(name: str, body: ModalBody, gravity: float) -> Array | None:
-    """Modal forces of gravity along the push of the contact."""
-    if gravity == 0.0 or not np.any(body.omega == 0):
-        return None
-    if body.weight is None:
-        raise InputError(
-            f"gravity on the {name} with a rigid-body mode needs the model's participation;"
-            f" extract the model anew, give its participation, or leave out gravity."
-        )
-    return _free_body_load(body, gravity * body.weight)
-
-
-def _free_body_load(body: ModalBody, load: Array) -> Array:
-    """Return `load`; zero in elastic modes of a body whose site is supported.
-
-    Displacements of such a body are measured from its equilibrium.
-    """
-    rigid = body.omega == 0
-    if np.any(rigid & (body.b != 0)):
-        return load
-    return np.where(rigid, load, 0.0)
 
 
 #: The band of an impact over the frequency 1/(2T) of its contact time T: a half-sine of length T

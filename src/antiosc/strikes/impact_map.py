@@ -40,7 +40,6 @@ from antiosc.base.progress import counting, doing
 from antiosc.base.texts import engineering, percent, point_text as placed
 from antiosc.engine.contact import ContactLaw, ElasticPlastic
 from antiosc.engine.contact.curvature import SHARP
-from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import agree, collective, on_root
@@ -67,7 +66,6 @@ from antiosc.models.body import (
     Body,
     LinearBody,
     checked_body,
-    choice_at_sites,
     is_auto,
     law_of,
     second_contact_of,
@@ -263,8 +261,6 @@ def impact_map(
     result_map = replace(result_map, free_sites=sites_seen)
     if stress:
         result_map = with_stresses(structure, result_map, None if stress is True else stress)
-    if not with_law:
-        result_map = replace(result_map, law_error=_law_error(structure, result_map))
     thickness = structure.plausibility.get("thickness")
     on_root(structure.comm, partial(_tell_impacts, result_map, thickness))
     return result_map
@@ -311,25 +307,6 @@ def _surface(structure: Structure, point: Array, direction: Array, radius: float
     with contextlib.suppress(InputError):
         return surface_at(structure, point, direction, patch)
     return None
-
-
-def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
-    """Relative error of the largest peak force due to its contact law; None if unknown."""
-    assert struck.peak_force is not None
-    assert struck.contact_time is not None
-    i = hardest(struck)
-    radius = np.nan if struck.radius is None else float(struck.radius[i])
-    of_site = _surface(structure, struck.points[i], struck.directions[i], radius)
-    try:
-        choice = choice_at_sites(PlaneOf(structure, of_site), struck.impactor)
-    except InputError:
-        return None
-
-    peak = float(struck.peak_force[i])
-    contact_time = float(struck.contact_time[i])
-    if not (peak > 0 and contact_time > 0):
-        return None
-    return error_of_peak(choice, peak, contact_time)
 
 
 def _hertz(omega: float) -> str:

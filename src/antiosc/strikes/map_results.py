@@ -19,7 +19,6 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import (
     Completed,
     engineering,
-    percent,
     point_text,
     range_text,
 )
@@ -77,8 +76,6 @@ class ImpactMap(Completed):
         not sought; None where not asked for, or no material has a
         yield_strength.
     stress_points : (P, 3) place of the largest exposure, or stress if no strength is known [m].
-    law_error : relative error of the largest peak force by the law of its contact: the range of the
-        yield strength and large strains; None where that is not known, or the law was given.
     info : a `MapInfo`: free modes, seconds, …; JSON values.
     impactor, contact, duration : those of the impacts, or None; `contact` is the law on a flat
         face, `duration` that of all impacts [s].
@@ -112,7 +109,6 @@ class ImpactMap(Completed):
     contact: ContactLaw | None = None
     laws: Sequence[ContactLaw] | None = None
     duration: float | None = None
-    law_error: float | None = None
     forces: Sequence[Force] | None = None
     free_sites: FreeSites | None = None
 
@@ -220,16 +216,13 @@ class ImpactMap(Completed):
                 row += f"{force:>12}  {point_text(self.points[i])}"
             row += " (doubtful)" * bool(self.doubtful[of_surface].all())
             rows.append(row)
+        if self.peak_force is not None:
+            rows.append("forces have no error bar here: an impact at one site by itself has one")
         if self.doubtful.all():
             rows.append(left_out_text(self))
         elif self.doubtful.any():
             stress = "" if self.peak_stress is None else " and the largest stress"
             rows.append(f"{doubts_text(self)}; left out of k0, the peak forces{stress}")
-        if self.law_error:
-            rows.append(
-                f"the largest peak force may be off by {percent(self.law_error)} by its contact "
-                "law, with the range of the yield strength and large strains"
-            )
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
             i = hardest(self, values=self.peak_stress)
             assert self.stress_points is not None
