@@ -32,6 +32,7 @@ from antiosc.impact.bodies import (
 )
 from antiosc.impact.scene_parts import gravity_load, two_body_parts
 from antiosc.models.body import AUTO, LAW, AnyLaw, LinearBody, checked_body, is_thin, law_of
+from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import refuse_stretch, stretch_of
 
@@ -55,6 +56,11 @@ class Pair(NamedTuple):
     pull: Sequence[Array | None]
 
     @property
+    def modes(self) -> tuple[ModalBody, ModalBody]:
+        """The free modes of both, of one site each."""
+        return cast("tuple[ModalBody, ModalBody]", (self.structure.modes, self.impactor.modes))
+
+    @property
     def local(self) -> float:
         """Half-space compliance [m/N] of the patches."""
         return self.structure.local_compliance[""] + self.impactor.local_compliance[""]
@@ -62,7 +68,7 @@ class Pair(NamedTuple):
     @property
     def mass(self) -> float:
         """Inertia [kg] behind the contact."""
-        mobility = self.structure.modes.mobility + self.impactor.modes.mobility
+        mobility = sum(one.mobility for one in self.modes)
         return 1 / mobility if mobility > 0 else 1.0
 
     def gap(self, gap: float | None) -> float:
@@ -74,7 +80,7 @@ class Pair(NamedTuple):
     def posed(self, law: ContactLaw, gap: float) -> System:
         """The system of both bodies with one contact."""
         pair = self.structure, self.impactor
-        modes = [body.modes for body in pair]
+        modes = self.modes
         bodies = [
             BodyModes(one.omega, one.decay, one.closing, body.start, None, pull)
             for one, body, pull in zip(modes, pair, self.pull, strict=True)
@@ -191,12 +197,13 @@ def _gravity_loads(
     vector = None
     if isinstance(gravity, list | tuple) or (isinstance(gravity, np.ndarray) and gravity.ndim):
         vector = checks.floats("gravity", gravity, (3,))
-        if structure.modes.direction is None:
+        direction = cast("ModalBody", structure.modes).direction
+        if direction is None:
             raise InputError(
                 "gravity as a vector needs a model that knows the direction of impact: extract it"
                 " from a mesh, or give gravity as a number along the impact."
             )
-        component = float(vector @ structure.modes.direction)
+        component = float(vector @ direction)
     else:
         component = checks.number("gravity", gravity, "m/s^2")
         if component == 0.0:
@@ -204,8 +211,8 @@ def _gravity_loads(
 
     loads: list[Array | None] = []
     for body, along in ((structure, component), (impactor, -component)):
-        in_space = vector is not None and body.inertia is not None
-        loads.append(gravity_load(body, vector if in_space else along))
+        known = vector is not None and body.inertia is not None
+        loads.append(gravity_load(body, cast("Array", vector) if known else along))
     return loads
 
 
@@ -313,7 +320,7 @@ class ImpactRows:
         b = 1 / np.sqrt(np.array([striker.mass for striker in strikers]))
         beta[:, -1] = -b
         v[:, -1] = -(np.array([striker.velocity for striker in strikers]) * b / (b * b))
-        return beta, v, 1 / (self.pair.structure.modes.mobility + b * b)
+        return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
 
     def solved(
         self, report: Callable[[int], None]
