@@ -11,15 +11,14 @@ from collections.abc import Mapping
 from ctypes import byref
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isfinite, sqrt
-from typing import NamedTuple
+from math import sqrt
 
 import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine import library
-from antiosc.engine.contact import ContactLaw, State
+from antiosc.engine.contact import ContactLaw
 from antiosc.engine.law_tables import packed, raise_error
 from antiosc.engine.system import BodyModes, System, posed
 from antiosc.impact import scene_parts
@@ -44,14 +43,6 @@ def largest_indentation(
     depth = library.library.aom_law_deepest(byref(kernel), speed, energy, load, high, close)
     raise_error(memory)
     return float(depth)
-
-
-def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
-    """Larger of the loading and unloading stiffness [N/m] at the deepest indentation."""
-    unloading = law.advance(delta, 0.0, state)
-    slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
-    steepest = float(max(slopes))
-    return steepest if isfinite(steepest) else 0.0
 
 
 MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
@@ -90,7 +81,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
         mass = float(system.mass[c])
         load = float(forces[c])
         farthest = speed * duration + load * duration**2
-        blow = _ContactStart(speed, 0.5 * mass * speed**2, load * mass, farthest)
+        blow = speed, 0.5 * mass * speed**2, load * mass, farthest
         depth = largest_indentation(law, *blow)
         mean_speed = speed + sqrt(2 * load * depth)
         shortest = min(shortest, 3 * depth / mean_speed)
@@ -100,48 +91,34 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
     return shortest
 
 
-class _ContactStart(NamedTuple):
-    """Data of a contact's blow: closing speed [m/s], energy [J], load [N], largest possible
-    indentation [m].
-    """
-
-    speed: float
-    energy: float
-    load: float
-    farthest: float
-
-
 def _friction(
-    contact: Contact, law: ContactLaw, blow: _ContactStart, local: float
+    contact: Contact, law: ContactLaw, blow: tuple[float, float, float, float], local: float
 ) -> tuple[float, float]:
     """(coefficient of friction, tangential stiffness [N/m] without the patches' compliance) of a
     contact.
+
+    The default is a share of the mean normal stiffness over a half-sine contact, the larger one of
+    loading and unloading. By Cerruti's solution, the tangential compliance of a patch with
+    axisymmetric pressure is 1/MINDLIN times the normal one, whatever the pressure.
     """
     stiffness = contact.tangential_stiffness
     if stiffness is None:
         deepest = largest_indentation(contact.law, *blow, close=DEPTH_ERROR)
-        stiffness = MINDLIN * _mean_stiffness(contact.law, deepest, law.touch(blow.speed))
+        state = law.touch(blow[0])
+        slopes = []
+        for phase in (np.arange(16) + 0.5) / 16 * (np.pi / 2):
+            delta = deepest * np.sin(phase)
+            unloading = contact.law.advance(delta, 0.0, state)
+            loads = contact.law.tangent(delta, 0.0, state)[0]
+            unloads = contact.law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
+            slopes.append(max(loads, unloads))
+
+        stiffness = MINDLIN * float(np.mean(np.where(np.isfinite(slopes), slopes, 0.0)))
         if law is contact.law:  # the patches give way besides, normally and so sideways
             local = 0.0
-    return contact.friction, _without_patches(stiffness, local)
 
-
-def _without_patches(stiffness: float, local: float) -> float:
-    """Tangential stiffness of a contact [N/m] without the compliance of the bodies' patches.
-
-    By Cerruti's solution, the tangential compliance of a patch with axisymmetric pressure is
-    1/MINDLIN times the normal one, whatever the pressure.
-    """
     patches = stiffness * local / MINDLIN  # their share of the contact's compliance
-    return stiffness / max(1.0 - patches, LEAST_COMPLIANCE)
-
-
-def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
-    """Mean stiffness [N/m] of a law over a half-sine contact with the largest indentation `most`
-    [m].
-    """
-    phases = (np.arange(16) + 0.5) / 16 * (np.pi / 2)
-    return float(np.mean([stiffness_at(law, most * s, state) for s in np.sin(phases)]))
+    return contact.friction, stiffness / max(1.0 - patches, LEAST_COMPLIANCE)
 
 
 def effective_mass(beta: Array, omega: Array) -> float:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, TypeGuard, TypeVar, cast
 
 import numpy as np
@@ -169,8 +168,13 @@ def simulate_many(
     with counting("simulating impacts", size) as report:
         for begin in range(0, size, CHUNK_SIZE):
             part = slice(begin, begin + CHUNK_SIZE)
-            told = partial(_report_progress, report, begin)
-            rows += _solve_chunk(scenes[part], steps[part], n, settings, told)
+            rows += _solve_chunk(
+                scenes[part],
+                steps[part],
+                n,
+                settings,
+                lambda done, begin=begin: report(begin + done),
+            )
 
     _raise(rows)
     warn_batch([r.result for r in rows], [r.needed_radius for r in rows])
@@ -243,7 +247,10 @@ def _solve_chunk(
 
     for group in groups.values():
         members = [scenes[i] for i in group]
-        group_rows = _solve_group(members, settings, partial(_report_progress, report, len(rows)))
+        before = len(rows)
+        group_rows = _solve_group(
+            members, settings, lambda done, before=before: report(before + done)
+        )
         rows.update((i, row) for i, row in zip(group, group_rows, strict=True) if row is not None)
 
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
@@ -252,11 +259,6 @@ def _solve_chunk(
             report(len(rows))
 
     return [rows[i] for i in range(len(scenes))]
-
-
-def _report_progress(report: Callable[[int], None], before: int, count: int) -> None:
-    """Report the number of completed scenes, with those before."""
-    report(before + count)
 
 
 def _solve_group(

@@ -11,7 +11,6 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.progress import counting
 from antiosc.engine import library
 from antiosc.models.body import LinearBody
-from antiosc.models.modal import ModalBody
 
 #: Bodies processed together.
 BODIES_AT_ONCE = 200
@@ -50,7 +49,8 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], durations: Arr
     modes = [body.modal() for body in bodies]
     omega = _padded_rows([body.omega for body in modes], 0.0)
     b = _padded_rows([body.b for body in modes], 0.0)
-    decay = _padded_rows([_decay(body) for body in modes], 0.0)
+    decays = [np.zeros(body.b.size) if body.decay is None else body.decay for body in modes]
+    decay = _padded_rows(decays, 0.0)
     residual = np.array([body.r for body in modes])
     first = max((row[row > 0].min() for row in omega if (row > 0).any()), default=0.0)
     periods = durations * first / (2 * np.pi)
@@ -60,12 +60,6 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], durations: Arr
         u = np.sum(b * q, axis=1) + residual * force
         peak = np.maximum(peak, u)
     return peak
-
-
-def _decay(modes: ModalBody) -> Array:
-    if modes.decay is None:
-        return np.zeros(modes.b.size)
-    return modes.decay
 
 
 def motions(

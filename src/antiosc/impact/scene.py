@@ -582,9 +582,10 @@ def simulate_impact(
     history, check = integrated(model, settings)
     history.error.update(truncation)
     if shortage:
-        check = check.with_shortage(shortage)
+        status = max(check.status, INEXACT) if check.status != TOUCHING else INEXACT
+        check = replace(check, status=status, message=f"{check.message} {shortage}")
         message = f"{history.message} {shortage}"
-        history = replace(history, status=check.status, message=message)
+        history = replace(history, status=status, message=message)
 
     return history, check
 

@@ -331,7 +331,7 @@ class ImpactRows:
         """
         rows = self.rows
         size = self._held[0].omega.size
-        space = _workspace(size)
+        space = _Workspace(size)
         outcomes = np.zeros(len(rows), OUTCOME)
         count = c_int64()
         pulses: list[tuple[Array, Array]] = []
@@ -349,7 +349,6 @@ class ImpactRows:
             status = library.library.aom_batch_solve(*arguments)
             pulses += space.take_pulses(outcomes["n_nodes"][len(pulses) : count.value])
             report(count.value)
-        _idle_workspaces.append(space)
         return outcomes, pulses
 
 
@@ -386,20 +385,8 @@ class _Workspace:
             node_count, 0, *map(library.address, (self.time, self.force))
         )
         self.batch = c_void_p()
-        self.size = -1
-
-    def reset(self, size: int) -> bool:
-        """Prepare for impacts with `size` modes; False if the memory is too small.
-
-        With the same number of modes the march reuses its responses.
-        """
         arguments = library.address(self.memory), self.memory.nbytes, byref(self.batch)
-        self.nodes.n_nodes = 0
-        if size != self.size:
-            fits = int(library.library.aom_batch_nodes(size)) <= self.time.size
-            created = fits and library.library.aom_batch_create(size, *arguments) == library.DONE
-            self.size = size if created else -1
-        return size == self.size
+        library.library.aom_batch_create(size, *arguments)
 
     def take_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
         """Copy the nodes of all impacts and empty the buffers."""
@@ -408,20 +395,3 @@ class _Workspace:
         ends = np.cumsum(counts).tolist()
         starts = [0, *ends[:-1]]
         return [(time[a:b], force[a:b]) for a, b in zip(starts, ends, strict=True)]
-
-
-_idle_workspaces: list[_Workspace] = []
-
-
-def _workspace(size: int) -> _Workspace:
-    """Take an idle workspace that is large enough, or create one; no other thread has it."""
-    while _idle_workspaces:
-        try:
-            workspace = _idle_workspaces.pop()
-        except IndexError:  # another thread took it
-            break
-        if workspace.reset(size):
-            return workspace
-    workspace = _Workspace(size)
-    workspace.reset(size)
-    return workspace

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -248,7 +249,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         sides = self.restitution_sides
         if sides is None:
             return restitution_text(e, digits)
-        return f"{restitution_text(e, digits)} {plus_minus(sides, two_digits)}{self.condition}"
+        error = plus_minus(sides, partial(engineering, digits=2))
+        return f"{restitution_text(e, digits)} {error}{self.condition}"
 
     def shares(self, name: str) -> dict[str, float | None]:
         """Cause -> its share in the error of a quantity; their total, and the error "below" and
@@ -289,11 +291,6 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         if self.restitution_sides is not None:
             lines.append(f"restitution {self.shown_restitution(self.restitution)}")
         return "\n".join([*lines, *filter(None, [self.footnote]), *self.notes])
-
-
-def two_digits(value: float) -> str:
-    """A number without a unit with two digits."""
-    return engineering(value, digits=2)
 
 
 #: Each error is at least this share of the largest of the three.

@@ -30,11 +30,6 @@ class CheckResult:
     message: str
     unusual: bool = False
 
-    def with_shortage(self, shortage: str) -> CheckResult:
-        """The result with the status of a model that has too few anti-oscillators."""
-        worse_status = self.status if self.status in (INEXACT, STOPPED) else INEXACT
-        return CheckResult(worse_status, f"{self.message} {shortage}", self.unusual)
-
     def warn(self) -> None:
         """Warn at the caller's line unless the run completed as requested."""
         if self.status:
