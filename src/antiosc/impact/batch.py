@@ -168,13 +168,11 @@ def simulate_many(
     with counting("simulating impacts", size) as report:
         for begin in range(0, size, CHUNK_SIZE):
             part = slice(begin, begin + CHUNK_SIZE)
-            rows += _solve_chunk(
-                scenes[part],
-                steps[part],
-                n,
-                settings,
-                lambda done, begin=begin: report(begin + done),
-            )
+
+            def told(done: int, begin: int = begin) -> None:
+                report(begin + done)
+
+            rows += _solve_chunk(scenes[part], steps[part], n, settings, told)
 
     _raise(rows)
     warn_batch([r.result for r in rows], [r.needed_radius for r in rows])
@@ -247,10 +245,11 @@ def _solve_chunk(
 
     for group in groups.values():
         members = [scenes[i] for i in group]
-        before = len(rows)
-        group_rows = _solve_group(
-            members, settings, lambda done, before=before: report(before + done)
-        )
+
+        def told(done: int, before: int = len(rows)) -> None:
+            report(before + done)
+
+        group_rows = _solve_group(members, settings, told)
         rows.update((i, row) for i, row in zip(group, group_rows, strict=True) if row is not None)
 
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
