@@ -453,13 +453,15 @@ AOM_API int aom_batch_solve(aom_batch *batch, int64_t n, const aom_impact *impac
 typedef struct aom_enclosure {
     int n_modes, n_channels, n_losses, n_contacts;
     const double *omega, *decay; /* [n_modes] */
-    const double *load, *q, *v;  /* [n_modes]; constant load, state at the start */
+    const double *load, *v;      /* [n_modes]; constant load, rates at the start */
     const double *beta;                 /* [m][n_modes], delta = beta q - gap */
     const double *gap;                  /* [m] */
     /* [k + l][5][n_modes]: channels by q, v, the modal forces and two of their rates; k of them drive
      * the error, the squares of l feed its energy */
     const double *rows;
     const double *brake;                /* [n_modes], sum brake |v| drives the error, too */
+    /* [n_modes] > 0 of modes that follow their force F: q'' = F - omega^2 q - 2 decay q' + lag F' */
+    const double *lag;
     int n_spans;                        /* times that a motion has lasted, ascending */
     const double *spans, *kappa;        /* [n_spans], [m][n_spans] |D| <= kappa sqrt(2 E) by them */
     const aom_law *laws;                /* [m] */
@@ -468,7 +470,6 @@ typedef struct aom_enclosure {
     const double *time, *force;         /* [n_nodes], [n_nodes][m] */
     double *clock, *lower, *upper;      /* [n_nodes], [n_nodes][m] bounds of the forces at the nodes */
     double *peak, *impulse;             /* [m][2] bounds of the peak; impulse, and its largest error */
-    double *energy;                     /* bound of the relative energy at the end [J] */
     int64_t *reached;                   /* last node with bounds */
 } aom_enclosure;
 

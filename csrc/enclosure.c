@@ -1,7 +1,9 @@
 /* Bounds on contact forces that hold for every mode that a reduced model leaves out.
  *
- * A reference motion under given forces, parabolas in time, is exact in the modes of the model. The
- * relative energy E of the true motion to it, and of the laws' potentials G,
+ * A reference motion under forces that are parabolas in time is exact in the lower modes of the model;
+ * its upper modes, which ring as no mode of the structure does, follow their force: a brake holds the
+ * rest of their motion, and drives the error instead. The relative energy E of the true motion to it,
+ * and of the laws' potentials G,
  *
  *     E = 1/2 e'Me' + 1/2 eKe + sum H,    H(D) = G(delta + D) - G(delta) - g(delta) D >= 0,
  *
@@ -21,6 +23,7 @@
 #define APART 1.25 /* damping ratio from which the two decays of a mode are bounded by themselves */
 #define TRIES 60
 #define TOUCHING 16 /* pieces more where a contact opens or closes */
+#define ROUNDS 4    /* of the forces of a step */
 
 /* A convex law: value, slope and curvature of the force, and the potential. */
 typedef struct convex {
@@ -196,6 +199,8 @@ typedef struct enclosing {
     piece *pieces;             /* [m] */
     part *ringing;             /* [J][2] */
     double *response;          /* [6][J] after a piece */
+    double *ahead;             /* [2][6][J] after half a step and after all of it */
+    double *F, *depth;         /* [3][m] at the nodes of a step, [m] */
     double h, half;            /* length of a piece; of all those of half a step */
     int64_t count;
     double energy, bound;      /* relative energy without the defects' share; its largest bound */
@@ -204,7 +209,7 @@ typedef struct enclosing {
 
 size_t aom_enclosure_size(const aom_enclosure *e) {
     size_t J = (size_t)e->n_modes, m = (size_t)e->n_contacts, k = (size_t)e->n_channels;
-    size_t numbers = J * (6 + 9) + k * m + 5 * m;
+    size_t numbers = J * (18 + 9) + k * m + 9 * m;
     size_t bytes = sizeof(double) * numbers + sizeof(piece) * m + sizeof(part) * 2 * J;
     return bytes + sizeof(channel) * (k + (size_t)e->n_losses);
 }
@@ -225,6 +230,9 @@ static enclosing laid_out(const aom_enclosure *e, void *memory) {
     for (size_t i = 0; i < sizeof modal / sizeof *modal; i++)
         *modal[i] = taken(&at, J);
     x.response = taken(&at, 6 * J);
+    x.ahead = taken(&at, 12 * J);
+    x.F = taken(&at, 3 * m);
+    x.depth = taken(&at, m);
 
     double **of_contacts[] = {&x.bend, &x.begin, &x.end, &x.far, &x.near};
     for (size_t i = 0; i < sizeof of_contacts / sizeof *of_contacts; i++)
@@ -249,18 +257,18 @@ static double acceleration(const enclosing *x, int j, double q, double v) {
     return x->f0[j] - e->omega[j] * e->omega[j] * q - 2.0 * e->decay[j] * v;
 }
 
-/* Indentation, rate and second derivative of all contacts at the end of a piece. */
-static void observe(enclosing *x) {
+/* Indentation, rate and second derivative of all contacts at an end of a piece. */
+static void observe(enclosing *x, int end) {
     const aom_enclosure *e = x->e;
 
     for (int c = 0; c < e->n_contacts; c++) {
         const double *beta = e->beta + c * e->n_modes;
         piece *at = x->pieces + c;
-        at->delta[1] = along(e->n_modes, beta, x->q) - e->gap[c];
-        at->rate[1] = along(e->n_modes, beta, x->v);
-        at->pull[1] = 0.0;
+        at->delta[end] = along(e->n_modes, beta, x->q) - e->gap[c];
+        at->rate[end] = along(e->n_modes, beta, x->v);
+        at->pull[end] = 0.0;
         for (int j = 0; j < e->n_modes; j++)
-            at->pull[1] += beta[j] * acceleration(x, j, x->q[j], x->v[j]);
+            at->pull[end] += beta[j] * acceleration(x, j, x->q[j], x->v[j]);
     }
 }
 
@@ -269,15 +277,14 @@ static void start(enclosing *x) {
     int J = e->n_modes, m = e->n_contacts;
 
     for (int j = 0; j < J; j++) {
-        x->q[j] = e->q[j];
         x->v[j] = e->v[j];
-        x->f0[j] = e->load[j];
     }
-    observe(x);
-
     for (int k = 0; k < e->n_channels; k++)
         for (int c = 0; c < m; c++)
-            x->kink[k * m + c] = along(J, e->rows + (5 * k + 4) * J, e->beta + c * J);
+            for (int j = 0; j < J; j++) {
+                const double *by = e->rows + 5 * k * J + j;
+                x->kink[k * m + c] += (by[4 * J] + e->lag[j] * by[3 * J]) * e->beta[c * J + j];
+            }
     memset(e->peak, 0, sizeof(double) * 2 * (size_t)m);
     memset(e->impulse, 0, sizeof(double) * 2 * (size_t)m);
     memset(e->lower, 0, sizeof(double) * (size_t)m);
@@ -285,29 +292,79 @@ static void start(enclosing *x) {
     e->clock[0] = x->t;
 }
 
-/* The pieces of half a step, whose forces are F at 0, h/2 and h of the step. */
+/* Rate at the start and second derivative of the parabola of a force in a step h. */
+static void parabola(const double *F, int m, double h, double out[2]) {
+    out[0] = (4.0 * F[m] - 3.0 * F[0] - F[2 * m]) / h;
+    out[1] = 4.0 * (F[0] - 2.0 * F[m] + F[2 * m]) / (h * h);
+}
+
+/* Indentations in the middle of a step h or at its end, by the responses of the modes. */
+static void look_ahead(enclosing *x, double h, const double *response, double *depth) {
+    const aom_enclosure *e = x->e;
+    int J = e->n_modes, m = e->n_contacts;
+    const double *P = response, *S = P + 2 * J, *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
+
+    for (int c = 0; c < m; c++)
+        depth[c] = -e->gap[c];
+    for (int j = 0; j < J; j++) {
+        double f0 = e->load[j], f1 = 0.0, f2 = 0.0, rates[2];
+        for (int c = 0; c < m; c++) {
+            parabola(x->F + c, m, h, rates);
+            f0 -= e->beta[c * J + j] * x->F[c];
+            f1 -= e->beta[c * J + j] * rates[0];
+            f2 -= e->beta[c * J + j] * rates[1];
+        }
+        double q = P[j] * x->q[j] + S[j] * x->v[j] + J0[j] * (f0 + e->lag[j] * f1);
+        q += J1[j] * (f1 + e->lag[j] * f2) + J2[j] * f2;
+        for (int c = 0; c < m; c++)
+            depth[c] += e->beta[c * J + j] * q;
+    }
+}
+
+/* The forces of a step by the laws, from those of the run. */
+static void foresee(enclosing *x, int64_t node) {
+    const aom_enclosure *e = x->e;
+    int J = e->n_modes, m = e->n_contacts;
+    double h = e->time[node + 2] - e->time[node];
+
+    memcpy(x->F, x->F + 2 * m, sizeof(double) * (size_t)m);
+    memcpy(x->F + m, e->force + (node + 1) * m, sizeof(double) * 2 * (size_t)m);
+    for (int i = 0; i < 2; i++) {
+        double t = 0.5 * h * (1 + i);
+        aom_responses(J, e->omega, e->decay, &t, 0, x->ahead + 6 * J * i);
+    }
+    for (int k = 0; k < 2 * ROUNDS; k++) {
+        const double *ahead = x->ahead + k % 2 * 6 * J;
+        look_ahead(x, h, ahead, x->depth);
+        for (int c = 0; c < m; c++) {
+            double *F = x->F + (1 + k % 2) * m + c, give = 0.0;
+            convex at = convex_at(e->laws + c, x->depth[c]);
+            for (int j = 0; j < J; j++)
+                give += e->beta[c * J + j] * e->beta[c * J + j] * ahead[3 * J + j];
+            if (x->F[c] > 0.0 || *F > 0.0)
+                *F = larger(*F + (at.g - *F) / (1.0 + at.slope * give), 0.0);
+        }
+    }
+}
+
+/* The pieces of half a step. */
 static void divide(enclosing *x, int64_t node) {
     const aom_enclosure *e = x->e;
     int m = e->n_contacts;
-    const double *F = e->force + (node & ~(int64_t)1) * m;
     bool touching = false;
 
-    for (int c = 0; c < m; c++) {
-        double a = F[c], b = F[m + c], d = F[2 * m + c], least = smaller(a, smaller(b, d));
-        touching |= least <= 0.0 && larger(a, larger(b, d)) > 0.0;
-    }
     x->half = e->time[node + 1] - e->time[node];
+    for (int c = 0; c < m; c++) {
+        double a = x->F[c], b = x->F[m + c], d = x->F[2 * m + c], rates[2];
+        touching |= smaller(a, smaller(b, d)) <= 0.0 && larger(a, larger(b, d)) > 0.0;
+        parabola(x->F + c, m, 2.0 * x->half, rates);
+        x->bend[c] = rates[1];
+        x->begin[c] = rates[0] + (node % 2 ? rates[1] * x->half : 0.0);
+    }
     int64_t count = (int64_t)ceil(x->half / e->longest);
     x->count = (count < 1 ? 1 : count) * (touching ? TOUCHING : 1);
     x->h = x->half / (double)x->count;
     aom_responses(e->n_modes, e->omega, e->decay, &x->h, 0, x->response);
-
-    for (int c = 0; c < m; c++) {
-        double a = F[c], b = F[m + c], d = F[2 * m + c];
-        double mean = (d - a) / (2.0 * x->half);
-        x->bend[c] = (a - 2.0 * b + d) / (x->half * x->half);
-        x->begin[c] = node % 2 ? mean : mean - x->bend[c] * x->half;
-    }
 }
 
 /* Integral of the root of the channels' squares where the rates of the forces jump. */
@@ -337,18 +394,20 @@ static void begin_piece(enclosing *x, int64_t node, double from) {
         const double *beta = e->beta + c * J;
         for (int i = 0; i < 2; i++) {
             double u = from + (i ? x->h : 0.0);
-            at->force[i] = e->force[node * m + c] + (x->begin[c] + 0.5 * x->bend[c] * u) * u;
+            at->force[i] = x->F[node % 2 * m + c] + (x->begin[c] + 0.5 * x->bend[c] * u) * u;
             at->force_rate[i] = x->begin[c] + x->bend[c] * u;
         }
-        at->delta[0] = at->delta[1];
-        at->rate[0] = at->rate[1];
-        at->pull[0] = at->pull[1];
         for (int j = 0; j < J; j++) {
             x->f0[j] -= beta[j] * at->force[0];
             x->f1[j] -= beta[j] * at->force_rate[0];
             x->f2[j] -= beta[j] * x->bend[c];
         }
     }
+    for (int j = 0; j < J; j++) {
+        x->f0[j] += e->lag[j] * x->f1[j];
+        x->f1[j] += e->lag[j] * x->f2[j];
+    }
+    observe(x, 0);
 }
 
 /* q, v of the motion that a mode has of the parabola of the force alone. */
@@ -407,31 +466,44 @@ static void bound_modes(enclosing *x) {
     }
 }
 
-/* The integral of the rates of the modes over a piece, weighed: the trapezoidal rule, half of which
- * belongs to each end, and what it may miss. */
-static double braked_at_end(const enclosing *x) {
-    double sum = 0.0;
-    for (int j = 0; j < x->e->n_modes; j++)
-        sum += x->e->brake[j] * fabs(x->v[j]);
-    return 0.5 * x->h * sum;
-}
-static double braked_between(const enclosing *x) {
+/* A bound on the integral of the weighed rates of the modes over a piece. */
+static double braked(const enclosing *x) {
     const aom_enclosure *e = x->e;
-    double h = x->h, sum = 0.0;
+    double sum = 0.0, own[2];
 
     for (int j = 0; j < e->n_modes; j++) {
-        double w = e->omega[j], rate = 0.0, turning = 0.0;
-        if (w == 0.0 || e->brake[j] == 0.0)
+        double square = e->omega[j] * e->omega[j];
+        if (e->brake[j] == 0.0 || square == 0.0)
+            continue;
+        own_motion(x, j, own);
+        double way = x->h * larger(fabs(own[1]), fabs(own[1] + x->h * x->f2[j] / square));
+        for (int i = 0; i < 2; i++) {
+            part at = x->ringing[2 * j + i];
+            way += at.size * (at.decays ? smaller(at.rate * x->h, 1.0) : at.rate * x->h);
+        }
+        sum += e->brake[j] * way;
+    }
+    return sum;
+}
+
+/* The integral of what brakes the modes that follow their forces, by Cauchy and Schwarz. */
+static double held_back(const enclosing *x) {
+    const aom_enclosure *e = x->e;
+    double sums[3] = {0.0, 0.0, 0.0};
+
+    for (int j = 0; j < e->n_modes; j++) {
+        double square = e->omega[j] * e->omega[j], lag = e->lag[j];
+        if (lag == 0.0)
             continue;
         for (int i = 0; i < 2; i++) {
             part at = x->ringing[2 * j + i];
-            rate += at.size * at.rate;
-            turning += at.size * at.rate * at.rate;
+            double brake = lag * square * at.v;
+            sums[i] += brake * brake * smaller(x->h, 0.5 / at.rate);
         }
-        turning += fabs(x->f2[j]) / (w * w);
-        sum += e->brake[j] * smaller(0.25 * h * turning, 2.0 * rate);
+        double steady = lag * (2.0 * e->decay[j] / square - lag) * x->f2[j];
+        sums[2] += x->h * steady * steady;
     }
-    return h * sum;
+    return sqrt(x->h) * (sqrt(sums[0]) + sqrt(sums[1]) + sqrt(sums[2]));
 }
 
 /* Values and rates of the channels at one end of a piece, and what rings in the modes there. */
@@ -479,8 +551,11 @@ static void bound_channels(enclosing *x) {
             for (int i = 0; i < 2; i++) {
                 part each = x->ringing[2 * j + i];
                 double most = each.size * (fabs(y[j]) + fabs(y[J + j]) * each.rate);
-                if (each.decays)
+                if (each.decays) {
                     most = fabs(y[j] * each.q + y[J + j] * each.v);
+                    if (!resolved(x, &each)) /* the root of its mean square */
+                        most *= sqrt(0.5 / (each.rate * x->h));
+                }
                 double square = each.rate * each.rate;
                 if (resolved(x, &each))
                     at->fourth += most * square * square;
@@ -591,9 +666,9 @@ static bool over_piece(enclosing *x, double jump) {
     read_channels(x, 0);
     bound_modes(x);
     bound_channels(x);
-    double source = jump + braked_at_end(x) + braked_between(x);
+    double source = jump + braked(x) + held_back(x);
     advance(x);
-    observe(x);
+    observe(x, 1);
     read_channels(x, 1);
 
     for (int c = 0; c < e->n_contacts; c++) {
@@ -603,8 +678,7 @@ static bool over_piece(enclosing *x, double jump) {
             at->jerk += fabs(e->beta[c * e->n_modes + j]) * x->third[j];
         bound_piece(e->laws + c, x->h, at);
     }
-    source += driven(x) + braked_at_end(x);
-    return bound_energy(x, source, fed(x));
+    return bound_energy(x, source + driven(x), fed(x));
 }
 
 /* The largest force and error of the impulse in a piece. */
@@ -642,19 +716,16 @@ static void record_node(enclosing *x, int64_t node) {
         x->end[c] = at->force_rate[1];
     }
     e->clock[node] = x->t;
-    *e->energy = x->bound;
     *e->reached = node;
 }
 
 /* A step without length. */
 static void repeat_node(const enclosing *x, int64_t node) {
     const aom_enclosure *e = x->e;
-    int64_t m = e->n_contacts;
+    size_t m = (size_t)e->n_contacts, before = (size_t)(node - 1) * m;
 
-    for (int64_t i = node * m; i < (node + 1) * m; i++) {
-        e->upper[i] = e->upper[i - m];
-        e->lower[i] = e->lower[i - m];
-    }
+    memcpy(e->upper + before + m, e->upper + before, sizeof(double) * m);
+    memcpy(e->lower + before + m, e->lower + before, sizeof(double) * m);
     e->clock[node] = x->t;
     *e->reached = node;
 }
@@ -669,6 +740,8 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
             repeat_node(&x, node + 1);
             continue;
         }
+        if (node % 2 == 0)
+            foresee(&x, node);
         divide(&x, node);
         double jump = jumped(&x);
         for (int64_t i = 0; i < x.count; i++) {

@@ -77,7 +77,9 @@ def misses(part: Assembled, recurrence: Recurrence, damping: ao.Damping) -> list
     F = [rng.normal(size=(p, 50)) * scale**i for i in range(3)]
     q = [rng.normal(size=(size, 50)) * scale ** (i - 2) for i in range(2)]
     b = [U.T @ B @ f for f in F]
-    q.append(b[0] - x * q[0] - 2 * d * q[1])
+    lag = np.where(part.omega > np.median(part.omega), 2.5 / np.maximum(part.omega, 1.0), 0.0)
+    held = lag[:, None] * (x * q[1] - b[1])
+    q.append(b[0] - x * q[0] - 2 * d * q[1] - held)
 
     # the load that the motion leaves, and the lift, under which the structure takes what K and
     # inertia leave of it
@@ -93,13 +95,14 @@ def misses(part: Assembled, recurrence: Recurrence, damping: ao.Damping) -> list
     phi += s * damping.beta * modes.residual @ (stiff * q[1])
     psi = modes.residual @ b[1]
     load = M @ W @ phi + damping.beta * K @ W @ psi + 2 * damping.ratio * M @ part.root @ W @ f[1]
+    load += M @ U @ held
     load -= 2 * M @ (damping.ratio * part.root @ U @ q[1] - U @ (ratio * q[1]))
 
     # its norms
     state = np.array([*q[:2], *b])
     drive, lost = (
         np.sum(np.einsum("kij,ijt->kt", rows, state) ** 2, axis=0)
-        for rows in (modes.drive(damping), modes.losses(damping))
+        for rows in (modes.drive(damping, lag), modes.losses(damping))
     )
     true_drive = np.sum(W @ phi * (M @ W @ phi), axis=0)
     true_lost = damping.beta / 4 * np.sum(W @ psi * (K @ W @ psi), axis=0)

@@ -14,7 +14,7 @@ The difference D of two indentations, of an energy below E and P = ∫√(2E) dt
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import addressof, byref
+from ctypes import POINTER, addressof, byref, c_double, cast
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -39,9 +39,8 @@ from antiosc.models.recurrence import ReferenceModes
 UNPREDICTED = 0.2
 #: Share of the largest force by which rounding may move a bound.
 ROUNDING = 1e-8
-#: Pieces of time in a contact, at least and at most, and phase of the fastest mode in one.
-PIECES = 100, 250
-PHASE = 2.0
+#: Pieces of time in a contact, at least.
+PIECES = 100
 #: Times, over that of the run, at which the largest difference of indentations is known.
 HALVES = 2.0 ** np.arange(-16, 0.25, 0.25)
 #: Error of k0 and of the mass that tells a recurrence of another structure.
@@ -91,12 +90,14 @@ class Enclosure(FieldsRepr):
 class _Body(NamedTuple):
     """A body in its reference modes: frequencies, decay, columns of the contacts, load, start.
 
-    modes : those with the residual; None of a rigid body. compliance : (m,) [m/N] of the contacts
-    under a constant force, if it is finite.
+    lag : of modes that follow their force (`ReferenceModes.drive`), 0 of the others. modes : those
+    with the residual; None of a rigid body. compliance : (m,) [m/N] of the contacts under a
+    constant force, if it is finite.
     """
 
     omega: Array
     decay: Array
+    lag: Array
     beta: Array
     load: Array
     v: Array
@@ -118,14 +119,13 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
     most = [_most_vectors(body) for body in bodies]
 
     longest = max(most)
-    counts = [max(longest - less, 1) for less in range(SHORTENED)]
-    if tol:
-        counts = [n for n in GROWING if n < longest] + counts
+    counts = [n for n in GROWING if n < longest] if tol else []
 
     best: tuple[Enclosure, ...] = ()
-    for count in counts:
+    fastest = FOLLOWING / assembly.contact_time_estimate
+    for count in [*counts, longest]:
         parts = [
-            _reference(assembly, body, span, min(count, n))
+            _reference(assembly, body, span, min(count, n), fastest)
             for body, span, n in zip(bodies, sizes, most, strict=True)
         ]
         found = _enclosed(assembly, run, parts, [law for law, _ in laws], count)
@@ -144,8 +144,11 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
     return best
 
 
-#: Numbers of vectors that are tried, from all of them down, and up to a tolerance.
-SHORTENED = 2
+#: Phase in a contact beyond which a mode of the reference follows its force (25 and 100 made the
+#: bounds of five parts wider), and the decay of such a mode over its frequency.
+FOLLOWING = 50.0
+BRAKED = 1.3
+#: Numbers of vectors that are tried up to a tolerance.
 GROWING = (4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 85, 113, 150, 200, 266)
 
 
@@ -192,19 +195,12 @@ def _law(law: ContactLaw) -> tuple[ContactLaw, float]:
     if kind in (library.LINEAR, library.HERTZ) or (kind == library.POWER and compliance == 0.0):
         return law, np.inf
     if kind in YIELDING:
-        k, limit = (float(x) for x in np.ctypeslib.as_array(_doubles(kernel), (2,)))
+        k, limit = cast(kernel.params, POINTER(c_double))[:2]
         return Hertz(k, compliance), k * limit**1.5
     raise _refused(
         f"a convex law without memory and damping (Hertz, Linear, Power), and {type(law).__name__}"
         " is none."
     )
-
-
-def _doubles(kernel: library.CLaw) -> object:
-    """The parameters of a law in C as a pointer to numbers."""
-    from ctypes import POINTER, c_double, cast
-
-    return cast(kernel.params, POINTER(c_double))
 
 
 def _most_vectors(body: SceneBody) -> int:
@@ -239,13 +235,13 @@ def _most_vectors(body: SceneBody) -> int:
     )
 
 
-def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _Body:
+def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int, fastest: float) -> _Body:
     """A body of the run in its reference modes; rigid bodies as they are."""
     system = assembly.system
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
     inner = getattr(body.body, "body", body.body)
     if not isinstance(inner, AntiOscillators):
-        return _Body(body.omega, 0 * body.omega, beta, load, v)
+        return _Body(body.omega, 0 * body.omega, 0 * body.omega, beta, load, v)
 
     assert inner.recurrence is not None
     B = body.B
@@ -268,10 +264,13 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _Bod
         moved[rigid] = np.linalg.lstsq(modes.b[rigid].T, motion, rcond=None)[0]
         return moved
 
+    decay = damping.decay(modes.omega)
+    held = np.where(modes.omega > fastest, np.maximum(BRAKED * modes.omega, decay), decay)
     supported = None if rigid.any() else np.linalg.solve(inner.recurrence.k0, scale.T)
     return _Body(
         modes.omega,
-        damping.decay(modes.omega),
+        held,
+        2 * (held - decay) / np.where(rigid, 1.0, modes.omega) ** 2,
         scale @ modes.b.T,
         of_rigid(load),
         of_rigid(v),
@@ -310,12 +309,18 @@ def _channels(bodies: Sequence[_Body]) -> tuple[Array, Array, Array]:
     for body, place in zip(bodies, places, strict=True):
         if body.modes is None:
             continue
-        rows.append(at(place, body.modes.drive(body.damping)))
-        if body.decay.any():
+        rows.append(at(place, body.modes.drive(body.damping, body.lag)))
+        if body.damping.decay(body.omega).any():
             losses.append(at(place, body.modes.losses(body.damping)))
             brake[place] = body.modes.brake(body.damping)
 
-    return np.concatenate(rows), np.concatenate(losses), brake
+    # of the force that a mode feels, with its lag times its rate
+    channels = np.concatenate([*rows, *losses])
+    lag = np.concatenate([body.lag for body in bodies])
+    channels[:, 4] -= lag * (channels[:, 3] - lag * channels[:, 2])
+    channels[:, 3] -= lag * channels[:, 2]
+    drives = sum(len(own) for own in rows)
+    return channels[:drives], channels[drives:], brake
 
 
 def _enclosed(
@@ -323,9 +328,9 @@ def _enclosed(
 ) -> tuple[Enclosure, ...]:
     """The bounds of a run by the reference modes of its bodies."""
     m = len(laws)
-    omega, decay, load, v = (
+    omega, decay, lag, load, v = (
         np.concatenate([getattr(body, name) for body in bodies])
-        for name in ("omega", "decay", "load", "v")
+        for name in ("omega", "decay", "lag", "load", "v")
     )
     beta = np.ascontiguousarray(np.hstack([body.beta for body in bodies]))
     spans = float(run.time[-1]) * (1 + ROUNDING) * HALVES
@@ -337,14 +342,12 @@ def _enclosed(
     lower = np.zeros((nodes, m))
     upper = np.full((nodes, m), np.inf)
     time, peak, impulse = np.array(run.time), np.zeros((m, 2)), np.zeros((m, 2))
-    energy, reached = np.zeros(1), np.zeros(1, dtype=np.int64)
-    inputs = [omega, decay, load, np.zeros_like(omega), v, beta]
-    inputs += [assembly.system.offsets[0, :m].copy(), np.concatenate([rows, losses]), brake]
+    reached = np.zeros(1, dtype=np.int64)
+    inputs = [omega, decay, load, v, beta]
+    inputs += [assembly.system.offsets[0, :m].copy(), np.concatenate([rows, losses]), brake, lag]
     times, forces = np.ascontiguousarray(run.time), np.ascontiguousarray(run.force[:, :m])
-    outputs = [time, lower, upper, peak, impulse, energy, reached]
+    outputs = [time, lower, upper, peak, impulse, reached]
 
-    fastest = PHASE / omega.max()
-    longest = np.clip(fastest, *assembly.contact_time_estimate / np.array(PIECES[::-1]))
     problem = library.CEnclosure(
         omega.size,
         len(rows),
@@ -355,7 +358,7 @@ def _enclosed(
         library.address(spans),
         library.address(kappa),
         addressof(kernels),
-        longest,
+        assembly.contact_time_estimate / PIECES,
         nodes,
         *map(library.address, [times, forces, *outputs]),
     )

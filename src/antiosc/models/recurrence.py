@@ -72,15 +72,18 @@ class ReferenceModes:
         """WᵀKW (k, k)."""
         return np.eye(len(self.inertia)) - self.shift * self.inertia
 
-    def drive(self, damping: Damping) -> Array:
-        """M^(1/2) W (f'' + αf' - sf + ...) by q, v, the modal force, two rates, (k, 5, J)."""
+    def drive(self, damping: Damping, lag: Array) -> Array:
+        """M^(1/2) W (f'' + αf' - sf + ...) by q, v, the modal force, two rates, (k, 5, J).
+
+        lag : (J,) q'' = force - ω²q - 2 decay q' - lag (ω²q' - the force's rate).
+        """
         s, stiff = self.shift, self.omega**2 + self.shift
-        by_v = stiff * (damping.beta * stiff + 2 * _ratio(damping) * self.omega)
+        by_v = damping.beta * stiff + 2 * _ratio(damping) * self.omega + lag * self.omega**2
         by: dict[int, Array | float] = {
             0: stiff**2,
-            1: by_v,
+            1: stiff * by_v,
             2: -stiff - s,
-            3: damping.alpha,
+            3: damping.alpha - stiff * lag,
             4: 1.0,
         }
         return self._rows(self.inertia, by)
