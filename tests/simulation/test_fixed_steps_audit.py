@@ -47,7 +47,7 @@ def nodes(name: str, method: str) -> Nodes:
     made = assemble_scene(scene(), duration)
     set_initial_forces(made)
     s = made.system
-    found = fixed_steps(method, s, made.laws, duration / STEPS, duration, (1000, 1000))
+    found = fixed_steps(method, s, duration / STEPS, duration, (1000, 1000))
     assert found.answer == library.DONE
     t, force = found.time[::2], found.force[::2]
     mean = (force[:-1] + 4 * found.force[1::2] + force[1:]) / 6  # what the parabolas give

@@ -79,20 +79,35 @@ SWEEP_TOL = 1e-13  # change of a force in a sweep, relative to the largest
 MOST_SWEEPS = 500
 
 
+class Ends(NamedTuple):
+    """Forces, indentations and their rates (m,) at the end of a step."""
+
+    force: Array
+    delta: Array
+    rate: Array
+
+
 class Contacts:
     """The contacts of a run: whether each is closed, the state of its law, and the events.
 
-    events : rows [time, contact, 0 parts or 1 touches, closing speed].
+    events : rows [time, contact, 0 parts or 1 touches, closing speed]. R : (m, m) [m/N] compliance
+    without inertia. slowest : least speeds (m,) [m/s] of a touch.
     """
 
-    def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:
-        self.system = system
+    def __init__(
+        self,
+        laws: Sequence[ContactLaw],
+        R: Array,
+        closed: Sequence[bool],
+        slowest: Sequence[float] | Array,
+    ) -> None:
         self.laws = laws
-        self.closed = system.closed.tolist()
+        self.R = R
+        self.closed = list(closed)
+        self.slowest = slowest
         # none before the first touch
         self.states: list[Any] = [
-            law.touch(0.0) if closed else None
-            for law, closed in zip(laws, self.closed, strict=True)
+            laws[c].touch(0.0) if closed else None for c, closed in enumerate(self.closed)
         ]
         self.events: list[tuple[float, int, int, float]] = []
         self.touches = 0
@@ -109,7 +124,7 @@ class Contacts:
 
     def touch(self, c: int, t: float, speed: float) -> None:
         """Close a contact at its closing speed [m/s]."""
-        speed = max(speed, float(self.system.slowest[c]))
+        speed = max(speed, float(self.slowest[c]))
         self.states[c] = self.laws[c].touch(speed, self.states[c])
         self.closed[c] = True
         self.touches += 1
@@ -120,10 +135,31 @@ class Contacts:
         self.closed[c] = False
         self.events.append((t, c, 0, 0.0))
 
-    def advance(self, delta: Array, rate: Array) -> None:
-        """Update the states of the laws after a step, from indentations and rates (m,)."""
+    def end_of_step(
+        self, t: float, h: float, last: Ends, free: Array, speed: Array, A: Array, A_rate: Array
+    ) -> Ends:
+        """The end of a step of length h from t, of which `last` is the start.
+
+        free, speed : indentations and rates there without its forces; A, A_rate : what a force
+        takes from them, and from rates also by the change of the force.
+        """
+        for c, closed in enumerate(self.closed):
+            origin = self.origin(c)
+            if not closed and free[c] > origin:
+                share = _crossing(last.delta[c], free[c], origin)
+                closing = last.rate[c] + share * (speed[c] - last.rate[c])
+                self.touch(c, t + share * h, float(closing))
+
+        rate = speed + self.R @ last.force / h
+        F = self.forces(free, A, rate, A_rate)
+        end = Ends(F, free - A @ F, rate - A_rate @ F)
+
         for c in self.active:
-            self.states[c] = self.laws[c].advance(float(delta[c]), float(rate[c]), self.states[c])
+            moved = float(end.delta[c]), float(end.rate[c])
+            self.states[c] = self.laws[c].advance(*moved, self.states[c])
+            if F[c] == 0.0 and end.delta[c] <= (origin := self.origin(c)):
+                self.part(c, t + _crossing(last.delta[c], end.delta[c], origin) * h)
+        return end
 
     def forces(self, free: Array, A: Array, rate: Array, A_rate: Array) -> Array:
         """F (m,) with F = law(free - A F, rate - A_rate F) of the closed contacts, by sweeps."""
@@ -147,9 +183,13 @@ class Contacts:
         )
 
 
-def _run(contacts: Contacts, nodes: tuple[Array, ...], answer: int, steps: int) -> Run:
+def contacts_of(s: System) -> Contacts:
+    """The contacts of a system at its start."""
+    return Contacts(s.laws, s.R, s.closed.tolist(), s.slowest)
+
+
+def _run(s: System, contacts: Contacts, nodes: tuple[Array, ...], answer: int, steps: int) -> Run:
     """The run with these nodes (time, force, depth, states)."""
-    s = contacts.system
     events = np.array(contacts.events, dtype=float).reshape(-1, 4)
     start = s.contact_energy + float(library.energies(nodes[3][:1], s.omega)[0])
     time, force, depth, states = nodes
@@ -199,23 +239,8 @@ def leapfrog(s: System, h: float) -> tuple[Array, Array, Predict]:
 FIXED_STEPS = {"newmark": newmark, "leapfrog": leapfrog}
 
 
-class StepState(NamedTuple):
-    """State, forces, indentations and rates at the end of a step."""
-
-    q: Array
-    v: Array
-    force: Array
-    delta: Array
-    rate: Array
-
-
 def fixed_steps(
-    method: str,
-    s: System,
-    laws: Sequence[ContactLaw],
-    step: float,
-    duration: float,
-    limits: tuple[int, int],
+    method: str, s: System, step: float, duration: float, limits: tuple[int, int]
 ) -> Run:
     """A run in equal steps of at most `step` [s]."""
     count = ceil(duration / step * (1 - 1e-12))
@@ -227,10 +252,11 @@ def fixed_steps(
     A = s.R + less @ s.beta.T
     A_rate = slower @ s.beta.T + s.R / h
 
-    contacts = Contacts(s, laws)
+    contacts = contacts_of(s)
+    q, v = s.q, s.v
     force = np.asarray(s.pressed, dtype=float)
-    node = StepState(s.q, s.v, force, s.beta @ s.q - gaps[0] - s.R @ force, s.beta @ s.v)
-    nodes = [node]
+    end = Ends(force, s.beta @ q - gaps[0] - s.R @ force, s.beta @ v)
+    states, ends = [(q, v)], [end]
     status = library.DONE
     for k in range(count):
         if k >= limits[1]:
@@ -238,33 +264,20 @@ def fixed_steps(
         if status != library.DONE:
             break
 
-        q, v = predict(node.q, node.v, loads[k] - node.force @ s.beta, loads[k + 1])
+        q, v = predict(q, v, loads[k] - end.force @ s.beta, loads[k + 1])
         free = s.beta @ q - gaps[k + 1]
-        speed = s.beta @ v
-        for c, law_closed in enumerate(contacts.closed):
-            origin = contacts.origin(c)
-            if not law_closed and free[c] > origin:
-                share = _crossing(node.delta[c], free[c], origin)
-                closing = node.rate[c] + share * (speed[c] - node.rate[c])
-                contacts.touch(c, times[k] + share * h, float(closing))
+        end = contacts.end_of_step(times[k], h, end, free, s.beta @ v, A, A_rate)
+        q, v = q - end.force @ less, v - end.force @ slower
 
-        rate = speed + s.R @ node.force / h
-        F = contacts.forces(free, A, rate, A_rate)
-        new = StepState(q - F @ less, v - F @ slower, F, free - A @ F, rate - A_rate @ F)
-        contacts.advance(new.delta, new.rate)
-        for c in contacts.active:
-            if F[c] == 0.0 and new.delta[c] <= (origin := contacts.origin(c)):
-                contacts.part(c, times[k] + _crossing(node.delta[c], new.delta[c], origin) * h)
-
-        if not np.isfinite(F).all():
+        if not np.isfinite(end.force).all():
             status = library.GREW
         elif contacts.touches > limits[0]:
             status = library.TOO_MANY_CONTACTS
-        node = new
-        nodes.append(node)
+        states.append((q, v))
+        ends.append(end)
 
-    arrays = _with_middles(times[: len(nodes)], nodes)
-    return _run(contacts, arrays, status, len(nodes) - 1)
+    arrays = _with_middles(times[: len(ends)], ends)
+    return _run(s, contacts, (*arrays, np.array(states)), status, len(ends) - 1)
 
 
 def _crossing(before: float, after: float, origin: float) -> float:
@@ -274,8 +287,8 @@ def _crossing(before: float, after: float, origin: float) -> float:
     return min(max((before - origin) / (before - after), 0.0), 1.0)
 
 
-def _with_middles(times: Array, nodes: Sequence[StepState]) -> tuple[Array, ...]:
-    """Time, force, depth, states of a run; a parabola has the mean of the forces of its ends."""
+def _with_middles(times: Array, nodes: Sequence[Ends]) -> list[Array]:
+    """Time, force and depth of a run; a parabola has the mean of the forces of its ends."""
     columns = [times, [n.force for n in nodes], [n.delta for n in nodes]]
     arrays = []
     for ends in map(np.asarray, columns):
@@ -284,7 +297,7 @@ def _with_middles(times: Array, nodes: Sequence[StepState]) -> tuple[Array, ...]
         values[1::2] = (ends[:-1] + ends[1:]) / 2
         arrays.append(values)
 
-    return *arrays, np.array([(n.q, n.v) for n in nodes])
+    return arrays
 
 
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
@@ -307,7 +320,7 @@ def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> 
         )
 
     def run_with(h: float) -> Run:
-        return fixed_steps(method, s, assembly.laws, h, duration, settings.limits)
+        return fixed_steps(method, s, h, duration, settings.limits)
 
     if settings.step is not None:
         return Converged(run_with(step), step, 0.0, 0.0, duration)
@@ -366,18 +379,16 @@ def _by_solve_ivp(assembly: Assembly, duration: float, settings: Settings) -> Co
             )
 
     longest = settings.step or IVP_STEP * assembly.contact_time_estimate
-    solver = Solver(assembly.system, assembly.laws, settings, longest)
+    solver = Solver(assembly.system, settings, longest)
     return Converged(solver.run(duration), longest, 0.0, 0.0, duration)
 
 
 class Solver:
     """`solve_ivp` from event to event: a contact touches or parts, a load has a corner."""
 
-    def __init__(
-        self, system: System, laws: Sequence[ContactLaw], settings: Settings, longest: float
-    ) -> None:
+    def __init__(self, system: System, settings: Settings, longest: float) -> None:
         self.system = system
-        self.contacts = Contacts(system, laws)
+        self.contacts = contacts_of(system)
         self.settings = settings
         self.longest = longest
         self.evaluations = 0
@@ -412,7 +423,7 @@ class Solver:
 
         columns = zip(*pieces, strict=True)
         nodes = [np.concatenate([first, *(more[1:] for more in rest)]) for first, *rest in columns]
-        return _run(self.contacts, tuple(nodes), status, steps)
+        return _run(s, self.contacts, tuple(nodes), status, steps)
 
     def at(self, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
         """Indentations without contact forces, their rates, the forces and the loads at time t."""

@@ -6,7 +6,7 @@ one solve with A and one scalar equation of the contact law.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar, cast
 
@@ -17,13 +17,14 @@ from antiosc.base._types import Array
 from antiosc.base.clock import clock
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.texts import plain
-from antiosc.engine.contact import ContactLaw, State
+from antiosc.engine.contact import ContactLaw
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.forecast import BYTES, seconds_of_steps
 from antiosc.fem.linalg.solver import Factorization
 from antiosc.fem.linalg.solver_choice import factorize, forecast_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
+from antiosc.impact.reference import Contacts, Ends
 from antiosc.impact.states import main_contact_time
 from antiosc.models.modal import ModalBody
 from antiosc.reduce.site import Site, functional
@@ -60,11 +61,14 @@ class Blow:
 
 
 class Curve(NamedTuple):
-    """A computed contact: times (n,) [s], forces [N], indentations above the law's origin [m]."""
+    """A computed contact: times (n,) [s], forces [N], indentations [m], and the start and the end
+    of each contact [s].
+    """
 
     time: Array
     force: Array
     depth: Array
+    contacts: Sequence[tuple[float, float]]
 
 
 class Outcome(NamedTuple):
@@ -152,77 +156,41 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
     comm = blow.structure.comm
     flexibility = A.solve(blow.b)
     by_force = h**2 / (4 * blow.mass)  # displacement of the impactor at the end of a step
-    contact = _Contact(blow, float(dot(comm, blow.b, flexibility)) + by_force, blow.speed)
+    alpha = np.array([[float(dot(comm, blow.b, flexibility)) + by_force]])
+    alpha_rate = 2 / h * alpha
+    contacts = Contacts([blow.law], np.zeros((1, 1)), [False], [0.0])
+    end = Ends(np.zeros(1), np.array([-blow.gap]), np.array([blow.speed]))
+    ends = [end]
 
     u, v, a = np.zeros((3, len(blow.b)))
     x, speed, acceleration = 0.0, blow.speed, blow.acceleration
-    for _ in range(blow.steps):
+    for k in range(blow.steps):
         inertia_terms = 4 / h**2 * u + 4 / h * v + a
         of_impactor = 4 / h**2 * x + 4 / h * speed + acceleration
         u = A.solve(multiply(mass_matrix, inertia_terms))
         x = h**2 / 4 * (of_impactor + blow.acceleration)
 
-        force = contact.step(x - float(dot(comm, blow.b, u)))
+        free = np.array([x - float(dot(comm, blow.b, u)) - blow.gap])
+        rate = 2 / h * (free - end.delta) - end.rate
+        end = contacts.end_of_step(k * h, h, end, free, rate, alpha, alpha_rate)
+        ends.append(end)
+        (force,) = end.force.tolist()
         u += force * flexibility
         x -= force * by_force
         v, a = _rates(h, u, inertia_terms, v, a)
         speed, acceleration = _rates(h, x, of_impactor, speed, acceleration)
 
-    return Curve(*np.array(contact.nodes).T)
+    time = h * np.arange(blow.steps + 1)
+    times = [t for t, *_ in contacts.events]
+    lasts = zip(times[::2], [*times[1::2], float(time[-1])], strict=False)
+    force, depth = (np.array([getattr(e, name)[0] for e in ends]) for name in ("force", "delta"))
+    return Curve(time, force, depth, list(lasts))
 
 
 def _rates(h: float, new: M, inertia_terms: M, v: M, a: M) -> tuple[M, M]:
     """Velocity and acceleration at the end of a step."""
     new_acceleration = 4 / h**2 * new - inertia_terms
     return v + h / 2 * (a + new_acceleration), new_acceleration
-
-
-class _Contact:
-    """The contact law in time: `closing` [m] is how far the bodies have approached, `rate` [m/s].
-
-    alpha : decrease [m/N] of `closing` at the end of a step by a unit force there.
-    """
-
-    def __init__(self, blow: Blow, alpha: float, speed: float) -> None:
-        self.blow = blow
-        self.alpha = alpha
-        self.closing = 0.0
-        self.rate = speed
-        self.closed = False
-        self.state: State | None = None
-        self.nodes = [(0.0, 0.0, -blow.gap)]
-
-    def step(self, closing: float) -> float:
-        """The force [N] at the end of a step that without it ends with this `closing`."""
-        h = self.blow.step
-        law = self.blow.law
-        alpha = self.alpha
-        free = closing - self.blow.gap
-        rate = 2 / h * (closing - self.closing) - self.rate
-        origin = law.origin(self.state) if self.state is not None else 0.0
-        force = 0.0
-        if self.closed or free > origin:
-            self._touch(free - origin, rate)
-            assert self.state is not None
-            guess = self.nodes[-1][1]
-            force = law.implicit(free, alpha, rate, 2 / h * alpha, self.state, guess)
-            free -= alpha * force
-            self.closed = force > 0 or free > origin
-            self.state = law.advance(free, rate - 2 / h * alpha * force, self.state)
-            origin = law.origin(self.state)
-
-        self.closing = closing - alpha * force
-        self.rate = rate - 2 / h * alpha * force
-        self.nodes.append((self.nodes[-1][0] + h, force, free - origin))
-        return force
-
-    def _touch(self, depth: float, rate: float) -> None:
-        """Begin a contact at the time within the step at which the bodies meet."""
-        if self.closed:
-            return
-        last_depth = min(self.nodes[-1][2], 0.0)
-        speed = self.rate + last_depth / (last_depth - depth) * (rate - self.rate)
-        self.state = self.blow.law.touch(max(speed, 0.0), self.state)
 
 
 @dataclass(frozen=True)
@@ -236,9 +204,9 @@ class Figures:
 
 def figures(curve: Curve) -> Figures:
     """The figures of a curve: its peak by a parabola, its impulse by trapezoids."""
-    time, force, _ = curve
+    time, force, *_ = curve
     impulses = np.append(0.0, np.cumsum(np.diff(time) * (force[1:] + force[:-1]) / 2))
-    contacts = np.reshape(_contacts(curve), (-1, 2))
+    contacts = np.reshape(curve.contacts, (-1, 2))
     gains = np.diff(np.interp(contacts, time, impulses), axis=1)
     main_time = main_contact_time(np.hstack([contacts, gains]).tolist())
     return Figures(_peak(force), float(impulses[-1]), main_time)
@@ -253,20 +221,3 @@ def _peak(force: Array) -> float:
     curvature = last_force - 2 * peak + next_force
     slope = (next_force - last_force) / 2
     return float(peak - slope**2 / (2 * curvature)) if curvature else float(peak)
-
-
-def _contacts(curve: Curve) -> list[tuple[float, float]]:
-    """(start, end) of each contact, interpolated."""
-    time, _, depth = curve
-    in_contact = np.concatenate([[False], depth[1:] > 0, [False]])
-    starts = np.flatnonzero(~in_contact[:-1] & in_contact[1:])
-    ends = np.flatnonzero(in_contact[:-1] & ~in_contact[1:])
-
-    def crossing(k: int) -> float:
-        """When the depth is zero between nodes k and k + 1; the end of the curve at the last."""
-        if k + 1 == len(time):
-            return float(time[k])
-        share = np.clip(depth[k] / (depth[k] - depth[k + 1]), 0.0, 1.0)
-        return float(time[k] + share * (time[k + 1] - time[k]))
-
-    return [(crossing(k), crossing(m)) for k, m in zip(starts, ends, strict=True)]
