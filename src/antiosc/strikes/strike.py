@@ -2,11 +2,11 @@
 
 Each round meshes, extracts, simulates and computes the error budget. The result is that of the
 corrected model. If the mesh error is too large and can be reduced, the next mesh has the cell sizes
-that reduce it with the fewest cells (`antiosc.reduce.error.remeshing`). From the second mesh on,
-the change from one mesh to the next may reduce the error bar of the mesh; on lines it is the least
-bar. The errors of cells are weighted for this impact, by the mean over the contact of the
-amplitudes of all shapes, so that cells become small where this impact requires it. Anti-oscillators
-and time steps may each use a small share of the tolerance, so that neither is finer than necessary.
+that reduce it with the fewest cells (`antiosc.reduce.error.remeshing`). On lines the change from
+one mesh to the next is the least bar. The errors of cells are weighted for this impact, by the mean
+over the contact of the amplitudes of all shapes, so that cells become small where this impact
+requires it. Anti-oscillators and time steps may each use a small share of the tolerance, so that
+neither is finer than necessary.
 """
 
 from __future__ import annotations
@@ -58,8 +58,6 @@ from antiosc.strikes.advice import advise
 AIM = 0.8
 #: Least share of the tolerance that is left for the mesh.
 LEAST_ROOM = 0.05
-#: A tolerance over what does not depend on the mesh, which leaves the other half for it.
-REACHABLE = 2.0
 #: Largest goal of a further mesh over the present error: a smaller step is not worth a mesh.
 LEAST_STEP = 0.8
 #: Factor by which the goal of each further mesh is lowered, since the previous one missed it.
@@ -90,12 +88,6 @@ COARSEST_TIME = 1e-3
 FIRST_N = 20
 #: Largest number of anti-oscillators.
 MOST_N = 300
-#: Least share of the usual bar of a mesh that a comparison with the previous mesh leaves.
-LEAST_SHARE = 0.6
-#: Largest ratio of the bars of both meshes for which they are compared, …
-CLOSER = 0.8
-#: … and least ratio of their dofs: another mesh with as many dofs shows no convergence.
-FINER = 1.5
 #: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
 NEGLIGIBLE = 1e-8
 
@@ -260,7 +252,8 @@ def struck(
         while True:
             structure = Structure(mesh, material, supports, order=order, prestress=prestress)
             result = answered(structure, site, run, tol, n)
-            result = changed_since(result, before) if mesh.tdim == 1 else compared(result, before)
+            if mesh.tdim == 1:
+                result = changed_since(result, before)
             before = result
             if report is not None:
                 report(result, site)
@@ -421,24 +414,6 @@ def accuracy_of_steps(tol: float) -> float:
 Seen: TypeAlias = Callable[[Answer, Site], None]
 
 
-def compared(answer: Answer, before: Answer | None) -> Answer:
-    """The answer with a smaller mesh error, if the previous mesh justifies it.
-
-    The corrected models of both meshes differ by Δ; the error bars of the meshes are b and b' < b.
-    If both errors are the same share of their bars, this share is at most Δ / (b - b'). Twice this
-    share, and at least `LEAST_SHARE`, is taken.
-    """
-    if before is None or max(before.budget.safety, answer.budget.safety) > SAFETY:
-        return answer
-    last_bar, bar = (max(bar.mesh for bar in result.budget.values()) for result in (before, answer))
-    if bar > CLOSER * last_bar or answer.structure.dofs < FINER * before.structure.dofs:
-        return answer
-    mesh_change = max(changes(before.hit, answer.hit).values())
-    share = float(np.clip(2 * mesh_change / (last_bar - bar), LEAST_SHARE, 1.0))
-    bars = {name: replace(bar, mesh=share * bar.mesh) for name, bar in answer.budget.items()}
-    return replace(answer, budget=replace(answer.budget, bars=bars))
-
-
 def changed_since(answer: Answer, before: Answer | None) -> Answer:
     """The answer on a mesh of lines, with errors of at least the change from the previous mesh.
 
@@ -504,17 +479,12 @@ def _next(
 ) -> tuple[Array, str]:
     """(ratio of new to old cell sizes, or the reason for no further mesh).
 
-    If what does not depend on the mesh leaves too little of `tol`, meshes are made finer up to
-    `REACHABLE` times that. `asked`: the tolerance that the reason names.
+    `asked`: the tolerance that the reason names.
     """
     allowed = _room(answer.budget, tol)
-    resolved = all(bar.stretch and bar.mesh <= allowed[name] for name, bar in answer.budget.items())
-    if not resolved and min(allowed.values()) < LEAST_ROOM * tol:
-        tol = REACHABLE * max(bar.time + bar.patch + bar.stretch for bar in answer.budget.values())
-        allowed = _room(answer.budget, tol)
-        resolved = answer.budget.numerical <= tol
-    if resolved:
+    if min(allowed.values()) < LEAST_ROOM * tol:
         return np.ones(0), _no_room(answer, asked)
+
     truncation = max(bar.truncation for bar in answer.budget.values())
     if answer.n >= MOST_N and truncation > TRUNCATION_SHARE * tol:
         return np.ones(0), (
@@ -572,16 +542,13 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
 def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     """Share of the tolerance that is left for the mesh, for each quantity.
 
-    The next mesh takes more anti-oscillators if the truncation error requires it. The error due to
-    second-order forces is not deducted if it leaves too little of the tolerance for the mesh.
+    The next mesh takes more anti-oscillators if the truncation error requires it.
     """
-    room = {}
-    for name, bar in budget.items():
-        truncation = min(bar.truncation, TRUNCATION_SHARE * tol)
-        allowed = AIM * (tol - bar.time - bar.patch) - truncation
-        remaining = allowed - AIM * bar.stretch
-        room[name] = allowed if bar.stretch and remaining < LEAST_ROOM * tol else remaining
-    return room
+    return {
+        name: AIM * (tol - bar.time - bar.patch - bar.stretch)
+        - min(bar.truncation, TRUNCATION_SHARE * tol)
+        for name, bar in budget.items()
+    }
 
 
 def _no_room(answer: Answer, tol: float) -> str:
@@ -590,15 +557,11 @@ def _no_room(answer: Answer, tol: float) -> str:
     bar = max(budget.values(), key=lambda one: one.time + one.patch + one.stretch)
     shares = {"time steps": bar.time, "patch": bar.patch, "second-order forces": bar.stretch}
     words = [f"{name} {percent(share)}" for name, share in shares.items() if share]
-    remedy = "shorten the time steps, or "
-    if bar.patch >= max(bar.time, bar.stretch):
-        remedy = "take a smaller radius of the site, on smaller cells there, or "
-    elif bar.stretch > bar.time:
-        remedy = "take more motions that stretch it, or "
+
     return (
         f"A finer mesh does not help: what does not depend on it ({', '.join(words)}) leaves too"
-        f" little of {percent(tol)} for mesh and truncation; {remedy}take a tol of at least"
-        f" {_enough(budget)}."
+        f" little of {percent(tol)} for mesh and truncation; take a smaller radius of the site, or"
+        f" a tol of at least {_enough(budget)}."
     )
 
 
