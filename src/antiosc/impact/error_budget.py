@@ -238,16 +238,17 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     linear = LINEAR_BARS if stretches and model.strain_error is not None else ""
     third = THIRD_ORDER if hit.assembly.stretched else ""
     further = filter(None, [linear, third])
-    motion = hit.site_motion
+    found = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
+    if hit.site_motion is not None:
+        found[DEFLECTION] = bar(DEFLECTION, hit.site_motion.largest)
 
     return ErrorBudget(
-        {name: bar(name, getattr(hit, name)) for name in QUANTITIES},
+        found,
         of_mesh.share,
         (*patch_notes, *of_mesh.doubts, *further),
         of_mesh.safety,
         unknown,
         restitution_of(hit),
-        None if motion is None else bar(DEFLECTION, motion.largest),
     )
 
 

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from antiosc.base.errors import AccuracyWarning, InputError, Message, warn, warnings_to
-from antiosc.base.texts import STOPPED, percent, plain
+from antiosc.base.texts import STOPPED
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
@@ -20,7 +20,6 @@ from antiosc.impact.histories.linear_theory import (
     QUARTIC,
     deflection,
     deflects,
-    large_deflection_message,
     may_stretch,
     sheets,
 )
@@ -80,49 +79,30 @@ def _of_either_order(
     energy = energy_of_second_order(structure, linear) if solid or is_far else inf
     if solid and energy <= SLIGHT_ENERGY:
         linear.assembly.stretch_left_out = energy
-        return _without_deflection(linear, told)
+        return linear, told
 
-    if HOPELESS < energy < inf:
-        why = f"second-order strain would take {plain(energy)} times the energy of linear strain"
-    else:
+    if not HOPELESS < energy < inf:
         try:
             stretched, told_stretched = _with_warnings(run, stretching(structure, model))
         except InputError:  # of a given step or another method: the linear run tells
             return linear, told
-        why = _run_away(stretched)
-        if not why:
-            return (stretched, told_stretched) if stretched.assembly.stretched else (linear, told)
+        if not stretched.assembly.stretched:
+            return linear, told
+        settled = stretched.assembly.stretch_settled
+        settles = settled or shares_of(stretched)["peak_force"] <= MOST_SHARE
+        if settles and stretched.status != STOPPED:
+            return stretched, told_stretched
 
-    linear, told = _without_deflection(linear, told)
     moved = [(name, deflection(linear, name), h) for name, h in sheets(linear)]
     far = deflects(*max(moved, key=lambda sheet: sheet[1] / sheet[2]))
     text = (
-        f"{far} in the linear run, and {why}: neither theory holds, and no number here does. The"
-        f" part is stiffer than that; {EXPLICIT}."
+        f"{far} in the linear run, where second-order strain takes more than {HOPELESS:g} times the"
+        " energy of linear strain or its forces do not settle: neither theory holds, and no number"
+        f" here does. The part is stiffer than that; {EXPLICIT}."
     )
     linear.assembly.hopeless = text
     message = f"{linear.message} {text}"
     return replace(linear, message=message), [*told, Message(text, AccuracyWarning)]
-
-
-def _without_deflection(linear: H, told: list[str]) -> tuple[H, list[str]]:
-    """The linear run and its warnings without the sentence on its deflection."""
-    sentence = large_deflection_message(linear)
-    message = linear.message.replace(f" {sentence}", "") if sentence else linear.message
-    return replace(linear, message=message), [one for one in told if one != sentence]
-
-
-def _run_away(run: History) -> str:
-    """Why the force of a run is not known, whose second-order forces do not settle as more motions
-    take part; "" if it is.
-    """
-    if run.status == STOPPED:
-        return "second-order forces have no bounded energy"
-    settled = run.assembly.stretch_settled or not run.assembly.stretched
-    share = 0.0 if settled else shares_of(run)["peak_force"]
-    if share <= MOST_SHARE:
-        return ""
-    return f"second-order forces leave an error of {percent(share)} of the force"
 
 
 def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:

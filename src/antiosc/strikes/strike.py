@@ -423,9 +423,9 @@ def changed_since(answer: Answer, before: Answer | None) -> Answer:
     if before is None:
         return answer
     change = with_floor(changes(before.hit, answer.hit))
-    bars = {
-        name: replace(bar, mesh=max(bar.mesh, change[name])) for name, bar in answer.budget.items()
-    }
+    bars = dict(answer.budget.bars)
+    for name, bar in answer.budget.items():
+        bars[name] = replace(bar, mesh=max(bar.mesh, change[name]))
     return replace(answer, budget=replace(answer.budget, bars=bars))
 
 

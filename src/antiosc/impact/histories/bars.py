@@ -93,7 +93,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     Attributes
     ----------
-    bars : quantity -> ErrorBar.
+    bars : quantity -> ErrorBar; "deflection", which is no member of the mapping, is that of the
+        largest displacement of the site within the run, of parts that are held.
     energy_error : share of the errors of strains in the strain energy, mean over the contact.
     notes : errors that the bars do not include, and reasons for doubts.
     safety : factor of the mesh's bars over the differences to the corrected model.
@@ -102,8 +103,6 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         "mesh", or without "law", unless the law was given: then they are those for this law.
     restitution : e of a blow on a part at rest, whose impulse is m v (1 + e); None if it is not
         defined or < 0, loads act or the part moves.
-    deflection : bar of the largest displacement of the site within the run; None of a free part. It
-        is no member of the mapping.
     """
 
     bars: Mapping[str, ErrorBar]
@@ -112,16 +111,20 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     safety: float = 2.0
     unknown: Mapping[str, str] = field(default_factory=dict)
     restitution: float | None = None
-    deflection: ErrorBar | None = None
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.bars)
+        return (name for name in self.bars if name != DEFLECTION)
 
     def __len__(self) -> int:
-        return len(self.bars)
+        return sum(1 for _ in self)
+
+    @property
+    def deflection(self) -> ErrorBar | None:
+        """The bar of the deflection; None of a free part."""
+        return self.bars.get(DEFLECTION)
 
     def of_corrected(self, hit: object) -> ErrorBudget:
         """Error bars of `hit` on the corrected model, from those of the raw model.
@@ -131,36 +134,27 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         than d: its error is at most (S - 1) d.
         """
         nearer = 1 - 1 / self.safety
-        bars = {
-            name: replace(bar, value=getattr(hit, name), mesh=nearer * bar.mesh)
-            for name, bar in self.bars.items()
-        }
+        motion = getattr(hit, "site_motion", None)
+        bars = {}
+        for name, bar in self.bars.items():
+            value = getattr(motion, "largest", bar.value)
+            value = value if name == DEFLECTION else getattr(hit, name)
+            bars[name] = replace(bar, value=value, mesh=nearer * bar.mesh)
         e = None if self.restitution is None else getattr(hit, "restitution", None)
-        deflection, motion = self.deflection, getattr(hit, "site_motion", None)
-        if deflection is not None:
-            value = deflection.value if motion is None else motion.largest
-            deflection = replace(deflection, value=value, mesh=nearer * deflection.mesh)
 
-        return replace(self, bars=bars, restitution=e, deflection=deflection)
-
-    def bar(self, name: str) -> ErrorBar:
-        """The bar of a quantity, or of the "deflection"."""
-        if name == DEFLECTION:
-            assert self.deflection is not None
-            return self.deflection
-        return self.bars[name]
+        return replace(self, bars=bars, restitution=e)
 
     @property
     def causes(self) -> tuple[str, ...]:
         """Causes of error to print; noise and stretch if present, the law if known."""
-        bars = self.bars.values()
+        bars = self.values()
         known_causes = (c for c in CAUSES if c not in self.unknown)
         return tuple(c for c in known_causes if c not in RARE or any(getattr(b, c) for b in bars))
 
     @property
     def worst(self) -> float | None:
         """Largest total of the three quantities; None if one is not known."""
-        totals = [bar.total for bar in self.bars.values()]
+        totals = [bar.total for bar in self.values()]
         if None in totals:
             return None
         return max(filter(None, totals), default=0.0)
@@ -168,7 +162,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     @property
     def numerical(self) -> float:
         """Largest of the three sums of all causes but the law."""
-        return max(bar.numerical for bar in self.bars.values())
+        return max(bar.numerical for bar in self.values())
 
     @property
     def rest_of_force(self) -> float | None:
@@ -184,7 +178,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         By the causes that are known. No quantity is negative, and the impulse m v (1 + e) of a
         blow on a part at rest lies between m v and 2 m v.
         """
-        bar = self.bar(name)
+        bar = self.bars[name]
         below, above = min(bar.known, 1.0), bar.known
         if name == "impulse" and (e := self.restitution) is not None:
             return min(below, e / (1 + e)), min(above, max(1 - e, 0.0) / (1 + e))
@@ -205,7 +199,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """A quantity with its error as text, of one that may be 0 how large it may be, or that it
         has no bar.
         """
-        bar = self.bar(name)
+        bar = self.bars[name]
         value = engineering(bar.value, UNITS[name], digits)
         if self.no_bar:
             return f"{value} ({WITHOUT_BAR})"
@@ -221,7 +215,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     @property
     def no_bar(self) -> bool:
         """Whether a cause is not known that may be the largest: the law's error, or the mesh's."""
-        return "mesh" in self.unknown or any(bar.law is None for bar in self.bars.values())
+        return "mesh" in self.unknown or any(bar.law is None for bar in self.values())
 
     @property
     def law(self) -> str:
@@ -237,7 +231,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def footnote(self) -> str:
         """Why there are no bars, or what they leave out, told once beside them; "" if nothing."""
         reasons = [self.unknown.get("mesh", "")]
-        if not reasons[0] or any(bar.law is None for bar in self.bars.values()):
+        if not reasons[0] or any(bar.law is None for bar in self.values()):
             reasons.append(self.law)
         return " ".join(filter(None, ["There is no error bar." * self.no_bar, *reasons]))
 
@@ -256,7 +250,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """Cause -> its share in the error of a quantity; their total, and the error "below" and
         "above" the value as far as physics allows. None where not known.
         """
-        bar = self.bar(name)
+        bar = self.bars[name]
         not_known = CAUSES if name in self.unknown else [c for c in self.unknown if c != "law"]
         shares = {cause: None if cause in not_known else getattr(bar, cause) for cause in CAUSES}
         if self.no_bar or name in self.unknown:
@@ -268,7 +262,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     def causes_text(self, name: str) -> str:
         """The shares of the causes in the error of a quantity as text, small ones as one sum."""
-        bar = self.bar(name)
+        bar = self.bars[name]
         shares = {cause: getattr(bar, cause) for cause in self.causes}
         least = min(SMALL_SHARE, SMALL_PART * bar.known)
         told = {
@@ -284,7 +278,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     def __str__(self) -> str:
         lines = []
-        for name in self.bars:
+        for name in self:
             reason = self.unknown.get(name) or self.causes_text(name)
             lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {reason}")
 
