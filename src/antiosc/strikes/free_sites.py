@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -41,7 +40,6 @@ class FreeSites:
     omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
     b : (P, J) displacement of each site in each mode [kg^-1/2].
     compliance, inertia : (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b.
-    seconds : name of a step -> its time [s].
     """
 
     map_sites: MapSites
@@ -50,7 +48,6 @@ class FreeSites:
     b: Array
     compliance: Array
     inertia: Array
-    seconds: dict[str, float]
 
 
 def free_sites(
@@ -65,28 +62,19 @@ def free_sites(
     most_sites: int | None = None,
 ) -> FreeSites:
     """The sites of a map with at most `most` free modes; other arguments as for `impact_map`."""
-    start_time = time.perf_counter()
     rank = structure.comm.rank
     with doing("finding the sites of the map", rank):
         map_sites = sites_of(matrices, where, direction, radius, most_sites)
     structure.factorize(math.inf)
-    located = time.perf_counter()
     count = len(map_sites.sites)
     with doing(f"free modes for {count} sites", rank):
         free = _free_modes(structure, modes, band, most)
     omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
     phi = np.column_stack([structure.rigid_modes, free.phi])
     b = structure.comm.allreduce(map_sites.sites.loads.T @ phi)
-    solved = time.perf_counter()
     with doing(f"compliances at {count} sites", rank):
         C, G = deflections(structure, map_sites.sites.loads, omega, b)
-    step_start = time.perf_counter()
-    seconds = {
-        "sites": located - start_time,
-        "free_modes": solved - located,
-        "deflections": step_start - solved,
-    }
-    return FreeSites(map_sites, omega, phi, b, C, G, seconds)
+    return FreeSites(map_sites, omega, phi, b, C, G)
 
 
 def _free_modes(structure: Structure, count: int | None, band: float | None, most: float) -> Modes:

@@ -19,7 +19,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -211,7 +210,6 @@ def impact_map(
     map_sites = sites_seen.map_sites
     omega = sites_seen.omega
     sites = map_sites.sites
-    step_start = time.perf_counter()
     if excited is not None:
         band = min(excited, float(omega[-1]) / ABOVE)
     band = WITHIN * float(omega[-1]) if band is None else band
@@ -222,14 +220,12 @@ def impact_map(
         )
     with doing(f"models of {len(sites)} sites", structure.comm.rank):
         models, error = _reduced(sites_seen, counts, structure.shift, band, accuracy)
-    seconds = {**sites_seen.seconds, "models": time.perf_counter() - step_start}
     info = MapInfo(
         structure=structure.describe(),
         free_modes=len(omega),
         cell_dimension=map_sites.dimension,
         sites=len(sites),
         highest_mode=float(omega[-1]) / (2 * math.pi),
-        seconds={**structure.seconds, **seconds},
     )
     result = ImpactMap(
         points=sites.points,
@@ -377,7 +373,6 @@ def _struck(
     duration: float,
 ) -> ImpactMap:
     """The map with one impact at each site, shared among the ranks."""
-    start_time = time.perf_counter()
     comm = structure.comm
     sites_of_rank = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
     part = None
@@ -408,13 +403,10 @@ def _struck(
     wall = Impact(Obstacle(), impactor, stiffest, duration)
     on_wall = simulate_impact(wall, Settings(COARSE))[0].peak_force
     peaks = gathered("peak_force")
-    impact_time = time.perf_counter()
-    seconds = {**result.info["seconds"], "impacts": impact_time - start_time}
     result = doubted(result, np.isnan(peaks), NO_RESULT)
     result = doubted(result, peaks > (1 + BEYOND) * on_wall, BEYOND_WALL)
     return replace(
         result,
-        info=MapInfo(**{**result.info, "seconds": seconds}),
         impactor=impactor,
         contact=contact,
         laws=None if laws is None or all(law == contact for law in laws) else tuple(laws),
@@ -436,7 +428,6 @@ def with_stresses(
     """A map of impacts with the largest stress of those at no more than `most` sound sites that lie
     apart; None: at all sites.
     """
-    start_time = time.perf_counter()
     assert struck.forces is not None
     assert struck.duration is not None
     assert struck.free_sites is not None
@@ -452,9 +443,7 @@ def with_stresses(
     balls = np.column_stack([struck.points, zones])
     arguments = forces, struck.duration, which, balls
     stresses = largest_stresses(structure, struck.free_sites, *arguments)
-    seconds = {**struck.info["seconds"], "stresses": time.perf_counter() - start_time}
-    info = MapInfo(**{**struck.info, "seconds": seconds})
-    return replace(struck, info=info, **stresses._asdict())
+    return replace(struck, **stresses._asdict())
 
 
 def _yielding_radius(law: ContactLaw | None, force: float) -> float:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 class MapInfo(TypedDict, total=False):
     """Data of a map: description of the structure, free modes, dimension of the cells,
-    frequency of the last free mode [Hz], seconds by step.
+    frequency of the last free mode [Hz].
     """
 
     structure: str
@@ -46,7 +46,6 @@ class MapInfo(TypedDict, total=False):
     cell_dimension: int
     sites: int
     highest_mode: float
-    seconds: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,7 +75,7 @@ class ImpactMap(Completed):
         not sought; None where not asked for, or no material has a
         yield_strength.
     stress_points : (P, 3) place of the largest exposure, or stress if no strength is known [m].
-    info : a `MapInfo`: free modes, seconds, …; JSON values.
+    info : a `MapInfo`: free modes, …; JSON values.
     impactor, contact, duration : those of the impacts, or None; `contact` is the law on a flat
         face, `duration` that of all impacts [s].
     laws : (P,) laws of the sites; None if `contact` is the law of all.

@@ -457,7 +457,7 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
         hit = ao.strike(part, site, ball, ao.Hertz(5e9), 40e-3, tol=0.5)
     assert hit.assembly.stretch_left_out == 0.0
     told = hit.assembly.hopeless
-    assert told in hit.message
+    assert "no number here does" in told
     assert second_order.energy_of_second_order(part, hit) > 0.8 * second_order.HOPELESS
     deflection = linear_theory.deflection(hit, "structure")
     assert deflection > 12 * 2e-3
