@@ -21,7 +21,6 @@ from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
 from antiosc.impact.histories.energy import GAIN
-from antiosc.impact.histories.linear_theory import warn_large_rotation
 from antiosc.impact.histories.run_end import (
     CheckResult,
     RunEnd,
@@ -93,7 +92,8 @@ CHUNK_SIZE = 4096
 ALL_WELL = "Completed."
 #: What a batch leaves out that `simulate` warns of.
 NOT_CHECKED = (
-    "truncation, cells and large deflections are not checked: simulate the worst impact alone"
+    "truncation, cells, large deflections and rotations are not checked: simulate the worst impact"
+    " alone"
 )
 
 
@@ -116,8 +116,8 @@ def simulate_many(
 ) -> Many:
     """`simulate` for many scenes.
 
-    Of the warnings of `simulate`, those on truncation, cells and large deflections are left out:
-    simulate the hardest blow alone.
+    Of the warnings of `simulate`, those on truncation, cells, large deflections and rotations are
+    left out: simulate the hardest blow alone.
 
     Parameters
     ----------
@@ -180,9 +180,6 @@ def simulate_many(
         first, sentence = warned[0]
         which = several([i for i, _ in warned], size, first)
         warn(f"{which}: {sentence}", AccuracyWarning)
-    scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
-    warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
-
     return _many(rows)
 
 
@@ -217,7 +214,6 @@ class _Row:
     error: float = np.nan
     force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
     failure: AntioscError | None = None
-    rotation: tuple[str, float] = ("", 0.0)
     told: str = ""
 
     @property
@@ -283,10 +279,10 @@ def _row_of(
     settings: Settings,
 ) -> _Row | None:
     """The row of an outcome of the C library; None if the impact must be integrated separately."""
-    answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *further_values = (
+    answer, contacts, touches, goes_on, _, _, numbers, force, peak, certain, *further_values = (
         outcome
     )
-    end, contact_time_estimate, gained, highest, rotation = further_values
+    end, contact_time_estimate, gained, highest, _ = further_values
     if answer == library.FULL or answer >= library.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
 
@@ -308,7 +304,6 @@ def _row_of(
         step=closed / steps if steps else contact_time_estimate,
         error=force,
         force=pulses,
-        rotation=(("structure", "impactor")[body], rotation) if rotation else ("", 0.0),
     )
 
 
@@ -361,7 +356,6 @@ def _row(hit: History, check: CheckResult) -> _Row:
         step=hit.step,
         error=hit.error.get("force", np.nan),
         force=hit.contact_histories[0].pulses(),
-        rotation=hit.largest_rotation(),
     )
 
 

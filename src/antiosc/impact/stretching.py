@@ -18,7 +18,6 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, percent
 from antiosc.engine.stretch import stretch_forces
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.bodies import SceneBody
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.linear_theory import deflection, sampled_motion
 from antiosc.models.stretch import MOST, NARROWED, Stretch, stretch_of
@@ -134,14 +133,6 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
     return StretchedMotion(forces, body.omega, triangle, change)
 
 
-def check_body(body: SceneBody) -> None:
-    """InputError for a body whose modes are coupled by damping."""
-    if body.modes.damping is not None:
-        raise InputError(
-            f"{body.name!r} stretches, which does not go with dampers or layers that relax."
-        )
-
-
 def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     """(run with second-order forces, warning or ""); the `linear` run itself if they are
     negligible.
@@ -157,7 +148,10 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
         return linear, ""
 
     for name in motion_by_body:
-        check_body(a.bodies[name])
+        if a.bodies[name].modes.damping is not None:
+            raise InputError(
+                f"{name!r} stretches, which does not go with dampers or layers that relax."
+            )
 
     aim = max(tol, LEAST_TOL)
     most_modes = min(max(motion.forces.size for motion in motion_by_body.values()), MOST)

@@ -19,7 +19,7 @@ from antiosc.base.errors import AccuracyError, AntioscError, InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.base import Compiled, is_compiled
-from antiosc.engine.system import BodyModes, System, posed, side_by_side
+from antiosc.engine.system import BodyModes, System, posed
 from antiosc.impact.assembly import Assembly, without_patch
 from antiosc.impact.bodies import (
     Obstacle,
@@ -297,17 +297,15 @@ class ImpactRows:
         rows = {"offsets": gaps, "contacts": contacts}
         if any(impact.impactor is not impacts[0].impactor for impact in impacts):
             rows["beta"], rows["v"], contacts["mass"] = self._strikers(impacts, system)
-        turning = _rotation_rows(self.pair)
         options = library.COptions(0.0, tol, 0.0, 0.0, 0.0, max_contacts, max_steps, 0)
-        rotation_rows = len(turning), library.address(turning) if len(turning) else None
-        example = library.CImpact(system.packed.system, options, *rotation_rows)
+        example = library.CImpact(system.packed.system, options, 0, None)
         self.rows = _copies(example, IMPACT, count)
         self.rows["options"]["duration"] = durations
         bodies = self.rows["system"]
         number = np.arange(count)
         for name, values in rows.items():
             bodies[name] = library.address(values) + values.strides[0] * number
-        self._held = system, turning, rows
+        self._held = system, rows
 
     def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
         """Modal displacements and velocities (S, J) by each of S rigid impactors, and inertia (S,).
@@ -356,19 +354,6 @@ def _laws_without_patch(contacts: Sequence[ContactLaw], local: float) -> list[Co
     """The laws as the march takes them; equal objects stay equal."""
     laws = {id(law): without_patch(law, local, "structure", "impactor")[0] for law in contacts}
     return [cast("Compiled", laws[id(law)]) for law in contacts]
-
-
-def _rotation_rows(pair: Pair) -> Array:
-    """Rotation vectors (n, 3, J) by the modes of the n bodies that may turn."""
-    turning: list[Array] = []
-    bodies = pair.structure, pair.impactor
-    spans = side_by_side([body.omega.size for body in bodies])
-    for body, span in zip(bodies, spans, strict=True):
-        if may_rotate(body):
-            rows = np.zeros((3, spans[-1].stop))
-            rows[:, span] = body.rotation(np.eye(body.omega.size)).T
-            turning.append(rows)
-    return np.array(turning)
 
 
 class _Workspace:
