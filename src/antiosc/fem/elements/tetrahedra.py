@@ -196,7 +196,7 @@ class Tetrahedra:
 
     def blocks(self, k: float, m: float) -> Array:
         """The diagonal 3×3 blocks of k K + m M, (rows of this rank, 3)."""
-        result = np.array(self._exchange.ghosts_added(self._node_blocks(k, m)))
+        result = np.array(compat.ghosts_added(self._form.space, self._node_blocks(k, m)))
         for factor, matrix in self._matrices(k, m):
             _add_blocks(result, factor, matrix)
         blocks = result.reshape(-1, 3, 3)

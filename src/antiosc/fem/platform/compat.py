@@ -1,4 +1,5 @@
-"""Everything that depends on the version of dolfinx (0.5 of Debian 12, 0.9 of 13, 0.11 of sid).
+"""Everything that depends on the version of dolfinx: 0.11 is the rule, and 0.5 of Debian 12, 0.9 of
+13 and 0.10 of conda-forge are the exceptions.
 
 Every function here is thin and returns the same on every version; there is no mechanics here. All
 of it is in one file, so that a new version needs changes here only.
@@ -6,10 +7,11 @@ of it is in one file, so that a new version needs changes here only.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeAlias
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
+import basix
 import dolfinx
 import numpy as np
 import scipy.sparse
@@ -24,7 +26,6 @@ from antiosc.base.errors import MeshError
 from antiosc.fem.platform.compiled_forms import compiler
 
 if TYPE_CHECKING:
-    import basix
     from numpy.typing import ArrayLike
     from ufl.core.expr import Expr
     from ufl.integral import Integral
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 import dolfinx.fem.petsc  # isort: skip  (0.9 and later do not import it by themselves)
 
 DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+#: dolfinx 0.5, whose elements are UFL's own
+EARLY = DOLFINX < (0, 9)
 
 # --- Meshes ---------------------------------------------------------------------------------
 
@@ -48,21 +51,28 @@ def create_mesh(
     """
     gdim = x.shape[1]
     _refuse_double_nodes(comm, cells, cell)
-    joints = {"interval": 1, "triangle": 2, "quadrilateral": 2}.get(cell, 3) < gdim
-    joints = joints or cell == "interval"
-    if DOLFINX < (0, 8):
-        element = ufl.VectorElement("Lagrange", ufl.Cell(cell, gdim), degree)
-        return dolfinx.mesh.create_mesh(comm, cells, x, ufl.Mesh(element))
-    import basix.ufl
+    domain = ufl.Mesh(_element("Lagrange", cell, degree, gdim, gdim))
+    if EARLY:
+        return dolfinx.mesh.create_mesh(comm, cells, x, domain)
 
-    domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, degree, shape=(gdim,)))
-    options: dict[str, object] = {}
-    if joints and comm.size > 1:
-        if DOLFINX < (0, 10):
-            options["partitioner"] = _all_on_root
-        else:
-            options["max_facet_to_cell_links"] = 64
+    joints = {"interval": 1, "triangle": 2, "quadrilateral": 2}.get(cell, 3) < gdim
+    options: Mapping[str, object] = {}
+    if comm.size > 1 and (joints or cell == "interval"):
+        many = {"max_facet_to_cell_links": 64}
+        options = many if DOLFINX >= (0, 10) else {"partitioner": _all_on_root}
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=x, e=domain, **options)
+
+
+def _element(family: str, cell: str, degree: int, size: int, gdim: int) -> object:
+    """UFL's element with `size` components on a cell in space of `gdim`; scalar if `size` is 0."""
+    if not EARLY and family == "Quadrature":
+        return basix.ufl.quadrature_element(cell, value_shape=(size,), degree=degree)
+    if not EARLY:
+        return basix.ufl.element(family, cell, degree, shape=(size,) if size else None)
+
+    scheme = "default" if family == "Quadrature" else None
+    scalar = ufl.FiniteElement(family, ufl.Cell(cell, gdim), degree, quad_scheme=scheme)
+    return ufl.VectorElement(scalar, dim=size) if size else scalar
 
 
 #: Number of corners of the cells.
@@ -73,47 +83,30 @@ def _refuse_double_nodes(comm: MPI.Comm, cells: IntArray, cell: str) -> None:
     """MeshError if a corner of a cell is an inner node of another cell."""
     corners = cells[:, : CORNERS[cell]]
     inner_nodes = cells[:, CORNERS[cell] :]
-    double_nodes = comm.allreduce(
-        int(np.isin(inner_nodes, corners).sum()) if inner_nodes.size else 0
-    )
+    double_nodes = comm.allreduce(int(np.isin(inner_nodes, corners).sum()))
     if double_nodes:
         raise MeshError(
             f"{double_nodes} nodes inside sides of cells are corners of cells too: merge nodes "
-            "within a"
-            " smaller distance, or mesh the part anew."
+            "within a smaller distance, or mesh the part anew."
         )
 
 
-#: One flat array of vertices for each kind of cell, or a list for each cell.
-_CellsOfRank: TypeAlias = "list[IntArray] | dolfinx.graph.AdjacencyList"
-
-
 def _all_on_root(
-    comm: MPI.Comm, n_parts: int, kinds: Sequence[dolfinx.mesh.CellType], cells: _CellsOfRank
+    comm: MPI.Comm, n_parts: int, kinds: Sequence[dolfinx.mesh.CellType], cells: list[IntArray]
 ) -> dolfinx.graph.AdjacencyList:
-    """A partition of the mesh that leaves all cells on rank 0."""
-    if isinstance(cells, list):  # of vertices, one flat array a kind of cell
-        n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
-    else:
-        n_cells = cells.num_nodes
-    everything = dolfinx.graph.adjacencylist(np.zeros((n_cells, 1), dtype=np.int32))
-    return getattr(everything, "_cpp_object", everything)
+    """A partition for dolfinx 0.9 that leaves all cells, one flat array of vertices, on rank 0."""
+    n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
+    return dolfinx.graph.adjacencylist(np.zeros((n_cells, 1), dtype=np.int32))._cpp_object
 
 
 def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
     """Permutation p such that dolfinx_nodes = nodes[p], for `convention` "gmsh" or "vtk"."""
-    kind = getattr(dolfinx.mesh.CellType, cell)
-    if convention == "gmsh":
-        return np.asarray(dolfinx.cpp.io.perm_gmsh(kind, n_nodes))
-    return np.asarray(dolfinx.cpp.io.perm_vtk(kind, n_nodes))
+    permutation = getattr(dolfinx.cpp.io, f"perm_{convention}")
+    return np.asarray(permutation(getattr(dolfinx.mesh.CellType, cell), n_nodes))
 
 
 def lattice_gradients(cell: str, degree: int, n: int) -> Array:
-    """Derivatives (dim, points, nodes) of a cell's Lagrange functions at the points of a lattice of
-    n steps.
-    """
-    import basix
-
+    """Derivatives (dim, points, nodes) of Lagrange functions on a lattice of n steps in a cell."""
     kind = getattr(basix.CellType, cell)
     variant = basix.LagrangeVariant.equispaced
     element = basix.create_element(basix.ElementFamily.P, kind, degree, variant)
@@ -122,11 +115,7 @@ def lattice_gradients(cell: str, degree: int, n: int) -> Array:
 
 
 def nodes_between(cell: str) -> list[tuple[list[int], int]]:
-    """Pairs (vertices of an edge, face or cell; the second-order node inside it), in dolfinx's
-    order.
-    """
-    import basix
-
+    """Pairs (vertices of an edge, face or cell; its node of order 2), in dolfinx's order."""
     kind = getattr(basix.CellType, cell)
     dofs = basix.create_element(basix.ElementFamily.P, kind, 2).entity_dofs
     return [
@@ -144,31 +133,23 @@ def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
     one signature in the process that compiles the first form and another in the next process,
     which would compile it again.
     """
-    if DOLFINX < (0, 8):
+    if EARLY:
         domain = mesh.ufl_domain()
-        element = domain.ufl_coordinate_element()
-        if element.sub_elements()[0].variant() is None:
-            family = element.family()
-            cell = element.cell()
-            degree = element.degree()
-            points = ufl.FiniteElement(family, cell, degree, variant="equispaced")
-            domain._ufl_coordinate_element = ufl.VectorElement(points)
+        (points, *_) = domain.ufl_coordinate_element().sub_elements()
+        domain._ufl_coordinate_element = ufl.VectorElement(points.reconstruct(variant="equispaced"))
 
 
 def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
     """Nodes of every cell of this rank, ghosts included: (cells, nodes)."""
     geometry = mesh.geometry
-    dofmap = geometry.dofmap if DOLFINX < (0, 11) else geometry.dofmaps[0]
-    if isinstance(dofmap, np.ndarray):
-        return dofmap
-    n_cells = cell_map(mesh).size_local + cell_map(mesh).num_ghosts
-    if not n_cells:  # their number of nodes cannot be read off
-        import basix
+    if EARLY:
+        return _table(geometry.dofmap, geometry.cmap.create_dof_layout().num_dofs)
+    return geometry.dofmap if DOLFINX < (0, 11) else geometry.dofmaps[0]
 
-        kind = getattr(basix.CellType, cell_name(mesh))
-        element = basix.create_element(basix.ElementFamily.P, kind, coordinate_map(mesh).degree)
-        return np.zeros((0, element.dim), dtype=np.int32)
-    return np.asarray(dofmap.array).reshape(n_cells, -1)
+
+def _table(connections: dolfinx.graph.AdjacencyList | IntArray, width: int) -> IntArray:
+    """Rows of `width` numbers, which dolfinx 0.5 has as lists."""
+    return np.asarray(getattr(connections, "array", connections)).reshape(-1, width)
 
 
 def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
@@ -183,7 +164,7 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     vertices = dolfinx.cpp.mesh.cell_num_vertices(kind)
     if not len(entities):  # 0.9 would divide by their number
         return np.zeros((0, vertices), dtype=np.int32)
-    cpp_mesh = mesh._mesh if DOLFINX < (0, 6) else mesh._cpp_object
+    cpp_mesh = mesh._mesh if EARLY else mesh._cpp_object
     nodes = dolfinx.cpp.mesh.entities_to_geometry(cpp_mesh, dim, entities, False)
     # From 0.9 on the nodes inside edges and faces of curved cells follow those at the vertices.
     return np.asarray(nodes).reshape(len(entities), -1)[:, :vertices]
@@ -208,17 +189,13 @@ def cell_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.common.IndexMap:
 
 
 def cell_name(mesh: dolfinx.mesh.Mesh) -> str:
-    """The shape of the cells: "interval", "triangle", "quadrilateral", "tetrahedron" or
-    "hexahedron".
-    """
+    """The shape of the cells, one of `CORNERS`."""
     return str(mesh.ufl_cell().cellname() if DOLFINX < (0, 10) else mesh.basix_cell().name)
 
 
 def coordinate_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.fem.CoordinateElement:
     """The mesh's coordinate element: push_forward(X, nodes), pull_back(x, nodes), degree."""
-    if DOLFINX < (0, 11):
-        return mesh.geometry.cmap
-    return mesh.geometry.cmaps[0]
+    return mesh.geometry.cmap if DOLFINX < (0, 11) else mesh.geometry.cmaps[0]
 
 
 def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
@@ -232,9 +209,7 @@ def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
 def refined(mesh: dolfinx.mesh.Mesh, edges: IntArray) -> dolfinx.mesh.Mesh:
     """A mesh of straight simplices with these edges halved, and others as needed for conformity."""
     refinement = dolfinx.mesh.refine(mesh, np.asarray(edges, dtype=np.int32))
-    if isinstance(refinement, tuple):
-        return refinement[0]
-    return refinement
+    return refinement if EARLY else refinement[0]
 
 
 def cell_entities(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
@@ -242,11 +217,8 @@ def cell_entities(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     topology = mesh.topology
     topology.create_entities(dim)
     topology.create_connectivity(topology.dim, dim)
-    cells = cell_map(mesh).size_local + cell_map(mesh).num_ghosts
-    entities = np.asarray(topology.connectivity(topology.dim, dim).array)
-    if cells:
-        return entities.reshape(cells, -1)
-    return np.zeros((0, 1), dtype=np.int32)
+    count = dolfinx.cpp.mesh.cell_num_entities(topology.cell_type, dim)
+    return _table(topology.connectivity(topology.dim, dim), count)
 
 
 # --- Function spaces and forms ----------------------------------------------------------------
@@ -305,21 +277,9 @@ def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> fem.Function:
 
 def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> fem.FunctionSpace:
     """A space with `size` components; scalar if `size` is 0."""
-    if DOLFINX < (0, 8):
-        cell = mesh.ufl_cell()
-        if size:
-            return _space_of(mesh, ufl.VectorElement(family, cell, degree, dim=size))
-        return _space_of(mesh, ufl.FiniteElement(family, cell, degree))
-    import basix.ufl
-
-    shape = (size,) if size else None
-    return _space_of(mesh, basix.ufl.element(family, mesh.basix_cell(), degree, shape=shape))
-
-
-def _space_of(mesh: dolfinx.mesh.Mesh, element: object) -> fem.FunctionSpace:
-    """Function space of a UFL element; dolfinx before 0.8 compiles it here."""
-    with compiler():
-        return (fem.FunctionSpace if DOLFINX < (0, 8) else fem.functionspace)(mesh, element)
+    element = _element(family, cell_name(mesh), degree, size, mesh.geometry.dim)
+    with compiler():  # dolfinx 0.5 compiles the element here
+        return (fem.FunctionSpace if EARLY else fem.functionspace)(mesh, element)
 
 
 def _compiled(form: ufl.Form) -> fem.Form:
@@ -352,8 +312,6 @@ def reference_derivatives(argument: Expr, n: int) -> Expr:
 
 def _edge_element() -> basix.finite_element.FiniteElement:
     """Nédélec's second edge element of degree 2 on the triangle."""
-    import basix
-
     legendre = basix.LagrangeVariant.legendre, basix.DPCVariant.legendre
     return basix.create_element(basix.ElementFamily.N2E, basix.CellType.triangle, 2, *legendre)
 
@@ -364,10 +322,8 @@ def edge_points() -> Array:
 
 
 def edge_interpolation(X: Array) -> Array:
-    """Array (points, 2, 2, n): field at X of Nédélec's second triangle of degree 2, for unit values
-    at n points.
-
-    The field has the same moments as a field with values (2, n) at `edge_points`.
+    """Array (points, 2, 2, n): at X, the field of Nédélec's second triangle of degree 2 with the
+    moments of a field that has unit values (2, n) at `edge_points`.
     """
     element = _edge_element()
     to_moments = np.asarray(element.interpolation_matrix).reshape(element.dim, 2, -1)
@@ -383,8 +339,7 @@ def subspace(space: fem.FunctionSpace, path: Sequence[int]) -> fem.FunctionSpace
 
 
 def dof_coordinates(space: fem.FunctionSpace, path: Sequence[int]) -> tuple[IntArray, Array]:
-    """(dofs of this rank, ghosts included; their coordinates (n, 3)) of one component of a blocked
-    space.
+    """(dofs of this rank, ghosts included; their coordinates (n, 3)) of a component of a space.
 
     dolfinx's own `collapse` fails on ranks without cells.
     """
@@ -401,9 +356,7 @@ def tabulate(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
 
 
 def tabulate_slopes(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
-    """Derivatives of the basis functions along the reference axes: (points, functions,
-    directions).
-    """
+    """Derivatives of the basis functions along the reference axes: (points, functions, axes)."""
     element = subspace(space, path).element.basix_element
     tables = np.asarray(element.tabulate(1, X))[1:]
     return np.moveaxis(tables.reshape(len(tables), len(X), -1), 0, 2)
@@ -411,8 +364,6 @@ def tabulate_slopes(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> 
 
 def quadrature(cell: str, degree: int) -> tuple[Array, Array]:
     """Points (n, tdim) and weights (n,) on the reference cell."""
-    import basix
-
     X, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
     return np.asarray(X), np.asarray(weights)
 
@@ -420,20 +371,6 @@ def quadrature(cell: str, degree: int) -> tuple[Array, Array]:
 def local_size(space: fem.FunctionSpace) -> int:
     """Number of dofs owned by this rank."""
     return int(space.dofmap.index_map.size_local * space.dofmap.index_map_bs)
-
-
-@contextmanager
-def _refusals() -> Iterator[None]:
-    """Context that turns PETSc's out-of-memory error into MemoryError.
-
-    dolfinx formats the text of PETSc's error, which is missing when memory is short.
-    """
-    try:
-        yield
-    except RuntimeError as error:
-        if "basic_string" not in str(error):
-            raise
-        raise MemoryError("PETSc has no memory for a matrix") from error
 
 
 def assemble(
@@ -451,9 +388,14 @@ def assemble(
     total = None
     for form in forms:
         compiled = _compiled(form)
-        with _refusals():
+        try:
             matrix = fem.petsc.assemble_matrix(compiled, bcs, diagonal if total is None else 0.0)
             matrix.assemble()
+        except RuntimeError as error:
+            # dolfinx formats the text of PETSc's error, which is missing when memory is short
+            if "basic_string" in str(error):
+                raise MemoryError("PETSc has no memory for a matrix") from error
+            raise
         # From 0.9 the layouts of the matrix point into the mesh: they must not die first.
         matrix.setAttr("keep", (compiled, space))
         if total is None:
@@ -465,21 +407,6 @@ def assemble(
     return total
 
 
-def _gauss_space(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpace:
-    """A space of vectors at quadrature points."""
-    if DOLFINX < (0, 8):
-        element = ufl.VectorElement(
-            "Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default"
-        )
-    else:
-        import basix.ufl
-
-        element = basix.ufl.quadrature_element(
-            mesh.basix_cell(), value_shape=(size,), degree=degree
-        )
-    return _space_of(mesh, element)
-
-
 class GaussPoints:
     """Quadrature points on a mesh of one process; `weight` (n,) are their weights."""
 
@@ -487,32 +414,27 @@ class GaussPoints:
         self._mesh = mesh
         self._degree = degree
         self._dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
-        space = _gauss_space(mesh, degree, 1)
+        space = _space(mesh, "Quadrature", degree, 1)
         self.weight = assemble_functional(ufl.TestFunction(space)[0] * self._dx, space)
 
     def values(self, expression: Expr, size: int) -> Array:
         """Values (n, size) of a UFL vector at the points."""
-        space = _gauss_space(self._mesh, self._degree, size)
+        space = _space(self._mesh, "Quadrature", self._degree, size)
         form = ufl.dot(expression, ufl.TestFunction(space)) * self._dx
         return assemble_functional(form, space).reshape(-1, size) / self.weight[:, None]
 
     def derivatives(
         self, ways: Callable[[Expr], Expr], count: int, space: fem.FunctionSpace
     ) -> scipy.sparse.csr_matrix:
-        """Matrix (n count, nodes): `count` derivatives (UFL) of a scalar given at the nodes of
-        `space`.
-        """
-        element = space.ufl_element()
-        degree = element.degree() if DOLFINX < (0, 8) else element.degree
+        """Matrix (n count, nodes): `count` derivatives of a scalar at the nodes of `space`."""
+        degree = space.sub(0).element.basix_element.degree
         scalars = lagrange(self._mesh, degree, 0)
-        test = ufl.TestFunction(_gauss_space(self._mesh, self._degree, count))
+        test = ufl.TestFunction(_space(self._mesh, "Quadrature", self._degree, count))
         form = ufl.dot(ways(ufl.TrialFunction(scalars)), test) * self._dx
         matrix = assemble([form], scalars, {}, 0.0)
         pointers, columns, values = matrix.getValuesCSR()
         weighted = scipy.sparse.csr_matrix((values, columns, pointers), shape=matrix.getSize())
-        dofmap = np.asarray(scalars.dofmap.list) if DOLFINX >= (0, 6) else scalars.dofmap.list.array
-        dofs_of_cells = np.asarray(getattr(space.dofmap.list, "array", space.dofmap.list))
-        if not np.array_equal(np.ravel(dofmap), np.ravel(dofs_of_cells)):
+        if not np.array_equal(_nodes(scalars), _nodes(space)):
             raise ValueError("the nodes of a scalar and of a vector differ")
         return scipy.sparse.diags(np.repeat(1 / self.weight, count)) @ weighted
 
@@ -520,15 +442,14 @@ class GaussPoints:
 def strain_matrix(
     strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
-    """Matrix S: SᵀS is the integral of |strains|² by quadrature of `degree`; columns of `fixed` are
-    empty.
+    """Matrix S: SᵀS is the integral of |strains|² by quadrature; columns of `fixed` are empty.
 
     `strains`: a UFL vector, linear in the trial function. S has a row for each component at each
     Gauss point.
     """
     mesh = space.mesh
     size = len(strains)
-    points = _gauss_space(mesh, degree, size)
+    points = _space(mesh, "Quadrature", degree, size)
     v = ufl.TestFunction(points)
     dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
     S = assemble([ufl.dot(strains, v) * dx], space, fixed, 0.0)
@@ -540,19 +461,14 @@ def strain_matrix(
 
 
 def assemble_functional(form: ufl.Form, space: fem.FunctionSpace) -> Array:
-    """A linear form as an array over this rank's dofs; ghost contributions are added at their
-    owners.
-    """
-    return _assembled(_compiled(form))
+    """A linear form as an array over the dofs that this rank owns."""
+    return _assembled(_compiled(form), local_size(space))
 
 
-def _assembled(form: fem.Form) -> Array:
-    with _refusals():
-        vector = fem.petsc.assemble_vector(form)
-    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    values = np.array(vector.array_r, dtype=float)
-    vector.destroy()
-    return values
+def _assembled(form: fem.Form, rows: int) -> Array:
+    vector = fem.assemble_vector(form)
+    vector.scatter_reverse(ADD)
+    return np.array(vector.array[:rows])
 
 
 def quadratic(
@@ -584,7 +500,7 @@ def quadratic(
     for vector, weight in zip(vectors.T, weights, strict=True):
         x.x.array[: len(vector)] = vector
         x.x.scatter_forward()
-        total += weight * _assembled(compiled)
+        total += weight * _assembled(compiled, len(total))
     return total
 
 
@@ -594,9 +510,7 @@ def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:
 
 
 def constant(mesh: dolfinx.mesh.Mesh, value: ArrayLike) -> fem.Constant:
-    """A UFL constant, scalar, vector or matrix; forms that differ in its value only are compiled
-    once.
-    """
+    """A UFL constant of any rank; forms that differ in its value only are compiled once."""
     return fem.Constant(mesh, np.array(value, dtype=PETSc.ScalarType, order="C"))
 
 
@@ -611,92 +525,62 @@ def global_dofs(space: fem.FunctionSpace, local: IntArray) -> IntArray:
 def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) -> IntArray:
     """Unrolled dofs of this rank of one scalar component in cells: (cells, functions)."""
     (component,) = path  # of a blocked space, whose components share their nodes
-    dofmap = space.dofmap
-    nodes = np.asarray(getattr(dofmap.list, "array", dofmap.list))  # in 0.5 a list of lists
-    nodes = nodes.reshape(-1, dofmap.dof_layout.num_dofs)[np.asarray(cells, dtype=np.intp)]
-    return np.asarray(dofmap.index_map_bs * nodes + component, dtype=np.int32)
+    nodes = _nodes(space)[np.asarray(cells, dtype=np.intp)]
+    return np.asarray(space.dofmap.index_map_bs * nodes + component, dtype=np.int32)
 
 
-#: Tag of the messages of an `Exchange`.
-GHOSTS = 4801
+def _nodes(space: fem.FunctionSpace) -> IntArray:
+    """Blocks of dofs of every cell of this rank: (cells, nodes)."""
+    return _table(space.dofmap.list, space.dofmap.dof_layout.num_dofs)
+
+
+#: Addition of what the ghosts have to the values of the owners
+ADD = dolfinx.la.ScatterMode.add if EARLY else dolfinx.la.InsertMode.add
 
 
 class Exchange:
-    """Exchange of values of a space between the owner of a dof and the ranks where it is a ghost.
-
-    A rank talks to its neighbours alone.
-    """
+    """Exchange of values between the owner of a dof and the ranks where it is a ghost."""
 
     def __init__(self, space: fem.FunctionSpace) -> None:
-        self._rows = local_size(space)
-        self._comm = communicator(space.mesh)
-        imap = space.dofmap.index_map
-        bs = space.dofmap.index_map_bs
-        ghosts = np.asarray(imap.ghosts)
-        first, _ = imap.local_range
-        self._dofs = self._rows + bs * len(ghosts)
-        owners = np.searchsorted(self._comm.allgather(first), ghosts, side="right") - 1
-        ranks = range(self._comm.size)
-        requested = self._comm.alltoall([ghosts[owners == rank] for rank in ranks])
-        # rank -> dofs of this rank that are its ghosts; dofs that are ghosts here and its own
-        owned_dofs = {rank: requested[rank] - first for rank in ranks}
-        ghost_dofs = {rank: imap.size_local + np.flatnonzero(owners == rank) for rank in ranks}
-        self._here, self._there = (
-            {rank: _unrolled(nodes, bs) for rank, nodes in of_ranks.items() if len(nodes)}
-            for of_ranks in (owned_dofs, ghost_dofs)
-        )
+        self._map = space.dofmap.index_map
+        self._bs = space.dofmap.index_map_bs
+        self._alone = communicator(space.mesh).size == 1
+        self._vectors: dict[tuple[int, np.dtype], dolfinx.la.Vector] = {}
 
     def fetch(self, values: Array) -> None:
         """Copy the owners' values to the ghosts."""
-        for dofs, received in self._sent(values, self._here, self._there):
-            values[dofs] = received
+        if not self._alone:
+            vector = self._filled(values)
+            vector.scatter_forward()
+            values[:] = vector.array.reshape(values.shape)
 
     def add(self, values: Array) -> None:
         """Add the values at the ghosts to those of their owners."""
-        for dofs, received in self._sent(values, self._there, self._here):
-            values[dofs] += received
+        if not self._alone:
+            vector = self._filled(values)
+            vector.scatter_reverse(ADD)
+            values[:] = vector.array.reshape(values.shape)
 
-    def _sent(
-        self, values: Array, sent: Mapping[int, IntArray], received: Mapping[int, IntArray]
-    ) -> list[tuple[IntArray, Array]]:
-        """Send and receive; return [(dofs, the values received for them)]."""
-        arrivals = []
-        requests = []
-        for rank, dofs in received.items():
-            arrivals.append((dofs, np.empty((len(dofs), *values.shape[1:]), values.dtype)))
-            requests.append(self._comm.Irecv(arrivals[-1][1], rank, GHOSTS))
-        for rank, dofs in sent.items():
-            requests.append(self._comm.Isend(np.ascontiguousarray(values[dofs]), rank, GHOSTS))
-        MPI.Request.Waitall(requests)
-        return arrivals
-
-    def with_ghosts(self, block: Array) -> Array:
-        """Columns on the owned dofs of this rank, extended by the values of the ghosts."""
-        if self._comm.size == 1:
-            return block
-        result = np.empty((self._dofs, block.shape[1]), order="F")
-        result[: self._rows] = block
-        self.fetch(result)
-        return result
-
-    def ghosts_added(self, block: Array) -> Array:
-        """Columns on the owned dofs of this rank, with the values at ghosts on other ranks
-        added.
-        """
-        if self._comm.size == 1:
-            return block
-        result = np.array(block, dtype=float, order="F")
-        self.add(result)
-        return result[: self._rows]
-
-
-def _unrolled(nodes: IntArray, bs: int) -> IntArray:
-    return np.asarray(bs * nodes[:, None] + np.arange(bs)).ravel()
+    def _filled(self, values: Array) -> dolfinx.la.Vector:
+        """dolfinx's vector with these values, of one or several columns."""
+        kind = math.prod(values.shape[1:]), values.dtype
+        if kind not in self._vectors:
+            self._vectors[kind] = dolfinx.la.vector(self._map, self._bs * kind[0], kind[1])
+        vector = self._vectors[kind]
+        vector.array[:] = values.ravel()
+        return vector
 
 
 def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
     """Columns on the owned dofs of this rank, extended by the values of the ghosts."""
-    return Exchange(space).with_ghosts(block)
+    if communicator(space.mesh).size == 1:
+        return block
+    imap = space.dofmap.index_map
+    rows = (imap.size_local + imap.num_ghosts) * space.dofmap.index_map_bs
+    result = np.empty((rows, block.shape[1]))
+    result[: len(block)] = block
+    Exchange(space).fetch(result)
+    return result
 
 
 def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
@@ -709,4 +593,8 @@ def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
 
 def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:
     """Columns on the owned dofs of this rank, with the values at ghosts on other ranks added."""
-    return Exchange(space).ghosts_added(block)
+    if communicator(space.mesh).size == 1:
+        return block
+    result = np.array(block, dtype=float)
+    Exchange(space).add(result)
+    return result[: local_size(space)]
