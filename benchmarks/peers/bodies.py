@@ -210,8 +210,8 @@ def meshed(
     nodes = gmsh.model.mesh.getElementsByType(11)[1]
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags] = np.arange(len(tags))
-    cells = number[nodes.reshape(-1, 10).astype(np.int64)]
-    return straightened(x * unit, cells, "tetrahedron"), cells[:, C3D10]
+    cells = number[nodes.reshape(-1, 10).astype(np.int64)][:, C3D10]
+    return straightened(x * unit, cells, "tetrahedron"), cells
 
 
 def tags_of_nodes() -> NDArray[np.uint64]:

@@ -14,7 +14,6 @@ from antiosc.fem.mesh.finer import longest_cell as longest_cell
 from antiosc.fem.mesh.reading import (
     default_size as default_size,
     flattened as flattened,
-    numbered_elements as numbered_elements,
     usual_size as usual_size,
 )
 from antiosc.fem.mesh.soundness import sound as sound

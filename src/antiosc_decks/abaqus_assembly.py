@@ -101,15 +101,6 @@ class Whole:
     #: names in upper case -> as first written
     spelling: dict[str, str] = field(default_factory=dict)
 
-    def element_labels(self) -> IntArray:
-        """Numbers of all elements that are cells, in the deck's order of cells."""
-        labels = np.zeros(self.deck.n_elements, dtype=np.int64)
-        for instance in self.instances.values():
-            numbering = instance.mesh.elements
-            rows = instance.placed("ELSET", numbering.order)
-            labels[rows[rows < OTHER]] = numbering.labels[rows < OTHER]
-        return labels
-
     def named(self, *keywords: str) -> list[Card]:
         """The model's cards with one of the given keywords."""
         return [card for card in self.cards if card.keyword in keywords]

@@ -38,7 +38,7 @@ def as_mesh(deck: Deck) -> FileMesh:
     if is_assembly and model:
         joints = model["joints"]
         dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
-        joints["among"] = nodes.near(np.array(sorted(dependent), dtype=np.int64))
+        joints["among"] = _among(nodes, np.array(sorted(dependent), dtype=np.int64))
 
     if deck.left:
         gone = sum(deck.left.values())
@@ -74,7 +74,7 @@ class FixedEntities:
         """Entities by dimension, as vertices, that are fixed where the nodes `rows` are fixed."""
         by_dimension = {0: np.intersect1d(rows, self.corners)[:, None]}
         is_fixed = np.zeros(self.nodes.count + 1, dtype=bool)
-        is_fixed[self.nodes.with_inner_nodes(rows)] = True
+        is_fixed[_between(self.nodes, rows)] = True
         edges = is_fixed[self.edges].all(axis=2)
         if self.mids is not None:
             edges &= is_fixed[self.mids]
@@ -114,3 +114,26 @@ def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntAr
     flat = edges.reshape(-1, 2)
     row = np.where(deck_edges.find(flat) >= 0, 0, np.maximum(diagonals.find(flat), 0))
     return np.vstack(node_rows)[row].reshape(*edges.shape[:2], 8)
+
+
+def _between(table: NodeTable, nodes: IntArray) -> IntArray:
+    """The nodes that lie between some `nodes` of the file alone, these included."""
+    others = np.ones(len(table.points))
+    others[nodes] = 0.0
+    return np.flatnonzero(abs(table.weights) @ others == 0)
+
+
+def _among(table: NodeTable, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
+    """New nodes among some of the file, each with its nodes of the file and their weights."""
+    count = len(table.points)
+    held = np.isin(np.arange(count), nodes).astype(float)
+    between = np.flatnonzero(abs(table.weights) @ held)
+    between = between[between >= count]
+    rows = table.weights[between]
+    rows.eliminate_zeros()
+    rows.sort_indices()
+    parts = [slice(*ends) for ends in zip(rows.indptr[:-1], rows.indptr[1:], strict=True)]
+    weighted = [
+        list(zip(rows.indices[p].tolist(), rows.data[p].tolist(), strict=True)) for p in parts
+    ]
+    return list(zip(between.tolist(), weighted, strict=True))

@@ -41,13 +41,21 @@ from antiosc.extension import (
     attachments_of,
     distributed,
     flattened,
-    numbered_elements,
     sound,
 )
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.platform import collective, on_root, warn
-from antiosc.io.neutral import Model, Piece, RawMesh, UnitSystem
-from antiosc.io.reading import NumberedElements, pieces_error, read_parts
+from antiosc.io.neutral import (
+    CELLS,
+    DIMENSION,
+    FileMesh,
+    Model,
+    Piece,
+    RawMesh,
+    UnitSystem,
+    of_kind,
+)
+from antiosc.io.reading import content_of, pieces_error, selected
 from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
 
 
@@ -157,7 +165,6 @@ def read_model(
     piece: int | None = None,
     contact: ContactChoice = "tied",
     free: bool = False,
-    elements: NumberedElements | None = None,
     root: str | Path | None = None,
     solver: SolverChoice = "auto",
     timeout: float | None = None,
@@ -204,8 +211,6 @@ def read_model(
         read is left out.
     free
         Whether to leave out the supports of the deck, as for a fall or an impact in flight.
-    elements
-        Further groups: name -> numbers of elements in the deck, in all of its instances.
     root
         Folder of the files that the deck may include; by default that of the deck, or the one above
         it where both are the user's own.
@@ -250,7 +255,6 @@ def read_model(
         piece=piece,
         contact=contact,
         free=free,
-        elements=elements,
         root=root,
         timeout=timeout,
     )
@@ -310,6 +314,14 @@ def _families(raw: RawMesh, strength: Strength) -> dict[str, Family]:
     }
 
 
+def _alone(content: FileMesh, label: str) -> FileMesh:
+    """A deck with the cells of one kind only, their groups and the supports on them."""
+    mark = of_kind("", label)
+    groups = {n: {label: parts[label]} for n, parts in content.groups.items() if label in parts}
+    fixed = {n.removesuffix(mark): e for n, e in content.fixed.items() if n.endswith(mark)}
+    return replace(content, cells={label: content.cells[label]}, groups=groups, fixed=fixed)
+
+
 def _reader(
     file: Path,
     unit: str | float,
@@ -321,7 +333,6 @@ def _reader(
     piece: int | None = None,
     contact: ContactChoice = "tied",
     free: bool = False,
-    elements: NumberedElements | None = None,
     root: str | Path | None = None,
     timeout: float | None = None,
     massless: bool = False,
@@ -347,18 +358,19 @@ def _reader(
         if not os.path.isdir(root):
             raise InputError(f"root must be a folder; there is none at {checks.shown(root)}.")
 
-    numbered = numbered_elements(elements)
     options: dict[str, Any] = {"unstated": (density, modulus, massless), "parts": parts}
     options |= {"piece": piece, "root": root, "free": checks.flag("free", free)}
     options["contact"] = checks.choice("contact", contact, CONTACT_CHOICES)
 
     def work() -> dict[str, RawMesh]:
         meshes: dict[str, RawMesh] = {}
-        by_shape = read_parts(
-            file, unit=units, merge=merge, timeout=timeout, model=options, elements=numbered
-        )
+        content = content_of(file, timeout, units, merge, model=options)
+        whole = [content]
+        if content.model is not None and content.model["joined"]:
+            labels = sorted(content.cells, key=lambda label: -DIMENSION[CELLS[label][0]])
+            whole = [_alone(content, label) for label in labels]
 
-        for raw in by_shape.values():
+        for raw in (selected(one, None, None, file.name) for one in whole):
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
             if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:
@@ -384,7 +396,7 @@ def _choices(raw: RawMesh) -> str:
 
 
 def _model(raw: RawMesh) -> Model:
-    """The model that `read_parts` reads with the cells."""
+    """The model that is read with the cells."""
     assert raw.model is not None
     return raw.model
 

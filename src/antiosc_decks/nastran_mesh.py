@@ -166,10 +166,6 @@ class NastranDeck:
             tell(f"{told}, which the first subcase does not select.")
         return selected & numbers
 
-    def element_labels(self) -> IntArray:
-        """Numbers of the elements in the deck's order."""
-        return np.array([entry.whole(0) for entry in self.elements], dtype=np.int64)
-
     def row(self, label: int, place: DeckPlace) -> int:
         """Row of the node numbered `label`."""
         row = int(self.nodes.rows(np.array([label]))[0])

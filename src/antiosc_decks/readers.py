@@ -30,7 +30,6 @@ def _reader(
         options = ask.model or {}
         deck_and_model = read(Sources(Path(ask.path), ask.name, allow, options.get("root")))
         deck = deck_and_model.deck
-        deck.name_elements(ask.elements, deck_and_model.element_labels())
         if ask.model is not None:
             deck.wanted = options.get("parts")
             deck.piece = options.get("piece")

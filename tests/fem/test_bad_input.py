@@ -200,7 +200,7 @@ CELLS = [
     (BOWTIE, {}, "1 of 1 cells of part.vtu cross themselves, as a bowtie does, one at (0.5, 0.5"),
     (BOWTIE, {"gdim": 3}, "1 of 1 cells of part.vtu cross themselves"),
     (TURNED, {}, "1 of 1 cells of part.vtu cross themselves"),
-    (PAIR, {}, "2 of 2 cells of part.vtu share two sides with another one"),
+    (PAIR, {}, "2 of 2 cells of part.vtu repeat another one, or share two sides"),
     (CORNER, {}, "1 nodes inside sides of cells are corners of cells too"),
     (None, {}, "check"),
 ]

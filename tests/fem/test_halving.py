@@ -38,7 +38,7 @@ def one_cell(shape: str, order: int, bend: float = 0.0) -> RawMesh:
     facets = facets[:, np.argsort(compat.node_order(of_side, facets.shape[1], "vtk"))]
     groups = {"skin": {kind.dim - 1: facets}, "all": {kind.dim: cells[:, : kind.vertices]}}
     groups["corner"] = {0: np.array([[0]])}
-    return RawMesh(points, cells, kind, "vtk", groups)
+    return RawMesh(points, cells, kind, groups)
 
 
 def measure(raw: RawMesh) -> float:
@@ -47,7 +47,7 @@ def measure(raw: RawMesh) -> float:
     element = basix.create_element(basix.ElementFamily.P, cell, raw.kind.order)
     X, weights = basix.make_quadrature(cell, 6)
     gradients = element.tabulate(1, X)[1:, :, :, 0]
-    nodes = raw.cells[:, compat.node_order(raw.kind.shape, raw.kind.nodes, raw.convention)]
+    nodes = raw.cells[:, compat.node_order(raw.kind.shape, raw.kind.nodes, "vtk")]
     J = np.einsum("dqk,cki->cqid", gradients, raw.points[nodes])
     return float((np.abs(np.linalg.det(J)) @ weights).sum())
 

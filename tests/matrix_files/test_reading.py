@@ -125,8 +125,8 @@ def test_k_and_m_of_different_models(tmp_path):
     abaqus_labels(tmp_path / "M.mtx", M, LABELS)
     with pytest.raises(ao.InputError, match=r"M\.mtx has dof 3 of node 50, which K\.mtx has not"):
         ao.Structure.from_files(tmp_path / "K.mtx", tmp_path / "M.mtx")
-    for bad, says in (("nowhere", "does not exist"), (tmp_path, "is a folder")):
-        with pytest.raises(ao.InputError, match=says):
+    for bad in ("nowhere", tmp_path):
+        with pytest.raises(ao.InputError, match="there is no matrix file"):
             ao.Structure.from_files(bad, bad)
 
 

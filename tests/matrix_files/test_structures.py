@@ -154,13 +154,13 @@ def test_a_map_that_does_not_fit_is_refused(tmp_path):
     for bad, says in (
         (LABELS[:-1], "must have a row of node, dof"),
         (np.vstack([LABELS[:-1], LABELS[:1]]), "names one dof of a node twice"),
-        (LABELS + 0.5, "must be whole numbers"),
+        (LABELS + 0.5, "as whole numbers"),
         ((LABELS[:, 0], LABELS[:-1, 1]), "map needs a dof for each of the 15 rows; got 14"),
         ((LABELS[:, 0], "x"), "map needs a dof for each"),
         ((LABELS[:-1, 0], LABELS[:, 1]), "the nodes of map"),
         (np.column_stack([np.zeros(15), LABELS]), "must number the rows from 1 to 15"),
         (np.full((15, 2), np.nan), "map"),
-        ("nowhere.txt", "does not exist"),
+        ("nowhere.txt", "there is no matrix file"),
     ):
         with pytest.raises(ao.InputError, match=says):
             ao.Structure.from_files(*files, map=bad)

@@ -26,7 +26,7 @@ from antiosc.io import cad, facets
 from antiosc.io.cad import CAD, Names
 from antiosc.io.conversion import as_carried, known
 from antiosc.io.isolation import AROUND, Request
-from antiosc.io.neutral import CELLS, FileMesh, IntArray, Piece, joined
+from antiosc.io.neutral import CELLS, CORNERS, EDGES, FileMesh, IntArray, Piece, joined, rectangles
 
 #: What is said of a CAD file without shapes, and of a STEP file that says so of itself.
 NO_SHAPES = (
@@ -99,10 +99,10 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
 def _check_size(gmsh: ModuleType, ask: Request, dim: int, scale: float) -> None:
     """MeshError for an element size that is far too small; else the time that the cells take."""
     assert ask.size is not None
-    measures = [_mass(gmsh, dim, tag) for _, tag in gmsh.model.getEntities(dim)]
+    measure = sum(_mass(gmsh, dim, tag) for _, tag in gmsh.model.getEntities(dim))
     box = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
     along = float(np.ptp(box, axis=0).max()) * scale / ask.size
-    cells = CELLS_PER_SIZE[dim] * sum(m or 0.0 for m in measures) * (scale / ask.size) ** dim
+    cells = CELLS_PER_SIZE[dim] * measure * (scale / ask.size) ** dim
     if max(cells, along) > MOST_CELLS:
         raise MeshError(
             f"{ask.name} would need about {max(cells, along):.1e} cells at a size of "
@@ -111,12 +111,12 @@ def _check_size(gmsh: ModuleType, ask: Request, dim: int, scale: float) -> None:
     ask.allow(TIME + 2e-3 * cells)
 
 
-def _mass(gmsh: ModuleType, dim: int, tag: int) -> float | None:
-    """Length, area or volume of an entity by OpenCASCADE; None if it is none of its entities."""
+def _mass(gmsh: ModuleType, dim: int, tag: int) -> float:
+    """Length, area or volume of an entity by OpenCASCADE; 0 if it is none of its entities."""
     try:
         return float(gmsh.model.occ.getMass(dim, tag))
     except Exception:  # gmsh raises nothing else
-        return None
+        return 0.0
 
 
 def _graded_field(
@@ -197,53 +197,17 @@ GMSH_KINDS = {number: label for label, (_, _, number) in CELLS.items()}
 
 
 def read(ask: Request) -> FileMesh:
-    """Read a mesh file (`.msh`)."""
-    source = Path(ask.path)
-    ask.allow(30 + 2e-6 * source.stat().st_size)
-    if not ask.trust:
-        with source.open("rb") as stream:
-            beginning = stream.read(16)
-        if not beginning.startswith(HEADERS):
-            raise MeshError(
-                f"{ask.name} does not begin as a Gmsh mesh ($MeshFormat): it is one of another "
-                "program (GiD, Fluent, …); write it there as .inp, .bdf or .med."
-            )
-        source = Path(shutil.copyfile(source, "mesh.msh"))
-    return _through_gmsh(ask, source)
-
-
-def generate(ask: Request) -> FileMesh:
-    """Mesh a geometry."""
+    """Read a mesh file (`.msh`), or mesh a geometry."""
     source = Path(ask.path)
     suffix = source.suffix.lower()
     # a script may take long to build the geometry
     ask.allow((120 if suffix in SCRIPTS else 30) + 1e-5 * source.stat().st_size)
-    if ask.trust:
-        return _through_gmsh(ask, source)
-
-    copy = Path(f"mesh{suffix}")
-    if suffix in SCRIPTS:
-        text, merged = harmless(source.read_text(encoding="latin-1"), ask.name)
-        for name in merged:
-            if not source.with_name(name).is_file():
-                raise MeshError(
-                    f"{ask.name} merges {name}, but there is no such file in its folder: put it "
-                    "there."
-                )
-            shutil.copyfile(source.with_name(name), name)
-        copy.write_text(text, encoding="latin-1", newline="")
-    else:
-        shutil.copyfile(source, copy)
-    return _through_gmsh(ask, copy)
-
-
-def _through_gmsh(ask: Request, path: Path) -> FileMesh:
-    """The mesh of a file that gmsh opens, or that fTetWild fills."""
     if ask.by_ftetwild:
         return facets.by_ftetwild(ask)
+
+    path = source if ask.trust or ask.solid else _copied(source, suffix, ask.name)
     gmsh = session()
     ask.seal()
-    suffix = Path(ask.path).suffix.lower()
     try:
         return _opened(gmsh, ask, path, suffix)
     except MeshError:
@@ -255,6 +219,31 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         if ask.solid or (gmsh.model.getDimension() > 0 and suffix in GEOMETRY):
             raise UnmeshableError(f"gmsh cannot mesh {ask.name}: {reason}.") from error
         raise MeshError(f"gmsh cannot read {ask.name}: {reason}.") from error
+
+
+def _copied(source: Path, suffix: str, name: str) -> Path:
+    """A copy of the file in the empty folder, checked; beside a script that of CAD it merges."""
+    copy = Path(f"mesh{suffix}")
+    if suffix in SCRIPTS:
+        text, merged = harmless(source.read_text(encoding="latin-1"), name)
+        for beside in merged:
+            if not source.with_name(beside).is_file():
+                raise MeshError(
+                    f"{name} merges {beside}, but there is no such file in its folder: put it "
+                    "there."
+                )
+            shutil.copyfile(source.with_name(beside), beside)
+        copy.write_text(text, encoding="latin-1", newline="")
+        return copy
+
+    with source.open("rb") as stream:
+        beginning = stream.read(16)
+    if suffix == ".msh" and not beginning.startswith(HEADERS):
+        raise MeshError(
+            f"{name} does not begin as a Gmsh mesh ($MeshFormat): it is one of another program "
+            "(GiD, Fluent, …); write it there as .inp, .bdf or .med."
+        )
+    return Path(shutil.copyfile(source, copy))
 
 
 def _opened(gmsh: ModuleType, ask: Request, path: Path, suffix: str) -> FileMesh:
@@ -282,17 +271,12 @@ def _opened(gmsh: ModuleType, ask: Request, path: Path, suffix: str) -> FileMesh
         mesh_model(gmsh, ask, unit * ask.unit[0])
     mesh = _arrays(gmsh, ask.name, names, numbered=suffix == ".msh")
     if ask.order != 1 and suffix != ".msh":
-        exact = surface.volume if ask.solid else _volume(gmsh)
+        solids = [abs(_mass(gmsh, 3, tag)) for _, tag in gmsh.model.getEntities(3)]
+        exact = surface.volume if ask.solid else sum(solids) if all(solids) else 0.0
         notes += _volume_told(gmsh, ask.name, exact)
     mesh.points *= unit
     mesh.remarks = [*notes, *mesh.remarks]
     return mesh
-
-
-def _volume(gmsh: ModuleType) -> float:
-    """Volume of the solids of CAD; 0 if there are none or others."""
-    solids = [_mass(gmsh, 3, tag) or 0.0 for _, tag in gmsh.model.getEntities(3)]
-    return sum(map(abs, solids)) if all(solids) else 0.0
 
 
 def _volume_told(gmsh: ModuleType, name: str, exact: float) -> list[str]:
@@ -325,9 +309,7 @@ def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
     group_names = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]
     group_names += cad.in_order(chain(*names.values()))
     cells = {"line": np.arange(len(lines))}
-    mesh = FileMesh(
-        boxes.reshape(-1, 3), {"line": lines}, "gmsh", dict.fromkeys(group_names, cells)
-    )
+    mesh = FileMesh(boxes.reshape(-1, 3), {"line": lines}, dict.fromkeys(group_names, cells))
     if len(entities) > 1:
         labels = [", ".join(names.get(entity, ())) for entity in entities]
         mesh.pieces = [
@@ -383,7 +365,7 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
         kinds, _, nodes = gmsh.model.mesh.getElements(dim, tag)
         for kind, block in zip(kinds, nodes, strict=True):
             label = known(GMSH_KINDS.get(int(kind), f"gmsh type {kind}"), name)
-            part = indices(block, CELLS[label][1])
+            part = indices(block, CELLS[label][1])[:, _order(gmsh, int(kind), label)]
             start = count.get(label, 0)
             count[label] = start + len(part)
             blocks.setdefault(label, []).append(part)
@@ -398,38 +380,42 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
     )
     named = {label: named[label] for label in cad.in_order(named)}
 
-    mesh = FileMesh(points, cells, "gmsh", named | groups, of_gmsh=True, aids=bool(groups))
+    mesh = FileMesh(points, cells, named | groups, of_gmsh=True, aids=bool(groups))
     if numbered:
         mesh.labels = np.asarray(tags, dtype=np.int64)
     return as_carried(mesh, name)
+
+
+def _order(gmsh: ModuleType, number: int, label: str) -> IntArray:
+    """Where the nodes of cells of a kind, in VTK's order, stand in gmsh's."""
+    shape, count, _ = CELLS[label]
+    x = np.reshape(gmsh.model.mesh.getElementProperties(number)[4], (count, -1))
+    corners = tuple(range(CORNERS[shape]))
+    members = [*((k,) for k in corners), *EDGES[shape], *rectangles(shape), corners]
+    wanted = np.array([x[list(nodes)].mean(axis=0) for nodes in members[:count]])
+    return np.asarray(np.linalg.norm(wanted[:, None] - x, axis=2).argmin(axis=1))
 
 
 def _groups(
     gmsh: ModuleType, rows: dict[tuple[int, int], dict[str, IntArray]], name: str
 ) -> dict[str, dict[str, IntArray]]:
     """The physical groups of the model, by name or number, as rows of its cells."""
-    members_of: dict[tuple[int, int], dict[str, list[IntArray]]] = {}
+    members: dict[tuple[int, int], list[tuple[str, IntArray]]] = {}
     for (dim, tag), blocks in rows.items():
         # the inverse query searches all entities for each group
         for group in gmsh.model.getPhysicalGroupsForEntity(dim, tag):
-            for kind, members in blocks.items():
-                members_of.setdefault((dim, abs(int(group))), {}).setdefault(kind, []).append(
-                    members
-                )
-    groups: dict[str, dict[str, IntArray]] = {}
-    dims: set[tuple[str, int]] = set()
+            members.setdefault((dim, abs(int(group))), []).extend(blocks.items())
+
+    names: dict[tuple[str, int], list[tuple[str, IntArray]]] = {}
     for dim, tag in gmsh.model.getPhysicalGroups():
         label = gmsh.model.getPhysicalName(dim, tag) or str(tag)
-        parts = members_of.get((dim, tag))
-        if parts is None:
-            continue
-        if (label, dim) in dims:
+        if (label, dim) in names:
             raise MeshError(
                 f"{name} gives two groups of dimension {dim} the name {label!r}: name them apart."
             )
-        dims.add((label, dim))
-        groups.setdefault(label, {}).update({k: np.concatenate(r) for k, r in parts.items()})
-    return groups
+        if (dim, tag) in members:
+            names[label, dim] = members[dim, tag]
+    return joined((label, *part) for (label, _), parts in names.items() for part in parts)
 
 
 # --- Scripts ---

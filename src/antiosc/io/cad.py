@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MeshError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.isolation import Request
+from antiosc.io.neutral import connected
 
 #: Endings of CAD files, and those of files that state the unit of their coordinates.
 CAD = (".step", ".stp", ".brep", ".iges", ".igs")
@@ -55,8 +56,9 @@ def names_of(gmsh: ModuleType, ask: Request, scale: float) -> Names:
     if ask.fragments:
         names = _cut(gmsh, names, ask.name)
     elif ask.piece is not None:
-        names = _alone(gmsh, names, ask.piece, ask.name)
-    return {**names, **face_names(gmsh, scale)}
+        _alone(gmsh, ask.piece, ask.name)
+    solids = gmsh.model.getEntities(3)
+    return {s: names[s] for s in solids if s in names} | face_names(gmsh, scale)
 
 
 def in_order(names: Iterable[str]) -> list[str]:
@@ -100,9 +102,8 @@ def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
 
     cut: Names = {}
     for entity, pieces_of_solid in zip(solids, pieces, strict=False):
-        for dim, tag in pieces_of_solid:
-            if dim == 3:
-                cut.setdefault((3, int(tag)), []).extend(names.get(entity, []))
+        for piece in pieces_of_solid:
+            cut.setdefault(piece, []).extend(names.get(entity, []))
     return cut
 
 
@@ -113,18 +114,13 @@ def largest_first(gmsh: ModuleType) -> list[tuple[int, int]]:
     return sorted(solids, key=lambda solid: -volumes.get(solid, 0.0))
 
 
-def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
-    """Remove all solids but the `piece`-th largest; return the names of the remaining one."""
+def _alone(gmsh: ModuleType, piece: int, name: str) -> None:
+    """Remove all solids but the `piece`-th largest; of sheets the pieces are those of the mesh."""
     solids = largest_first(gmsh)
-    if not solids:  # of sheets: their pieces are those of the mesh
-        return names
-    if piece > len(solids):
+    if piece > len(solids) > 0:
         raise MeshError(f"{name} has {len(solids)} solids; there is no piece {piece}.")
-
-    solid = solids.pop(piece - 1)
-    gmsh.model.occ.remove(solids, recursive=True)
+    gmsh.model.occ.remove(solids[: piece - 1] + solids[piece:], recursive=True)
     gmsh.model.occ.synchronize()
-    return {entity: label for entity, label in names.items() if entity == solid}
 
 
 def left_out(gmsh: ModuleType, ask: Request) -> list[str]:
@@ -152,14 +148,14 @@ def face_names(gmsh: ModuleType, scale: float) -> Names:
         if face in names and label not in numbered and _label(gmsh, face) not in of_solids:
             names[face].append(label)
 
-    for hole, its_faces in _holes(gmsh, faces, scale):
-        for face in its_faces:
-            names[face].append(hole)
+    if gmsh.model.getDimension() == 3:
+        for hole, its_faces in _holes(gmsh, faces, scale):
+            for face in its_faces:
+                names[face].append(hole)
     return names
 
 
-@dataclass(frozen=True, eq=False)
-class Cylinder:
+class Cylinder(NamedTuple):
     """A cylindrical face that encloses empty space."""
 
     face: tuple[int, int]
@@ -173,8 +169,7 @@ class Cylinder:
 
     def continues(self, other: Cylinder) -> bool:
         """Whether both share an edge, the axis and the radius."""
-        between = self.middle - other.middle
-        aside = np.linalg.norm(between - (between @ self.axis) * self.axis)
+        aside = np.linalg.norm(np.cross(self.middle - other.middle, self.axis))
         parallel = abs(float(self.axis @ other.axis)) > 1 - ALIKE
         same_radius = abs(self.radius - other.radius) < ALIKE * self.radius
         beside = bool(self.edges & other.edges)
@@ -185,25 +180,19 @@ def _holes(
     gmsh: ModuleType, faces: Sequence[tuple[int, int]], scale: float
 ) -> Iterator[tuple[str, list[tuple[int, int]]]]:
     """Pairs ("hole 6 mm (1)", its faces): coaxial cylindrical faces that enclose empty space."""
-    if gmsh.model.getDimension() < 3:
-        return
-
-    holes: list[list[Cylinder]] = []
-    for face in faces:
-        cylinder = _hollow(gmsh, face)
-        if cylinder is not None:
-            same = [hole for hole in holes if any(cylinder.continues(one) for one in hole)]
-            holes = [hole for hole in holes if hole not in same]
-            holes.append([cylinder, *(one for hole in same for one in hole)])
+    hollow = [c for face in faces if (c := _hollow(gmsh, face))]
+    pairs = [(i, j) for j, c in enumerate(hollow) for i in range(j) if c.continues(hollow[i])]
+    label = connected([np.array(pairs, dtype=np.int64).reshape(-1, 2)], len(hollow))
+    holes = [[c for c, k in zip(hollow, label, strict=True) if k == hole] for hole in set(label)]
 
     by_size: dict[str, list[list[Cylinder]]] = {}
     for hole in holes:
         if sum(cylinder.angle for cylinder in hole) > 2 * np.pi * (1 - ALIKE):  # a full turn
-            size = f"hole {2e3 * scale * hole[0].radius:.4g} mm"
+            size = f"hole {2e3 * scale * hole[-1].radius:.4g} mm"
             by_size.setdefault(size, []).append(hole)
 
     for size, group in sorted(by_size.items()):
-        group.sort(key=lambda hole: tuple(np.round(hole[0].middle, 6)))
+        group.sort(key=lambda hole: tuple(np.round(hole[-1].middle, 6)))
         for number, hole in enumerate(group, 1):
             yield f"{size} ({number})", [cylinder.face for cylinder in hole]
 

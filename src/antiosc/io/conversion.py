@@ -28,7 +28,6 @@ from antiosc.io.neutral import (
     EDGES,
     FACES,
     KINDS,
-    SERENDIPITY,
     FileMesh,
     IntArray,
     rectangles,
@@ -110,27 +109,6 @@ class NodeTable:
         nodes = np.array([self._faces[key] for key in keys], dtype=np.int64)
         return nodes[np.ravel(face_index)]
 
-    def with_inner_nodes(self, nodes: IntArray) -> IntArray:
-        """The nodes that lie between some `nodes` of the file alone, these included."""
-        others = np.ones(len(self.points))
-        others[nodes] = 0.0
-        return np.flatnonzero(abs(self.weights) @ others == 0)
-
-    def near(self, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
-        """New nodes among some of the file, each with its nodes of the file and their weights."""
-        among = np.zeros(len(self.points))
-        among[nodes] = 1.0
-        between = np.flatnonzero(abs(self.weights) @ among)
-        between = between[between >= len(self.points)]
-        rows = self.weights[between]
-        rows.eliminate_zeros()
-        rows.sort_indices()
-        parts = (slice(*ends) for ends in zip(rows.indptr[:-1], rows.indptr[1:], strict=True))
-        return [
-            (int(k), list(zip(rows.indices[p].tolist(), rows.data[p].tolist(), strict=True)))
-            for k, p in zip(between, parts, strict=True)
-        ]
-
 
 class PairTable:
     """Values of unordered pairs of nodes; the first value of a pair is kept."""
@@ -210,7 +188,7 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
             label = CELL_LABELS[shape, order]
             cells[label], owners[label] = _of_dimension(deck, of_shape, split, order, nodes)
             kinds.append((label, shape, [block for block, _ in of_shape]))
-    mesh = FileMesh(nodes.all_points(), cells, "vtk")
+    mesh = FileMesh(nodes.all_points(), cells)
     for name, elements in deck.element_sets.items():
         in_model = np.zeros(deck.n_elements, dtype=bool)
         in_model[elements] = True
@@ -304,9 +282,6 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
 
 def _note_cuts(block: Block, nodes: NodeTable) -> None:
     """Enter the middles of all diagonals of divided faces and cells into the table."""
-    if block.inner.shape[1]:
-        _note_inner(block, nodes)
-        return
     for face in rectangles(block.shape):
         whole = ~_repeats(block.corners[:, list(face)])  # the diagonals of others are edges
         middles = _middles(block[whole], nodes, face)
@@ -317,16 +292,6 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
         middles = _middles(block[whole], nodes)
         for ends in DIAGONALS:
             nodes.place(block.corners[whole][:, list(ends)], middles)
-
-
-def _note_inner(block: Block, nodes: NodeTable) -> None:
-    """Use the file's nodes inside faces and cells as the middle nodes of their diagonals."""
-    pairs = [[(face[k], face[k + 2]) for k in (0, 1)] for face in rectangles(block.shape)]
-    if block.shape == "hexahedron":
-        pairs.append(list(DIAGONALS))
-    for column, diagonals in zip(block.inner.T, pairs, strict=True):
-        for first, second in diagonals:
-            nodes.give(block.corners[:, [first, second]], column)
 
 
 def _collapsed(block: Block) -> bool:
@@ -388,26 +353,6 @@ def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
 # --- Files with cells of several kinds ---
 
 
-#: Corners of the edges in the order of gmsh's middle nodes, where it is not that of VTK.
-GMSH_EDGES = {
-    "tetra": ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
-    "pyramid": ((0, 1), (0, 3), (0, 4), (1, 2), (1, 4), (2, 3), (2, 4), (3, 4)),
-    "wedge": ((0, 1), (0, 2), (0, 3), (1, 2), (1, 4), (2, 5), (3, 4), (3, 5), (4, 5)),
-    "hexahedron": (
-        *((0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3), (2, 6), (3, 7)),
-        *((4, 5), (4, 7), (5, 6), (6, 7)),
-    ),
-}
-#: Corners of the faces in the order of gmsh's nodes within them, likewise.
-GMSH_FACES = {
-    "hexahedron": (
-        *((0, 3, 2, 1), (0, 1, 5, 4), (0, 4, 7, 3)),
-        *((1, 2, 6, 5), (2, 3, 7, 6), (4, 5, 6, 7)),
-    ),
-    "wedge": ((0, 1, 4, 3), (0, 2, 5, 3), (1, 2, 5, 4)),
-}
-
-
 def known(label: str, name: str) -> str:
     """`label` itself; MeshError for cells that can neither be used nor divided."""
     if label not in CELLS:
@@ -421,12 +366,14 @@ def known(label: str, name: str) -> str:
 
 def as_carried(mesh: FileMesh, name: str) -> FileMesh:
     """The mesh with one supported kind of cells for each dimension; other cells are divided."""
-    if not _is_mixed(mesh):
-        return mesh
-    deck = Deck(name, mesh.points, labels=mesh.labels)
     labels = [label for label, block in mesh.cells.items() if len(block)]
-    for label in labels:
-        deck.blocks.append(_block(label, mesh.cells[label], mesh.convention))
+    dims = {label: DIMENSION[CELLS[label][0]] for label in labels}
+    tops = [label for label in labels if dims[label] == max(dims.values())]
+    if len(tops) < 2 and KINDS.keys() >= set(tops):
+        return mesh
+
+    deck = Deck(name, mesh.points, labels=mesh.labels)
+    deck.blocks = [_block(label, mesh.cells[label]) for label in labels]
     starts = dict(zip(labels, np.cumsum([0, *map(len, deck.blocks)]), strict=False))
     for group, parts in mesh.groups.items():
         rows = [
@@ -440,45 +387,9 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
     return result
 
 
-def _is_mixed(mesh: FileMesh) -> bool:
-    """Whether some cells of a dimension differ in kind from the rest, or are not supported."""
-    labels = {label for label, block in mesh.cells.items() if len(block)}
-    top = max((DIMENSION[CELLS[label][0]] for label in labels), default=0)
-    if mesh.aids:  # where some cells are in groups, those in none are construction aids
-        grouped = {
-            label
-            for parts in mesh.groups.values()
-            for label, rows in parts.items()
-            if len(rows) and DIMENSION[CELLS[label][0]] == top
-        }
-        lower = {label for label in labels if DIMENSION[CELLS[label][0]] < top}
-        labels = grouped | lower if grouped else labels
-    if any(label not in KINDS and label not in SERENDIPITY for label in labels):
-        return True
-    tops = {label for label in labels if DIMENSION[CELLS[label][0]] == top}
-    return len(tops) > 1 or any(label in SERENDIPITY for label in tops)
-
-
-def _block(label: str, cells: IntArray, convention: str) -> Block:
-    shape, nodes, _ = CELLS[label]
-    corners = CORNERS[shape]
-    edges = len(EDGES[shape])
-    has_mids = nodes > corners
-    mids = np.arange(corners, corners + edges * has_mids)
-    inner = np.arange(corners, corners)
-    if nodes > corners + edges:
-        inner = np.arange(corners + edges, nodes)
-    if convention == "gmsh" and has_mids:
-        mids = corners + _places(EDGES[shape], GMSH_EDGES.get(shape, EDGES[shape]))
-        if len(inner) and shape in GMSH_FACES:
-            first = corners + edges
-            inner = first + _places(rectangles(shape), GMSH_FACES[shape])
-            if nodes > first + len(inner):
-                inner = np.append(inner, nodes - 1)
-    return Block(shape, label, cells[:, :corners], cells[:, mids], cells[:, inner])
-
-
-def _places(wanted: Sequence[Sequence[int]], table: Sequence[Sequence[int]]) -> IntArray:
-    """For each of `wanted` (edges or faces), its index in `table`."""
-    node_sets = [frozenset(entity) for entity in table]
-    return np.array([node_sets.index(frozenset(entity)) for entity in wanted])
+def _block(label: str, cells: IntArray) -> Block:
+    """Cells of one kind as elements."""
+    shape = CELLS[label][0]
+    first = CORNERS[shape]
+    inner = min(first + len(EDGES[shape]), cells.shape[1])
+    return Block(shape, label, cells[:, :first], cells[:, first:inner], cells[:, inner:])

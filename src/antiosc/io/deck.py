@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array, BoolArray
-from antiosc.base.errors import MeshError
 from antiosc.io.neutral import Model, Piece
 
 IntArray = NDArray[np.int64]
@@ -87,21 +86,6 @@ class Deck:
     model: Model | None = None
     #: numbers of the first nodes in the file
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-
-    def name_elements(self, groups: Mapping[str, Sequence[int]], labels: IntArray) -> None:
-        """Make sets from element numbers of the file; `labels`: those of all elements, in order.
-
-        MeshError for a number that no element has, and for a name that a set has.
-        """
-        for name, numbers in groups.items():
-            if name in self.element_sets:
-                raise MeshError(f"{self.name} has a set {name!r} already: name the elements apart.")
-            unknown = np.setdiff1d(np.array(numbers), labels)
-            if len(unknown):
-                raise MeshError(
-                    f"{self.name} has no element {unknown[0]} that is a cell of a mesh."
-                )
-            self.element_sets[name] = np.flatnonzero(np.isin(labels, np.array(numbers)))
 
     @property
     def n_elements(self) -> int:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -51,15 +51,6 @@ BY_FTETWILD = "is filled by fTetWild"
 ENVELOPE, FTETWILD_TIME = 1e-3, 600.0
 
 
-# --- Triangles ------------------------------------------------------------------------------------
-
-
-def areas(points: Array, triangles: IntArray) -> Array:
-    """Areas (t,) of triangles."""
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-
-
 def volumes(points: Array, triangles: IntArray) -> Array:
     """Signed volumes (t,) between the origin and triangles; they add up to the enclosed volume."""
     a, b, c = points[triangles].transpose(1, 0, 2)
@@ -73,15 +64,14 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
     triangles meet at an edge, neighbours may differ.
     """
     count = len(triangles)
-    consistent, a, b = _neighbours(triangles)
+    consistent, pairs, _ = _edges(triangles)
 
     # each triangle twice: as it is, and turned
-    rows = np.concatenate([a, a + count])
-    columns = np.concatenate(
-        [np.where(consistent, b, b + count), np.where(consistent, b + count, b)]
-    )
-    side = connected([np.column_stack([rows, columns])], 2 * count)
-    piece = connected([np.column_stack([a, b])], count)
+    a, b = pairs.T
+    turn = np.where(consistent, 0, count)
+    links = [np.column_stack([a, b + turn]), np.column_stack([a + count, b + count - turn])]
+    side = connected(links, 2 * count)
+    piece = connected([pairs], count)
     _, start = np.unique(piece, return_index=True)
     turned = np.array(triangles, dtype=np.int64)
     other = side[:count] != side[start][piece]
@@ -92,28 +82,20 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
     return turned, piece
 
 
-def _edges(triangles: AnyIntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """(ends (3t, 2) of the sides of t triangles, first sides first, number of the edge of each,
-    uses of each edge).
+def _edges(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
+    """(whether two triangles at an edge have one orientation, their numbers (k, 2); of all edges
+    the number of triangles).
     """
     ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
     _, edge, uses = np.unique(
         np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
     )
-    return ends, edge.ravel(), uses
-
-
-def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
-    """(mask of consistent orientation, first triangle, second triangle) for edges of two
-    triangles.
-    """
-    ends, edge, uses = _edges(triangles)
-    owner = np.tile(np.arange(len(triangles)), 3)
-    order = np.argsort(edge, kind="stable")
-    first = order[(np.cumsum(uses) - uses)[uses == 2]]
-    second = order[(np.cumsum(uses) - uses)[uses == 2] + 1]
+    order = np.argsort(edge.ravel(), kind="stable")
+    start = (np.cumsum(uses) - uses)[uses == 2]
+    sides = order[start[:, None] + np.arange(2)]
     # a common edge is passed once in each direction
-    return ends[first, 0] != ends[second, 0], owner[first], owner[second]
+    first, second = ends[sides, 0].T
+    return first != second, sides % len(triangles), uses
 
 
 # --- Reading --------------------------------------------------------------------------------------
@@ -121,25 +103,26 @@ def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
 
 @dataclass
 class Surface:
-    """A surface of triangles.
-
-    Attributes
-    ----------
-    points : (n, 3)
-    triangles : (t, 3) corners, consistently oriented; closed pieces have outward normals.
-    piece : (t,) number of the piece of each triangle.
-    remarks : repairs that were made, one sentence each.
-    """
+    """A surface of triangles."""
 
     points: Array
+    #: (t, 3) corners, consistently oriented; closed pieces have outward normals
     triangles: IntArray
+    #: (t,) number of the piece of each triangle
     piece: IntArray
-    remarks: list[str] = field(default_factory=list)
+    #: repairs that were made, one sentence each
+    remarks: list[str]
 
     @property
     def open_edges(self) -> int:
         """Number of edges that do not belong to two triangles, or to pairs of these."""
         return int((_edges(self.triangles)[2] % 2 != 0).sum())
+
+    @property
+    def normals(self) -> Array:
+        """Normals (t, 3) of the triangles, as long as twice their areas."""
+        a, b, c = self.points[self.triangles].transpose(1, 0, 2)
+        return np.cross(b - a, c - a)
 
     @property
     def size(self) -> float:
@@ -158,12 +141,11 @@ class Surface:
 
     def sides(self) -> IntArray:
         """Number of the smooth side of each triangle; sharp edges separate sides."""
-        _, a, b = _neighbours(self.triangles)
-        x = self.points[self.triangles]
-        normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        smooth = np.einsum("ni,ni->n", normal[a], normal[b]) > math.cos(math.radians(SHARP_ANGLE))
-        return connected([np.column_stack([a, b])[smooth]], len(normal))
+        _, pairs, _ = _edges(self.triangles)
+        normals = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
+        cosine = np.einsum("ni,ni->n", *normals[pairs].transpose(1, 0, 2))
+        smooth = cosine > math.cos(math.radians(SHARP_ANGLE))
+        return connected([pairs[smooth]], len(normals))
 
 
 def surface_of(ask: Request) -> Surface:
@@ -194,20 +176,19 @@ def surface_of(ask: Request) -> Surface:
         )
         mesh.update_faces(mesh.nondegenerate_faces(FLAT * size) & mesh.unique_faces())
         mesh.remove_unreferenced_vertices()
-    notes = []
-    if len(mesh.faces) < count:
-        notes.append(
-            f"{ask.name}: triangles without area or equal to another that are left out: "
-            f"{count - len(mesh.faces)} of {count}."
-        )
-    if not len(mesh.faces):
+    kept = len(mesh.faces)
+    if not kept:
         raise MeshError(
             f"{ask.name} holds no triangles with an area: write the surface of the part into it."
         )
-    count = len(mesh.faces)
+
     trimesh.repair.fill_holes(mesh)
-    if len(mesh.faces) > count:
-        added = len(mesh.faces) - count
+    left, added = count - kept, len(mesh.faces) - kept
+    notes = []
+    if left:
+        without = "triangles without area or equal to another that are left out"
+        notes.append(f"{ask.name}: {without}: {left} of {count}.")
+    if added:
         notes.append(f"{ask.name}: small holes of the surface are closed by {added} triangles.")
 
     points = np.array(mesh.vertices, dtype=float)
@@ -218,11 +199,8 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
     """MeshError for a surface without triangles, or with fewer than its file announces."""
     faces = getattr(mesh, "faces", np.zeros((0, 3)))
     count = len(getattr(mesh, "vertices", ()))
-    if not len(faces):
-        raise MeshError(f"{name} holds no triangles, or is cut off: write it anew.")
-
     unused = count - len(np.unique(faces))
-    lacks = bool(faces.max() >= count)
+    lacks = not len(faces) or bool(faces.max() >= count)
     if suffix == ".stl" and len(content) != 84 + 50 * len(faces):  # a text
         words = content.lower()
         lacks |= words.count(b"endfacet") != len(faces) or b"endsolid" not in words
@@ -236,8 +214,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
         numbers = [line for line in numbers if line]
         lacks |= sum(int(n) for n in numbers[0][:2]) != len(numbers) - 1
     elif suffix == ".obj" and not content.endswith(b"\n"):
-        # it has no counts: its corners come first, each belongs to a face, its lines end
-        last = content.splitlines()[-1].split()
+        last = content.splitlines()[-1].split()  # it has no counts: its corners come first
         lacks |= unused > 0 or last[:1] != [b"f"] or len(last) < 4
     if lacks:
         raise MeshError(
@@ -250,18 +227,17 @@ def read(ask: Request) -> FileMesh:
     """Read a surface as a sheet; of a closed one the bodies that it would enclose too."""
     surface = surface_of(ask)
     groups = {}
-    if not surface.open_edges:
-        area = areas(surface.points, surface.triangles).sum()
-        if 2 * abs(surface.volume) > THICK * surface.size * area:
-            groups = {CLOSED: {"triangle": np.arange(len(surface.triangles))}}
+    area = np.linalg.norm(surface.normals, axis=1).sum() / 2
+    if not surface.open_edges and 2 * abs(surface.volume) > THICK * surface.size * area:
+        groups = {CLOSED: {"triangle": np.arange(len(surface.triangles))}}
 
-    mesh = FileMesh(surface.points, {"triangle": surface.triangles}, "vtk", groups)
+    mesh = FileMesh(surface.points, {"triangle": surface.triangles}, groups)
     mesh.remarks = surface.remarks
     if groups and 0 < surface.piece.max() < MOST_BODIES:
         bodies = _by_volume(surface, _bodies(surface, ask.name)[0])
-        corners = [surface.only(body[:1]) for body in bodies]
-        boxes = [part.points[part.triangles].reshape(-1, 3) for part in corners]
-        pieces = [Piece("", x.min(axis=0), x.max(axis=0)) for x in boxes]
+        outer = (surface.triangles[surface.piece == body[0]] for body in bodies)
+        corners = [surface.points[np.unique(triangles)] for triangles in outer]
+        pieces = [Piece("", x.min(axis=0), x.max(axis=0)) for x in corners]
         mesh.pieces = pieces if len(pieces) > 1 else []
     return mesh
 
@@ -369,39 +345,25 @@ def fill(gmsh: ModuleType, ask: Request) -> tuple[Surface, Names]:
         side, piece = np.repeat(side, 4), np.repeat(piece, 4)
 
     for k in np.unique(piece):
-        own = triangles[piece == k]
-        nodes = np.unique(own)
+        own = np.flatnonzero(piece == k)
+        nodes = np.unique(triangles[own])
         tag = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, tag, nodes + 1, points[nodes].ravel())
-        gmsh.model.mesh.addElementsByType(tag, 2, [], (own + 1).ravel())
+        gmsh.model.mesh.addElementsByType(tag, 2, own + 1, (triangles[own] + 1).ravel())
     gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
     gmsh.model.mesh.classifySurfaces(math.radians(SHARP_ANGLE), True, True, math.pi)
     gmsh.model.mesh.createGeometry()
 
-    surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
-    first = _first_triangles(gmsh, points[triangles].mean(axis=1), surfaces)
+    # gmsh's surfaces, each with one of its triangles
+    triangle_of = {
+        tag: int(gmsh.model.mesh.getElementsByType(2, tag)[0][0]) - 1
+        for _, tag in gmsh.model.getEntities(2)
+    }
     for body in bodies:
-        loops = []
-        for shell in body:
-            tags = [tag for tag, row in zip(surfaces, first, strict=True) if piece[row] == shell]
-            loops.append(gmsh.model.geo.addSurfaceLoop(tags))
-        gmsh.model.geo.addVolume(loops)
+        shells = ([t for t, row in triangle_of.items() if piece[row] == k] for k in body)
+        gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(tags) for tags in shells])
     gmsh.model.geo.synchronize()
-    names = zip(surfaces, first, strict=True)
-    return surface, {(2, tag): [f"face {side[row] + 1}"] for tag, row in names}
-
-
-def _first_triangles(gmsh: ModuleType, middles: Array, surfaces: list[int]) -> IntArray:
-    """For each of gmsh's surfaces a triangle on it, of those with these middles (t, 3)."""
-    from scipy.spatial import cKDTree
-
-    places = []
-    for tag in surfaces:
-        nodes, x, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)
-        _, corners = gmsh.model.mesh.getElementsByType(2, tag)
-        place = dict(zip(nodes.tolist(), np.reshape(x, (-1, 3)), strict=True))
-        places.append(np.mean([place[node] for node in corners[:3].tolist()], axis=0))
-    return np.asarray(cKDTree(middles).query(np.array(places))[1])
+    return surface, {(2, tag): [f"face {side[k] + 1}"] for tag, k in triangle_of.items()}
 
 
 def by_ftetwild(ask: Request) -> FileMesh:
@@ -415,7 +377,7 @@ def by_ftetwild(ask: Request) -> FileMesh:
     surface, _ = _wanted(ask)
     corners = surface.points[surface.triangles]
     diagonal = float(np.linalg.norm(np.ptp(corners, axis=(0, 1))))
-    size = diagonal / 20 if ask.size is None else ask.size / ask.unit[0]
+    size = np.inf if ask.size is None else ask.size / ask.unit[0]
     points, cells = pytetwild.tetrahedralize(
         surface.points,
         surface.triangles.astype(np.int32),
@@ -429,21 +391,17 @@ def by_ftetwild(ask: Request) -> FileMesh:
     turned = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
     cells[turned] = cells[turned][:, [1, 0, 2, 3]]
     faces = np.vstack([cells[:, list(side)] for side in FACETS["tetrahedron"]])
-    _, first, uses = np.unique(
-        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    outer = faces[first[uses == 1]]
-
-    # an outer face is of the side of the nearest triangle
+    ordered = np.sort(faces, axis=1)
+    _, first, uses = np.unique(ordered, axis=0, return_index=True, return_counts=True)
+    outer = faces[first[uses == 1]]  # of the side of the nearest triangle
     nearest = cKDTree(corners.mean(axis=1)).query(points[outer].mean(axis=1))[1]
     side = surface.sides()[nearest]
     groups = {f"face {k + 1}": {"triangle": np.flatnonzero(side == k)} for k in np.unique(side)}
 
-    mesh = FileMesh(points, {"tetra": cells, "triangle": outer}, "gmsh", groups, of_gmsh=True)
-    smaller = " of one size, without smaller ones at points (refine)" if ask.refine else ""
+    mesh = FileMesh(points, {"tetra": cells, "triangle": outer}, groups, of_gmsh=True)
     told = (
-        f"{ask.name} {BY_FTETWILD} with tetrahedra{smaller}, whose faces lie within "
-        f"{100 * ENVELOPE:g} % of its diagonal from its surface."
+        f"{ask.name} {BY_FTETWILD} with tetrahedra of one size, without smaller ones (refine), "
+        f"whose faces lie within {100 * ENVELOPE:g} % of its diagonal from its surface."
     )
     mesh.remarks = [*surface.remarks, told]
     return mesh

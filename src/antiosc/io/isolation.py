@@ -18,7 +18,7 @@ import tempfile
 import time
 import tomllib
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -53,21 +53,15 @@ SYSTEM = ("/proc", "/sys", "/dev")
 
 
 def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | None) -> FileMesh:
-    """The content of the file `path`, by the reader of its file type (`table`).
+    """The content of the file `path`, by the reader of its file type (`mesh_files`).
 
-    `geometry`: whether the file is a geometry; its mesh may be much larger than the file.
-    `options`: those of a `Request`.
-
-    Raises
-    ------
-    MeshError
-        No such file, no regular file, damaged, refused by its reader, or over the limits.
-    MissingDependencyError
-        gmsh, meshio or trimesh is not installed.
+    `geometry`: whether its mesh may be much larger than the file; `options`: of a `Request`.
     """
     name = printable(path.name)
     size = _size(path)
-    memory = _memory(None if geometry else size)
+    most = int(READER_MEMORY_SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    needed = most if geometry else min(most, LEAST_MEMORY + MEMORY_PER_BYTE * size)
+    memory = max(needed, LEAST_MEMORY)
     request = {**options, "path": str(path.absolute()), "name": name}
     request |= {"timeout": timeout, "memory": memory}
 
@@ -89,13 +83,11 @@ def _size(path: Path) -> int:
     try:
         status = path.stat()
         real = str(path.resolve())
-    except FileNotFoundError:
-        raise MeshError(
-            f"there is no mesh file {shown!r}; check the path (working folder: {Path.cwd()})."
-        ) from None
     except (OSError, ValueError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise MeshError(f"{shown!r} cannot be opened: {printable(reason)}.") from None
+        raise MeshError(
+            f"{shown!r} cannot be opened: {printable(reason)} (working folder: {Path.cwd()})."
+        ) from None
 
     if not stat.S_ISREG(status.st_mode) or real.startswith(SYSTEM):
         kind = "folder" if stat.S_ISDIR(status.st_mode) else "pipe or device"
@@ -104,34 +96,11 @@ def _size(path: Path) -> int:
         raise MeshError(f"{shown!r} may not be read: its permissions forbid it.")
     if status.st_size == 0:
         raise MeshError(f"{printable(path.name)} is empty.")
-    if status.st_size > READER_MEMORY_SHARE * _machine_memory():
-        raise MeshError(
-            f"{printable(path.name)} has {status.st_size / 2**30:.3g} GiB, more than this "
-            "machine's memory."
-        )
     return status.st_size
-
-
-def _machine_memory() -> int:
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError):
-        return 2**34
-
-
-def _memory(size: int | None) -> int:
-    """Address space of a reader [bytes], for a file of this size; None: a geometry."""
-    limit = int(READER_MEMORY_SHARE * _machine_memory())
-    if size is not None:
-        limit = min(limit, LEAST_MEMORY + MEMORY_PER_BYTE * size)
-    return max(limit, LEAST_MEMORY)
 
 
 def _ask(request: Json) -> tuple[int, bytes]:
     """(exit code, response) of the reading process, `child.py`."""
-    if not sys.executable:
-        raise MeshError("meshes are read by a second Python, but sys.executable names none.")
-
     # "" stands for the working folder, which holds no packages
     line = {**request, "sys_path": [os.path.abspath(p) for p in sys.path if p]}
     environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
@@ -155,20 +124,18 @@ def _ask(request: Json) -> tuple[int, bytes]:
 
 def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) -> MeshError:
     """The error for a reader process that ended early; `again`: another attempt may follow."""
-    remedy = "give another element size." if geometry else "write the file anew."
     if -code in OVERTIME:
-        error_class = UnmeshableError if geometry and again else MeshError
-        size = ", or a larger element size." if geometry else "."
-        return error_class(
+        size = ", or a larger element size" if geometry else ""
+        return (UnmeshableError if geometry and again else MeshError)(
             f"reading {name} took longer than a file of its kind and size may take: give a longer "
-            f"timeout in s (--timeout of `antiosc new` and `antiosc open`){size}"
+            f"timeout in s (--timeout of `antiosc new` and `antiosc open`){size}."
         )
 
-    kind = UnmeshableError if geometry else MeshError
-    if code < 0:
-        end = f"{signal.Signals(-code).name}; it had {memory / 2**30:.1f} GiB"
-        return kind(f"the reader of {name} broke off ({end}): {remedy}")
-    return kind(f"the reader of {name} ended with code {code} and gave no mesh: {remedy}")
+    end = signal.Signals(-code).name if code < 0 else f"code {code}"
+    remedy = "give another element size" if geometry else "write the file anew"
+    return (UnmeshableError if geometry else MeshError)(
+        f"the reader of {name} broke off ({end}; it had {memory / 2**30:.1f} GiB): {remedy}."
+    )
 
 
 def _answer(name: str, response: bytes, memory: int) -> FileMesh:
@@ -251,8 +218,6 @@ class Request:
     fragments: bool = False
     #: the solid alone that is meshed, by its volume: 1 is the largest; None: all
     piece: int | None = None
-    #: groups of elements that are asked for: name -> their numbers in the file
-    elements: Mapping[str, Sequence[int]] = field(default_factory=dict)
     #: the box around a geometry and its groups alone, without a mesh
     outline: bool = False
     #: whether all commands of gmsh are permitted

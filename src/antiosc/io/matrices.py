@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, TypeGuard
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.io
@@ -24,6 +24,8 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.io.isolation import loaded, registered
 
+#: What is told of a table of entries.
+WHOLE = "rows, nodes and dofs must be whole numbers."
 #: Numbers as Fortran writes them: 1.5D+03, 1.5+103 without a letter.
 _FORTRAN = re.compile(rb"([0-9.])[dD]([+-]?[0-9])|([0-9.])([+-][0-9]{1,3})(?![0-9.])")
 
@@ -34,14 +36,13 @@ class MatrixFile:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         file = Path(checks.path("path", path))
         self.name = file.name
+        if not file.is_file():
+            raise InputError(f"there is no matrix file {os.fspath(path)!r}.")
+
         try:
-            if not file.is_file():
-                fault = "is a folder" if file.is_dir() else "does not exist"
-                raise InputError(f"the matrix file {os.fspath(path)!r} {fault}.")
             self.content = file.read_bytes()
         except OSError as error:
-            reason = error.strerror or str(error)
-            raise InputError(f"cannot read matrices from {os.fspath(path)!r}: {reason}.") from error
+            raise InputError(f"cannot read matrices from {os.fspath(path)!r}: {error}.") from error
         if not self.content:
             raise InputError(f"{self.name} is empty.")
 
@@ -66,22 +67,29 @@ class MatrixFile:
         """Values (lines, columns) of lines with `columns` numbers each; `numbers`: line numbers,
         for messages.
         """
-        if not lines:
-            return np.zeros((0, columns))
         rows = [line.replace(b",", b" ") for line in lines]
         values = _floats(b"\n".join(rows))
         if values is None or any(len(row.split()) != columns for row in rows):
-            for row, line, number in zip(rows, lines, numbers, strict=True):
-                self._check(row, line, number, columns)
+            for row, number in zip(rows, numbers, strict=True):
+                if len(row.split()) != columns or _floats(row) is None:
+                    raise self.error(number, f"{columns} numbers are expected; got {_shown(row)}.")
         assert values is not None
         return values.reshape(-1, columns)
 
-    def _check(self, row: bytes, line: bytes, number: int, columns: int) -> None:
-        line_text = line.decode("ascii", "replace").strip()[:60]
-        if len(row.split()) != columns:
-            raise self.error(number, f"{columns} numbers are expected; got {line_text!r}.")
-        if _floats(row) is None:
-            raise self.error(number, f"{line_text!r} is not {columns} numbers.")
+    def rows(self, lines: Sequence[bytes], numbers: Sequence[int], size: int | None) -> Entries:
+        """The matrix of lines of row, column, value, in one triangle or both; `size` None: the last
+        row that is named.
+        """
+        table = self.table(lines, numbers, 3)
+        whole = (table[:, :2] % 1 == 0) & (table[:, :2] >= 1) & (table[:, :2] < 2**31)
+        self.needs(whole.all(), numbers[int(whole.all(axis=1).argmin())], WHOLE)
+
+        row, column = table[:, :2].astype(np.int64).T - 1
+        count = int(max(row.max(), column.max())) + 1 if size is None else size
+        triangle = one_triangle(self.name, row, column, count)
+        return Entries(
+            self.name, row, column, table[:, 2], count, triangle, counted=size is not None
+        )
 
 
 def _floats(text: bytes) -> Array | None:
@@ -105,8 +113,7 @@ def fortran(text: bytes) -> bytes:
 
 def is_text(content: bytes) -> bool:
     """Whether the content begins as a text."""
-    first_bytes = content[:4096]
-    return not any(byte < 9 or 13 < byte < 32 for byte in first_bytes)
+    return not any(byte < 9 or 13 < byte < 32 for byte in content[:4096])
 
 
 # --- Entries --------------------------------------------------------------------------------------
@@ -118,45 +125,24 @@ Labels = IntArray
 
 @dataclass(frozen=True)
 class Entries:
-    """The entries of a square matrix as a file lists them.
+    """The entries of a square matrix as a file lists them, rows and columns counted from 0."""
 
-    Attributes
-    ----------
-    source : name of the file, and of the matrix where it has one
-    row, column, value : (entries,), rows counted from 0
-    size : number of rows
-    triangle : whether the file holds one triangle of a symmetric matrix
-    labels : (size, 2) node and component of each row, where the file names them
-    counted : whether the file says how many rows there are; otherwise `size` is the last row named
-    """
-
-    source: str
+    source: str  # names of the file and of the matrix
     row: IntArray
     column: IntArray
     value: Array
-    size: int
-    triangle: bool
-    labels: Labels | None = None
-    counted: bool = True
+    size: int  # number of rows
+    triangle: bool  # whether it is one triangle of a symmetric matrix
+    labels: Labels | None = None  # (size, 2) node and component of each row, if the file has them
+    counted: bool = True  # whether the file says its size, which else is the last row named
 
     def matrix(self) -> scipy.sparse.csr_matrix:
         """The sparse matrix; repeated entries are added."""
-        row = self.row
-        column = self.column
-        value = self.value
-        if self.triangle:
-            off_diagonal = row != column
-            row, column = np.append(row, column[off_diagonal]), np.append(column, row[off_diagonal])
-            value = np.append(value, value[off_diagonal])
-        return scipy.sparse.coo_matrix((value, (row, column)), (self.size, self.size)).tocsr()
-
-    def renumbered(self, position: IntArray, size: int) -> Entries:
-        """The entries of a matrix of `size` rows with row i moved to row `position[i]`; without
-        labels.
-        """
-        return Entries(
-            self.source, position[self.row], position[self.column], self.value, size, self.triangle
-        )
+        where = self.row, self.column
+        A = scipy.sparse.coo_matrix((self.value, where), (self.size, self.size)).tocsr()
+        if not self.triangle:
+            return A
+        return (A + A.T - scipy.sparse.diags(A.diagonal())).tocsr()
 
 
 def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
@@ -191,8 +177,7 @@ def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> boo
 
 def checked(entries: Entries) -> Entries:
     """The entries; InputError if they are not those of a matrix."""
-    source = entries.source
-    size = entries.size
+    source, size = entries.source, entries.size
     bad = ~np.isfinite(entries.value)
     if bad.any():
         k = int(np.argmax(bad))
@@ -235,21 +220,19 @@ def read_matrix_market(source: MatrixFile) -> Entries:
     """The matrix of a Matrix Market file, read by SciPy."""
     lines = source.lines()
     words = lines[0].decode("ascii", "replace").lower().split()
-    if len(words) < 5 or words[1] != "matrix":
-        raise source.error(1, "the header must be '%%MatrixMarket matrix FORMAT FIELD SYMMETRY'.")
+    header_text = "the header must be '%%MatrixMarket matrix FORMAT FIELD SYMMETRY'."
+    source.needs(len(words) >= 5 and words[1] == "matrix", 1, header_text)
     field, symmetry = words[3:5]
-    if field not in ("real", "integer", "double"):
-        raise source.error(1, f"the matrix is {field}: stiffness and mass must be real.")
-    if symmetry not in ("general", "symmetric"):
-        raise source.error(1, f"the matrix is {symmetry}: stiffness and mass are symmetric.")
+    is_real = field in ("real", "integer", "double")
+    source.needs(is_real, 1, f"the matrix is {field}: stiffness and mass must be real.")
+    symmetric = symmetry in ("general", "symmetric")
+    source.needs(symmetric, 1, f"the matrix is {symmetry}: stiffness and mass are symmetric.")
 
-    has_size = any(line.strip() and not line.startswith(b"%") for line in lines)
-    source.needs(
-        has_size, len(lines), "the file ends before the size of the matrix."
-    )  # SciPy waits
-
-    # SciPy allocates what the file promises
-    size = next(line for line in lines if line.strip() and not line.startswith(b"%")).split()
+    # SciPy waits for a size, and allocates what the file promises
+    numbers_follow = (line.split() for line in lines if line.strip() and line[:1] != b"%")
+    size = next(numbers_follow, None)
+    source.needs(size, len(lines), "the file ends before the size of the matrix.")
+    assert size is not None
     if all(number.isdigit() for number in size):
         numbers = [float(number) for number in size]
         promised = numbers[-1] if len(numbers) > 2 else np.prod(numbers) / 2
@@ -272,8 +255,8 @@ def read_matrix_market(source: MatrixFile) -> Entries:
         ) from error
 
     rows, columns = matrix.shape
-    if rows != columns:
-        raise source.error(1, f"the matrix must be square; got {rows} rows and {columns} columns.")
+    square = f"the matrix must be square; got {rows} rows and {columns} columns."
+    source.needs(rows == columns, 1, square)
     row, column = (index.astype(np.int64) for index in (matrix.row, matrix.col))
     return Entries(source.name, row, column, matrix.data.astype(float), rows, False)
 
@@ -294,13 +277,9 @@ def read_pair(
 ) -> MatrixPair:
     """Read K and M.
 
-    Parameters
-    ----------
-    stiffness, mass : paths
-        Matrix Market, Abaqus `*MATRIX GENERATE`, Harwell–Boeing (Ansys HBMAT), Nastran OP4 (text
-        or binary) or DMIG, Sierra/SD's text for MATLAB; recognised by their content. Both may be
-        one file.
-    names : the names of K and M in OP4 and DMIG files that hold more matrices.
+    Matrix Market, Abaqus `*MATRIX GENERATE`, Harwell–Boeing (Ansys HBMAT), Nastran OP4 (text or
+    binary) or DMIG, Sierra/SD's text for MATLAB, by their content; both may be one file. `names`:
+    those of K and M in files that hold more matrices.
 
     Raises
     ------
@@ -311,22 +290,19 @@ def read_pair(
     pair = (None, None) if names is None else names
     if not isinstance(pair, list | tuple) or len(pair) != 2:
         raise InputError("names must be two, of K and of M: names=('KAA', 'MAA').")
-    if names is not None:
-        pair = checks.text("names", pair[0]), checks.text("names", pair[1])
     K = _one(stiffness, "K", pair[0])
     M = _one(mass, "M", pair[1])
-    labels = None
-    largest_size = max(K.size, M.size)
-    K, M = (matrix if matrix.counted else replace(matrix, size=largest_size) for matrix in (K, M))
+
+    size = max(K.size, M.size)
+    K, M = (matrix if matrix.counted else replace(matrix, size=size) for matrix in (K, M))
+    labels = M.labels if K.labels is None else K.labels
     if K.labels is not None and M.labels is not None:
-        labels = K.labels
         M = _on(K, M)
     elif K.size != M.size:
         raise InputError(
             f"K and M must be of one size: {K.source} has {K.size} rows, {M.source} {M.size}."
         )
-    else:
-        labels = M.labels if K.labels is None else K.labels
+
     count = len(K.value) + len(M.value)
     if K.size > count:
         raise InputError(
@@ -348,20 +324,23 @@ def _on(K: Entries, M: Entries) -> Entries:
             f"{M.source} has dof {stray[1]} of node {stray[0]}, which {K.source} has not: K and M "
             "must be of one model."
         )
-    return M.renumbered(index[K.size :], K.size)  # K's labels are sorted, as `both` is
+    row = index[K.size :]  # K's labels are sorted, as all are
+    return replace(M, row=row[M.row], column=row[M.column], size=K.size)
 
 
 def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries:
+    """The matrix of a file: the one of this name, or by default the one of this initial letter."""
     source = MatrixFile(path)
     matrices = _matrices(source)
     if isinstance(matrices, Entries):
         return checked(matrices)
+
+    matching_keys = list(matrices)
     if name is not None:
-        matching_keys = [key for key in matrices if key.upper() == name.upper()]
-    else:
-        matching_keys = list(matrices)
-        if len(matrices) > 1:
-            matching_keys = [key for key in matrices if key.upper().startswith(letter)]
+        wanted = checks.text("names", name).upper()
+        matching_keys = [key for key in matrices if key.upper() == wanted]
+    elif len(matrices) > 1:
+        matching_keys = [key for key in matrices if key.upper().startswith(letter)]
     if len(matching_keys) != 1:
         raise InputError(
             f"{source.name} holds the matrices {', '.join(matrices)}: say which are K and M, "
@@ -402,15 +381,10 @@ def read_sierra(source: MatrixFile) -> Entries:
     first = lines.index(b"a=[") + 1
     source.needs(b"];" in lines[first:], len(lines), "the file ends before '];': it is cut off.")
     last = lines.index(b"];", first)
+    source.needs(last > first, first, "the matrix has no entries.")
 
     entries = [line.rstrip(b";") for line in lines[first:last]]
-    table = source.table(entries, range(first + 1, last + 1), 3)
-    is_whole = (table[:, :2] % 1 == 0).all(axis=1)
-    source.needs(is_whole.all(), first + 1 + int(is_whole.argmin()), "rows are whole numbers.")
-    row, column = table[:, :2].astype(np.int64).T - 1
-    rows = int(size[1])
-    triangle = one_triangle(source.name, row, column, rows)
-    return Entries(source.name, row, column, table[:, 2], rows, triangle)
+    return source.rows(entries, range(first + 1, last + 1), int(size[1]))
 
 
 # --- Abaqus ---------------------------------------------------------------------------------------
@@ -423,46 +397,30 @@ def read_abaqus(source: MatrixFile) -> Entries:
     first with FORMAT=MATRIX INPUT and LABELS, the second with FORMAT=COORDINATE; of symmetric
     matrices one triangle. Abaqus writes supports as 1e36 on the diagonal.
     """
-    lines = []
-    numbers = []
-    triangle = None
-    for k, line in enumerate(source.lines()):
-        text = line.strip().rstrip(b",")
-        if text.startswith(b"*"):
-            if not text.startswith(b"**") and b"UNSYMMETRIC" in text.upper().replace(b" ", b""):
-                triangle = False
-        elif text:
-            lines.append(text)
-            numbers.append(k + 1)
-    source.needs(lines, 1, "the file has no entries.")
+    texts = {k: line.strip().rstrip(b",") for k, line in enumerate(source.lines(), 1)}
+    entries = {k: text for k, text in texts.items() if text and not text.startswith(b"*")}
+    source.needs(entries, 1, "the file has no entries.")
+    lines, numbers = list(entries.values()), list(entries)
     columns = len(lines[0].replace(b",", b" ").split())
-    if columns not in (3, 5):
-        raise source.error(
-            numbers[0],
-            "an Abaqus matrix has lines of node, dof, node, dof, value or of row, column, value; "
-            f"got {lines[0].decode('ascii', 'replace')[:60]!r}.",
-        )
-    table = source.table(lines, numbers, columns)
-    index = table[:, :-1]
-    bad = (index != np.floor(index)) | (np.abs(index) >= 2**31)
     if columns == 3:
-        bad |= index < 1
-    if bad.any():
-        k = int(np.argmax(bad.any(axis=1)))
-        raise source.error(numbers[k], "rows, nodes and dofs must be whole numbers.")
-    if columns == 5:
-        return of_labels(source.name, table, triangle)
-    row, column = index.astype(np.int64).T - 1
-    size = int(max(row.max(), column.max())) + 1
-    if triangle is None:
-        triangle = one_triangle(source.name, row, column, size)
-    return Entries(source.name, row, column, table[:, 2], size, triangle, counted=False)
+        return source.rows(lines, numbers, None)
+
+    source.needs(
+        columns == 5,
+        numbers[0],
+        "an Abaqus matrix has lines of node, dof, node, dof, value or of row, column, value; "
+        f"got {_shown(lines[0])}.",
+    )
+    table = source.table(lines, numbers, columns)
+    whole = ((table[:, :4] % 1 == 0) & (np.abs(table[:, :4]) < 2**31)).all(axis=1)
+    source.needs(whole.all(), numbers[int(whole.argmin())], WHOLE)
+    return of_labels(source.name, table, None)
 
 
 #: Distance [m] up to which a node that two bodies share is at one place in both.
 SAME_PLACE = 1e-6
 #: Largest number of a dof: Abaqus's temperatures have 11 to 30.
-LARGEST_DOF = 30
+LARGEST = 30
 #: Displacements and rotations of a node by their numbers 1 to 6.
 DISPLACEMENTS = ("x", "y", "z")
 ROTATIONS = ("rx", "ry", "rz")
@@ -477,18 +435,12 @@ _OTHER_NAMES = {
 
 @dataclass(frozen=True, eq=False)
 class DofMap:
-    """Node and component of each row of K and M.
-
-    Attributes
-    ----------
-    node : (n,) number of the node of each row.
-    component : (n,) 1 to 6 for x, y, z, rx, ry, rz along the axes of the coordinates; 0 or more
-        than 6 for dofs that are neither.
-    points : (n, 3) coordinates of the node of each row, m; NaN where they are not known.
-    """
+    """Node and component of each of the n rows of K and M."""
 
     node: IntArray
+    #: 1 to 6 for x, y, z, rx, ry, rz along the axes of the coordinates; 0 or more than 6 for others
     component: IntArray
+    #: (n, 3) m; NaN where they are not known
     points: Array
 
     @property
@@ -498,9 +450,7 @@ class DofMap:
 
     def row(self, node: int, component: int) -> int:
         """The row of a node's component; InputError if there is none."""
-        rows = np.flatnonzero(self.node == node)
-        if not len(rows):
-            raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
+        rows = self.rows(node)
         matches = rows[self.component[rows] == component]
         if not len(matches):
             components = ", ".join(name_of(int(k)) for k in self.component[rows])
@@ -510,26 +460,31 @@ class DofMap:
             )
         return int(matches[0])
 
+    def rows(self, node: int) -> IntArray:
+        """All rows of a node; InputError if there is none."""
+        rows = np.flatnonzero(self.node == node)
+        if not len(rows):
+            raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
+        return rows
+
 
 def name_of(component: int) -> str:
     """x, y, z, rx, ry, rz, or the number of another dof."""
-    if 1 <= component <= 6:
-        return COMPONENTS[component - 1]
-    return str(component)
+    return COMPONENTS[component - 1] if 1 <= component <= 6 else str(component)
 
 
 def component_of(dof: object) -> int:
     """The number of a dof's name (x, ux, t1, …) or number; InputError for others."""
-    if isinstance(dof, str):
-        component = _OTHER_NAMES.get(dof.strip().lower())
-        if component is not None:
-            return component
-        if dof.strip().isdigit():
-            return int(dof)
-        raise InputError(
-            f"dof must be one of {', '.join(COMPONENTS)} or a number; got {checks.shown(dof)}."
-        )
-    return checks.whole("dof", dof, least=0)
+    if not isinstance(dof, str):
+        return checks.whole("dof", dof, least=0)
+    component = _OTHER_NAMES.get(dof.strip().lower())
+    if component is not None:
+        return component
+    if dof.strip().isdigit():
+        return int(dof)
+    raise InputError(
+        f"dof must be one of {', '.join(COMPONENTS)} or a number; got {checks.shown(dof)}."
+    )
 
 
 def rows_of(supports: object, rows: DofMap | None) -> IntArray:
@@ -543,10 +498,7 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
         number = checks.whole("a node of supports", node)
         names = list(dofs) if isinstance(dofs, list | tuple) else [dofs]
         if names == ["all"]:
-            of_node = np.flatnonzero(rows.node == number)
-            if not len(of_node):
-                raise InputError(f"node {number} is not in the matrices' map of nodes and dofs.")
-            row_numbers += of_node.tolist()
+            row_numbers += rows.rows(number).tolist()
         else:
             row_numbers += [rows.row(number, component_of(name)) for name in names]
     return np.unique(np.array(row_numbers, dtype=np.int64))
@@ -570,16 +522,16 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
         if labels is None:
             return None
         return DofMap(labels[:, 0], labels[:, 1], np.full((size, 3), np.nan))
+    name = "map"
     if isinstance(source, str | os.PathLike):
         name, table = _table(MatrixFile(source))
-    elif _are_two_files(source):
+    elif isinstance(source, tuple) and all(isinstance(s, str | os.PathLike) for s in source[:2]):
         name, table = _of_vectors(*map(MatrixFile, source))
     elif isinstance(source, tuple) and 2 <= len(source) <= 3 and size > 3:
-        name = "map"
         table = _of_columns(source, size)
     else:
-        name = "map"
         table = checks.floats("map", source, (None, None))
+
     if table.shape[1] == 4:
         return _with_nodes(name, table, labels)
     if table.shape[1] == 3:  # row, node, dof
@@ -593,17 +545,15 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
             f"rows of the matrices, or rows of node, x, y, z; got {table.shape[0]} rows of "
             f"{table.shape[1]} numbers."
         )
-    labels_table = table[:, :2]
-    if (labels_table != np.floor(labels_table)).any():
-        raise InputError(f"nodes and dofs of {name} must be whole numbers.")
-    bad_rows = np.flatnonzero((labels_table < 0).any(axis=1) | (labels_table[:, 1] > LARGEST_DOF))
-    if len(bad_rows):
-        node, dof = labels_table[bad_rows[0]]
+
+    pairs = table[:, :2].astype(np.int64)
+    bad = (pairs != table[:, :2]).any(axis=1) | (pairs < 0).any(axis=1) | (pairs[:, 1] > LARGEST)
+    if bad.any():
+        node, dof = table[bad.argmax(), :2]
         raise InputError(
-            f"dofs of {name} are 1 to 6 for x, y, z, rx, ry, rz, and 0 or up to {LARGEST_DOF} for"
-            f" others; got node {node:g}, dof {dof:g}."
+            f"{name} gives nodes and dofs as whole numbers, of x, y, z, rx, ry, rz 1 to 6, of "
+            f"others 0 or up to {LARGEST}; got node {node:g}, dof {dof:g}."
         )
-    pairs = labels_table.astype(np.int64)
     if len(np.unique(pairs, axis=0)) < size:
         raise InputError(f"{name} names one dof of a node twice.")
     points = table[:, 2:] if table.shape[1] == 5 else np.full((size, 3), np.nan)
@@ -628,40 +578,28 @@ def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
             f"{name} has rows of node, x, y, z, but the files do not say which rows of the "
             "matrices belong to a node: give rows of node, dof, x, y, z."
         )
-    order = np.argsort(table[:, 0], kind="stable")
-    index = np.searchsorted(table[order, 0], labels[:, 0]).clip(max=len(table) - 1)
-    rows = order[index]
-    is_mapped = table[rows, 0] == labels[:, 0]
-    points = np.where(is_mapped[:, None], table[rows, 1:], np.nan)
-    if not is_mapped.any():
+    place = {node: x for node, *x in table.tolist()}
+    points = np.array([place.get(node, [np.nan] * 3) for node in labels[:, 0].tolist()])
+    if np.isnan(points).all():
         raise InputError(f"{name} has none of the nodes of the matrices.")
     return DofMap(labels[:, 0], labels[:, 1], points)
 
 
 def _table(source: MatrixFile) -> tuple[str, Array]:
     """The numbers of a map file; names of components become their numbers."""
-    lines: list[bytes] = []
-    numbers: list[int] = []
-    for k, line in enumerate(source.lines()):
+    rows: dict[int, bytes] = {}
+    for k, line in enumerate(source.lines(), 1):
         text = line.partition(b"#")[0].replace(b",", b" ").strip()
-        first = text.split(b" ")[0].lstrip(b"+-")
-        if not text or not first[:1].isdigit():
-            if lines and text and not text.startswith((b"*", b"!", b"$", b"%")):
-                raise source.error(k + 1, f"a row of numbers is expected; got {_shown(text)}.")
-            continue  # a comment, or the heading of the table
-        lines.append(_numbered(source, k + 1, text.split()))
-        numbers.append(k + 1)
-    source.needs(lines, 1, "the map has no row of numbers.")
-    table = source.table(lines, numbers, len(lines[0].split()))
+        if text.lstrip(b"+-")[:1].isdigit():
+            rows[k] = b" ".join(_numbered(source, k, word) for word in text.split())
+        elif rows and text and not text.startswith((b"*", b"!", b"$", b"%")):
+            raise source.error(k, f"a row of numbers is expected; got {_shown(text)}.")
+        # else a comment, or the heading of the table
+    source.needs(rows, 1, "the map has no row of numbers.")
+    table = source.table(list(rows.values()), list(rows), len(next(iter(rows.values())).split()))
     if not np.isfinite(table).all():
         raise InputError(f"{source.name} must hold finite numbers.")
     return source.name, table
-
-
-def _are_two_files(source: object) -> TypeGuard[tuple[str, str]]:
-    if not isinstance(source, tuple) or len(source) != 2:
-        return False
-    return all(isinstance(file, str | os.PathLike) for file in source)
 
 
 def _of_vectors(gid: MatrixFile, aset: MatrixFile) -> tuple[str, Array]:
@@ -713,16 +651,14 @@ def tied(bodies: Sequence[Body]) -> Body:
     return K.tocsr(), M.tocsr(), DofMap(shared[:, 0], shared[:, 1], points[first])
 
 
-def _numbered(source: MatrixFile, number: int, words: Sequence[bytes]) -> bytes:
-    result = []
-    for word in words:
-        text = word.decode("ascii", "replace")
-        known = _OTHER_NAMES.get(text.lower())
-        if known is None and text[:1].isalpha():
-            raise source.error(number, f"{text!r} is not the name of a dof.")
-        result.append(word if known is None else str(known).encode())
-    return b" ".join(result)
+def _numbered(source: MatrixFile, number: int, word: bytes) -> bytes:
+    """A word of a map, with the number of a dof in place of its name."""
+    text = word.decode("ascii", "replace")
+    known = _OTHER_NAMES.get(text.lower())
+    source.needs(known or not text[:1].isalpha(), number, f"{text!r} is not the name of a dof.")
+    return word if known is None else str(known).encode()
 
 
 def _shown(text: bytes) -> str:
+    """The beginning of a line, in quotes."""
     return repr(text.decode("ascii", "replace")[:60])

@@ -21,13 +21,7 @@ from antiosc.base.errors import MeshError, MissingDependencyError
 from antiosc.io import by_gmsh, facets
 from antiosc.io.conversion import as_carried, known
 from antiosc.io.isolation import FileReader, Request, loaded, registered
-from antiosc.io.neutral import (
-    CELLS,
-    DIMENSION,
-    FileMesh,
-    IntArray,
-    joined,
-)
+from antiosc.io.neutral import CELLS, DIMENSION, FileMesh, IntArray, joined
 
 if TYPE_CHECKING:
     import meshio
@@ -42,14 +36,12 @@ def read_by_meshio(ask: Request) -> FileMesh:
 
     cells: dict[str, list[IntArray]] = {}
     starts: list[int] = []
-    count: dict[str, int] = {}
     for block in mesh.cells:
-        data = np.asarray(block.data, dtype=np.int64)
-        starts.append(count.get(block.type, 0))
-        cells.setdefault(known(block.type, ask.name), []).append(data)
-        count[block.type] = starts[-1] + len(data)
+        blocks = cells.setdefault(known(block.type, ask.name), [])
+        starts.append(sum(map(len, blocks)))
+        blocks.append(np.asarray(block.data, dtype=np.int64))
 
-    result = FileMesh(points, {k: np.vstack(parts) for k, parts in cells.items()}, "vtk")
+    result = FileMesh(points, {k: np.vstack(parts) for k, parts in cells.items()})
     sets = _cell_sets(mesh)
     result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
     result.node_sets = dict(_node_sets(mesh))
@@ -58,10 +50,6 @@ def read_by_meshio(ask: Request) -> FileMesh:
 
 def _content(path: Path, name: str) -> meshio.Mesh:
     """The content of a file, read by meshio."""
-    if path.suffix.lower() == ".unv":
-        raise MeshError(
-            f"{name}: universal files are not read; convert it by gmsh or Salome to .msh or .med."
-        )
     try:
         import meshio
     except ImportError as error:
@@ -88,7 +76,8 @@ def _content(path: Path, name: str) -> meshio.Mesh:
         reason = " ".join(f"{output.getvalue()} {error}".replace(str(path), name).split())[:150]
         raise MeshError(
             f"{name} cannot be read by meshio ({reason.rstrip('. ') or 'no reason given'}): write "
-            "the mesh as .msh, .inp, .bdf, .med or .vtu, or the geometry as STEP."
+            "the mesh as .msh, .inp, .bdf, .med or .vtu (gmsh and Salome do), or the geometry as "
+            "STEP."
         ) from error
 
 
@@ -103,17 +92,15 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
             values = np.asarray(values)
             if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
                 continue
-            dim = DIMENSION[CELLS[mesh.cells[index].type][0]]
             for value, rows in _by_value(values):
-                if key == "gmsh:physical":
-                    yield physical.get((value, dim), str(value)), index, rows
-                elif key == "cell_tags":
-                    for name in families.get(value, []):
-                        yield name, index, rows
-                elif key in ("nastran:ref", "medit:ref"):
-                    yield str(value), index, rows
-                elif key != "gmsh:geometrical":
-                    yield f"{key}={value}", index, rows
+                names = [f"{key}={value}"]
+                if key in ("gmsh:physical", "medit:ref"):
+                    dim = DIMENSION[CELLS[mesh.cells[index].type][0]]
+                    names = [physical.get((value, dim), str(value))]
+                elif key in ("cell_tags", "gmsh:geometrical"):
+                    names = families.get(value, [])
+                for name in names:
+                    yield name, index, rows
     for name, blocks in mesh.cell_sets.items():
         for index, rows in enumerate(blocks):
             if rows is not None and len(rows) and name not in mesh.cell_data:
@@ -158,10 +145,9 @@ def _node_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, IntArray]]:
 
 #: Name is the ending of the files without its dot, value a `FileReader`.
 GROUP = "antiosc.readers"
-GENERATOR = FileReader(by_gmsh.generate)
+GMSH = FileReader(by_gmsh.read)
 BUILT_IN = {
-    ".msh": FileReader(by_gmsh.read),
-    **dict.fromkeys(by_gmsh.GEOMETRY, GENERATOR),
+    **dict.fromkeys((".msh", *by_gmsh.GEOMETRY), GMSH),
     **dict.fromkeys(facets.SURFACES, FileReader(facets.read)),
 }
 MESHIO = FileReader(read_by_meshio)
@@ -172,7 +158,7 @@ FIRST_BYTES = 2**20
 def reader_of(path: str | Path, solid: bool = False) -> FileReader:
     """The reader for a file, by its ending and content; `solid`: a surface to be filled."""
     if solid:
-        return GENERATOR
+        return GMSH
     ending = Path(path).suffix.lower()
     for entry in registered(GROUP):
         if f".{entry.name.lower()}" != ending:

@@ -143,26 +143,20 @@ class CellKind:
     nodes: int
 
 
-_EVERY = {
+#: By meshio's names.
+KINDS = {
     label: CellKind(
         CARRIED[shape], DIMENSION[shape], 1 + (nodes > CORNERS[shape]), CORNERS[shape], nodes
     )
     for label, (shape, nodes, _) in CELLS.items()
-    if shape in CARRIED
+    if shape in CARRIED and label not in ("quad8", "hexahedron20")
 }
-#: Kinds that are read only as the boundary of others, or without their mid-side nodes.
-SERENDIPITY = {label: _EVERY.pop(label) for label in ("quad8", "hexahedron20")}
-#: By meshio's names.
-KINDS = _EVERY
 FACETS: dict[str, Sequence[tuple[int, ...]]] = {
     "interval": ((0,), (1,)),
     "triangle": EDGES["triangle"],
     "quadrilateral": EDGES["quad"],
-    "tetrahedron": ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)),
-    "hexahedron": (
-        *((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4)),
-        *((1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
-    ),
+    "tetrahedron": FACES["tetra"],
+    "hexahedron": FACES["hexahedron"],
 }
 EDGES_OF_KIND = {CARRIED[shape]: EDGES[shape] for shape in ("tetra", "hexahedron")}
 
@@ -181,17 +175,12 @@ class Piece(NamedTuple):
 
 @dataclass
 class FileMesh:
-    """The content of one mesh file.
-
-    A reader fills it; the cells of the mesh are selected and checked later.
-    """
+    """The content of one mesh file; the cells of the mesh are selected and checked later."""
 
     #: (n, 3) node coordinates, m
     points: NDArray[np.float64]
-    #: kind (a name of KINDS or SERENDIPITY) -> (cells, nodes of one), vertices first
+    #: kind (a name of KINDS) -> (cells, nodes of one), vertices first
     cells: dict[str, IntArray]
-    #: node order within a cell: "gmsh" or "vtk"
-    convention: str
     #: group name -> {kind: rows of `cells[kind]`}
     groups: dict[str, dict[str, IntArray]] = field(default_factory=dict)
     #: name of a set of nodes -> rows of `points`
@@ -214,25 +203,21 @@ class FileMesh:
 
 @dataclass
 class RawMesh:
-    """Nodes, cells of one kind, and groups, as arrays."""
+    """Nodes, cells of one kind, and groups, as arrays; the last four as in `FileMesh`."""
 
     #: (n, 3) node coordinates
     points: NDArray[np.float64]
     #: (cells, nodes per cell), vertices first
     cells: IntArray
     kind: CellKind
-    #: node order within a cell: "gmsh" or "vtk"
-    convention: str
     #: name -> {dimension: (entities, vertices of one)}
     groups: dict[str, dict[int, IntArray]] = field(default_factory=dict)
-    #: as in `FileMesh`
-    remarks: list[str] = field(default_factory=list)
-    model: Model | None = None
     #: number of each node in the file's mesh
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    #: as in `FileMesh`, of all nodes if of any
+    remarks: list[str] = field(default_factory=list)
+    model: Model | None = None
+    #: of all nodes if of any
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    #: as in `FileMesh`
     pieces: list[Piece] = field(default_factory=list)
 
 
@@ -252,31 +237,24 @@ def of_kind(name: str, label: str) -> str:
     return f"{name}@{label}"
 
 
-def kind_of(label: str) -> CellKind:
-    """The kind named `label`; KeyError if no element family has such cells."""
-    if label in KINDS:
-        return KINDS[label]
-    return SERENDIPITY[label]
-
-
 #: Fields of a `FileMesh` that are values of JSON.
-_PLAIN = ("convention", "of_gmsh", "aids", "remarks", "model")
+_PLAIN = ("of_gmsh", "aids", "remarks", "model")
 
 
 def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[Any]]]:
     """The mesh as (JSON values, arrays); the rows of groups, maybe thousands, are concatenated."""
-    sets: list[tuple[str, str, str | int | None, IntArray]] = []
-    for field_name, groups in (("groups", mesh.groups), ("fixed", mesh.fixed)):
-        sets += [(field_name, name, key, e) for name, of in groups.items() for key, e in of.items()]
-    sets += [("node_sets", name, None, nodes) for name, nodes in mesh.node_sets.items()]
-
+    node_sets = {name: {"": nodes} for name, nodes in mesh.node_sets.items()}
+    tables = {"groups": mesh.groups, "fixed": mesh.fixed, "node_sets": node_sets}
     header = {name: getattr(mesh, name) for name in _PLAIN}
     header["cells"] = list(mesh.cells)
-    header["names"] = {"groups": list(mesh.groups), "fixed": list(mesh.fixed)}
-    header["sets"] = [(*where, rows.shape) for *where, rows in sets]
+    header["sets"] = {
+        field_name: [(name, [(key, e.shape) for key, e in of.items()]) for name, of in sets.items()]
+        for field_name, sets in tables.items()
+    }
     header["pieces"] = [(name, list(low), list(high)) for name, low, high in mesh.pieces]
-    rows = np.concatenate([np.zeros(0, dtype=np.int64), *(rows.ravel() for *_, rows in sets)])
-    return header, [rows, mesh.points, mesh.labels, *mesh.cells.values()]
+    rows = [e.ravel() for sets in tables.values() for of in sets.values() for e in of.values()]
+    every_row = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
+    return header, [every_row, mesh.points, mesh.labels, *mesh.cells.values()]
 
 
 def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
@@ -288,29 +266,23 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
     if labels.dtype != np.int64 or labels.ndim != 1 or len(labels) > len(points):
         raise ValueError(f"{len(labels)} numbers of {len(points)} nodes")
     for label, block in cells.items():
-        if block.ndim != 2 or block.shape[1] != kind_of(label).nodes:
+        if block.ndim != 2 or block.shape[1] != KINDS[label].nodes:
             raise ValueError(f"{label} cells of shape {block.shape}")
         _check_indices(block, len(points), f"the {label} cells name nodes")
 
-    sets: Json = {field_name: {n: {} for n in names} for field_name, names in head["names"].items()}
-    node_sets = {}
-    start = 0
-    for field_name, name, key, shape in head["sets"]:
-        end = start + int(np.prod(shape))
-        part = rows[start:end].reshape(shape)
-        start = end
-        most = len(cells[key]) if field_name == "groups" else len(points)
-        _check_indices(part, most, f"{name!r} names nodes or cells")
-        if key is None:
-            node_sets[name] = part
-        else:
-            sets[field_name][name][key] = part
+    sets: Json = {}
+    for field_name, of_field in head["sets"].items():
+        sets[field_name] = {name: {} for name, _ in of_field}
+        for name, key, shape in ((n, key, shape) for n, of in of_field for key, shape in of):
+            part, rows = np.split(rows, [int(np.prod(shape))])
+            most = len(cells[key]) if field_name == "groups" else len(points)
+            _check_indices(part, most, f"{name!r} names nodes or cells")
+            sets[field_name][name][key] = part.reshape(shape)
 
+    sets["node_sets"] = {name: of[""] for name, of in sets["node_sets"].items()}
     pieces = [Piece(str(name), *np.array(box, float)) for name, *box in head["pieces"]]
     plain = {name: head[name] for name in _PLAIN}
-    return FileMesh(
-        points, cells, labels=labels, pieces=pieces, node_sets=node_sets, **plain, **sets
-    )
+    return FileMesh(points, cells, labels=labels, pieces=pieces, **plain, **sets)
 
 
 def _check_indices(rows: IntArray, most: int, what: str) -> None:
@@ -342,14 +314,15 @@ class UnitSystem:
     @classmethod
     def of(cls, unit: str | float) -> UnitSystem:
         """The system of this name or number of metres per unit, with forces in N."""
-        if isinstance(unit, str):
-            if unit not in SYSTEMS:
-                raise InputError(
-                    f"unit must be one of {', '.join(map(repr, SYSTEMS))}, or a number: metres per "
-                    f"unit of length; got {shown(unit)}."
-                )
+        if not isinstance(unit, str):
+            return cls(positive("unit", unit, "m"))
+        if unit in SYSTEMS:
             return cls(*SYSTEMS[unit])
-        return cls(positive("unit", unit, "m"))
+        names = ", ".join(map(repr, SYSTEMS))
+        raise InputError(
+            f"unit must be one of {names}, or a number: metres per unit of length; got "
+            f"{shown(unit)}."
+        )
 
     @property
     def mass(self) -> float:

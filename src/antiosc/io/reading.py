@@ -1,10 +1,9 @@
 """Files with meshes and geometries into plain arrays.
 
-`read` lets the reader of the file type (`table`) read one file in a separate process (`isolation`,
-`child`), and selects the cells that form the mesh: those of one kind and of the highest dimension.
-Cells of lower dimension are its faces, edges and points, and are told with their number. Those that
-are not on the mesh may be beams and shells: the file is refused unless the caller selects the
-cells.
+`read` reads one file in a separate process (`isolation`, `child`), and selects the cells that form
+the mesh: those of one kind and of the highest dimension. Cells of lower dimension are its faces,
+edges and points, and are told with their number. Those that are not on the mesh may be beams and
+shells: the file is refused unless the caller selects the cells.
 """
 
 from __future__ import annotations
@@ -25,13 +24,12 @@ from antiosc.base.texts import piece_is_read, printable
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import CAD, STATES_UNIT
 from antiosc.io.facets import BY_FTETWILD, SURFACES
-from antiosc.io.isolation import AROUND_CLOSELY, ModelOptions, Refinement, read_apart
+from antiosc.io.isolation import AROUND_CLOSELY, Refinement, read_apart
 from antiosc.io.mesh_files import deck_endings, is_deck
 from antiosc.io.neutral import (
     EDGES_OF_KIND,
     FACETS,
     KINDS,
-    SERENDIPITY,
     FileMesh,
     IntArray,
     Joints,
@@ -41,15 +39,11 @@ from antiosc.io.neutral import (
     Term,
     UnitSystem,
     connected,
-    kind_of,
-    of_kind,
 )
 
 #: Dimension, group or groups whose cells make the mesh.
 Wanted = int | str | Sequence[str] | None
 Rows = dict[str, IntArray]
-#: Groups of elements by their numbers in the file.
-NumberedElements = Mapping[str, Sequence[int]]
 
 _NOUNS = {1: "lines", 2: "faces", 3: "volumes"}
 #: Words of what is told of elements that are not those of the mesh.
@@ -65,12 +59,10 @@ FARTHEST = 1e30
 
 def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> RawMesh:
     """The `wanted` cells of a file as a mesh, by default those of the highest dimension."""
-    dims = {label: kind_of(label).dim for label, block in mesh.cells.items() if len(block)}
-    if max(dims.values(), default=0) == 0:
-        dimensions = ", ".join(sorted(dims)) or "none"
-        raise MeshError(
-            f"{name} contains no cells: no lines, faces or volumes (found: {dimensions})."
-        )
+    dims = {label: KINDS[label].dim for label, block in mesh.cells.items() if len(block)}
+    if not any(dims.values()):
+        found = ", ".join(sorted(dims)) or "none"
+        raise MeshError(f"{name} contains no cells: no lines, faces or volumes (found: {found}).")
 
     # the rows of the cells
     rows = _every_row(mesh) if wanted is None else _wanted(mesh, wanted, name)
@@ -82,56 +74,54 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     label, cell_rows = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
 
     # the mesh
-    raw = RawMesh(mesh.points, mesh.cells[label][cell_rows], kind_of(label), mesh.convention)
-    raw.remarks = mesh.remarks
-    raw.model = mesh.model
-    raw.pieces = mesh.pieces
+    raw = RawMesh(mesh.points, mesh.cells[label][cell_rows], KINDS[label])
+    raw.model, raw.pieces = mesh.model, mesh.pieces
     if len(mesh.labels):
-        raw.labels = np.full(len(mesh.points), -1, dtype=np.int64)
-        raw.labels[: len(mesh.labels)] = mesh.labels
-    if wanted is None:
-        raw.remarks = [*raw.remarks, *_others(mesh, raw, aids, name)]
+        without = np.full(len(mesh.points) - len(mesh.labels), -1, dtype=np.int64)
+        raw.labels = np.concatenate([mesh.labels, without])
+    others = _others(mesh, raw, aids, name) if wanted is None else ()
+    raw.remarks = [*mesh.remarks, *others]
 
     # its groups
     for group, parts in mesh.groups.items():
         for kind in (kind for kind in parts if dims[kind] <= top):
-            corners = mesh.cells[kind][parts[kind], : kind_of(kind).vertices]
+            corners = mesh.cells[kind][parts[kind], : KINDS[kind].vertices]
             _add(raw, group, dims[kind], corners)
-    outer = outer_facets(raw) if mesh.node_sets else None
+    outer = outer_facets(raw) if mesh.node_sets else raw.cells[:0]
     for group, nodes in mesh.node_sets.items():
-        if outer is not None:
-            _add_nodes(raw, group, nodes, outer)
+        _add_nodes(raw, group, nodes, outer)
     raw.groups.update(mesh.fixed)
 
     if order == 1 and raw.kind.order == 2:
         raw = _straightened(raw)
-    elif raw.kind.shape == "interval" and raw.kind.order == 2:
-        raw = replace(raw, cells=_ends_first(raw, name))
     return compact(raw)
 
 
 def _every_row(mesh: FileMesh) -> Rows:
+    """All rows of a file."""
     return {label: np.arange(len(block)) for label, block in mesh.cells.items() if len(block)}
 
 
 def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
     """The rows selected by cells=."""
     if isinstance(wanted, int):
-        rows = {k: r for k, r in _every_row(mesh).items() if kind_of(k).dim == wanted}
+        rows = {k: r for k, r in _every_row(mesh).items() if KINDS[k].dim == wanted}
         if not rows:
             raise InputError(
                 f"{name} contains no cells of dimension {wanted}, which cells asks for."
             )
         return rows
+
     names = [wanted] if isinstance(wanted, str) else list(wanted or ())
+    of_cells = sorted(
+        group
+        for group, parts in mesh.groups.items()
+        if any(KINDS[k].dim for k, rows in parts.items() if len(rows))
+    )
     for group in names:
-        kinds = mesh.groups.get(group, {})
-        if not any(kind_of(k).dim for k, rows in kinds.items() if len(rows)):
-            group_names = [
-                n for n, parts in mesh.groups.items() if any(kind_of(k).dim for k in parts)
-            ]
-            names_text = ", ".join(map(repr, sorted(group_names)[:20])) or "none"
-            raise InputError(f"{name} has no group of cells {group!r}; it has: {names_text}.")
+        if group not in of_cells:
+            known = ", ".join(map(repr, of_cells[:20])) or "none"
+            raise InputError(f"{name} has no group of cells {group!r}; it has: {known}.")
     return _joined([mesh.groups[group] for group in names])
 
 
@@ -170,7 +160,7 @@ def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str
     top = raw.kind.dim
     grouped = _grouped(mesh, list(mesh.cells))
     if aids and not made_here:
-        counts = {label: len(block) for label, block in mesh.cells.items() if kind_of(label).dim}
+        counts = {label: len(block) for label, block in mesh.cells.items() if KINDS[label].dim}
         ungrouped = {label: n - len(grouped.get(label, ())) for label, n in counts.items()}
         if any(ungrouped.values()):
             counted = _counted(ungrouped)
@@ -179,19 +169,18 @@ def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str
     loose: dict[str, int] = {}
     on_sides: dict[str, int] = {}
     for label, block in mesh.cells.items():
-        kind = kind_of(label)
+        kind = KINDS[label]
         if not 0 < kind.dim < top or not len(block):
             continue
-        in_group = np.zeros(len(block), dtype=bool)
-        in_group[grouped.get(label, [])] = True
+        in_group = np.isin(np.arange(len(block)), grouped.get(label, []))
         sides = (FACETS if kind.dim == top - 1 else EDGES_OF_KIND)[raw.kind.shape]
         corners = np.vstack([raw.cells[:, list(side)] for side in sides])
         on_mesh = np.isin(keys(block[:, : kind.vertices]), keys(corners))
 
-        counted_here = in_group if aids else np.ones(len(block), dtype=bool)
-        loose[label] = int((counted_here & ~on_mesh).sum())
-        told = ~in_group if mesh.of_gmsh else counted_here  # gmsh's groups hold sides by nature
-        on_sides[label] = int((counted_here & on_mesh & told).sum())
+        counted = in_group | (not aids)
+        loose[label] = int((counted & ~on_mesh).sum())
+        told = counted & on_mesh & ~(in_group & mesh.of_gmsh)  # gmsh's groups hold sides by nature
+        on_sides[label] = int(told.sum())
 
     if any(loose.values()) and name.lower().endswith(CAD):
         yield (
@@ -210,7 +199,7 @@ def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str
 
 def _counted(counts: Mapping[str, int]) -> str:
     """Numbers of elements by kind, in words."""
-    return " and ".join(f"{n} {_NOUNS[kind_of(k).dim]} ({k})" for k, n in counts.items() if n)
+    return " and ".join(f"{n} {_NOUNS[KINDS[k].dim]} ({k})" for k, n in counts.items() if n)
 
 
 def keys(rows: IntArray) -> NDArray[np.uint64]:
@@ -230,12 +219,11 @@ def keys(rows: IntArray) -> NDArray[np.uint64]:
 
 def positions(rows: NDArray[Any], among: NDArray[Any]) -> IntArray:
     """Index (n,) of each row in `among`, whatever the order of its entries; -1 if absent."""
-    code = keys(among)
-    order = np.argsort(code)
-    row_keys = keys(rows)
-    position = np.minimum(np.searchsorted(code[order], row_keys), max(len(code) - 1, 0))
-    if not len(code):
+    if not len(among):
         return np.full(len(rows), -1)
+    code, row_keys = keys(among), keys(rows)
+    order = np.argsort(code)
+    position = np.minimum(np.searchsorted(code[order], row_keys), len(code) - 1)
     return np.where(code[order][position] == row_keys, order[position], -1)
 
 
@@ -247,7 +235,7 @@ def _add(raw: RawMesh, group: str, dim: int, entities: IntArray) -> None:
 def outer_facets(raw: RawMesh) -> IntArray:
     """Facets (n, vertices) of only one cell."""
     if raw.kind.dim < 2:
-        return np.zeros((0, 1), dtype=np.int64)
+        return raw.cells[:0]
     facets = np.vstack([raw.cells[:, list(f)] for f in FACETS[raw.kind.shape]])
     _, first, count = np.unique(keys(facets), return_index=True, return_counts=True)
     return facets[first[count == 1]]
@@ -258,63 +246,35 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
 
     A support on a node set must also fix the mid-side motions between its nodes.
     """
-    in_set = np.zeros(len(raw.points), dtype=bool)
-    in_set[nodes] = True
-    spanned = outer[in_set[outer].all(axis=1)] if len(outer) else outer
+    spanned = outer[np.isin(outer, nodes).all(axis=1)]
     if len(spanned):
         _add(raw, group, raw.kind.dim - 1, spanned)
-        in_set[spanned.ravel()] = False
-    remaining = np.unique(nodes[in_set[nodes]])
-    loose_nodes = remaining[np.isin(remaining, raw.cells[:, : raw.kind.vertices])]
-    if len(loose_nodes):
-        _add(raw, group, 0, loose_nodes[:, None])
-
-
-def _ends_first(raw: RawMesh, name: str) -> IntArray:
-    """Second-order lines with the middle node last; in Abaqus files it is second."""
-    x = raw.points[raw.cells]
-    deviation = np.stack(
-        [np.linalg.norm(x[:, k] - (x[:, k - 2] + x[:, k - 1]) / 2, axis=1) for k in range(3)]
-    )
-    length = np.linalg.norm(np.ptp(x, axis=1), axis=1)
-    for middle in (2, 1):
-        if (deviation[middle] <= 0.25 * length).all():
-            return raw.cells[:, [k for k in range(3) if k != middle] + [middle]]
-    raise MeshError(
-        f"the second-order lines of {name} give their nodes in no known order: the middle one is "
-        "neither the second nor the third of each; write straight lines of two nodes."
-    )
+    vertices = np.intersect1d(nodes, raw.cells[:, : raw.kind.vertices])
+    loose = np.setdiff1d(vertices, spanned)
+    if len(loose):
+        _add(raw, group, 0, loose[:, None])
 
 
 def _straightened(raw: RawMesh) -> RawMesh:
     """The mesh without its mid-side nodes."""
     linear = next(k for k in KINDS.values() if k.shape == raw.kind.shape and k.order == 1)
-    cells = raw.cells if raw.kind.dim > 1 else _ends_first(raw, "the file")
-    return replace(raw, cells=cells[:, : linear.nodes], kind=linear)
+    return replace(raw, cells=raw.cells[:, : linear.nodes], kind=linear)
 
 
 def compact(raw: RawMesh) -> RawMesh:
     """The mesh without unused nodes and empty groups."""
-    if raw.kind in SERENDIPITY.values():
-        raise MeshError(
-            f"second-order {raw.kind.shape} cells of {raw.kind.nodes} nodes (serendipity) have no "
-            "counterpart here: write the mesh with all mid-face nodes, or read it with order 1 "
-            "(straight edges)."
-        )
     used_nodes = np.unique(raw.cells)
     points = raw.points[used_nodes]
     if not np.isfinite(points).all():
         raise MeshError("some node coordinates of the mesh are not finite.")
     new = np.full(len(raw.points), -1, dtype=np.int64)
     new[used_nodes] = np.arange(len(used_nodes))
-    groups = {
-        name: {
-            dim: complete
-            for dim, entities in parts.items()
-            if len(complete := (e := new[entities])[(e >= 0).all(axis=1)])
-        }
-        for name, parts in raw.groups.items()
-    }
+    groups: dict[str, dict[int, IntArray]] = {name: {} for name in raw.groups}
+    for name, parts in raw.groups.items():
+        for dim, entities in parts.items():
+            rows = new[entities]
+            if (rows >= 0).all(axis=1).any():
+                groups[name][dim] = rows[(rows >= 0).all(axis=1)]
     numbers = raw.numbers[used_nodes] if len(raw.numbers) else used_nodes
     labels = raw.labels[used_nodes] if len(raw.labels) else raw.labels
     cells = new[raw.cells]
@@ -355,7 +315,7 @@ def read(
     }
 
     def attempt(**how: Any) -> RawMesh:
-        raw = selected(_content(path, timeout, unit, merge, **options, **how), cells, order, name)
+        raw = selected(content_of(path, timeout, unit, merge, **options, **how), cells, order, name)
         if piece is not None and not (by_reader and raw.kind.dim == 3):
             raw = one_piece(raw, piece, name)
         return sound(raw)
@@ -432,13 +392,19 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
 def pieces_of(raw: RawMesh) -> list[Piece]:
     """The pieces, the largest first."""
     label = piece_of_cells(raw)
-    names = _piece_names(raw, label)
+    _, first = np.unique(label, return_index=True)
+    names: dict[int, str] = {}
+    for name, parts in raw.groups.items():
+        inside = positions(
+            raw.cells[first, : raw.kind.vertices], parts.get(raw.kind.dim, first[:0])
+        )
+        if (inside >= 0).sum() == 1:  # others are of several pieces
+            names.setdefault(int(inside.argmax()), name)
+
     order = np.argsort(label, kind="stable")
-    parts = np.split(raw.cells[order], np.cumsum(np.bincount(label))[:-1])
-    boxes = (
-        (raw.points[cells].min(axis=(0, 1)), raw.points[cells].max(axis=(0, 1))) for cells in parts
-    )
-    return [Piece(names.get(k, ""), *box) for k, box in enumerate(boxes)]
+    cells = np.split(raw.cells[order], np.cumsum(np.bincount(label))[:-1])
+    nodes = enumerate(raw.points[part].reshape(-1, raw.points.shape[1]) for part in cells)
+    return [Piece(names.get(k, ""), x.min(axis=0), x.max(axis=0)) for k, x in nodes]
 
 
 def described_pieces(pieces: Sequence[Piece], most: int = 6) -> str:
@@ -458,19 +424,6 @@ def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
     return error
 
 
-def _piece_names(raw: RawMesh, label: IntArray) -> dict[int, str]:
-    """Names of groups that contain the first cell of each piece, by piece."""
-    first = np.unique(label, return_index=True)[1]
-    cell_keys = keys(raw.cells[first][:, : raw.kind.vertices])
-    names: dict[int, str] = {}
-    for name, parts in raw.groups.items():
-        if raw.kind.dim in parts:
-            cells_inside = np.flatnonzero(np.isin(cell_keys, keys(parts[raw.kind.dim])))
-            if len(cells_inside) == 1:  # others are of several pieces
-                names.setdefault(int(cells_inside[0]), name)
-    return names
-
-
 # --- Contents -------------------------------------------------------------------------------------
 
 
@@ -480,39 +433,10 @@ def outline(path: Path, **options: Any) -> FileMesh:
 
     `options`: "solid", "fragments" and "piece" of a `Request`.
     """
-    return _content(path, None, None, None, outline=True, **options)
+    return content_of(path, None, None, None, outline=True, **options)
 
 
-def read_parts(
-    path: Path,
-    *,
-    timeout: float | None,
-    unit: UnitSystem,
-    merge: float | None,
-    model: ModelOptions,
-    elements: NumberedElements,
-) -> dict[str, RawMesh]:
-    """Cells of a deck by shape, with its model; one entry unless the model joins several shapes."""
-    content = _content(path, timeout, unit, merge, model=model, elements=elements)
-    contents = [content]
-    if content.model is not None and content.model["joined"]:
-        labels = sorted(content.cells, key=lambda label: -kind_of(label).dim)
-        contents = [_alone(content, label) for label in labels]
-    meshes = [selected(raw, None, None, path.name) for raw in contents]
-    return {raw.kind.shape: raw for raw in meshes}
-
-
-def _alone(content: FileMesh, label: str) -> FileMesh:
-    """The content of a file with the cells of one kind only, their groups and the supports on
-    them.
-    """
-    mark = of_kind("", label)
-    groups = {n: {label: parts[label]} for n, parts in content.groups.items() if label in parts}
-    fixed = {n.removesuffix(mark): e for n, e in content.fixed.items() if n.endswith(mark)}
-    return replace(content, cells={label: content.cells[label]}, groups=groups, fixed=fixed)
-
-
-def _content(
+def content_of(
     path: Path,
     timeout: float | None,
     unit: UnitSystem | None,
@@ -520,53 +444,41 @@ def _content(
     **options: Any,
 ) -> FileMesh:
     """The content of a file; `options` are fields of a `Request`."""
-    suffix = path.suffix.lower()
+    name, suffix = path.name, path.suffix.lower()
     solid = options.get("solid", False)
-    size = options.get("size")
     geometry = suffix in GEOMETRY or solid
-    if solid and suffix not in SURFACES:
-        raise MeshError(
-            f"solid fills the closed surface of a file of triangles ({', '.join(SURFACES)}); "
-            f"got {path.name}."
-        )
-    if options.get("fragments") and suffix not in CAD:
-        raise MeshError(
-            f"fragments joins the solids of CAD files ({', '.join(CAD)}); got {path.name}."
-        )
-    if geometry and size is None and suffix not in SCRIPTS and not options.get("outline"):
-        raise MeshError(
-            f"{path.name} is a geometry, not a mesh: give the element size in metres, as 5e-3."
-        )
-    if unit is not None and suffix in STATES_UNIT:
-        raise MeshError(f"{path.name} states its own unit of length: leave unit out.")
-    if merge is not None and geometry and suffix not in CAD:
-        raise MeshError(f"{path.name} is a geometry: merge applies to finished meshes and decks.")
-    unit = unit or UnitSystem()
+
+    def refuse(fault: object, text: str) -> None:
+        if fault:
+            raise MeshError(f"{name} {text}.")
+
+    surfaces, of_cad = ", ".join(SURFACES), ", ".join(CAD)
+    no_surface, no_cad = suffix not in SURFACES, suffix not in CAD
+    refuse(solid and no_surface, f"is no surface of triangles ({surfaces}), which solid fills")
+    joined = options.get("fragments") and no_cad
+    refuse(joined, f"is no file of CAD ({of_cad}), whose solids fragments joins")
+    meshed = geometry and suffix not in SCRIPTS and not options.get("outline")
+    no_size = meshed and options.get("size") is None
+    refuse(no_size, "is a geometry, not a mesh: give the element size in metres, as 5e-3")
+    stated = unit is not None and suffix in STATES_UNIT
+    refuse(stated, "states its own unit of length: leave unit out")
+    unmerged = merge is not None and geometry and no_cad
+    refuse(unmerged, "is a geometry: merge applies to finished meshes and decks")
     if options.get("model") is not None and not is_deck(path):
-        raise MeshError(
-            f"{path.name} is not a deck: read_model takes {', '.join(deck_endings())}; for a mesh "
-            "use read_mesh and Structure."
-        )
+        endings = ", ".join(deck_endings())
+        refuse(True, f"is no deck ({endings}) for read_model: use read_mesh and Structure")
+
+    unit = unit or UnitSystem()
     options["unit"] = [unit.length, unit.force]
     timeout = None if timeout is None else float(timeout)  # for JSON, as the size
     content = read_apart(path, geometry=geometry, options=options, timeout=timeout)
-    for group in options.get("elements") or {}:
-        if group not in content.groups:
-            raise MeshError(
-                f"the elements of {path.name} have no numbers here, so that elements names none "
-                f"for {group!r}; decks have them."
-            )
     farthest = float(np.abs(content.points).max(initial=0.0))
-    if not farthest < FARTHEST:
-        raise MeshError(
-            f"{path.name} has coordinates up to {farthest:.3g}, more than {FARTHEST:g}: it is "
-            "damaged; write it anew in the program that made it."
-        )
+    damaged = f"has coordinates up to {farthest:.3g}, more than {FARTHEST:g}: it is damaged"
+    refuse(not farthest < FARTHEST, f"{damaged}; write it anew in the program that made it")
+
     content.points = content.points * unit.length
     content.pieces = [piece.scaled(unit.length) for piece in content.pieces]
-    if merge is None:
-        return content
-    return merged(content, merge)
+    return content if merge is None else merged(content, merge)
 
 
 # --- Coincident nodes -----------------------------------------------------------------------------

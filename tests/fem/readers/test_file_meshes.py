@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io import isolation, mesh_files, reading
+from antiosc.io import mesh_files, reading
 from antiosc.io.isolation import Request
 from antiosc.io.mesh_files import is_deck
 from antiosc.io.neutral import FileMesh, UnitSystem, packed, unpacked
@@ -31,7 +31,7 @@ def cubes(**more) -> FileMesh:
     given = {"groups": {}, "node_sets": {}, **more}
     cells = {"hexahedron": HEXAHEDRA, "quad": SIDES, "line": np.array([[0, 1], [1, 2]])}
     cells |= {"vertex": np.array([[0]])}
-    return FileMesh(POINTS.copy(), {k: v.copy() for k, v in cells.items()}, "vtk", **given)
+    return FileMesh(POINTS.copy(), {k: v.copy() for k, v in cells.items()}, **given)
 
 
 def whole() -> FileMesh:
@@ -46,7 +46,7 @@ def whole() -> FileMesh:
 
 def same(one: FileMesh, other: FileMesh) -> None:
     np.testing.assert_array_equal(one.points, other.points)
-    assert (one.convention, one.aids) == (other.convention, other.aids)
+    assert one.aids == other.aids
     assert (one.remarks, one.model) == (other.remarks, other.model)
     for key in ("cells", "node_sets"):
         assert {n: r.tolist() for n, r in getattr(one, key).items()} == {
@@ -66,7 +66,7 @@ def test_a_mesh_comes_back_through_json_and_arrays():
 def test_nodes_at_one_place_become_the_first_of_them():
     """Two cubes with nodes of their own at their common face; the joints follow."""
     points = np.vstack([POINTS[:8], POINTS[[1, 8, 9, 2, 5, 10, 11, 6]] + 1e-4])
-    mesh = FileMesh(points, {"hexahedron": np.arange(16).reshape(2, 8)}, "vtk")
+    mesh = FileMesh(points, {"hexahedron": np.arange(16).reshape(2, 8)})
     mesh.node_sets = {"a": np.array([1, 8, 11]), "b": np.array([9])}
     mesh.fixed = {"f": {1: np.array([[8, 11]]), 0: np.array([[15]])}}
     terms = [(8, 0, 1.5), (9, 3, -2.0), (-1, 4, 1.0)]
@@ -93,23 +93,21 @@ def test_nodes_at_one_place_become_the_first_of_them():
 
 
 WRONG = {
-    "no cells": (FileMesh(POINTS, {"vertex": np.array([[0]])}, "vtk"), None, None, "vertex"),
-    "nothing": (FileMesh(POINTS, {}, "vtk"), None, None, "found"),
+    "no cells": (FileMesh(POINTS, {"vertex": np.array([[0]])}), None, None, "vertex"),
+    "nothing": (FileMesh(POINTS, {}), None, None, "found"),
     "mixed": (
-        FileMesh(POINTS, {"quad": SIDES, "triangle": SIDES[:2, :3]}, "vtk"), None,
+        FileMesh(POINTS, {"quad": SIDES, "triangle": SIDES[:2, :3]}), None,
         None, "Mesh.RecombineAll"),
     "lost": (
         FileMesh(POINTS, {"hexahedron": HEXAHEDRA, "line": np.array([[0, 1], [0, 2], [3, 6]]),
-                               "quad": np.array([[0, 1, 2, 5]])}, "vtk"), None, None, "besides"),
-    "dimension": (FileMesh(POINTS, {"quad": SIDES}, "vtk"), 3, None, "for"),
+                               "quad": np.array([[0, 1, 2, 5]])}), None, None, "besides"),
+    "dimension": (FileMesh(POINTS, {"quad": SIDES}), 3, None, "for"),
     "group": (
         cubes(groups={"b": {"quad": np.array([0])}, "a": {"line": np.array([0])},
                             "v": {"vertex": np.array([0])}}), "v", None, "no group"),
     "no group": (cubes(), ["x"], None, "no group"),
-    "serendipity": (
-        FileMesh(np.eye(8, 3), {"quad8": np.arange(8)[None]}, "vtk"), None, None, "second-order"),
     "infinite": (
-        FileMesh(np.full((2, 3), np.inf), {"line": np.array([[0, 1]])}, "vtk"),
+        FileMesh(np.full((2, 3), np.inf), {"line": np.array([[0, 1]])}),
         None, None, "coordinates"),
 }  # fmt: skip
 
@@ -188,16 +186,6 @@ def asked(monkeypatch) -> list[tuple]:
     return found
 
 
-def test_a_file_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
-    path = tmp_path / "part.msh"
-    path.write_bytes(b"x" * 1000)
-    monkeypatch.setattr(isolation, "_machine_memory", lambda: 1112)
-    assert isolation._size(path) == 1000
-    monkeypatch.setattr(isolation, "_machine_memory", lambda: 1111)
-    with pytest.raises(isolation.MeshError, match=r"part.msh has 9.31e-07 GiB, more than this mac"):
-        isolation._size(path)
-
-
 OPTIONS = {
     ("a.msh", (("solid", True),)): (None, "solid fills"),
     ("a.msh", (("fragments", True),)): (None, "fragments joins"),
@@ -230,7 +218,7 @@ def read(ask: Request) -> FileMesh:
         raise MeshError(f"{ask.name} must have two points of three coordinates or more.")
     lines = np.array([[k, k + 1] for k in range(len(points) - 1)])
     return FileMesh(
-        points, {"line": lines}, "vtk", groups={"wire": {"line": np.arange(len(lines))}}
+        points, {"line": lines}, groups={"wire": {"line": np.arange(len(lines))}}
     )
 
 

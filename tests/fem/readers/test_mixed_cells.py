@@ -12,7 +12,7 @@ import pytest
 import antiosc as ao
 from antiosc.io.isolation import Request
 from antiosc.io.mesh_files import reader_of
-from antiosc.io.neutral import kind_of
+from antiosc.io.neutral import KINDS as CELL_KINDS
 from antiosc.io.reading import selected
 from parts import gmsh_session
 
@@ -154,7 +154,7 @@ def test_every_element_of_a_file_is_accounted_for(tmp_path, no_limits, ending, k
         return
 
     assert len(raw.cells) == len(rows)
-    dim = kind_of(other).dim
+    dim = CELL_KINDS[other].dim
     own = [len(parts[dim]) for parts in raw.groups.values() if set(parts) == {dim}]
     assert len(others) in own or any(number in remark for remark in raw.remarks)
     # elements of other formats than gmsh's, whose groups hold sides, are told besides

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.fem.platform import compat
 
 pytestmark = [
     pytest.mark.fem,
@@ -114,42 +113,3 @@ def test_numbers_that_a_mesh_does_not_have(mesh):
     made = ao.box_mesh((0.1, 0.1, 0.1), 0.1)
     with pytest.raises(ao.InputError, match="have no numbers"):
         ao.Structure(made, STEEL, [ao.Support(nodes=[3])])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["a.inp", "a.bdf"])
-def test_groups_of_elements_by_their_numbers(tmp_path, name):
-    WRITERS[name](tmp_path / name)
-    points, cells = bar()
-    mesh = ao.read_mesh(tmp_path / name, elements={"some": [1, 6], "all": range(1, len(cells) + 1)})
-    assert len(mesh.groups["all"][3]) == len(cells)
-    nodes = compat.geometry_nodes(mesh.dolfinx)[mesh.groups["some"][3]]
-    middles = np.sort(mesh.dolfinx.geometry.x[nodes].mean(axis=1), axis=0)
-    np.testing.assert_allclose(middles, np.sort(points[cells[[0, 5]]].mean(axis=1), axis=0))
-    with pytest.raises(ao.MeshError, match="no element 99"):
-        ao.read_mesh(tmp_path / name, elements={"some": [1, 99]})
-    for wrong in (["a"], {"some": 3}, {"some": []}, {"some": [1.5]}, {3: [1]}):
-        with pytest.raises(ao.InputError, match="elements"):
-            ao.read_mesh(tmp_path / name, elements=wrong)
-
-
-@pytest.mark.slow
-def test_a_pressure_on_numbered_elements_of_a_deck_is_that_on_its_set(tmp_path):
-    """A membrane of four squares, of which two carry a pressure, is as stiff either way."""
-    rows = [f"{3 * i + j + 1}, {0.1 * i}, {0.1 * j}, 0" for i in range(3) for j in range(3)]
-    cells = [f"{10 * k}, {n}, {n + 3}, {n + 4}, {n + 1}" for k, n in enumerate((1, 2, 4, 5), 1)]
-    lines = ["*NODE", *rows, "*ELEMENT, TYPE=S4, ELSET=ALL", *cells, "*ELSET, ELSET=SOME", "20, 40"]
-    lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", "210e9, 0.3", "*DENSITY", "7850."]
-    lines += ["*SHELL SECTION, ELSET=ALL, MATERIAL=STEEL", "1e-3", "*BOUNDARY"]
-    lines += [f"{n}, 1, 3" for n in (1, 2, 3, 4, 6, 7, 8, 9)]
-    (tmp_path / "a.inp").write_text("\n".join(lines))
-    structure = ao.read_model(tmp_path / "a.inp", elements={"asked": [20, 40]})
-    mesh = structure.mesh
-    np.testing.assert_array_equal(mesh.groups["asked"][2], mesh.groups["SOME"][2])
-    sheet, held = ao.Shell(210e9, 0.3, 7850.0, 1e-3), [ao.Support(lambda x: x[0] < 1e-9)]
-    found = [
-        ao.Structure(mesh, sheet, held, prestress=ao.Prestress(pressure={name: 10.0}))
-        for name in ("SOME", "asked")
-    ]
-    first, second = (ao.extract(part, ao.Site((0.1, 0.1, 0), (0, 0, -1)), n=4).k0 for part in found)
-    assert first == pytest.approx(second, rel=1e-9)

@@ -192,7 +192,7 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
         (-signal.SIGABRT, b"PK", "broke off (SIGABRT"),
         (-signal.SIGALRM, b"", "give a longer timeout"),
         (-signal.SIGPROF, b"", "give a longer timeout"),
-        (3, b"", "ended with code 3 and gave no mesh: "),
+        (3, b"", "broke off (code 3; "),
         (0, b"", "gave no mesh"),
         (0, b"no archive", "is damaged"),
         (0, archive({"error": "MemoryError"}, [])[:-5], "is damaged"),

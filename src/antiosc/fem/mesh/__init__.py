@@ -12,29 +12,20 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import (
-    flag,
-    instance,
-    shown,
-)
+from antiosc.base.checks import flag, instance, shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.platform import bounds, compat
 from antiosc.io.neutral import SIDES, RawMesh
-from antiosc.io.reading import keys
+from antiosc.io.reading import positions
 
 #: Cells whose reference shape is a simplex; the others are products of intervals.
 SIMPLICES = ("interval", "triangle", "tetrahedron")
 
 
 class CellGeometry:
-    """Nodes and shape functions of the cells of one rank.
-
-    Parameters
-    ----------
-    nodes : (cells, k, 3) coordinates of the nodes of each cell [m]
-    cell : shape of the cells, as dolfinx names it
-    order : geometric order, 1 or 2
+    """Nodes (cells, k, 3) [m] and shape functions of the cells of one rank, of a shape that dolfinx
+    names `cell`, and of geometric order 1 or 2.
     """
 
     def __init__(self, nodes: Array, cell: str, order: int) -> None:
@@ -83,16 +74,10 @@ class CellGeometry:
 
 
 class CellEntities:
-    """Entities of one dimension of cells.
+    """Entities of one dimension of cells (n,).
 
     A point of an entity has coordinates ξ in the reference entity, and X = origin + axes ξ in the
-    reference cell.
-
-    Parameters
-    ----------
-    geometry : of the cells
-    cells : (n,) the cell of each entity
-    origin, axes : (n, tdim) and (n, tdim, dim) of each entity in the reference cell
+    reference cell, with origins (n, tdim) and axes (n, tdim, dim).
     """
 
     def __init__(self, geometry: CellGeometry, cells: IntArray, origin: Array, axes: Array) -> None:
@@ -223,21 +208,19 @@ class Mesh(ReprMixin):
             raise InputError(
                 f"{len(x)} nodes of {self.name} have the number {number}: give the point."
             )
-        if len(x):
-            return x[0]
-        return None
+        return x[0] if len(x) else None
 
     def group(self, name: str) -> Mapping[int, IntArray]:
         """{dimension: local entities} of the group `name`, or of a side such as "-z".
 
         InputError if there is no such group.
         """
-        if not isinstance(name, str) or name not in self.groups:
-            if isinstance(name, str) and name in SIDES:
-                return self._side(name)
-            groups = name_list(name, self.groups, "its groups")
-            raise InputError(f"{self.name} has no group {shown(name)}; {groups}.")
-        return self.groups[name]
+        if isinstance(name, str) and name in self.groups:
+            return self.groups[name]
+        if isinstance(name, str) and name in SIDES:
+            return self._side(name)
+        groups = name_list(name, self.groups, "its groups")
+        raise InputError(f"{self.name} has no group {shown(name)}; {groups}.")
 
     def _side(self, name: str) -> Mapping[int, IntArray]:
         """The facets on the side `name` ("-x", "+z", …) of the bounding box."""
@@ -251,9 +234,7 @@ class Mesh(ReprMixin):
         facets = np.flatnonzero((np.abs(x[nodes] - end) < tolerance).all(axis=1)).astype(np.int32)
         flat = high[axis] - low[axis] < tolerance
         if flat or not self.comm.allreduce(len(facets)):
-            reason = (
-                f"it is flat along {name[1]}" if flat else f"none lies at {name[1]} = {end:g} m"
-            )
+            reason = "it is flat" if flat else f"none lies at {name[1]} = {end:g} m"
             raise InputError(
                 f"{self.name} has neither a group {name!r} nor faces on that side: {reason}; give"
                 " a group, or a function of the coordinates."
@@ -262,24 +243,18 @@ class Mesh(ReprMixin):
 
     def _facts(self) -> list[tuple[str, str]]:
         cells = f"{self.n_cells} of kind {self.cell}, order {self.order}"
-        facts = [("cells", cells), ("name", self.name)]
-        if self.groups:
-            return [*facts, ("groups", ", ".join(self.groups))]
-        return facts
+        groups = [("groups", ", ".join(self.groups))] if self.groups else []
+        return [("cells", cells), ("name", self.name), *groups]
 
 
 def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
     """The dolfinx mesh of arrays and groups, which every rank holds whole."""
     kind = raw.kind
-    cells = raw.cells
-    points = raw.points
-    if comm.rank > 0:
-        cells = cells[:0]
-        points = points[:0]
-    cells = cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
-    mesh = compat.create_mesh(comm, np.ascontiguousarray(cells), points, kind.shape, kind.order)
-    groups = local_groups(mesh, raw.groups)
-    return Mesh(mesh, groups, name, labels=raw.labels)
+    here = slice(None if comm.rank == 0 else 0)
+    cells = raw.cells[here, compat.node_order(kind.shape, kind.nodes, "vtk")]
+    cells, points = np.ascontiguousarray(cells), raw.points[here]
+    mesh = compat.create_mesh(comm, cells, points, kind.shape, kind.order)
+    return Mesh(mesh, local_groups(mesh, raw.groups), name, labels=raw.labels)
 
 
 def local_groups(
@@ -294,19 +269,8 @@ def local_groups(
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):
         names = [name for name, parts in wanted.items() if dim in parts]
         rows = [wanted[name][dim] for name in names]
-        vertices = numbers[compat.entity_vertices(mesh, dim)]
-        code = keys(vertices)
-        order = np.argsort(code)
-        wanted_keys = keys(np.vstack(rows))
-        position = np.minimum(np.searchsorted(code[order], wanted_keys), max(len(vertices) - 1, 0))
-        in_mesh = (
-            code[order][position] == wanted_keys
-            if len(vertices)
-            else np.zeros(len(wanted_keys), dtype=bool)
-        )
-        ends = np.cumsum([len(r) for r in rows])
-        for name, end, part in zip(names, ends, rows, strict=True):
-            rows_of_group = slice(end - len(part), end)
-            entities = order[position[rows_of_group][in_mesh[rows_of_group]]]
-            groups[name][dim] = np.unique(entities).astype(np.int32)
+        at = positions(np.vstack(rows), numbers[compat.entity_vertices(mesh, dim)])
+        parts = np.split(at, np.cumsum([len(part) for part in rows])[:-1])
+        for name, entities in zip(names, parts, strict=True):
+            groups[name][dim] = np.unique(entities[entities >= 0]).astype(np.int32)
     return groups

@@ -95,17 +95,12 @@ def pairs_within(centres: Array, reach: Array, points: Array) -> tuple[IntArray,
     """Pairs (item, point) of numbers with |centre of item − point| <= reach of item: two arrays."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-    low = points.min(axis=0)
-    high = points.max(axis=0)
+    low, high = points.min(axis=0), points.max(axis=0)
     gap = np.maximum(0.0, np.maximum(low - centres, centres - high))
     close = np.flatnonzero(np.linalg.norm(gap, axis=1) <= reach)
-    points_near = cKDTree(points).query_ball_point(centres[close], reach[close])
-    count = np.array([len(f) for f in points_near], dtype=int)
-    item = np.repeat(close, count)
-    point = np.concatenate(
-        [np.zeros(0, dtype=int), *[np.asarray(f, dtype=int) for f in points_near]]
-    )
-    return item, point
+    near = cKDTree(points).query_ball_point(centres[close], reach[close])
+    item = np.repeat(close, np.array([len(found) for found in near], dtype=int))
+    return item, np.array([point for found in near for point in found], dtype=int)
 
 
 #: Reference coordinates may lie this far outside a cell that still holds the point (rounding).
@@ -162,10 +157,8 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
     for i in np.flatnonzero(~in_cell.any(axis=0)):
         nearest = _closest_here(mesh, points[i])
         if nearest is not None:
-            cell[i] = nearest.cell
-            X[i] = nearest.X
-            x[i] = nearest.x
-            distance[i] = nearest.distance
+            cell[i], X[i] = nearest.cell, nearest.X
+            x[i], distance[i] = nearest.x, nearest.distance
     rank = np.array(mesh.comm.allgather(distance)).argmin(axis=0)
     on_rank = rank == mesh.comm.rank
     mine_or_zero = [
@@ -206,22 +199,17 @@ def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array
     geometry = mesh.geometry
     margin = OUTSIDE_CELL * reach[item, None]
     boxed = (points[point] >= low[item] - margin) & (points[point] <= high[item] + margin)
-    item = item[boxed.all(axis=1)]
-    point = point[boxed.all(axis=1)]
+    item, point = item[boxed.all(axis=1)], point[boxed.all(axis=1)]
     start = np.tile(geometry.centre(), (len(item), 1))
     xi = projected(
         lambda k, X: geometry.at(item[k], X), points[point], start, affine=geometry.affine
     )
     gap = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
-    holds = (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (gap <= OUTSIDE_CELL * reach[item])
-    item = item[holds]
-    point = point[holds]
-    xi = xi[holds]
-    gap = gap[holds]
-    order = np.lexsort((-item, point))  # the first cell is written last
-    cell[point[order]] = item[order]
-    X[point[order]] = xi[order]
-    distance[point[order]] = gap[order]
+    holds = np.flatnonzero(
+        (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (gap <= OUTSIDE_CELL * reach[item])
+    )
+    last = holds[np.lexsort((-item[holds], point[holds]))]  # the first cell is written last
+    cell[point[last]], X[point[last]], distance[point[last]] = item[last], xi[last], gap[last]
     return cell, X, distance
 
 

@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse
-from scipy.sparse.csgraph import connected_components
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
@@ -23,6 +22,7 @@ from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, 
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import clamped, projected
 from antiosc.fem.mesh.surface import Faces
+from antiosc.io.neutral import connected
 
 #: Least angle between the normals of two faces whose common edge is a sharp edge of the part
 #: [degree].
@@ -57,23 +57,14 @@ TOUCH = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """Faces near a point, n of them, equal on all ranks.
+    """Faces near a point, n of them, equal on all ranks."""
 
-    Attributes
-    ----------
-    numbers : (n, v) numbers of their vertices in the file, around each face.
-    corners, middles : (n, v, 3) vertices, and middles of the sides [m].
-    normals : (n, v, 3) unit normals at these middles.
-    nearest : (n, 3) the point of the face nearest to the given one [m].
-    gap : (n,) distance of that point [m].
-    """
-
-    numbers: IntArray
-    corners: Array
-    middles: Array
-    normals: Array
-    nearest: Array
-    gap: Array
+    numbers: IntArray  # (n, v) of their vertices in the file, around each face
+    corners: Array  # (n, v, 3) [m]
+    middles: Array  # (n, v, 3) of the sides [m]
+    normals: Array  # (n, v, 3) unit normals at these middles
+    nearest: Array  # (n, 3) the point of the face nearest to the given one [m]
+    gap: Array  # (n,) distance of that point [m]
 
     def only(self, which: BoolArray | IntArray) -> Patch:
         """The patch with some of its faces."""
@@ -90,28 +81,19 @@ class Patch:
         """Mask (n,) of the faces on which the point lies."""
         return np.asarray(self.gap <= self.gap.min() + TOUCH * self.sides.max(axis=1))
 
-    @cached_property
-    def pairs(self) -> tuple[IntArray, IntArray]:
-        """Pairs of coincident sides, as indices into the n v sides of all faces."""
-        ends = np.stack([self.numbers, np.roll(self.numbers, -1, axis=1)], axis=2)
-        ends = np.sort(ends.reshape(-1, 2), axis=1)
-        _, side = np.unique(ends, axis=0, return_inverse=True)
-        order = np.argsort(side.ravel(), kind="stable")
-        coincident = np.flatnonzero(np.diff(side.ravel()[order]) == 0)
-        return order[coincident], order[coincident + 1]
-
     def surfaces(self, sheet: bool) -> IntArray:
         """Number (n,) of the smooth surface to which each face belongs."""
-        first, second = self.pairs
-        count, corner_count = self.numbers.shape
-        normals = self.normals.reshape(-1, 3)
-        cosine = np.einsum("nd,nd->n", normals[first], normals[second])
-        cosine = np.abs(cosine) if sheet else cosine
-        smooth = cosine > np.cos(np.radians(SHARP_ANGLE))
-        first = first[smooth] // corner_count
-        second = second[smooth] // corner_count
-        graph = scipy.sparse.coo_matrix((np.ones(len(first)), (first, second)), (count, count))
-        return np.asarray(connected_components(graph, directed=False)[1])
+        ends = np.stack([self.numbers, np.roll(self.numbers, -1, axis=1)], axis=2)
+        _, side = np.unique(np.sort(ends.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
+        order = np.argsort(side.ravel(), kind="stable")
+        coincident = np.flatnonzero(np.diff(side.ravel()[order]) == 0)
+        pairs = np.column_stack([order[coincident], order[coincident + 1]])
+
+        normals = self.normals.reshape(-1, 3)[pairs]
+        cosine = np.einsum("nd,nd->n", normals[:, 0], normals[:, 1])
+        smooth = (np.abs(cosine) if sheet else cosine) > np.cos(np.radians(SHARP_ANGLE))
+        count, corners = self.numbers.shape
+        return connected([pairs[smooth] // corners], count)
 
     def nodes(self) -> Array:
         """Nodes on the surface (k, 3) [m]: vertices, and mid-side nodes of curved sides."""
@@ -142,8 +124,8 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
             "curvature is that of a surface in space, which beams and plane parts do not have: "
             "give the law of the contact."
         )
-    nearest_faces = _patch(faces, point)
-    touching = nearest_faces.only(nearest_faces.touching)
+    patch = _patch(faces, point)
+    touching = patch.only(patch.touching)
     normal = _normal(touching, direction, faces.sheet)
     x = touching.nearest.mean(axis=0)
     surfaces = len(np.unique(touching.surfaces(faces.sheet)))
@@ -153,19 +135,18 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
     if abs(float(towards @ normal)) < RIM * float(np.linalg.norm(towards)):
         return _sharp(EDGE, x, normal)
 
-    patch = _patch(faces, point, FACES_WIDE)
     label = patch.surfaces(faces.sheet)
     return _from_nodes(patch.only(np.isin(label, label[patch.touching])), x, normal)
 
 
-def _patch(faces: Faces, point: Array, wide: float = 1.0) -> Patch:
-    """The faces of all ranks that are within `wide` radii of the face nearest to a point."""
+def _patch(faces: Faces, point: Array) -> Patch:
+    """The faces of all ranks near that nearest to a point."""
     comm = faces.mesh.comm
     distances = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
     nearest = comm.allgather(float(distances.min(initial=np.inf)))
     near_faces = np.flatnonzero(distances <= min(nearest) + faces.radii)
     largest = max(comm.allgather(float(faces.radii[near_faces].max(initial=0.0))))
-    facets = np.flatnonzero(distances <= min(nearest) + wide * largest)
+    facets = np.flatnonzero(distances <= min(nearest) + FACES_WIDE * largest)
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
     xi = projected(
@@ -184,13 +165,9 @@ def _patch(faces: Faces, point: Array, wide: float = 1.0) -> Patch:
     numbers = np.asarray(faces.mesh.dolfinx.geometry.input_global_indices)
     numbers = numbers[faces.vertices[facets][:, corner_order]]
     corners = faces.corners[facets][:, corner_order]
-    rows_here = numbers, corners, middles, normals, nearest_points, gap
-    rows_of_all = (
-        np.concatenate(arrays) for arrays in zip(*comm.allgather(rows_here), strict=True)
-    )
-    patch = Patch(*rows_of_all)
-    unique_faces = np.unique(np.sort(patch.numbers, axis=1), axis=0, return_index=True)[1]
-    return patch.only(unique_faces)
+    here = numbers, corners, middles, normals, nearest_points, gap
+    patch = Patch(*(np.concatenate(rows) for rows in zip(*comm.allgather(here), strict=True)))
+    return patch.only(np.unique(np.sort(patch.numbers, axis=1), axis=0, return_index=True)[1])
 
 
 def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
@@ -201,9 +178,7 @@ def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
         normals = normals * np.where(normals @ reference < 0, -1.0, 1.0)[:, None]
     mean = normals.sum(axis=0)
     size = float(np.linalg.norm(mean))
-    if size > 0:
-        return np.asarray(mean / size)
-    return np.asarray(normals[0])
+    return np.asarray(mean / size if size > 0 else normals[0])
 
 
 def _kind(values: Array, error: float) -> tuple[Array, str]:
@@ -218,33 +193,14 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
 # -- from the nodes
 
 
-@dataclass(frozen=True)
-class _Quadric:
-    """A quadric through nodes of the surface.
+class _Quadric(NamedTuple):
+    """A quadric through nodes of the surface."""
 
-    Attributes
-    ----------
-    values, directions : (2,) principal curvatures [1/m], ascending, and (2, 3) their directions.
-    normal : (3,) normal of the quadric at the point.
-    deviation : standard error of the curvatures [1/m].
-    radius : of the nodes around the point [m].
-    """
-
-    values: Array
-    directions: Array
-    normal: Array
-    deviation: float
-    radius: float
-
-    @property
-    def curvature(self) -> float:
-        """The larger of the principal curvatures in magnitude [1/m]."""
-        return float(np.abs(self.values).max())
-
-    @property
-    def turn(self) -> float:
-        """Angle by which a surface of this curvature turns within the radius [rad]."""
-        return self.curvature * self.radius
+    values: Array  # (2,) principal curvatures [1/m], ascending
+    directions: Array  # (2, 3)
+    normal: Array  # (3,) at the point
+    deviation: float  # standard error of the curvatures [1/m]
+    radius: float  # of the nodes around the point [m]
 
 
 def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
@@ -264,12 +220,14 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     count = min(NODES, max(COEFFICIENTS, len(nodes) // 2))
     fit = _fitted(nodes[:count], normal)
     wider = _fitted(nodes[: 2 * count], normal)
-    if fit.turn > max(EDGE_TURN, SAME_TURN * wider.turn) and wider.radius > fit.radius:
+    largest = float(np.abs(fit.values).max())
+    turn, wider_turn = (float(np.abs(one.values).max()) * one.radius for one in (fit, wider))
+    if turn > max(EDGE_TURN, SAME_TURN * wider_turn) and wider.radius > fit.radius:
         return _sharp(EDGE, x, fit.normal)
-    known = len(nodes) > count
-    change = float(np.abs(fit.values - wider.values).max()) if known else fit.curvature
-    error = max(2 * fit.deviation, 2 * change, LEAST_ERROR * fit.curvature)
-    if error > fit.curvature / 2 and _level(nodes[:COEFFICIENTS]):
+
+    change = float(np.abs(fit.values - wider.values).max()) if len(nodes) > count else largest
+    error = max(2 * fit.deviation, 2 * change, LEAST_ERROR * largest)
+    if error > largest / 2 and _level(nodes[:COEFFICIENTS]):
         return _plane(x, normal)  # a flat beside a rounded edge
     values, kind = _kind(fit.values, error)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)

@@ -15,7 +15,6 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import basix
-import dolfinx
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
@@ -45,18 +44,14 @@ ROUNDING = 1e-9
 
 
 class Scheme(NamedTuple):
-    """The halving of a shape, in dolfinx's order of nodes.
+    """The halving of a shape, in dolfinx's order of nodes."""
 
-    Attributes
-    ----------
-    members : corners between which each middle lies: of edges, of faces of four corners, of all.
-    halves : (halves, corners) corners and middles that are the vertices of each half.
-    weights : for geometric order 1 and 2: (cells, middles, nodes) weights of the nodes of a cell at
-        the middles of the cell itself, or at those of its halves.
-    """
-
+    #: corners between which each middle lies: of edges, of faces of four corners, of all
     members: list[list[int]]
+    #: (halves, corners) corners and middles that are the vertices of each half
     halves: IntArray
+    #: for geometric order 1 and 2: (cells, middles, nodes) weights of the nodes of a cell at the
+    #: middles of the cell itself, or at those of its halves
     weights: tuple[Array, Array]
 
 
@@ -93,13 +88,7 @@ def weights_at(shape: str, degree: int, places: Array) -> Array:
 
 
 def with_cells_of(size: float, raw: RawMesh, name: str) -> RawMesh:
-    """The mesh, halved until no cell is longer than `size` [m].
-
-    Raises
-    ------
-    MeshError
-        There would be too many cells.
-    """
+    """The mesh, halved until no cell is longer than `size` [m]; MeshError for too many cells."""
     longest = longest_cell(raw.points[raw.cells[:, : raw.kind.vertices]])
     if longest <= size:
         told = f"{name}: its cells measure {longest:.3g} m at most, so that size changes nothing."
@@ -127,37 +116,30 @@ def halved(raw: RawMesh) -> RawMesh:
     """A mesh with all cells halved once; its new nodes have no labels."""
     kind = raw.kind
     shape = scheme(kind.shape)
-    order = compat.node_order(kind.shape, kind.nodes, raw.convention)
+    order = compat.node_order(kind.shape, kind.nodes, "vtk")
     nodes = raw.cells[:, order]
     old_corners = nodes[:, : kind.vertices]
     if kind.order == 1:
         middles, first = _middles(old_corners, shape, len(raw.points))
         lattice = np.hstack([nodes, middles])
-        cells = _of_halves(lattice, shape)
+        cells = lattice[:, shape.halves].reshape(-1, kind.vertices)
     else:
         lattice = nodes
-        corners = _of_halves(lattice, shape)
+        corners = lattice[:, shape.halves].reshape(-1, kind.vertices)
         middles, first = _middles(corners, shape, len(raw.points))
         cells = np.hstack([corners, middles])
 
     places = np.einsum("hmk,cki->chmi", shape.weights[kind.order - 1], raw.points[nodes])
     x = places.reshape(-1, raw.points.shape[1])[first]
-    labels = raw.labels
-    if len(labels):
-        labels = np.concatenate([labels, np.full(len(x), -1)])
+    without = np.full(len(x) if len(raw.labels) else 0, -1)
     return replace(
         raw,
         points=np.vstack([raw.points, x]),
         cells=cells[:, np.argsort(order)].astype(np.int64),
         groups=_groups(raw, old_corners, lattice),
         numbers=np.zeros(0, dtype=np.int64),
-        labels=labels,
+        labels=np.concatenate([raw.labels, without]),
     )
-
-
-def _of_halves(lattice: IntArray, shape: Scheme) -> IntArray:
-    """Vertices of the halves of cells with corners and middles `lattice`, in the order of cells."""
-    return lattice[:, shape.halves].reshape(-1, shape.halves.shape[1])
 
 
 def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, IntArray]:
@@ -202,7 +184,7 @@ def _halves_of_sides(
 ) -> IntArray:
     """Vertices (n, halves, k) of the halves of edges or faces (n, k); -1 of those of no cell."""
     count = sides.shape[1]
-    order = compat.node_order(SIDES[count], count, raw.convention)
+    order = compat.node_order(SIDES[count], count, "vtk")
     sides = sides[:, order]
     shape = scheme(SIDES[count])
     columns = [sides]
@@ -234,10 +216,7 @@ MOST_DIVISIONS = 6
 def near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
     """The mesh, divided until its cells have the sizes of `refine` around its points.
 
-    Raises
-    ------
-    MeshError
-        Other cells than straight triangles and tetrahedra.
+    MeshError for other cells than straight triangles and tetrahedra.
     """
     if refine and not divisible(mesh):
         raise MeshError(
@@ -278,19 +257,15 @@ def _mean_edges(corners: Array) -> Array:
 
 @dataclass(frozen=True)
 class Pieces:
-    """A whole mesh on one rank with a value for each cell.
+    """A whole mesh on one rank with a value for each cell."""
 
-    Attributes
-    ----------
-    points : (n, gdim) m.
-    cells : (c, dim + 1) numbers of points.
-    groups : name -> {dimension: (entities, vertices of one) numbers of points}.
-    values : (c,) one for each cell.
-    """
-
+    #: (n, gdim) m
     points: Array
+    #: (c, dim + 1) numbers of points
     cells: IntArray
+    #: name -> {dimension: (entities, vertices of one) numbers of points}
     groups: dict[str, dict[int, IntArray]]
+    #: (c,) one for each cell
     values: Array
 
 
@@ -312,7 +287,7 @@ def refined(mesh: Mesh, ratio: Array) -> Mesh:
             pieces = divided(pieces, mesh.cell)
     pieces = mesh.comm.bcast(pieces)
     kind = KINDS[KIND_OF[mesh.cell]]
-    raw = RawMesh(pieces.points, pieces.cells, kind, "gmsh", pieces.groups)
+    raw = RawMesh(pieces.points, pieces.cells, kind, pieces.groups)
     return distributed(raw, mesh.name, mesh.comm)
 
 
@@ -333,22 +308,17 @@ def gathered(mesh: Mesh, values: Array) -> Pieces | None:
     of_ranks = mesh.comm.gather((number, geometry.x[:, : mesh.gdim], cells, values, groups))
     if of_ranks is None:
         return None
+
+    numbers, x, all_cells, all_values, all_groups = zip(*of_ranks, strict=True)
     points = np.zeros((int(geometry.index_map().size_global), mesh.gdim))
-    all_groups: dict[str, dict[int, list[IntArray]]] = {}
-    for numbers, x, _, _, own_groups in of_ranks:
-        points[numbers] = x
-        for name, parts in own_groups.items():
-            for dim, rows in parts.items():
-                all_groups.setdefault(name, {}).setdefault(dim, []).append(np.sort(rows, axis=1))
-    return Pieces(
-        points,
-        np.vstack([of_rank[2] for of_rank in of_ranks]).astype(np.int64),
-        {
-            name: {dim: np.unique(np.vstack(rows), axis=0) for dim, rows in parts.items()}
-            for name, parts in all_groups.items()
-        },
-        np.concatenate([of_rank[3] for of_rank in of_ranks]),
-    )
+    points[np.concatenate(numbers)] = np.vstack(x)
+    whole: dict[str, dict[int, IntArray]] = {name: {} for name in mesh.groups}
+    for name, parts in whole.items():
+        for dim in set().union(*(of_rank[name] for of_rank in all_groups)):
+            rows = [of_rank[name][dim] for of_rank in all_groups if dim in of_rank[name]]
+            parts[dim] = np.unique(np.sort(np.vstack(rows), axis=1), axis=0)
+    cells = np.vstack(all_cells).astype(np.int64)
+    return Pieces(points, cells, whole, np.concatenate(all_values))
 
 
 def divided(pieces: Pieces, cell: str) -> Pieces:
@@ -368,14 +338,17 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     parent = positions(_old_points_under(support, cells), pieces.cells)
     old_corners = pieces.points[pieces.cells]
     if cell == "triangle" and gdim == 3:  # the normals tell the side of layers
-        cosine = np.einsum("ci,ci->c", _normals(x[cells]), _normals(old_corners[parent])) < 0
-        cells[cosine] = cells[cosine][:, [0, 2, 1]]
+        turned = np.einsum("ci,ci->c", _normals(x[cells]), _normals(old_corners[parent])) < 0
+        cells[turned] = cells[turned][:, [0, 2, 1]]
     values = pieces.values[parent] * _mean_edges(old_corners)[parent] / _mean_edges(x[cells])
-    carried = {dim: _carried(new, dim, support) for dim in set().union(*pieces.groups.values())}
-    groups = {
-        name: {dim: _in_group(*carried[dim], rows) for dim, rows in parts.items()}
-        for name, parts in pieces.groups.items()
-    }
+
+    groups: dict[str, dict[int, IntArray]] = {name: {} for name in pieces.groups}
+    for dim in set().union(*pieces.groups.values()):
+        entities = compat.entity_vertices(new, dim).astype(np.int64)
+        carriers = _old_points_under(support, entities)
+        for name, parts in pieces.groups.items():
+            if dim in parts:
+                groups[name][dim] = entities[positions(carriers, parts[dim]) >= 0]
     return Pieces(x, cells, groups, values)
 
 
@@ -409,16 +382,3 @@ def _old_points_under(support: IntArray, entities: IntArray) -> IntArray:
     carriers = np.full((len(entities), k), -1, dtype=np.int64)
     carriers[fit] = rows[fit][first[fit]].reshape(-1, k)
     return carriers
-
-
-def _carried(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray) -> tuple[IntArray, IntArray]:
-    """Vertices (n, dim + 1) of the new entities that lie in old ones, and of these old ones."""
-    entities = compat.entity_vertices(mesh, dim).astype(np.int64)
-    carriers = _old_points_under(support, entities)
-    inside = carriers[:, 0] >= 0
-    return entities[inside], carriers[inside]
-
-
-def _in_group(entities: IntArray, carriers: IntArray, group: IntArray) -> IntArray:
-    """Vertices of the new entities whose old ones are among `group`."""
-    return entities[positions(carriers, group) >= 0]

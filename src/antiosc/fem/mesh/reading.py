@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import numpy as np
@@ -37,12 +37,12 @@ from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.finer import near, with_cells_of
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
 from antiosc.fem.mesh.surface import mean_thickness
-from antiosc.fem.platform import agree, collective, compat, on_root, warn
+from antiosc.fem.platform import collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS
 from antiosc.io.cad import STATES_UNIT
 from antiosc.io.isolation import Refinement
 from antiosc.io.neutral import RawMesh, UnitSystem
-from antiosc.io.reading import HOW_MADE, NumberedElements, Wanted, outline, read
+from antiosc.io.reading import HOW_MADE, Wanted, outline, read
 
 if TYPE_CHECKING:
     from dolfinx.mesh import MeshTags  # the oldest dolfinx has no such name
@@ -70,25 +70,23 @@ def read_mesh(
     solid: bool = False,
     fragments: bool = False,
     piece: int | None = None,
-    elements: NumberedElements | None = None,
     trust: bool = False,
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Mesh:
     """Read a mesh, or mesh a geometry.
 
-    A file is treated as untrusted data: a separate process with limits on time and memory reads it,
-    and no commands in it are executed.
+    A separate process with limits on time and memory reads the file, and executes no commands in
+    it.
 
     Parameters
     ----------
     source
-        A Gmsh mesh (`.msh`), a geometry that gmsh meshes (`.geo`, `.step`, `.brep`, `.iges`;
-        CAD files' own length unit is converted to metres), a deck of Abaqus, CalculiX (`.inp`) or
-        Nastran (`.bdf`, `.nas`, `.fem`), a surface of triangles (`.stl`, `.obj`, `.ply`, `.off`),
-        any other file that meshio reads, or a dolfinx mesh. Coordinates are metres
-        (see `unit`). Wedges, pyramids and mixed volumes are cut into tetrahedra, quadrilaterals
-        beside triangles into triangles, and cells with 8 and 20 nodes get the missing nodes.
+        A Gmsh mesh (`.msh`), a geometry that gmsh meshes (`.geo`, `.step`, `.brep`, `.iges`), a
+        deck of Abaqus, CalculiX (`.inp`) or Nastran (`.bdf`, `.nas`, `.fem`), a surface of
+        triangles (`.stl`, `.obj`, `.ply`, `.off`), any other file that meshio reads, or a dolfinx
+        mesh. Wedges, pyramids and mixed volumes are cut into tetrahedra, quadrilaterals beside
+        triangles into triangles, and cells with 8 and 20 nodes get the missing nodes.
     size
         Largest element size in m: of the mesh of a geometry, by default that of `default_size`
         unless a `.geo` sets its own; the cells of a finished mesh are all halved until none is
@@ -97,45 +95,39 @@ def read_mesh(
         2 or 3. By default a plane mesh of triangles or quadrilaterals is 2-D; lines and curved
         faces live in space. `gdim=2` makes a plane frame of lines, `gdim=3` a flat shell of faces.
     order
-        Geometric order, 1 or 2. By default that of the file; geometry files are meshed with
-        curved (order 2) faces and volumes and straight lines; the few curved cells that fold over
-        at a tight fillet are straightened. `order=1` drops mid-side nodes.
+        Geometric order, 1 or 2. By default that of the file; geometries get curved (order 2) faces
+        and volumes, straight where they would fold over, and straight lines. 1 drops mid-side
+        nodes.
     refine
         Pairs (point, size): elements of that size around the point, growing away from it. Straight
         triangles and tetrahedra of a finished mesh are bisected there. A site with a radius needs
         elements no larger than the radius.
     groups
         For a dolfinx mesh: name -> (MeshTags, value). Files bring their own: physical groups,
-        element sets, node sets (a node set also holds the facets that it spans), and tags
-        without a name under their number.
+        element sets, node sets with the facets that they span, and tags under their number.
     cells
         Which cells of a file make the mesh: a dimension (1, 2 or 3), a group or a list of groups.
         By default those of the highest dimension; others that are faces or edges of these are
-        groups, if the file names them, and are told. If they are in no group, or elsewhere, they
-        may be shells and beams, and the file is refused.
+        told; others elsewhere may be shells and beams, and the file is refused.
     parts
         Names of parts, instances, solids or groups, in place of `cells`: only they are read.
     unit
-        Unit of the coordinates in the file: "m", "mm", "cm", "in", "ft", or metres per unit. STEP
-        and IGES files state their own; sizes in a `.geo` script are in the script's unit.
+        Unit of the coordinates in the file: "m", "mm", "cm", "in", "ft", or metres per unit, by
+        default m. STEP and IGES files state their own.
     merge
         Nodes of a finished mesh or deck that are no further apart than this, m, become one.
     solid
-        Fill the closed surface of an STL, OBJ, PLY or OFF file with tetrahedra (`size`, and `unit`,
-        which they do not state). Without it the triangles are a sheet.
+        Fill the closed surface of an STL, OBJ, PLY or OFF file with tetrahedra; without it the
+        triangles are a sheet.
     fragments
-        Cut the solids of a STEP or BREP assembly at each other, so that they share nodes where they
-        touch.
+        Cut the solids of a CAD assembly at each other, so that they share nodes where they touch.
     piece
         Number of the piece to read from a mesh of pieces without a common node: 1 for the largest.
-    elements
-        Additional groups: name -> numbers of elements in a deck.
     trust
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
         beside a file. Only for files whose author you know.
     timeout
-        Seconds after which reading ends with an error. Default: ten times or more of the processor
-        time that a file of its size, or that number of cells, needs.
+        Seconds after which reading ends with an error; by default by the size of the file.
     comm
         The MPI communicator that shares the mesh.
 
@@ -147,15 +139,15 @@ def read_mesh(
     Raises
     ------
     MeshError
-        Missing, unreadable or damaged file, no usable cells, mixed cell kinds, repeated cells,
-        pieces that share no node, a size larger than the part or one that would take more than 10
-        million cells, a script that does more than describe a geometry.
+        Missing, unreadable or damaged file, no usable cells, repeated cells, pieces that share no
+        node, a size larger than the part or one that would take more than 10 million cells, a
+        script that does more than describe a geometry.
 
     Warns
     -----
     AntioscWarning
-        Folded cells, nodes that coincide; elements that are no cells of the mesh; a volume that
-        differs from that in CAD by more than 0.5 %.
+        Folded cells; elements that are no cells of the mesh; a volume that differs from that in CAD
+        by more than 0.5 %.
     """
     for name, value, of in (("size", size, "m"), ("merge", merge, "m"), ("timeout", timeout, "s")):
         if value is not None:
@@ -168,13 +160,11 @@ def read_mesh(
     if piece is not None:
         piece = whole("piece", piece, least=1)
     check_refinements(refine)
-    numbered = numbered_elements(elements)
-    if parts is not None:
-        if cells is not None:
-            raise InputError("give cells or parts, which both select cells; got both.")
-        if isinstance(parts, str):
-            raise InputError(f"parts must be a list of names; got {shown(parts)}.")
-        cells = list(parts) if isinstance(parts, list | tuple) else parts
+    if parts is not None and cells is not None:
+        raise InputError("give cells or parts, which both select cells; got both.")
+    if isinstance(parts, str):
+        raise InputError(f"parts must be a list of names; got {shown(parts)}.")
+    cells = parts if cells is None else cells
     _check_selection(cells)
     units = None if unit is None else UnitSystem.of(unit)
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
@@ -187,16 +177,14 @@ def read_mesh(
     if groups:
         raise InputError("groups names the tags of a dolfinx mesh; a file brings its own groups.")
     if not isinstance(source, str | Path):
-        raise InputError(
-            f"read_mesh takes a file or a dolfinx mesh; got {type(source).__name__} "
-            f"{shown(source)}."
-        )
+        raise InputError(f"read_mesh takes a file or a dolfinx mesh; got {shown(source)}.")
+
     file = checked_path("source", source)
     name = printable(file.name)
     suffix = file.suffix.lower()
     made_here = suffix in GEOMETRY or solid
+    kept: dict[str, Any] = {"solid": solid, "fragments": fragments, "piece": piece}
     if size is None and made_here and suffix not in SCRIPTS:
-        kept: dict[str, Any] = {"solid": solid, "fragments": fragments, "piece": piece}
         metres = 1.0 if units is None else units.length
         box = metres * on_root(comm, lambda: outline(file, **kept).points)
         kept |= {"gdim": gdim, "order": order, "refine": refine, "cells": cells, "unit": unit}
@@ -211,29 +199,12 @@ def read_mesh(
         if size is not None:
             plausible.refuse_size(size, raw.points, name)
         mesh = sound(flattened(raw, gdim, name), name, made_here, by=BY_PIECE)
-        if made_here or size is None:
-            return mesh
-        return with_cells_of(size, mesh, name)
+        return mesh if made_here or size is None else with_cells_of(size, mesh, name)
 
-    def work() -> RawMesh:
-        return read(
-            file,
-            size if made_here else None,
-            order,
-            refine if made_here else (),
-            cells=cells,
-            trust=trust,
-            timeout=timeout,
-            unit=units,
-            merge=merge,
-            solid=solid,
-            fragments=fragments,
-            piece=piece,
-            elements=numbered,
-            sound=checked,
-        )
-
-    raw = on_root(comm, work)
+    kept |= {"cells": cells, "trust": trust, "timeout": timeout, "unit": units, "merge": merge}
+    if made_here:
+        kept |= {"size": size, "refine": refine}
+    raw = on_root(comm, lambda: read(file, order=order, sound=checked, **kept))
     for sentence in raw.remarks:
         made = any(words in sentence for words in HOW_MADE)
         warn(comm, sentence, ChoiceWarning if made else AntioscWarning)
@@ -260,22 +231,6 @@ def default_size(mesh: Mesh, size: float) -> float:
     return max(wanted, least)
 
 
-def numbered_elements(elements: object) -> dict[str, list[int]]:
-    """Checked groups of element numbers; {} for None; InputError for anything else."""
-    if elements is None:
-        return {}
-    instance("elements", elements, Mapping, "a dict: name -> list of numbers of elements")
-    groups = {}
-    for name, numbers in cast("Mapping[str, object]", elements).items():
-        argument = f"elements[{text('a name in elements', name)!r}]"
-        if not isinstance(numbers, list | tuple | range | np.ndarray) or len(numbers) == 0:
-            raise InputError(
-                f"{argument} must be a list of numbers of elements; got {shown(numbers)}."
-            )
-        groups[name] = [whole(f"a number in {argument}", number) for number in numbers]
-    return groups
-
-
 def check_refinements(refine: Sequence[Refinement]) -> None:
     """InputError unless `refine` is a sequence of (point, size)."""
     if not isinstance(refine, Sequence) or isinstance(refine, str):
@@ -283,46 +238,41 @@ def check_refinements(refine: Sequence[Refinement]) -> None:
     for refinement in refine:
         try:
             point, local = refinement
-            dim = len(point)
+            shape = (len(point),)
         except (TypeError, ValueError) as error:
-            raise InputError(
-                "refine lists pairs (point, size), as [((0, 0, 0.1), 2e-3)]; "
-                f"got {shown(refinement)}."
-            ) from error
-        floats("a point of refine", point, (dim,))
+            pairs = "refine lists pairs (point, size), as [((0, 0, 0.1), 2e-3)]"
+            raise InputError(f"{pairs}; got {shown(refinement)}.") from error
+        floats("a point of refine", point, shape)
         positive("a size of refine", local, "m")
 
 
 def _check_selection(cells: object) -> None:
     """InputError unless `cells` is None, a dimension from 1 to 3, a name or a list of names."""
-    if isinstance(cells, list | tuple):
-        if not cells or not all(isinstance(c, str) and c for c in cells):
-            raise InputError(f"cells must be a dimension or names of groups; got {shown(cells)}.")
-    elif isinstance(cells, str):
+    if isinstance(cells, str):
         text("cells", cells)
-    elif cells is not None:
-        whole("cells", cells, 1, 3)
+    elif not isinstance(cells, list | tuple):
+        whole("cells", 1 if cells is None else cells, 1, 3)
+    elif not cells or not all(isinstance(c, str) and c for c in cells):
+        raise InputError(f"cells must be a dimension or names of groups; got {shown(cells)}.")
 
 
 def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     """The mesh with points of shape (n, gdim)."""
-    z = raw.points[:, 2]
-    size = float(np.ptp(raw.points, axis=0).max())
-    flat = float(np.ptp(z)) <= 1e-9 * size
+    *_, depth = spans = np.ptp(raw.points, axis=0)
+    flat = depth <= 1e-9 * spans.max()
     if gdim is None:
         gdim = 2 if raw.kind.dim == 2 and flat else 3
     if gdim == 2 and raw.kind.dim == 3:
         raise MeshError(f"{name} is a mesh of volumes: it cannot be read with gdim 2.")
     if gdim == 2 and not flat:
-        raise MeshError(
-            f"{name} is not plane (z spans {np.ptp(z):g} m): read it with gdim 3, or give it one z."
-        )
+        remedy = "read it with gdim 3, or give it one z"
+        raise MeshError(f"{name} is not plane (z spans {depth:g} m): {remedy}.")
     return replace(raw, points=np.ascontiguousarray(raw.points[:, :gdim]))
 
 
 def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
     """A user's dolfinx mesh with the names of its tags as groups."""
-    named_groups: dict[str, dict[int, IntArray]] = {}
+    named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():
         if not isinstance(pair, tuple | list) or len(pair) != 2 or not hasattr(pair[0], "indices"):
             raise InputError(
@@ -330,17 +280,15 @@ def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]
             )
         tags, value = pair
         entities = np.asarray(tags.indices)[np.asarray(tags.values) == value]
-        count = compat.communicator(mesh).allreduce(len(entities))
-        if not count:
+        if not compat.communicator(mesh).allreduce(len(entities)):
             raise InputError(f"group {name!r}: no entity of the mesh tags has the value {value}.")
-        named_groups[name] = {int(tags.dim): entities.astype(np.int32)}
-    error = None
+        named[name] = {int(tags.dim): entities.astype(np.int32)}
+
     if compat.coordinate_map(mesh).degree > 2:
-        error = MeshError("cells of geometric order above 2 are not supported: use order 1 or 2.")
-    agree(compat.communicator(mesh), error)
-    count = Mesh(mesh, named_groups, "the dolfinx mesh")
-    refuse_degenerate(count)
-    return count
+        raise MeshError("cells of geometric order above 2 are not supported: use order 1 or 2.")
+    adopted = Mesh(mesh, named, "the dolfinx mesh")
+    refuse_degenerate(adopted)
+    return adopted
 
 
 #: number of lengths -> (name, gmsh script, {group: entities of the side})
@@ -388,13 +336,10 @@ def box_mesh(
     choice("gdim", gdim, (2, 3))
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     name, body, groups = KINDS[len(sides)]
-    script_body = body.format(*(positive("a length", float(side), "m") for side in sides))
-    last = GROUPS[len(sides)]
-    kind = GROUPS[len(sides) - 1]
-    lines = ['SetFactory("OpenCASCADE");', script_body, f'Physical {last}("{name}") = {{1}};']
-    lines += [
-        f'Physical {kind}("{side}") = {{{entity_tags}}};' for side, entity_tags in groups.items()
-    ]
+    whole_body = body.format(*(positive("a length", float(side), "m") for side in sides))
+    kind, last = GROUPS[len(sides) - 1 : len(sides) + 1]
+    lines = ['SetFactory("OpenCASCADE");', whole_body, f'Physical {last}("{name}") = {{1}};']
+    lines += [f'Physical {kind}("{side}") = {{{tags}}};' for side, tags in groups.items()]
     with TemporaryDirectory() as folder:
         script = Path(folder, f"{name}.geo")
         script.write_text("\n".join(lines) + "\n", encoding="ascii")

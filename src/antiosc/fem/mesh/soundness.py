@@ -1,71 +1,41 @@
-"""Checks of the cells of a file before they become a mesh: of each cell, and of cells together.
-
-A nonconforming mesh gives a result for another part: repeated cells double the mass, and cells that
-touch without common nodes form a crack.
+"""Checks of the cells of a file before they become a mesh, of each cell and of cells together: one
+that is there twice doubles the mass.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
 
-from antiosc.base._types import Array
+from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import point_text
 from antiosc.base.errors import MeshError, UnmeshableError, warn
 from antiosc.fem.platform import agree, compat
-from antiosc.io.neutral import FACETS, CellKind, IntArray, RawMesh
+from antiosc.io.neutral import EDGES, FACETS, CellKind, IntArray, RawMesh
 from antiosc.io.reading import keys, piece_of_cells, pieces_error
 
 if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
 
-#: Distance over the size of a mesh up to which two nodes lie in one place.
-SAME_PLACE = 1e-9
 
-
-def repeated(cells: IntArray) -> IntArray:
-    """Numbers of cells (n, vertices) with the same vertices as an earlier cell."""
-    order = np.argsort(keys(cells), kind="stable")
-    sorted_cells = np.sort(cells[order], axis=1)
-    return np.sort(order[1:][(sorted_cells[1:] == sorted_cells[:-1]).all(axis=1)])
-
-
-def crowded(cells: IntArray, kind: CellKind) -> IntArray:
-    """Numbers of cells (n, vertices) with a facet that three or more cells share."""
-    facets, owner = _facets(cells, kind)
-    _, label, count = np.unique(keys(facets), return_inverse=True, return_counts=True)
-    return np.unique(owner[count[label.reshape(-1)] > 2])
-
-
-def doublets(cells: IntArray, kind: CellKind) -> IntArray:
-    """Numbers of cells (n, vertices) that share more than one facet with the same other cell."""
-    facets, owner = _facets(cells, kind)
-    _, label = np.unique(keys(facets), return_inverse=True)
-    shape = len(cells), int(label.max(initial=-1)) + 1
-    incidence = csr_matrix(
-        (np.ones(len(owner), dtype=np.int32), (owner, label.reshape(-1))), shape=shape
-    )
-    common = (incidence @ incidence.T).tocoo()
-    return np.unique(common.row[(common.data > 1) & (common.row != common.col)])
-
-
-# --- Facets ---------------------------------------------------------------------------------------
-
-
-def _facets(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
-    """All facets (n, vertices) of all cells, and the cell of each."""
+def misfits(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
+    """Numbers of cells (n, vertices) that share two sides or more with another one, on which
+    dolfinx 0.5 crashes, and of those with a side that three or more share.
+    """
     sides = FACETS[kind.shape]
-    facets = np.stack([cells[:, list(s)] for s in sides], axis=1)
-    return facets.reshape(-1, facets.shape[2]), np.repeat(np.arange(len(cells)), len(sides))
+    facets = np.vstack([cells[:, list(side)] for side in sides])
+    owner = np.tile(np.arange(len(cells)), len(sides))
+    _, label, count = np.unique(keys(facets), return_inverse=True, return_counts=True)
+    label = label.ravel()
 
-
-#: Shapes of which two different cells can have two sides in common; dolfinx 0.5 crashes on these.
-TWO_SIDES = ("quadrilateral", "hexahedron")
+    incidence = csr_matrix((np.ones(len(owner), dtype=np.int32), (owner, label)))
+    common = (incidence @ incidence.T).tocoo()
+    twice = (common.data > 1) & (common.row != common.col)
+    return np.unique(common.row[twice]), np.unique(owner[count[label] > 2])
 
 
 def sound(
@@ -85,12 +55,10 @@ def sound(
     Warns
     -----
     AntioscWarning
-        Cells that fold over, nodes that coincide.
+        Cells that fold over.
     """
     kind = raw.kind
-    vertices = raw.cells[:, : kind.vertices]
-    cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
-    fills = kind.dim == raw.points.shape[1]
+    cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, "vtk")]
 
     def message(bad: IntArray, what: str, remedy: str) -> str:
         centre = raw.points[raw.cells[bad[0]]].mean(axis=0)
@@ -109,20 +77,15 @@ def sound(
         "use a node twice",
         "write them as cells of fewer nodes, or mesh it anew",
     )
+    doubles, crowded = misfits(raw.cells[:, : kind.vertices], kind)
     refuse(
-        repeated(vertices),
-        "repeat another one, node by node",
-        "delete the copies",
+        doubles,
+        "repeat another one, or share two sides with it",
+        "delete the copies, or make one cell of both",
     )
-    if kind.shape in TWO_SIDES:
+    if kind.dim == raw.points.shape[1]:
         refuse(
-            doublets(vertices, kind),
-            "share two sides with another one",
-            "make one cell of both, or divide them",
-        )
-    if fills:
-        refuse(
-            crowded(vertices, kind),
+            crowded,
             "share a side with more than one other",
             "they overlap; delete the superfluous ones",
         )
@@ -140,7 +103,7 @@ def sound(
         )
     if not pieces:
         _refuse_pieces(raw, name, by)
-    if made_here and kind.order == 2 and kind.shape in MID_SIDE_EDGES:
+    if made_here and kind.order == 2 and kind.shape in SIMPLICES:
         return replace(raw, points=straightened(raw.points, raw.cells, kind.shape))
     if kind.dim > 1:
         bad = folded(raw.points, cells, kind.shape, kind.order)
@@ -150,8 +113,6 @@ def sound(
                 "Mesh.HighOrderOptimize = 2) or read it with order 1"
             )
             warn(message(bad, "fold over themselves", remedy))
-    if not made_here and not pieces:
-        _tell_cracks(raw, name)
     return raw
 
 
@@ -164,20 +125,6 @@ def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
             f"{name} falls into {count} pieces that share no node",
             "join them (nodes that coincide: merge; solids of a CAD file: fragments; in gmsh: "
             f"BooleanFragments) or read the piece of interest ({by}).",
-        )
-
-
-def _tell_cracks(raw: RawMesh, name: str) -> None:
-    """Warn of nodes in one place, at which a mesh has a crack."""
-    distance = SAME_PLACE * float(np.ptp(raw.points, axis=0).max())
-    used = np.unique(raw.cells)
-    pairs = cKDTree(raw.points[used]).query_pairs(distance, output_type="ndarray")
-    nodes = used[np.unique(pairs)]
-    if len(nodes):
-        warn(
-            f"{len(nodes)} nodes of {name} lie where others lie, one at "
-            f"{point_text(raw.points[nodes[0]])}: the mesh has a crack there; join them (merge), "
-            "unless the crack is intended."
         )
 
 
@@ -195,33 +142,34 @@ SOUND = 0.02
 LEAST_MEASURE = 1e-7
 #: A cell is a point if its size over that of the mesh is below this.
 POINT = 1e-12
-#: Mid-side nodes of second-order simplices in gmsh's order, from the third vertex on.
-MID_SIDE_EDGES = {
-    "triangle": [(0, 1), (1, 2), (2, 0)],
-    "tetrahedron": [(0, 1), (1, 2), (2, 0), (3, 0), (3, 2), (3, 1)],
-}
+#: Corners of the edges of second-order simplices, in the order of their middle nodes.
+SIMPLICES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 
 
-def _jacobians(points: Array, cells: IntArray, shape: str, order: int) -> Iterator[Array]:
-    """Jacobian determinants (cells, q) of blocks of cells, of a positive sum in each cell.
+def _failing(
+    points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
+) -> IntArray:
+    """Numbers of cells whose Jacobian determinants (cells, q), of a positive sum in each, fail.
 
     The cells are solids, or faces in a plane or in space, with nodes in dolfinx's order.
     """
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
+    failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), BLOCK):
         x = points[cells[start : start + BLOCK]]
         J = np.einsum("dqn,cni->cqdi", slopes, x, optimize=True)
         det = np.linalg.det(J) if J.shape[2] == J.shape[3] else _along_mean_normal(J)
-        yield det * np.sign(det.sum(axis=1))[:, None]
+        failed.append(fails(det * np.sign(det.sum(axis=1))[:, None]))
+    return np.flatnonzero(np.concatenate(failed))
 
 
 def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
     """Numbers of cells whose smallest Jacobian is at most `least` times the largest."""
-    bad = [
-        det.min(axis=1) <= least * det.max(axis=1)
-        for det in _jacobians(points, cells, shape, order)
-    ]
-    return np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *bad]))
+
+    def fails(det: Array) -> BoolArray:
+        return np.asarray(det.min(axis=1) <= least * det.max(axis=1))
+
+    return _failing(points, cells, shape, order, fails)
 
 
 def _along_mean_normal(J: Array) -> Array:
@@ -249,13 +197,11 @@ CROSSED = 0.5
 
 def crossed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
     """Numbers of cells (nodes in dolfinx's order) whose sides cross, as those of a bowtie."""
-    if shape == "interval":
-        return np.zeros(0, dtype=np.int64)
-    bad = [
-        det.sum(axis=1) <= CROSSED * np.abs(det).sum(axis=1)
-        for det in _jacobians(points, cells, shape, order)
-    ]
-    return np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *bad]))
+
+    def fails(det: Array) -> BoolArray:
+        return np.asarray(det.sum(axis=1) <= CROSSED * np.abs(det).sum(axis=1))
+
+    return _failing(points, cells if shape != "interval" else cells[:0], shape, order, fails)
 
 
 def refuse_degenerate(mesh: Mesh) -> None:
@@ -280,25 +226,23 @@ def refuse_degenerate(mesh: Mesh) -> None:
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     """`points` with the mid-side nodes of folded second-order simplices moved to the midpoints.
 
-    `cells` are in gmsh's order. This is repeated until no cell is folded, since neighbours share
+    `cells` are in VTK's order. This is repeated until no cell is folded, since neighbours share
     the nodes.
     """
     points = points.copy()
-    edges = np.array(MID_SIDE_EDGES[shape])
-    middles = slice(edges.max() + 1, edges.max() + 1 + len(edges))
-    reordered = cells[:, compat.node_order(shape, cells.shape[1], "gmsh")]
+    edges = np.array(SIMPLICES[shape])
+    first = int(edges.max()) + 1
+    reordered = cells[:, compat.node_order(shape, cells.shape[1], "vtk")]
     bad = folded(points, reordered, shape, 2, SOUND)
-    last_count = -1
     straight = np.zeros(len(cells), dtype=bool)
     while len(bad):
-        straight[bad] = True
-        if straight.sum() == last_count:
+        if straight[bad].all():
             raise UnmeshableError(
                 f"gmsh made {len(bad)} cells without volume: choose another element size."
             )
-        last_count = int(straight.sum())
-        points[cells[straight][:, middles]] = points[cells[straight][:, edges]].mean(axis=2)
-        has_moved_node = np.isin(cells, cells[straight][:, middles]).any(axis=1)
-        suspects = np.flatnonzero(has_moved_node)
+        straight[bad] = True
+        middles = cells[straight][:, first : first + len(edges)]
+        points[middles] = points[cells[straight][:, edges]].mean(axis=2)
+        suspects = np.flatnonzero(np.isin(cells, middles).any(axis=1))
         bad = suspects[folded(points, reordered[suspects], shape, 2, SOUND)]
     return points

@@ -64,35 +64,28 @@ def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArr
     return cells, np.asarray((entities_of_cells == np.asarray(entities)[:, None]).argmax(axis=1))
 
 
-def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
-    """Origin (n, tdim) and axes (n, tdim, dim) of entities in the reference cell, by their local
-    numbers.
-    """
-    if dim == mesh.tdim:
-        count = len(number)
-        return np.zeros((count, dim)), np.tile(np.eye(dim), (count, 1, 1))
-    origin, axes = mesh.geometry.entities(dim)
-    return origin[number], axes[number]
-
-
 class Entities(CellEntities):
-    """F entities of one dimension of a mesh.
-
-    Attributes
-    ----------
-    cells : (F,) a cell at each entity.
-    vertices : (F, v) numbers of the geometry nodes at the vertices.
-    corners : (F, v, 3) coordinates of the vertices [m].
-    middle : (F, dim) coordinates ξ of the middles.
-    """
+    """F entities of one dimension of a mesh, each in a cell at it."""
 
     def __init__(self, mesh: Mesh, dim: int, entities: IntArray) -> None:
         cells, number = cells_at(mesh, dim, entities)
-        super().__init__(mesh.geometry, cells, *frames(mesh, dim, number))
+        origin, axes = np.zeros((1, dim)), np.eye(dim)[None]  # of the cells themselves
+        if dim < mesh.tdim:
+            origin, axes = mesh.geometry.entities(dim)
+        super().__init__(mesh.geometry, cells, origin[number], axes[number])
         self.mesh = mesh
         self.dim = dim
-        self.vertices = compat.entity_vertices(mesh.dolfinx, dim)[entities]
-        self.corners = mesh.dolfinx.geometry.x[self.vertices]
+        self.numbers = entities
+
+    @cached_property
+    def vertices(self) -> IntArray:
+        """Numbers (F, v) of the geometry nodes at the vertices."""
+        return compat.entity_vertices(self.mesh.dolfinx, self.dim)[self.numbers]
+
+    @cached_property
+    def corners(self) -> Array:
+        """Coordinates (F, v, 3) of the vertices [m]."""
+        return np.asarray(self.mesh.dolfinx.geometry.x[self.vertices])
 
     @cached_property
     def centres(self) -> Array:
@@ -117,24 +110,18 @@ def shape(mesh: Mesh, dim: int) -> str:
 
 def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> WeightedPoints:
     """Quadrature points on entities, exact to `degree` on straight simplices."""
-    cells, number = cells_at(mesh, dim, entities)
-    origin, axes = frames(mesh, dim, number)
-    if dim == 0:
-        xi = np.zeros((1, 0))
-        weights = np.ones(1)
-    else:
-        xi, weights = basix.make_quadrature(getattr(basix.CellType, shape(mesh, dim)), degree)
-    entity_count = len(entities)
-    count = len(weights)
-    X = origin[:, None] + np.einsum("ntd,qd->nqt", axes, np.asarray(xi).reshape(count, dim))
-    cell = np.repeat(cells, count)
-    X = X.reshape(entity_count * count, X.shape[-1])  # a rank may have no entity
-    x, J = mesh.geometry.at(cell, X)
-    area = np.ones(entity_count * count)
+    xi, weights = np.zeros((1, 0)), np.ones(1)
     if dim:
-        J = np.einsum("nxt,ntd->nxd", J, np.repeat(axes, count, axis=0))
-        area = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
-    return WeightedPoints(cell, X, x, area * np.tile(weights, entity_count))
+        xi, weights = basix.make_quadrature(getattr(basix.CellType, shape(mesh, dim)), degree)
+    on = Entities(mesh, dim, entities)
+    count = len(entities)
+    item = np.repeat(np.arange(count), len(weights))
+    xi = np.tile(np.reshape(xi, (len(weights), dim)), (count, 1))
+
+    x, J = on.at(item, xi)
+    area = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
+    cell, X = on.cells[item], on.reference(item, xi)
+    return WeightedPoints(cell, X, x, area * np.tile(weights, count))
 
 
 def centre(mesh: Mesh, group: str) -> Array:
@@ -157,32 +144,20 @@ TOUCH = 1e-6
 LEVEL = 1e-6
 #: Reference coordinates may lie this far outside a face that still holds the point (rounding).
 OUTSIDE_FACE = 1e-8
-#: A point of a curved face, projected on the face's tangent plane, may lie outside the face by this
-#: (reference lengths).
-NEARLY = 0.5
 #: Of equal faces, the one whose normal points most along this is taken, the same on all ranks.
 OBLIQUE = np.array([0.43, 0.59, 0.68])
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceAtSites:
-    """Properties of the surface at P sites, the same on all ranks.
+    """Properties of the surface at P sites, the same on all ranks."""
 
-    Attributes
-    ----------
-    normals : (P, 3) unit normals, against the direction of impact.
-    depth : (P,) distance of the sites from the surface [m]; inf beyond the radius.
-    smallest, largest : (P,) sizes of the faces under the patch [m]; inf and -inf if there is none.
-    label : (P,) least label of the faces at the site; 0 if there is none.
-    rise : (P,) largest distance of the vertices of these faces from the tangent plane [m].
-    """
-
-    normals: Array
-    depth: Array
-    smallest: Array
-    largest: Array
-    rise: Array
-    label: IntArray
+    normals: Array  # (P, 3) unit normals, against the direction of impact
+    depth: Array  # (P,) distance of the sites from the surface [m]; inf beyond the radius
+    smallest: Array  # (P,) size of the faces under the patch [m]; inf if there is none
+    largest: Array  # (P,) likewise; -inf if there is none
+    rise: Array  # (P,) of the vertices of these faces from the tangent plane [m]
+    label: IntArray  # (P,) least label of the faces at the site; 0 if there is none
 
     def of(self, which: IntArray) -> SurfaceAtSites:
         """The properties at some of the sites."""
@@ -222,23 +197,23 @@ class Faces(Entities):
         """Unit normals (F, 3) at the middles of the faces."""
         return self.across(np.arange(len(self.facets)), self.middle)[1]
 
+    @property
+    def around(self) -> Array:
+        """Corners (F, v, 3) in their order around each face [m]."""
+        return self.corners[:, [0, 1, 3, 2]] if self.corners.shape[1] == 4 else self.corners
+
     @cached_property
     def samples(self) -> Array:
         """Points (n, 3) of the faces: their vertices, middles, and middles of their sides [m]."""
-        x = self.corners
-        corner_order = [0, 1, 3, 2] if x.shape[1] == 4 else list(range(x.shape[1]))
-        sides = (x[:, corner_order] + np.roll(x[:, corner_order], 1, axis=1)) / 2
-        points = np.concatenate([x, sides, x.mean(axis=1, keepdims=True)], axis=1)
+        sides = (self.around + np.roll(self.around, 1, axis=1)) / 2
+        points = np.concatenate([self.corners, sides, self.centres[:, None]], axis=1)
         return np.unique(points.reshape(-1, 3), axis=0)
 
     @cached_property
     def sizes(self) -> Array:
         """Mean length of the sides (F,) [m]."""
-        corner_order = (
-            [0, 1, 3, 2] if self.corners.shape[1] == 4 else list(range(self.corners.shape[1]))
-        )
-        side = self.corners[:, corner_order] - np.roll(self.corners[:, corner_order], 1, axis=1)
-        return np.asarray(np.linalg.norm(side, axis=2).mean(axis=1))
+        sides = self.around - np.roll(self.around, 1, axis=1)
+        return np.asarray(np.linalg.norm(sides, axis=2).mean(axis=1))
 
     def contact(
         self, points: Array, directions: Array, radii: Array, labels: IntArray
@@ -263,11 +238,8 @@ class Faces(Entities):
             best_measure = _least_over_ranks(comm, measure[best], site[best], count)
             best = best[measure[best] <= best_measure[site[best]] + LEVEL]
         first = _mean(comm, normal[best], site[best], count)
-        same_face = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE)
-        face = face[same_face]
-        site = site[same_face]
-        normal = normal[same_face]
-        gap = gap[same_face]
+        same = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE)
+        face, site, normal, gap = face[same], site[same], normal[same], gap[same]
         nearest = gap <= _least_over_ranks(comm, gap, site, count)[site] + TOUCH * mean[face]
         normals = _mean(comm, normal[nearest], site[nearest], count)
         label = _least_over_ranks(comm, labels[face[nearest]].astype(float), site[nearest], count)
@@ -291,8 +263,8 @@ class Faces(Entities):
         )
         x, normal = self.across(face, clamped(xi, self.simplex))
         gap = np.linalg.norm(x - points[point], axis=1)
-        in_radius = gap <= radii[point]
-        return face[in_radius], point[in_radius], normal[in_radius], gap[in_radius]
+        near = gap <= radii[point]
+        return face[near], point[near], normal[near], gap[near]
 
     def _within(self, points: Array, radii: Array) -> tuple[IntArray, IntArray]:
         """Pairs (face, point) that may be within the point's radius: two arrays.
@@ -319,47 +291,24 @@ class Faces(Entities):
         distance = np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
         item, point = self._crossed(points, normals, rise)
-        # on the tangent planes of the faces, then on the curved ones themselves
-        x, J = self.tangents
-        xi_found = projected(
-            lambda k, _: (x[item[k]], J[item[k]]),
+        feet = projected(
+            lambda k, xi: self.at(item[k], xi),
             points[point],
             self.middle[item],
-            affine=True,
+            affine=self.affine,
             along=normals[point],
         )
-        margin = OUTSIDE_FACE if self.affine else NEARLY
-        is_near = excess(xi_found, self.simplex) <= margin
-        item = item[is_near]
-        point = point[is_near]
-        xi_found = xi_found[is_near]
-        if not self.affine:
-            xi_found = projected(
-                lambda k, xi: self.at(item[k], xi),
-                points[point],
-                xi_found,
-                affine=False,
-                along=normals[point],
-            )
-        on_face = excess(xi_found, self.simplex) <= OUTSIDE_FACE
-        item = item[on_face]
-        point = point[on_face]
-        xi_found = xi_found[on_face]
-        x, normal = self.across(item, xi_found)
-        distances = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))
+        x, normal = self.across(item, feet)
+        gap = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))
         cosine = np.einsum("nd,nd->n", normal, normals[point])
         cosine = np.abs(cosine) if self.sheet else cosine
-        hit = (cosine > SAME_FACE) & (distances <= rise)
-        item = item[hit]
-        point = point[hit]
-        xi_found = xi_found[hit]
-        distances = distances[hit]
-        order = np.lexsort(
-            (-item, -distances, point)
-        )  # the nearest, then the first, is written last
-        face[point[order]] = item[order]
-        xi[point[order]] = xi_found[order]
-        distance[point[order]] = distances[order]
+
+        hit = np.flatnonzero(
+            (excess(feet, self.simplex) <= OUTSIDE_FACE) & (cosine > SAME_FACE) & (gap <= rise)
+        )
+        # the nearest, then the first, is written last
+        hit = hit[np.lexsort((-item[hit], -gap[hit], point[hit]))]
+        face[point[hit]], xi[point[hit]], distance[point[hit]] = item[hit], feet[hit], gap[hit]
         return face, xi, distance
 
     def _crossed(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, IntArray]:
@@ -429,13 +378,12 @@ def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
         raise InputError(f"the group {group!r} of {mesh.name} has no faces on the outside.")
     middle = mesh.comm.allreduce(area @ x) / total
     gap = np.linalg.norm(x - middle, axis=1)
-    best = int(np.argmin(gap)) if len(gap) else 0
-    candidate = (
-        (float(gap[best]), x[best], -normals[best]) if len(gap) else (np.inf, middle, middle)
-    )
-    candidates = mesh.comm.allgather(candidate)
-    _, point, direction = min(candidates, key=lambda entry: entry[0])
-    return np.asarray(point), np.asarray(direction)
+    nearest = inf, middle, middle
+    if len(gap):
+        best = int(np.argmin(gap))
+        nearest = float(gap[best]), x[best], -normals[best]
+    _, point, direction = min(mesh.comm.allgather(nearest), key=lambda entry: entry[0])
+    return point, direction
 
 
 def _least_over_ranks(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:

@@ -149,8 +149,7 @@ def _comm_of(value: object) -> MPI.Comm | None:
         comm = getattr(value, "comm", None)
         if comm is None or isinstance(comm, Serial):
             return comm
-        if not isinstance(comm, MPI.Comm):
-            comm = comm.tompi4py()  # one of PETSc's
+        comm = comm if isinstance(comm, MPI.Comm) else comm.tompi4py()  # one of PETSc's
     except Exception:
         return None
     return None if comm == MPI.COMM_NULL else comm
@@ -167,13 +166,7 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """The result of `work()` done on rank 0, on all ranks; its error is raised on all of them."""
     if comm.size == 1:
         return work()
-    result: T | None = None
-    error: Exception | None = None
-    if comm.rank == 0:
-        try:
-            result = work()
-        except Exception as caught:
-            error = caught
+    result, error = _tried(work) if comm.rank == 0 else (None, None)
     result, problem = comm.bcast((result, _portable(error)), root=0)
     _raise_first([problem], error)
     return result  # type: ignore[return-value]
@@ -186,14 +179,17 @@ def agree(comm: MPI.Comm, error: Exception | None) -> None:
 
 def agreed(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """The result of `work()` on each rank; the first error of any rank is raised on all of them."""
-    result: T | None = None
-    error: Exception | None = None
-    try:
-        result = work()
-    except Exception as caught:
-        error = caught
+    result, error = _tried(work)
     agree(comm, error)
     return result  # type: ignore[return-value]
+
+
+def _tried(work: Callable[[], T]) -> tuple[T | None, Exception | None]:
+    """The result of `work()`, and None, or None and its error."""
+    try:
+        return work(), None
+    except Exception as error:
+        return None, error
 
 
 def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning) -> None:
@@ -229,7 +225,5 @@ def _raise_first(errors: list[Exception | None], local_error: Exception | None) 
 
 def bounds(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:
     """(lowest, highest) coordinates (dim,) of points x (n, dim) over all ranks."""
-    dim = x.shape[1]
-    low = x.min(axis=0) if len(x) else np.full(dim, np.inf)
-    high = x.max(axis=0) if len(x) else np.full(dim, -np.inf)
+    low, high = x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)
     return np.min(comm.allgather(low), axis=0), np.max(comm.allgather(high), axis=0)

@@ -49,8 +49,8 @@ def user_folder() -> Iterator[None]:
 
     with (
         _shared(folder),
-        _replaced(dolfinx.jit, READERS, lambda: (options, {})),
-        _replaced(SETTINGS, READERS, lambda: ({}, {})),
+        _replaced(dolfinx.jit, lambda: (options, {})),
+        _replaced(SETTINGS, lambda: ({}, {})),
     ):
         yield
 
@@ -63,38 +63,29 @@ _cleared: set[Path] = set()
 def _shared(folder: Path) -> Iterator[None]:
     """Context of a process that compiles beside others.
 
-    A process that was ended while it compiled leaves one file of two, for which the next one would
-    wait: it goes as soon as nobody else compiles.
+    A process that was ended while it compiled leaves a source without a library that is ready, or
+    the reverse, for which the next one would wait: it goes as soon as nobody else compiles.
     """
     with (folder / "lock").open("w") as file:
         with suppress(OSError):  # somebody else compiles, or the file system has no locks
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if folder not in _cleared:
-                _clear(folder)
-                _cleared.add(folder)
+            sources = {*folder.glob("*.c"), *(p.with_suffix("") for p in folder.glob("*.cached"))}
+            for source in sources if folder not in _cleared else ():
+                ready = source.with_suffix(".c.cached")
+                if source.exists() != ready.exists():
+                    source.unlink(missing_ok=True)
+                    ready.unlink(missing_ok=True)
+            _cleared.add(folder)
 
         with suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_SH)
         yield
 
 
-def _clear(folder: Path) -> None:
-    """Remove sources without a library that is ready, and the reverse."""
-    waiting = {path.with_suffix("") for path in folder.glob("*.c.cached")}
-
-    for source in {*folder.glob("*.c"), *waiting}:
-        ready = source.with_suffix(".c.cached")
-        if source.exists() != ready.exists():
-            source.unlink(missing_ok=True)
-            ready.unlink(missing_ok=True)
-
-
 @contextmanager
-def _replaced(
-    module: ModuleType, names: set[str], function: Callable[..., object]
-) -> Iterator[None]:
-    """Context in which `function` replaces the functions `names` of a module."""
-    originals = {name: value for name, value in vars(module).items() if name in names}
+def _replaced(module: ModuleType, function: Callable[..., object]) -> Iterator[None]:
+    """Context in which `function` replaces what reads the configuration files of a module."""
+    originals = {name: value for name, value in vars(module).items() if name in READERS}
     vars(module).update(dict.fromkeys(originals, function))
     try:
         yield

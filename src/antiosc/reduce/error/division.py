@@ -183,13 +183,13 @@ def _raw(mesh: Mesh) -> RawMesh:
     pieces = gathered(mesh, np.zeros(mesh.n_cells))
     assert pieces is not None  # on one rank
     kind = next(k for k in KINDS.values() if (k.shape, k.order) == (mesh.cell, mesh.order))
-    order = np.argsort(compat.node_order(kind.shape, kind.nodes, "gmsh"))
+    order = np.argsort(compat.node_order(kind.shape, kind.nodes, "vtk"))
     groups = {
         name: {dim: rows.astype(np.int64) for dim, rows in parts.items()}
         for name, parts in pieces.groups.items()
     }
     cells = pieces.cells[:, order].astype(np.int64)
-    return RawMesh(pieces.points, cells, kind, "gmsh", groups)
+    return RawMesh(pieces.points, cells, kind, groups)
 
 
 def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
