@@ -228,10 +228,7 @@ def _copied(source: Path, suffix: str, name: str) -> Path:
         text, merged = harmless(source.read_text(encoding="latin-1"), name)
         for beside in merged:
             if not source.with_name(beside).is_file():
-                raise MeshError(
-                    f"{name} merges {beside}, but there is no such file in its folder: put it "
-                    "there."
-                )
+                raise MeshError(f"{name} merges {beside}, which is not in its folder.")
             shutil.copyfile(source.with_name(beside), beside)
         copy.write_text(text, encoding="latin-1", newline="")
         return copy
@@ -240,8 +237,7 @@ def _copied(source: Path, suffix: str, name: str) -> Path:
         beginning = stream.read(16)
     if suffix == ".msh" and not beginning.startswith(HEADERS):
         raise MeshError(
-            f"{name} does not begin as a Gmsh mesh ($MeshFormat): it is one of another program "
-            "(GiD, Fluent, …); write it there as .inp, .bdf or .med."
+            f"{name} does not begin as a Gmsh mesh ($MeshFormat): write it as .inp, .bdf or .med."
         )
     return Path(shutil.copyfile(source, copy))
 
@@ -323,9 +319,7 @@ def session() -> ModuleType:
     try:
         import gmsh
     except ImportError as error:
-        raise MissingDependencyError(
-            "gmsh is not installed: `antiosc info` has the command for this installation."
-        ) from error
+        raise MissingDependencyError("gmsh is not installed: see `antiosc info`.") from error
     except OSError as error:  # PyPI's gmsh comes without the libraries of the system that it needs
         raise MissingDependencyError(
             f"gmsh cannot be loaded ({error}): it needs the system's libraries of OpenGL and X, "
@@ -410,9 +404,7 @@ def _groups(
     for dim, tag in gmsh.model.getPhysicalGroups():
         label = gmsh.model.getPhysicalName(dim, tag) or str(tag)
         if (label, dim) in names:
-            raise MeshError(
-                f"{name} gives two groups of dimension {dim} the name {label!r}: name them apart."
-            )
+            raise MeshError(f"{name} gives two groups of dimension {dim} the name {label!r}.")
         if (dim, tag) in members:
             names[label, dim] = members[dim, tag]
     return joined((label, *part) for (label, _), parts in names.items() for part in parts)
@@ -459,10 +451,7 @@ def harmless(text: str, name: str) -> tuple[str, list[str]]:
         It holds a word that runs programs, or reads or writes files.
     """
     if "\0" in text:
-        raise MeshError(
-            f"{name} is binary and no script of gmsh, as the geometries of GiD: write it there as "
-            ".step, or its mesh as .inp or .bdf."
-        )
+        raise MeshError(f"{name} is binary and no script of gmsh: write it as .step or .inp.")
 
     text = COMMENT.sub(lambda found: " " + "\n" * found[0].count("\n"), text)
     checked = MERGE.sub(lambda found: "\n" * found[0].count("\n"), text)

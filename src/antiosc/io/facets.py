@@ -178,9 +178,7 @@ def surface_of(ask: Request) -> Surface:
         mesh.remove_unreferenced_vertices()
     kept = len(mesh.faces)
     if not kept:
-        raise MeshError(
-            f"{ask.name} holds no triangles with an area: write the surface of the part into it."
-        )
+        raise MeshError(f"{ask.name} holds no triangles with an area.")
 
     trimesh.repair.fill_holes(mesh)
     left, added = count - kept, len(mesh.faces) - kept
@@ -219,7 +217,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
     if lacks:
         raise MeshError(
             f"{name} is cut off or damaged: its {len(faces)} triangles leave {unused} of {count} "
-            "corners unused, or lack some; write it anew in the program that made it."
+            "corners unused, or lack some."
         )
 
 
@@ -249,9 +247,7 @@ def _bodies(surface: Surface, name: str) -> tuple[list[list[int]], bool]:
     """(pieces of each body, the outer one first, then cavities; whether some pierce each other)."""
     count = int(surface.piece.max()) + 1
     if count > MOST_BODIES:
-        raise MeshError(
-            f"{name} has {count} closed surfaces, more than {MOST_BODIES}: give one body a file."
-        )
+        raise MeshError(f"{name} has {count} closed surfaces: give one body a file.")
 
     # share of the corners of each piece (row) within another (column)
     inside = np.zeros((count, count))
@@ -304,8 +300,7 @@ def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
     if surface.open_edges:
         raise MeshError(
             f"{ask.name} is not closed: {surface.open_edges} of its edges do not belong to two "
-            "triangles; repair the surface (holes, facets twice), or read it as a sheet, without "
-            "solid."
+            "triangles; repair it, or read it as a sheet, without solid."
         )
 
     bodies, pierced = _bodies(surface, ask.name)

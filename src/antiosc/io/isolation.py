@@ -152,10 +152,8 @@ def _answer(name: str, response: bytes, memory: int) -> FileMesh:
         raise MeshError(f"{name} is damaged: {str(error).rstrip('.')}.") from error
 
     if header["error"] == "MemoryError":
-        raise MeshError(
-            f"{name} needs more than {memory / 2**30:.1f} GiB to be read, which this machine "
-            "lacks: make the mesh coarser."
-        )
+        needed = f"more than {memory / 2**30:.1f} GiB to be read"
+        raise MeshError(f"{name} needs {needed}: make the mesh coarser.")
     kinds: dict[str, type[AntioscError]] = {
         kind.__name__: kind for kind in (MissingDependencyError, PiecesError, UnmeshableError)
     }

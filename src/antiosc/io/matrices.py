@@ -169,10 +169,8 @@ def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> boo
     if mirrored.all():
         return False
     i, j = np.column_stack([row[off_diagonal], column[off_diagonal]])[int(np.argmin(mirrored))]
-    raise InputError(
-        f"{source} holds both triangles of the matrix, but of entry ({i}, {j}) only one: symmetric "
-        "matrices have one triangle or both."
-    )
+    both = f"{source} holds both triangles of the matrix"
+    raise InputError(f"{both}, but of entry ({i}, {j}) only one.")
 
 
 def checked(entries: Entries) -> Entries:
@@ -188,10 +186,8 @@ def checked(entries: Entries) -> Entries:
     for name, index in (("row", entries.row), ("column", entries.column)):
         bad = (index < 0) | (index >= size)
         if bad.any():
-            raise InputError(
-                f"{source} has an entry in {name} {index[int(np.argmax(bad))] + 1} of a matrix of "
-                f"{size} rows."
-            )
+            where = f"{name} {index[int(np.argmax(bad))] + 1}"
+            raise InputError(f"{source} has an entry in {where} of a matrix of {size} rows.")
     return entries
 
 
@@ -237,10 +233,7 @@ def read_matrix_market(source: MatrixFile) -> Entries:
         numbers = [float(number) for number in size]
         promised = numbers[-1] if len(numbers) > 2 else np.prod(numbers) / 2
         if promised > len(source.content):
-            raise InputError(
-                f"{source.name} promises {promised:.3g} entries, more than it can hold: it is cut "
-                "off or damaged; write the matrix anew."
-            )
+            raise InputError(f"{source.name} promises {promised:.3g} entries: it is cut off.")
 
     header, _, rest = source.content.partition(b"\n")
     content = header.replace(b"double", b"real") + b"\n" + fortran(rest)
@@ -250,9 +243,7 @@ def read_matrix_market(source: MatrixFile) -> Entries:
         matrix = scipy.sparse.coo_matrix(scipy.io.mmread(io.BytesIO(content), **options))
     except Exception as error:  # its parser raises many kinds
         reason = " ".join(str(error).split())[:120].rstrip(".") or type(error).__name__
-        raise InputError(
-            f"{source.name} is cut off or damaged: {reason}; write the matrix anew."
-        ) from error
+        raise InputError(f"{source.name} is cut off or damaged: {reason}.") from error
 
     rows, columns = matrix.shape
     square = f"the matrix must be square; got {rows} rows and {columns} columns."
@@ -306,8 +297,8 @@ def read_pair(
     count = len(K.value) + len(M.value)
     if K.size > count:
         raise InputError(
-            f"{K.source} has {K.size:g} rows, but K and M together have {count} entries: "
-            "most dofs have neither stiffness nor mass; is the file complete?"
+            f"{K.source} has {K.size:g} rows, but K and M together have {count} entries: is the "
+            "file complete?"
         )
     return MatrixPair(K.matrix(), M.matrix(), labels)
 
@@ -320,10 +311,8 @@ def _on(K: Entries, M: Entries) -> Entries:
     index = index.ravel()
     if len(all_labels) > K.size:
         stray = M.labels[int(np.argmax(~np.isin(index[K.size :], index[: K.size])))]
-        raise InputError(
-            f"{M.source} has dof {stray[1]} of node {stray[0]}, which {K.source} has not: K and M "
-            "must be of one model."
-        )
+        dof = f"dof {stray[1]} of node {stray[0]}"
+        raise InputError(f"{M.source} has {dof}, which {K.source} has not.")
     row = index[K.size :]  # K's labels are sorted, as all are
     return replace(M, row=row[M.row], column=row[M.column], size=K.size)
 
@@ -540,10 +529,10 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
             raise InputError(f"the first column of {name} must number the rows from 1 to {size}.")
         table = table[order, 1:]
     if table.shape[1] not in (2, 5) or len(table) != size:
+        rows, columns = table.shape
         raise InputError(
             f"{name} must have a row of node, dof or of node, dof, x, y, z for each of the {size} "
-            f"rows of the matrices, or rows of node, x, y, z; got {table.shape[0]} rows of "
-            f"{table.shape[1]} numbers."
+            f"rows of the matrices, or rows of node, x, y, z; got {rows} rows of {columns} numbers."
         )
 
     pairs = table[:, :2].astype(np.int64)

@@ -53,9 +53,7 @@ def _content(path: Path, name: str) -> meshio.Mesh:
     try:
         import meshio
     except ImportError as error:
-        raise MissingDependencyError(
-            "meshio is not installed: sudo apt install python3-meshio"
-        ) from error
+        raise MissingDependencyError("meshio is not installed: pip install meshio") from error
 
     output = io.StringIO()
     try:
@@ -76,8 +74,7 @@ def _content(path: Path, name: str) -> meshio.Mesh:
         reason = " ".join(f"{output.getvalue()} {error}".replace(str(path), name).split())[:150]
         raise MeshError(
             f"{name} cannot be read by meshio ({reason.rstrip('. ') or 'no reason given'}): write "
-            "the mesh as .msh, .inp, .bdf, .med or .vtu (gmsh and Salome do), or the geometry as "
-            "STEP."
+            "the mesh as .msh, .inp, .bdf, .med or .vtu (gmsh and Salome do)."
         ) from error
 
 

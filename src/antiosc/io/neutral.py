@@ -244,7 +244,7 @@ _PLAIN = ("of_gmsh", "aids", "remarks", "model")
 def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[Any]]]:
     """The mesh as (JSON values, arrays); the rows of groups, maybe thousands, are concatenated."""
     node_sets = {name: {"": nodes} for name, nodes in mesh.node_sets.items()}
-    tables = {"groups": mesh.groups, "fixed": mesh.fixed, "node_sets": node_sets}
+    tables: Json = {"groups": mesh.groups, "fixed": mesh.fixed, "node_sets": node_sets}
     header = {name: getattr(mesh, name) for name in _PLAIN}
     header["cells"] = list(mesh.cells)
     header["sets"] = {

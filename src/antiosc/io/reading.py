@@ -107,9 +107,7 @@ def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
     if isinstance(wanted, int):
         rows = {k: r for k, r in _every_row(mesh).items() if KINDS[k].dim == wanted}
         if not rows:
-            raise InputError(
-                f"{name} contains no cells of dimension {wanted}, which cells asks for."
-            )
+            raise InputError(f"{name} contains no cells of dimension {wanted}.")
         return rows
 
     names = [wanted] if isinstance(wanted, str) else list(wanted or ())
@@ -140,10 +138,7 @@ def _one_kind(rows: Rows, name: str) -> tuple[str, IntArray]:
     rows = {label: r for label, r in rows.items() if len(r)}
     if len(rows) > 1:
         counts = ", ".join(f"{len(r)} {label}" for label, r in sorted(rows.items()))
-        raise MeshError(
-            f"{name} mixes cell kinds ({counts}); one kind is needed: in gmsh recombine all "
-            "surfaces or none (Mesh.RecombineAll)."
-        )
+        raise MeshError(f"{name} mixes cell kinds ({counts}), of which a mesh has one.")
     return next(iter(rows.items()))
 
 
@@ -177,9 +172,9 @@ def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str
         corners = np.vstack([raw.cells[:, list(side)] for side in sides])
         on_mesh = np.isin(keys(block[:, : kind.vertices]), keys(corners))
 
-        counted = in_group | (not aids)
-        loose[label] = int((counted & ~on_mesh).sum())
-        told = counted & on_mesh & ~(in_group & mesh.of_gmsh)  # gmsh's groups hold sides by nature
+        taken = in_group | (not aids)
+        loose[label] = int((taken & ~on_mesh).sum())
+        told = taken & on_mesh & ~(in_group & mesh.of_gmsh)  # gmsh's groups hold sides by nature
         on_sides[label] = int(told.sum())
 
     if any(loose.values()) and name.lower().endswith(CAD):

@@ -97,7 +97,7 @@ WRONG = {
     "nothing": (FileMesh(POINTS, {}), None, None, "found"),
     "mixed": (
         FileMesh(POINTS, {"quad": SIDES, "triangle": SIDES[:2, :3]}), None,
-        None, "Mesh.RecombineAll"),
+        None, "mixes cell kinds"),
     "lost": (
         FileMesh(POINTS, {"hexahedron": HEXAHEDRA, "line": np.array([[0, 1], [0, 2], [3, 6]]),
                                "quad": np.array([[0, 1, 2, 5]])}), None, None, "besides"),

@@ -205,9 +205,8 @@ class Mesh(ReprMixin):
         coordinates = np.array(self.dolfinx.geometry.x)[self.numbered([number])]
         x = np.unique(np.vstack(self.comm.allgather(coordinates)), axis=0)
         if len(x) > 1:
-            raise InputError(
-                f"{len(x)} nodes of {self.name} have the number {number}: give the point."
-            )
+            several = f"{len(x)} nodes of {self.name} have the number {number}"
+            raise InputError(f"{several}: give the point.")
         return x[0] if len(x) else None
 
     def group(self, name: str) -> Mapping[int, IntArray]:

@@ -121,8 +121,7 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
     """
     if faces.dim != 2 or mesh.gdim != 3:
         raise InputError(
-            "curvature is that of a surface in space, which beams and plane parts do not have: "
-            "give the law of the contact."
+            "beams and plane parts have no surface in space: give the law of the contact."
         )
     patch = _patch(faces, point)
     touching = patch.only(patch.touching)

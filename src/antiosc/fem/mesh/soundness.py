@@ -237,9 +237,7 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     straight = np.zeros(len(cells), dtype=bool)
     while len(bad):
         if straight[bad].all():
-            raise UnmeshableError(
-                f"gmsh made {len(bad)} cells without volume: choose another element size."
-            )
+            raise UnmeshableError(f"gmsh made {len(bad)} cells without volume: change the size.")
         straight[bad] = True
         middles = cells[straight][:, first : first + len(edges)]
         points[middles] = points[cells[straight][:, edges]].mean(axis=2)
