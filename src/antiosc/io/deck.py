@@ -19,18 +19,14 @@ IntArray = NDArray[np.int64]
 class Block:
     """Elements of one type."""
 
-    #: a key of `antiosc.io.neutral.EDGES`
-    shape: str
-    #: the deck's own name of the type
-    type: str
-    #: (n, corners) rows of `Deck.points`
-    corners: IntArray
+    shape: str  # a key of `antiosc.io.neutral.EDGES`
+    type: str  # the deck's own name of the type
+    corners: IntArray  # (n, corners) rows of `Deck.points`
     #: (n, edges) rows of `Deck.points`, -1 where there is none; (n, 0) for straight elements
     mids: IntArray
     #: (n, k) nodes inside faces and inside the cell, in VTK's order; (n, 0) for most
     inner: IntArray
-    #: what the elements are in a model: "solid", "shell", "beam", "rod", …
-    role: str = ""
+    role: str = ""  # what the elements are in a model: "solid", "shell", "beam", "rod", …
 
     def __len__(self) -> int:
         return len(self.corners)
@@ -62,10 +58,8 @@ class Deck:
     name: str
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
     blocks: list[Block] = field(default_factory=list)
-    #: name -> rows of `points`
-    node_sets: dict[str, IntArray] = field(default_factory=dict)
-    #: name -> numbers of elements
-    element_sets: dict[str, IntArray] = field(default_factory=dict)
+    node_sets: dict[str, IntArray] = field(default_factory=dict)  # name -> rows of `points`
+    element_sets: dict[str, IntArray] = field(default_factory=dict)  # name -> numbers of elements
     #: nodes fixed by supports: name of the group for them -> rows of `points`
     fixed: dict[str, IntArray] = field(default_factory=dict)
     #: type of elements that are not cells of a mesh -> their number
@@ -74,14 +68,11 @@ class Deck:
     remarks: list[str] = field(default_factory=list)
     #: names of the parts (sets of elements) that a model is made of; None: of all elements
     wanted: list[str] | None = None
-    #: these, if one of several is read
-    pieces: list[Piece] = field(default_factory=list)
+    pieces: list[Piece] = field(default_factory=list)  # these, if one of several is read
     #: which of the pieces that share no node a model is made of, 1: the largest; None: of all
     piece: int | None = None
-    #: whether the supports are left out of a model
-    free: bool = False
-    #: whether contact is left out; else the pairs that touch are tied
-    apart: bool = False
+    free: bool = False  # whether the supports are left out of a model
+    apart: bool = False  # whether contact is left out; else the pairs that touch are tied
     #: materials, sections, supports, masses in SI units, if they were requested
     model: Model | None = None
     #: numbers of the first nodes in the file

@@ -106,12 +106,9 @@ class Surface:
     """A surface of triangles."""
 
     points: Array
-    #: (t, 3) corners, consistently oriented; closed pieces have outward normals
-    triangles: IntArray
-    #: (t,) number of the piece of each triangle
-    piece: IntArray
-    #: repairs that were made, one sentence each
-    remarks: list[str]
+    triangles: IntArray  # (t, 3) corners, consistently oriented; closed pieces have outward normals
+    piece: IntArray  # (t,) number of the piece of each triangle
+    remarks: list[str]  # repairs that were made, one sentence each
 
     @property
     def open_edges(self) -> int:

@@ -192,44 +192,29 @@ ModelOptions = Json
 class Request:
     """A file to be read by a separate process in a private working folder."""
 
-    #: of the file, absolute
-    path: str
-    #: of the file, for messages
-    name: str
-    #: largest element size in m; geometry only
-    size: float | None = None
-    #: geometric order, 1 or 2
-    order: int | None = None
-    #: points with their element sizes, m; geometry only
-    refine: Sequence[Refinement] = ()
-    #: of the sizes around these points
-    grading: Sequence[float] = GRADING
+    path: str  # of the file, absolute
+    name: str  # of the file, for messages
+    size: float | None = None  # largest element size in m; geometry only
+    order: int | None = None  # geometric order, 1 or 2
+    refine: Sequence[Refinement] = ()  # points with their element sizes, m; geometry only
+    grading: Sequence[float] = GRADING  # of the sizes around these points
     #: element sizes all over the geometry, as arguments of a `SizeField`; geometry only
     sizes: Json | None = None
     #: least number of elements around a full turn of curved surfaces; geometry only
     around: float = AROUND
-    #: fill a closed surface
-    solid: bool = False
-    #: fill it by fTetWild, as gmsh cannot
-    by_ftetwild: bool = False
-    #: cut the solids of an assembly at each other, so that they share nodes
-    fragments: bool = False
+    solid: bool = False  # fill a closed surface
+    by_ftetwild: bool = False  # fill it by fTetWild, as gmsh cannot
+    fragments: bool = False  # cut the solids of an assembly at each other, so that they share nodes
     #: the solid alone that is meshed, by its volume: 1 is the largest; None: all
     piece: int | None = None
-    #: the box around a geometry and its groups alone, without a mesh
-    outline: bool = False
-    #: whether all commands of gmsh are permitted
-    trust: bool = False
-    #: time limit, s; None: processor time, chosen for the kind of file
-    timeout: float | None = None
-    #: units of the file: m, N
-    unit: Sequence[float] = (1.0, 1.0)
+    outline: bool = False  # the box around a geometry and its groups alone, without a mesh
+    trust: bool = False  # whether all commands of gmsh are permitted
+    timeout: float | None = None  # time limit, s; None: processor time, chosen for the kind of file
+    unit: Sequence[float] = (1.0, 1.0)  # units of the file: m, N
     #: options for reading a deck's materials, sections, supports and masses; None: do not
     model: ModelOptions | None = None
-    #: address space in bytes
-    memory: int = 2**33
-    #: when the process began, s
-    started: float = field(default_factory=time.monotonic)
+    memory: int = 2**33  # address space in bytes
+    started: float = field(default_factory=time.monotonic)  # when the process began, s
 
     def limit_memory(self) -> None:
         """Limit the address space to `memory` bytes, and disable core files."""
@@ -266,8 +251,7 @@ class FileReader(NamedTuple):
     """A reader of one file type, which a package registers under `antiosc.readers`."""
 
     read: Callable[[Request], FileMesh]
-    #: whether the files may contain whole models, for `read_model`
-    model: bool = False
+    model: bool = False  # whether the files may contain whole models, for `read_model`
     #: whether a file that begins with these bytes is of this type; None: the ending says it
     matches: Callable[[bytes], bool] | None = None
 

@@ -197,8 +197,7 @@ def checked(entries: Entries) -> Entries:
 class MatrixFormat(NamedTuple):
     """A file format of matrices: how to recognise and read it."""
 
-    #: whether a file with this content is of the format
-    matches: Callable[[bytes], bool]
+    matches: Callable[[bytes], bool]  # whether a file with this content is of the format
     #: the matrix of a file, or several by their names
     read: Callable[[MatrixFile], Entries | dict[str, Entries]]
 
@@ -429,8 +428,7 @@ class DofMap:
     node: IntArray
     #: 1 to 6 for x, y, z, rx, ry, rz along the axes of the coordinates; 0 or more than 6 for others
     component: IntArray
-    #: (n, 3) m; NaN where they are not known
-    points: Array
+    points: Array  # (n, 3) m; NaN where they are not known
 
     @property
     def located(self) -> bool:

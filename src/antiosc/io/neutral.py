@@ -177,16 +177,13 @@ class Piece(NamedTuple):
 class FileMesh:
     """The content of one mesh file; the cells of the mesh are selected and checked later."""
 
-    #: (n, 3) node coordinates, m
-    points: NDArray[np.float64]
-    #: kind (a name of KINDS) -> (cells, nodes of one), vertices first
-    cells: dict[str, IntArray]
+    points: NDArray[np.float64]  # (n, 3) node coordinates, m
+    cells: dict[str, IntArray]  # kind (a name of KINDS) -> (cells, nodes of one), vertices first
     #: group name -> {kind: rows of `cells[kind]`}
     groups: dict[str, dict[str, IntArray]] = field(default_factory=dict)
     #: name of a set of nodes -> rows of `points`
     node_sets: dict[str, IntArray] = field(default_factory=dict)
-    #: whether gmsh made it, which holds the cells of its curves and faces too
-    of_gmsh: bool = False
+    of_gmsh: bool = False  # whether gmsh made it, which holds the cells of its curves and faces too
     #: once a group holds cells of the highest dimension, cells in no group are construction aids
     aids: bool = False
     #: entities that supports fix: name of the group for them -> {dimension: their vertices}
@@ -205,8 +202,7 @@ class FileMesh:
 class RawMesh:
     """Nodes, cells of one kind, and groups, as arrays; the last four as in `FileMesh`."""
 
-    #: (n, 3) node coordinates
-    points: NDArray[np.float64]
+    points: NDArray[np.float64]  # (n, 3) node coordinates
     #: (cells, nodes per cell), vertices first
     cells: IntArray
     kind: CellKind
@@ -306,10 +302,8 @@ SYSTEMS = {
 class UnitSystem:
     """Factors to SI; the unit of mass follows from force = mass × length / s²."""
 
-    #: m
-    length: float = 1.0
-    #: N
-    force: float = 1.0
+    length: float = 1.0  # m
+    force: float = 1.0  # N
 
     @classmethod
     def of(cls, unit: str | float) -> UnitSystem:

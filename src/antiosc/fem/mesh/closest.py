@@ -114,12 +114,9 @@ class ClosestPoint:
     #: rank that owns the cell, and the cell's number there
     rank: int
     cell: int
-    #: reference coordinates (tdim,) in the cell
-    X: Array
-    #: the closest point itself (3,), m
-    x: Array
-    #: its distance to the given point, m
-    distance: float
+    X: Array  # reference coordinates (tdim,) in the cell
+    x: Array  # the closest point itself (3,), m
+    distance: float  # its distance to the given point, m
 
 
 @dataclass(frozen=True, eq=False)

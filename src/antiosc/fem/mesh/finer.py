@@ -48,8 +48,7 @@ class Scheme(NamedTuple):
 
     #: corners between which each middle lies: of edges, of faces of four corners, of all
     members: list[list[int]]
-    #: (halves, corners) corners and middles that are the vertices of each half
-    halves: IntArray
+    halves: IntArray  # (halves, corners) corners and middles that are the vertices of each half
     #: for geometric order 1 and 2: (cells, middles, nodes) weights of the nodes of a cell at the
     #: middles of the cell itself, or at those of its halves
     weights: tuple[Array, Array]
@@ -259,14 +258,11 @@ def _mean_edges(corners: Array) -> Array:
 class Pieces:
     """A whole mesh on one rank with a value for each cell."""
 
-    #: (n, gdim) m
-    points: Array
-    #: (c, dim + 1) numbers of points
-    cells: IntArray
+    points: Array  # (n, gdim) m
+    cells: IntArray  # (c, dim + 1) numbers of points
     #: name -> {dimension: (entities, vertices of one) numbers of points}
     groups: dict[str, dict[int, IntArray]]
-    #: (c,) one for each cell
-    values: Array
+    values: Array  # (c,) one for each cell
 
 
 def divisible(mesh: Mesh) -> bool:
