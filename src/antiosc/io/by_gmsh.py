@@ -355,11 +355,14 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
     blocks: dict[str, list[IntArray]] = {}
     rows: dict[tuple[int, int], dict[str, IntArray]] = {}
     count: dict[str, int] = {}
+    orders: dict[str, IntArray] = {}
     for dim, tag in sorted(gmsh.model.getEntities()):
         kinds, _, nodes = gmsh.model.mesh.getElements(dim, tag)
         for kind, block in zip(kinds, nodes, strict=True):
             label = known(GMSH_KINDS.get(int(kind), f"gmsh type {kind}"), name)
-            part = indices(block, CELLS[label][1])[:, _order(gmsh, int(kind), label)]
+            if label not in orders:
+                orders[label] = _order(gmsh, int(kind), label)
+            part = indices(block, CELLS[label][1])[:, orders[label]]
             start = count.get(label, 0)
             count[label] = start + len(part)
             blocks.setdefault(label, []).append(part)

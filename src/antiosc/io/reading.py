@@ -87,9 +87,8 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
         for kind in (kind for kind in parts if dims[kind] <= top):
             corners = mesh.cells[kind][parts[kind], : KINDS[kind].vertices]
             _add(raw, group, dims[kind], corners)
-    outer = outer_facets(raw) if mesh.node_sets else raw.cells[:0]
-    for group, nodes in mesh.node_sets.items():
-        _add_nodes(raw, group, nodes, outer)
+    if mesh.node_sets:
+        _add_node_sets(raw, mesh.node_sets)
     raw.groups.update(mesh.fixed)
 
     if order == 1 and raw.kind.order == 2:
@@ -236,18 +235,24 @@ def outer_facets(raw: RawMesh) -> IntArray:
     return facets[first[count == 1]]
 
 
-def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> None:
-    """Add a node set as boundary facets with all vertices in it, and remaining vertices.
+def _add_node_sets(raw: RawMesh, node_sets: Rows) -> None:
+    """Add node sets as boundary facets with all vertices in one, and remaining vertices.
 
     A support on a node set must also fix the mid-side motions between its nodes.
     """
-    spanned = outer[np.isin(outer, nodes).all(axis=1)]
-    if len(spanned):
-        _add(raw, group, raw.kind.dim - 1, spanned)
-    vertices = np.intersect1d(nodes, raw.cells[:, : raw.kind.vertices])
-    loose = np.setdiff1d(vertices, spanned)
-    if len(loose):
-        _add(raw, group, 0, loose[:, None])
+    outer = outer_facets(raw)
+    is_vertex = np.zeros(len(raw.points), dtype=bool)
+    is_vertex[raw.cells[:, : raw.kind.vertices]] = True
+    for group, nodes in node_sets.items():
+        in_set = np.zeros(len(raw.points), dtype=bool)
+        in_set[nodes] = True
+        spanned = outer[in_set[outer].all(axis=1)]
+        if len(spanned):
+            _add(raw, group, raw.kind.dim - 1, spanned)
+        in_set[spanned] = False
+        loose = np.flatnonzero(in_set & is_vertex)
+        if len(loose):
+            _add(raw, group, 0, loose[:, None])
 
 
 def _straightened(raw: RawMesh) -> RawMesh:

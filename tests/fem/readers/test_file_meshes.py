@@ -101,7 +101,7 @@ WRONG = {
     "lost": (
         FileMesh(POINTS, {"hexahedron": HEXAHEDRA, "line": np.array([[0, 1], [0, 2], [3, 6]]),
                                "quad": np.array([[0, 1, 2, 5]])}), None, None, "besides"),
-    "dimension": (FileMesh(POINTS, {"quad": SIDES}), 3, None, "for"),
+    "dimension": (FileMesh(POINTS, {"quad": SIDES}), 3, None, "dimension 3"),
     "group": (
         cubes(groups={"b": {"quad": np.array([0])}, "a": {"line": np.array([0])},
                             "v": {"vertex": np.array([0])}}), "v", None, "no group"),
