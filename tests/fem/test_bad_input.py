@@ -97,7 +97,7 @@ WRONG = [
     (lambda: ao.extract(ao.Structure(parts.line(1.0, 4), BEAM), (0, 0, 0)), "direction"),
     (lambda: ao.extract(parts.line(1.0, 4), ao.Site((0.5, 0), (0, 1))), "structure"),
     # files
-    (lambda: ao.read_mesh(3), "read_mesh takes a file or a dolfinx mesh; got int 3"),
+    (lambda: ao.read_mesh(3), "read_mesh takes a file or a dolfinx mesh; got 3"),
     *((lambda wrong=wrong: ao.read_mesh("meshes/bracket.step", size=0.1, refine=[wrong]), "refine")
       for wrong in (0.1, ((0.1, 0.2, 0.3), 0.1, 4), (0.1, 0.2))),
     (lambda: tagged(4), "no entity of the mesh tags has the value 4"),
@@ -202,7 +202,7 @@ CELLS = [
     (TURNED, {}, "1 of 1 cells of part.vtu cross themselves"),
     (PAIR, {}, "2 of 2 cells of part.vtu repeat another one, or share two sides"),
     (CORNER, {}, "1 nodes inside sides of cells are corners of cells too"),
-    (None, {}, "check"),
+    (None, {}, "cannot be opened"),
 ]
 
 

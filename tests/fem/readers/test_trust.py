@@ -17,6 +17,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.io import by_gmsh, isolation
+from antiosc.io.by_gmsh import _order
+from antiosc.io.neutral import CELLS
 from antiosc.io.reading import read
 from mesh_files import refusal
 from paths import MESHES
@@ -259,8 +261,9 @@ def test_a_file_comes_back_as_gmsh_holds_it(session):
         members = {int(e) for d, t in groups for e in gmsh.model.getEntitiesForPhysicalGroup(d, t)}
         rows = []
         for member in sorted(members):
-            _, _, (nodes,) = gmsh.model.mesh.getElements(raw.kind.dim, member)
-            rows.append(np.reshape(nodes, (-1, raw.kind.nodes)))
+            (kind,), _, (nodes,) = gmsh.model.mesh.getElements(raw.kind.dim, member)
+            label = next(k for k, (_, _, number) in CELLS.items() if number == kind)
+            rows.append(np.reshape(nodes, (-1, raw.kind.nodes))[:, _order(gmsh, kind, label)])
         expected = np.array([[at[t] for t in row] for row in np.vstack(rows).tolist()])
         np.testing.assert_array_equal(raw.points[raw.cells], expected)
         names = {gmsh.model.getPhysicalName(d, t) for d, t in gmsh.model.getPhysicalGroups()}
