@@ -17,7 +17,7 @@ NO_NUMBER = [
 ]
 NOT_FINITE = [float("nan"), float("inf"), -np.inf, np.float32("nan"), 10**400, Fraction(10) ** 400]
 NO_ARRAY = [
-    *(None, ["1", "2"], [1.0, None], [1.0, True], np.ones(2, dtype=bool), [1.0, 2j]),
+    *(None, ["1", "2"], [1.0, None], np.ones(2, dtype=bool), [1.0, 2j]),
     *(np.array([1.0, 2.0], dtype=object), [1, 10**400], [[1.0], [1.0, 2.0]], {"a": 1.0}),
     *(np.ma.array([1.0, 2.0], mask=[False, True]), (x for x in (1.0, 2.0)), object()),
 ]

@@ -148,7 +148,7 @@ class FreeModes:
         load = functional(structure, site)
         y = structure.factorize().solve_block(load.b[:, None])[:, 0]
         of_site = load.b @ self.phi, float(load.b @ y), float(y @ multiply(structure.M, y))
-        model = from_free_modes(self.omega, *of_site, COUNT, structure.shift, "krylov")
+        model = from_free_modes(self.omega, *of_site, COUNT, structure.shift)
         assert load.point is not None
         assert load.direction is not None
         info = ModelInfo(

@@ -49,8 +49,6 @@ LONGEST_NAME = 200
 _TRUTH = (bool, np.bool_)
 #: What Python or NumPy takes for a number, and what is none.
 _NO_NUMBERS = (*_TRUTH, np.timedelta64)
-#: Most brackets of an array, as NumPy has it.
-DEEPEST = 32
 
 
 class _Required:
@@ -435,7 +433,7 @@ def point_text(point: Iterable[float]) -> str:
 def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     """`value` as an array whose dtype is of one of NumPy's `kinds`, or InputError."""
     expected = "an array of numbers" if "c" in kinds else "an array of real numbers"
-    if _holds_non_numbers(value):
+    if _masked(value):
         raise InputError(f"{name} must be {expected}; got {shown(value)}.")
     try:
         result = np.asarray(value)
@@ -444,15 +442,6 @@ def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     if result.dtype.kind not in kinds:
         raise InputError(f"{name} must be {expected}; got {shown(value)}.")
     return result
-
-
-def _holds_non_numbers(value: object, depth: int = 0) -> bool:
-    """Whether NumPy would convert an entry that is not a number into a number; also of lists that
-    are nested too deeply, as one that contains itself.
-    """
-    if isinstance(value, list | tuple):
-        return depth > DEEPEST or any(_holds_non_numbers(entry, depth + 1) for entry in value)
-    return _masked(value) or isinstance(value, (*_NO_NUMBERS, str, bytes))
 
 
 def _masked(value: object) -> bool:

@@ -350,24 +350,17 @@ def several_sites_message(name: str, sites: tuple[str, ...]) -> str:
 #: sends out exceeds this. A contact of the time T sends out waves of the frequency π/T. Bending
 #: waves have the length 2π √(c r/ω), c the speed in a bar and r the radius of gyration, others 2π
 #: c/ω (L. Cremer, M. Heckl, *Structure-Borne Sound*, 1988). On an aluminium sheet of 1 mm
-#: (triangles of second degree, patch of 1 mm, 10 g) triangles with sides of 0.2, 0.3, 0.5 and 1
-#: wave length, their longest edge 1.4 times that, changed the peak force by 0.5 to 2, 1 to 4, 6 to
-#: 47 and 6 to 100 %.
+#: triangles of 0.2, 0.3, 0.5 and 1 wave changed the peak force by up to 2, 4, 47 and 100 %.
 LARGE_CELL = 0.5
 #: The same where the mesh's error is that to cells of half the size: from a wavelength on both
-#: meshes are too stiff alike. A mass and a spring on an infinite plate of quadrilaterals of 0.9,
-#: 1.2, 1.5, 2.5 and 5 wavelengths had forces 13, 66, 21, 26 and 124 % too large, with bars of 20,
-#: 20, 4, 1 and 0.1 % (`tests/fem/error/test_quadrilaterals.py`).
+#: meshes are too stiff alike (`tests/fem/error/test_quadrilaterals.py`).
 LARGE_DIVIDED_CELL = 1.0
-
-#: The same of the width of a patch. At 0.6 of a wave, on a sheet of 0.2 mm of plastic, the mesh's
-#: error held the force; at 0.86, on a tongue of such a clip, 276 mN had a bar of 3 %, and cells of
-#: 0.4 mm have 83 mN.
+#: The same of the width of a patch: at 0.6 of a wave the mesh's error held the force, at 0.86 not.
 LARGE_PATCH = 0.75
 
 
 class Coarse(NamedTuple):
-    """A cell at a site [m], the wavelength to be resolved, and the edge length that suffices."""
+    """A cell at a site [m], and the wavelength to be resolved."""
 
     size: float
     wave: float
@@ -381,12 +374,12 @@ class Coarse(NamedTuple):
 def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     """The cell at a site if it does not resolve the waves of a contact; otherwise None."""
     info = info_of(model)
-    is_estimated = getattr(model, "strain_error", None) is not None
     cell = (info.cells or {}).get(site)
-    if cell is None or (is_estimated and not info.get("divided")):  # its budget tells it
+    if cell is None or getattr(model, "strain_error", None) is None:
+        return _too_long(cell, cell and cell[0], LARGE_CELL, contact_time)
+    if not info.get("divided"):  # its budget tells it
         return None
-    limit = LARGE_DIVIDED_CELL if is_estimated else LARGE_CELL
-    return _too_long(cell[0], limit, cell, contact_time)
+    return _too_long(cell, cell[0], LARGE_DIVIDED_CELL, contact_time)
 
 
 def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
@@ -395,15 +388,16 @@ def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
     """
     cell = (info_of(model).cells or {}).get(site)
     radius = getattr(model, "patch_radius", None)
-    if cell is None or radius is None or not cell[1]:
-        return None
-    return _too_long(2 * radius, LARGE_PATCH, cell, contact_time)
+    bends = cell is not None and cell[1] > 0
+    return _too_long(cell if bends else None, radius and 2 * radius, LARGE_PATCH, contact_time)
 
 
 def _too_long(
-    size: float, limit: float, cell: Sequence[float], contact_time: float
+    cell: Sequence[float] | None, size: float | None, limit: float, contact_time: float
 ) -> Coarse | None:
-    """A length of more than `limit` waves that a contact sends out from a cell (`info.cells`)."""
+    """A size of more than `limit` waves that a contact sends out from a cell (`info.cells`)."""
+    if cell is None or size is None:
+        return None
     _, bending, speed = cell
     omega = pi / contact_time
     wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
@@ -415,9 +409,9 @@ def coarse_cell(model: object, site: str, contact_time: float) -> str:
     cell = coarse_at(model, site, contact_time)
     if cell is None:
         return ""
-    suffix = f" {site!r}" if site else ""
+    place = f"the site {site!r}" if site else "the site"
     return (
-        f"The cell at the site{suffix} measures {engineering(cell.size, 'm')}, and the wave that a"
+        f"The cell at {place} measures {engineering(cell.size, 'm')}, and the wave that a"
         f" contact of {engineering(contact_time, 's')} sends out {engineering(cell.wave, 'm')}:"
         " forces come out too large; take cells of at most"
         f" {engineering(cell.allowed, 'm')} there ({SMALLER_CELLS})."

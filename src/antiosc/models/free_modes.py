@@ -29,7 +29,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,8 +38,6 @@ from antiosc.base._types import Array, ComplexArray, Numbers
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.motion import RIGID_SHARE
-
-Method = Literal["krylov", "modes"]
 
 #: A residual compliance below this share of C is rounding error.
 RESIDUAL_ROUNDING = 1e-9
@@ -97,7 +94,6 @@ def from_free_modes(
     inertia: float | None = None,
     n: int | None = None,
     shift: float = 0.0,
-    method: Method = "modes",
 ) -> AntiOscillators:
     """The anti-oscillators of one site from free modes.
 
@@ -113,12 +109,10 @@ def from_free_modes(
     inertia : float, optional
         y'My [kg m^2/N^2]. None: the modes left out have no mass.
     n : int, optional
-        Anti-oscillators to keep.
+        Anti-oscillators, those that give the best Z(omega), as in `extract`. The n lowest zeros
+        of H: `truncated(n)` of the whole model.
     shift : float
         [rad^2/s^2], > 0 where a frequency is 0.
-    method : "modes" or "krylov"
-        "modes": the n lowest zeros of H, the mass of the others returns to m0. "krylov": the n
-        that give the best Z(omega), as in `extract`.
 
     Raises
     ------
@@ -128,7 +122,7 @@ def from_free_modes(
     b = checks.floats("b", b, (None,))
     C = np.array([checks.positive("compliance", compliance, "m/N")])
     G = None if inertia is None else np.array([checks.positive("inertia", inertia, "kg m^2/N^2")])
-    return site_models(omega, b[None, :], C, G, n, shift, method).model(0)
+    return site_models(omega, b[None, :], C, G, n, shift).model(0)
 
 
 @checks.within_range
@@ -139,10 +133,8 @@ def site_models(
     inertia: ArrayLike | None = None,
     n: int | None = None,
     shift: float = 0.0,
-    method: Method = "modes",
 ) -> SiteModels:
     """As `from_free_modes` for S sites at once: b (S, J), compliance and inertia (S,)."""
-    checks.choice("method", method, get_args(Method))
     omega = checks.floats("omega", omega, (None,))
     if not omega.size or np.any(omega < 0) or np.any(np.diff(omega) < 0) or omega[-1] == 0:
         raise InputError("omega must ascend from 0 or above to a frequency > 0.")
@@ -165,7 +157,7 @@ def site_models(
         b = np.where(rigid & (share <= RIGID_SHARE)[:, None], 0.0, b)
 
     blocks = [slice(i, i + SITES_AT_ONCE) for i in range(0, len(b), SITES_AT_ONCE)]
-    parts = [parameters(omega, b[i], r[i], s[i], count, shift, method) for i in blocks]
+    parts = [parameters(omega, b[i], r[i], s[i], count, shift) for i in blocks]
     return SiteModels(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
@@ -248,19 +240,17 @@ def error_bound(
 
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.
 EXHAUSTED = 1e-10
-#: An eigenvalue of T below this share of the largest is rounding error.
-NULL_SHARE = 1e-13
 #: Square root of the share of m_st at the site below which it is rounding.
 MASSLESS = 1e-12
 
 
 def parameters(
-    omega: Array, b: Array, r: Array, s: Array, n: int, shift: float, method: str
+    omega: Array, b: Array, r: Array, s: Array, n: int, shift: float
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Parameters of S sites: (k0, m0, m_st) (S,) each, omega and m (S, n).
 
     omega, b : free frequencies (J,), and displacements (S, J) of the sites in the free modes. r, s
-    : (S,) residual compliances and inertias of the modes left out. n, shift, method: see
+    : (S,) residual compliances and inertias of the modes left out. n, shift: see
     `from_free_modes`.
     """
     heavy = s > 0
@@ -278,8 +268,7 @@ def parameters(
     swing = np.where(rigid, b, 0.0) / np.where(free, rigid_mobility, 1.0)[:, None]
     phi = np.where(free[:, None], swing, deflection / C[:, None])
     m_st = np.sum(phi**2, axis=1)
-    solve = _lanczos if method == "krylov" else _eigenpairs
-    theta, c, left = solve(A, b, bAb, massless, phi, n)
+    theta, c, left = _lanczos(A, b, bAb, massless, phi, n)
     k0 = np.where(free, 0.0, 1 / C)
     m = c**2
     with np.errstate(divide="ignore"):
@@ -290,31 +279,17 @@ def parameters(
     observable = share > UNOBSERVABLE
     order = np.argsort(np.where(observable, x, np.inf), axis=1, kind="stable")
     x, m, observable = (np.take_along_axis(a, order, axis=1) for a in (x, m, observable))
-    observable[:, n:] = False
     m0 = left + np.sum(np.where(observable, 0.0, m), axis=1)  # what is not kept, no difference
     m0 = np.where(m0 <= MASSLESS**2 * m_st, 0.0, m0)
-    frequency = np.sqrt(np.where(observable, x, np.inf))[:, :n]
-    return k0, m0, m_st, frequency, np.where(observable, m, 0.0)[:, :n]
-
-
-def _eigenpairs(
-    A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
-) -> tuple[Array, Array, Array]:
-    """All eigenvalues of T, coefficients of phi in its vectors (S, J + 1), residual mass (S,)."""
-    y = b / A
-    T = -y[:, :, None] * y[:, None, :] / bAb[:, None, None]
-    diagonal = np.arange(A.shape[1])
-    T[:, diagonal, diagonal] += 1 / A
-    theta, z = np.linalg.eigh(T)
-    # T b = 0 where nothing is massless
-    theta = np.where(theta > NULL_SHARE * theta[:, -1:], theta, 0.0)
-    return theta, np.einsum("sji,sj->si", z, phi), np.zeros(len(b))
+    frequency = np.sqrt(np.where(observable, x, np.inf))
+    return k0, m0, m_st, frequency, np.where(observable, m, 0.0)
 
 
 def _lanczos(
     A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
 ) -> tuple[Array, Array, Array]:
-    """The n Ritz values of T from the start T phi in the inner product of A; as `_eigenpairs`.
+    """The n Ritz values of T from the start T phi in the inner product of A, coefficients of phi in
+    its vectors (S, n), residual mass (S,).
 
     As `antiosc.reduce.extraction.krylov`; a massless residual compliance r adds (b'v)^2/r to v'Av,
     and without one b'v = 0.

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 import os
-import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,7 +75,7 @@ def read(
     InputError for another file, or one with more than `largest` bytes of arrays.
     """
     source = checks.path("path", path)
-    _check_regular(source)
+    files.check_readable(source, "a model")
     file_text = f"an {expected} file"
     arrays = archives.read_arrays(source, largest, file_text)
     try:
@@ -96,17 +95,6 @@ def read(
     if missing_names:
         raise InputError(f"{path} lacks {', '.join(sorted(missing_names))}; write it again.")
     return header, arrays
-
-
-def _check_regular(path: Path) -> None:
-    """InputError unless `path` is a regular file: opening a pipe could block."""
-    try:
-        mode = path.stat().st_mode
-    except OSError as error:
-        reason = "" if isinstance(error, FileNotFoundError) else f" ({error.strerror})"
-        raise InputError(f"there is no model file {path}{reason}.") from None
-    if not stat.S_ISREG(mode):
-        raise InputError(f"there is no model file {path}: it is a folder or a device.")
 
 
 #: Arrays of a model, those of its inertia and of its second-order forces.

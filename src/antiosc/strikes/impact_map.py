@@ -316,7 +316,7 @@ def _reduced(
     """(models with the first of `counts` that suffices or the last, their error bounds)."""
     of_sites = sites.omega, sites.b, sites.compliance, sites.inertia
     for n in counts:
-        models = free_modes.site_models(*of_sites, n, shift, "krylov")
+        models = free_modes.site_models(*of_sites, n, shift)
         left_out, reduction = free_modes.error_bound(models, *of_sites, band, shift)
         if np.all(reduction <= accuracy / 2):
             break

@@ -121,21 +121,10 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
 
 
 def _integrals(m1: float) -> tuple[float, float, float]:
-    """(b/a)^2, D and K of an ellipse by the arithmetic-geometric mean, DLMF 19.8.5 and 19.8.6.
+    """(b/a)^2, D and K of an ellipse by Carlson's integrals, DLMF 19.25.1; B/A = (K - D)/(m1 D)."""
+    from scipy.special import elliprd, elliprf  # loaded where they are used
 
-    B/A = (K - D)/(m1 D).
-    """
-    a = 1.0
-    b = sqrt(m1)
-    m = 1 - m1
-    half, weight = 0.5 / (1 + b), 1.0  # half of a - b, over m
-    part = 0.5 + m * half * half
-    while m * half > 1e-8 * a:  # the next one is its square
-        a, b, weight = 0.5 * (a + b), sqrt(a * b), 2 * weight
-        half *= 0.25 * m * half / (0.5 * (a + b))
-        part += weight * m * half * half
-    K = pi / (a + b)
-    return m1, K * part, K
+    return m1, float(elliprd(0.0, m1, 1.0)) / 3, float(elliprf(0.0, m1, 1.0))
 
 
 def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
