@@ -50,7 +50,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 12 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 13 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -412,18 +412,15 @@ AOM_API double aom_law_deepest(const aom_law *law, double speed, double energy, 
 typedef struct aom_impact {
     aom_system system;
     aom_options options;
-    int n_turning;         /* bodies whose rotation is asked for */
-    const double *turning; /* [n_turning][3][n_modes] rotation vectors by q */
 } aom_impact;
 
 typedef struct aom_outcome {
     int64_t status; /* of the best run; AOM_FULL: it is too long for a batch */
-    int64_t contacts, touches, open, n_nodes, body;
+    int64_t contacts, touches, open, n_nodes;
     aom_numbers numbers;
     double force_error, peak_error, certain; /* as of aom_solution */
     double time, lasting;                    /* reached; expected of the contact [s] */
     double gained, highest;                  /* as of aom_summary */
-    double turned;                           /* the largest rotation [rad], of `body` */
 } aom_outcome;
 
 /* Nodes and forces of the touches, one impact behind the other; a pulse is parabolas as in a record. */

@@ -120,33 +120,11 @@ static int begin(aom_batch *b, const aom_impact *impact) {
     return status;
 }
 
-/* The largest angle by which a body has turned at the ends of the steps. */
-static double turned(const aom_impact *s, const aom_record *run, int *body) {
-    double most = 0.0;
-    int J = s->system.n_modes;
-    for (int64_t k = 0; k < run->n_states; k++)
-        for (int n = 0; n < s->n_turning; n++) {
-            double square = 0.0;
-            for (int i = 0; i < 3; i++) {
-                const double *row = s->turning + (ptrdiff_t)(3 * n + i) * J;
-                double angle = 0.0;
-                for (int j = 0; j < J; j++)
-                    angle += row[j] * run->states[2 * k * J + j];
-                square += angle * angle;
-            }
-            if (square > most) {
-                most = square;
-                *body = n;
-            }
-        }
-    return sqrt(most);
-}
-
 /* Write down what a run gave; false if its pulses do not fit behind those of the others. */
-static bool write_outcome(aom_batch *b, const aom_impact *s, aom_outcome *out, aom_pulse_nodes *to) {
+static bool write_outcome(aom_batch *b, aom_outcome *out, aom_pulse_nodes *to) {
     const aom_solution *found = &b->solution;
     const aom_record *run = b->records + found->best;
-    int open, body = 0;
+    int open;
     int64_t n = aom_touches(run, 0, 0, b->touches, &open), nodes = 0;
     for (int64_t k = 0; k < n; k++)
         nodes += 2 * (b->touches[k].last - b->touches[k].first) + 1;
@@ -166,8 +144,6 @@ static bool write_outcome(aom_batch *b, const aom_impact *s, aom_outcome *out, a
                          .highest = found->summary.highest};
     out->numbers = aom_read_contact(&b->system, run, 0, open, n, b->touches,
                                     run->states + b->n_modes, 2 * b->n_modes);
-    out->turned = turned(s, run, &body);
-    out->body = body;
     for (int64_t k = 0; k < n; k++)
         for (int64_t i = 2 * b->touches[k].first; i <= 2 * b->touches[k].last; i++) {
             to->time[to->n_nodes] = run->time[i];
@@ -205,7 +181,7 @@ int aom_batch_solve(aom_batch *b, int64_t n, const aom_impact *impacts, aom_outc
                 continue;
             }
         }
-        if (!write_outcome(b, s, out, to))
+        if (!write_outcome(b, out, to))
             return AOM_FULL;
         b->stage = BEGIN;
         ++*done;

@@ -178,7 +178,7 @@ def test_what_is_no_file_is_no_model(tmp_path, kind):
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "pipe")
     path = {"device": "/dev/zero", "long": "x" * 5000}.get(kind, tmp_path / kind)
-    with pytest.raises(ao.InputError, match="no regular file|cannot read"):
+    with pytest.raises(ao.InputError, match=r"no regular file|cannot read"):
         ao.AntiOscillators.load(path)
 
 

@@ -134,11 +134,11 @@ static void solve(aom_stepper *stepper, const aom_system *system, const aom_opti
  * as if the frequencies were masses and the first loads poles. */
 static void batch(const aom_system *s, const aom_options *options) {
     enum { NODES = 2 * 20000 + 1 };
-    static double times[NODES], forces[NODES], turning[3 * MODES], x[MODES + 1];
+    static double times[NODES], forces[NODES], x[MODES + 1];
     static double shape[(MODES + 1) * (MODES + 1)];
     const aom_contact *c = s->contacts;
     aom_contact alone = {.law = c->law, .first_tangential = 1, .mass = c->mass};
-    aom_impact impacts[3] = {{*s, *options, 1, turning}};
+    aom_impact impacts[3] = {{*s, *options}};
     aom_system *one = &impacts[0].system;
     aom_outcome outcomes[3];
     aom_pulse_nodes nodes = {NODES, 0, times, forces};

@@ -32,7 +32,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 12
+VERSION = 13
 #: numbers that a contact may remember
 MEMORY = 8
 #: `aom_touch`
@@ -138,10 +138,7 @@ class CNumbers(Structure):
 
 
 class CImpact(Structure):
-    _fields_ = [
-        *(("system", CSystem), ("options", COptions)),
-        *_fields("int n_turning; pointer turning"),
-    ]
+    _fields_ = (("system", CSystem), ("options", COptions))
 
 
 class CExpected(Structure):
@@ -150,9 +147,9 @@ class CExpected(Structure):
 
 class COutcome(Structure):
     _fields_ = [
-        *_fields("int64 status, contacts, touches, open, n_nodes, body"),
+        *_fields("int64 status, contacts, touches, open, n_nodes"),
         ("numbers", CNumbers),
-        *_fields("double force_error, peak_error, certain, time, lasting, gained, highest, turned"),
+        *_fields("double force_error, peak_error, certain, time, lasting, gained, highest"),
     ]
 
 

@@ -279,10 +279,8 @@ def _row_of(
     settings: Settings,
 ) -> _Row | None:
     """The row of an outcome of the C library; None if the impact must be integrated separately."""
-    answer, contacts, touches, goes_on, _, _, numbers, force, peak, certain, *further_values = (
-        outcome
-    )
-    end, contact_time_estimate, gained, highest, _ = further_values
+    answer, contacts, touches, goes_on, _, numbers, force, peak, certain, *further_values = outcome
+    end, contact_time_estimate, gained, highest = further_values
     if answer == library.FULL or answer >= library.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
 

@@ -298,7 +298,7 @@ class ImpactRows:
         if any(impact.impactor is not impacts[0].impactor for impact in impacts):
             rows["beta"], rows["v"], contacts["mass"] = self._strikers(impacts, system)
         options = library.COptions(0.0, tol, 0.0, 0.0, 0.0, max_contacts, max_steps, 0)
-        example = library.CImpact(system.packed.system, options, 0, None)
+        example = library.CImpact(system.packed.system, options)
         self.rows = _copies(example, IMPACT, count)
         self.rows["options"]["duration"] = durations
         bodies = self.rows["system"]

@@ -374,12 +374,12 @@ class Coarse(NamedTuple):
 def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     """The cell at a site if it does not resolve the waves of a contact; otherwise None."""
     info = info_of(model)
+    is_estimated = getattr(model, "strain_error", None) is not None
     cell = (info.cells or {}).get(site)
-    if cell is None or getattr(model, "strain_error", None) is None:
-        return _too_long(cell, cell and cell[0], LARGE_CELL, contact_time)
-    if not info.get("divided"):  # its budget tells it
+    if cell is None or (is_estimated and not info.get("divided")):  # its budget tells it
         return None
-    return _too_long(cell, cell[0], LARGE_DIVIDED_CELL, contact_time)
+    limit = LARGE_DIVIDED_CELL if is_estimated else LARGE_CELL
+    return _too_long(cell[0], limit, cell, contact_time)
 
 
 def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
@@ -388,16 +388,15 @@ def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
     """
     cell = (info_of(model).cells or {}).get(site)
     radius = getattr(model, "patch_radius", None)
-    bends = cell is not None and cell[1] > 0
-    return _too_long(cell if bends else None, radius and 2 * radius, LARGE_PATCH, contact_time)
+    if cell is None or radius is None or not cell[1]:
+        return None
+    return _too_long(2 * radius, LARGE_PATCH, cell, contact_time)
 
 
 def _too_long(
-    cell: Sequence[float] | None, size: float | None, limit: float, contact_time: float
+    size: float, limit: float, cell: Sequence[float], contact_time: float
 ) -> Coarse | None:
-    """A size of more than `limit` waves that a contact sends out from a cell (`info.cells`)."""
-    if cell is None or size is None:
-        return None
+    """A length of more than `limit` waves that a contact sends out from a cell (`info.cells`)."""
     _, bending, speed = cell
     omega = pi / contact_time
     wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
