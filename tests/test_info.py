@@ -85,3 +85,8 @@ def test_a_process_of_the_mpirun_of_another_mpi_is_refused():
     done = ran("import antiosc.fem", **{name: "2"})
     assert done.returncode == 1
     assert "the mpirun of another MPI" in done.stderr.splitlines()[-1]
+    done = ran(
+        "import sys; from antiosc_app.cli import main; sys.exit(main(['info']))", **{name: "2"}
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("antiosc: this process was started by the mpirun of another MPI")

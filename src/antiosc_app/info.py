@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from antiosc.base import process
-from antiosc.base.process import loading, restored
+from antiosc.base.errors import MissingDependencyError
+from antiosc.base.process import loading, restored, start_mpi
 
 #: Remark on a package that is installed but cannot be imported.
 BROKEN = "fails to load"
@@ -73,6 +74,10 @@ def packages_found() -> dict[Package, str]:
             with loading(), restored():
                 spec = importlib.util.find_spec(package.module)
                 versions[package] = _version_of(package) if spec else ""
+        except (
+            MissingDependencyError
+        ):  # started by the mpirun of another MPI, which PETSc would end
+            raise
         except Exception as error:  # an installed package can fail in any way: say so and go on
             versions[package] = f"{BROKEN}: {error}"
     return versions
@@ -187,6 +192,7 @@ def blas() -> str:
 
 def _mpi() -> str:
     """Version of MPI."""
+    start_mpi()
     from mpi4py import MPI
 
     name, numbers = MPI.get_vendor()

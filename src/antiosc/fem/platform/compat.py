@@ -96,7 +96,7 @@ def _all_on_root(
 ) -> dolfinx.graph.AdjacencyList:
     """A partition for dolfinx 0.9 that leaves all cells, one flat array of vertices, on rank 0."""
     n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
-    return dolfinx.graph.adjacencylist(np.zeros((n_cells, 1), dtype=np.int32))._cpp_object
+    return dolfinx.graph.adjacencylist(np.zeros((n_cells, 1), dtype=np.int32))
 
 
 def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:

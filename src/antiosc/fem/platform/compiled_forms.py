@@ -144,7 +144,7 @@ def compiler() -> Iterator[None]:
         raise MissingDependencyError(
             f"finite elements are compiled, which fails here ({reason}): install a C compiler and "
             "Python's headers, on Debian by sudo apt install gcc libc6-dev python3-dev."
-        ) from error
+        ) from None
     except OSError as error:
         raise InputError(
             "compiled finite elements cannot be written to "
