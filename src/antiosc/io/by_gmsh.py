@@ -14,7 +14,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from math import sqrt
+from math import factorial, sqrt
 from pathlib import Path
 from types import ModuleType
 
@@ -167,9 +167,8 @@ class SizeField:
         sides = x[cells[:, 1:]] - x[cells[:, :1]]
         dim = cells.shape[1] - 1
         measure = np.sqrt(np.abs(np.linalg.det(sides @ sides.transpose(0, 2, 1))))
-        # regular simplices of edge 1 hold √2/12 and √3/4
-        share = {2: 0.5 / (3**0.5 / 4), 3: (1 / 6) / (2**0.5 / 12)}[dim]
-        return float(CELLS_MADE[dim] * share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
+        share = CELLS_MADE[dim] * CELLS_PER_SIZE[dim] / factorial(dim)
+        return float(share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
 
     def lay(self, gmsh: ModuleType, scale: float) -> int:
         """Add the sizes to the current gmsh model, whose unit is `scale` m, as a size field; return
@@ -446,12 +445,7 @@ INTO_FILE = re.compile(r"[)\]]\s*>")
 
 def harmless(text: str, name: str) -> tuple[str, list[str]]:
     """(the script `text` of the file `name` as gmsh may run it, the files beside it that it
-    merges).
-
-    Raises
-    ------
-    MeshError
-        It holds a word that runs programs, or reads or writes files.
+    merges); MeshError for a word that runs programs, or reads or writes files.
     """
     if "\0" in text:
         raise MeshError(f"{name} is binary and no script of gmsh: write it as .step or .inp.")

@@ -47,10 +47,8 @@ def label_of(text: str) -> str:
 
 
 def names_of(gmsh: ModuleType, ask: Request, scale: float) -> Names:
-    """Names of the solids, faces and holes of a CAD file.
-
-    The solids are cut at each other (`fragments`), or all but one are removed (`piece`). `scale`:
-    metres per unit of the model.
+    """Names of the solids, faces and holes of a CAD file, after its solids are cut at each other
+    (`fragments`), or all but one removed (`piece`); `scale`: metres per unit of the model.
     """
     names = _labelled(gmsh, 3)
     if ask.fragments:

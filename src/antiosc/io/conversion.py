@@ -159,12 +159,7 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
     """The elements of a deck as cells, its sets as groups.
 
     `halve_lines`: second-order lines become two straight ones each, as `Beam` needs them; `mixed`:
-    triangles stay apart from quadrilaterals.
-
-    Raises
-    ------
-    MeshError
-        An element whose coincident nodes leave it without volume or area.
+    triangles stay apart from quadrilaterals. MeshError for an element without volume or area.
     """
     nodes = NodeTable(deck.points)
     cells: dict[str, IntArray] = {}

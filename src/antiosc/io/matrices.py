@@ -494,16 +494,12 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
 def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
     """The map of the rows of matrices.
 
-    Parameters
-    ----------
-    source : path, array_like or None
-        A row for every row of the matrices: node, dof, or node, dof, x, y, z; in a file also
-        row, node, dof, and the dof as a name (UX). Or a row for every node: node, x, y, z, for
-        matrices whose files name nodes and dofs. Or a tuple of columns, (nodes, dofs) or (nodes,
-        dofs, points (size, 3)), with dofs as numbers or names. Or Sierra/SD's two files, of the
-        number of each node (gid) and of the row of each of its dofs (ASetMap).
-    labels : (size, 2) node and component that the files of the matrices name, or None
-    size : rows of the matrices
+    `source` has a row for every one of the `size` rows of the matrices: node, dof, or node, dof, x,
+    y, z; in a file also row, node, dof, and the dof as a name (UX). Or a row for every node: node,
+    x, y, z, for matrices whose files name nodes and dofs (`labels`, (size, 2)). Or a tuple of
+    columns, (nodes, dofs) or (nodes, dofs, points (size, 3)), with dofs as numbers or names. Or
+    Sierra/SD's two files, of the number of each node (gid) and of the row of each of its dofs
+    (ASetMap).
     """
     if source is None:
         if labels is None:

@@ -144,11 +144,8 @@ def _one_kind(rows: Rows, name: str) -> tuple[str, IntArray]:
 def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str]:
     """Sentences on the elements of a file that are not those of the mesh, with their numbers.
 
-    Raises
-    ------
-    MeshError
-        Some are not sides of the mesh: they may be beams and shells. Curves and loose faces of a
-        CAD file are told: they may be sketches, axes or construction planes.
+    MeshError if some are not sides of the mesh: they may be beams and shells. Those of CAD are
+    told: they may be sketches, axes or construction planes.
     """
     made_here = mesh.of_gmsh and not name.lower().endswith(".msh")
     top = raw.kind.dim
@@ -428,11 +425,7 @@ def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
 
 
 def outline(path: Path, **options: Any) -> FileMesh:
-    """The box and the groups of a geometry without meshing it: a line between the box's corners
-    [m].
-
-    `options`: "solid", "fragments" and "piece" of a `Request`.
-    """
+    """The box of a geometry as a line between its corners, and its groups, without a mesh."""
     return content_of(path, None, None, None, outline=True, **options)
 
 
@@ -452,11 +445,10 @@ def content_of(
         if fault:
             raise MeshError(f"{name} {text}.")
 
-    surfaces, of_cad = ", ".join(SURFACES), ", ".join(CAD)
     no_surface, no_cad = suffix not in SURFACES, suffix not in CAD
-    refuse(solid and no_surface, f"is no surface of triangles ({surfaces}), which solid fills")
+    refuse(solid and no_surface, "is no surface of triangles (.stl, .obj, .ply), as solid fills")
     joined = options.get("fragments") and no_cad
-    refuse(joined, f"is no file of CAD ({of_cad}), whose solids fragments joins")
+    refuse(joined, "is no file of CAD (.step, .brep, .iges), whose solids fragments joins")
     meshed = geometry and suffix not in SCRIPTS and not options.get("outline")
     no_size = meshed and options.get("size") is None
     refuse(no_size, "is a geometry, not a mesh: give the element size in metres, as 5e-3")

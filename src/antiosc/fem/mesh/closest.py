@@ -31,15 +31,9 @@ def projected(
     """Reference coordinates (n, t) at which x(ξ) is nearest to each point, inside its cell or
     outside.
 
-    Gauss–Newton iteration; it stops for points whose projection lies far outside the cell.
-
-    Parameters
-    ----------
-    at : numbers k of points, ξ (k, t) -> (x (k, 3), dx/dξ (k, 3, t))
-    points : (n, 3)
-    start : (n, t)
-    affine : whether x(ξ) is affine, so that one step is exact
-    along : (n, 3) unit vectors, optional; the points are projected along these directions.
+    Gauss–Newton iteration from `start` (n, t); it stops for points (n, 3) whose projection lies far
+    outside the cell. `at`: numbers k of points, ξ (k, t) -> (x (k, 3), dx/dξ (k, 3, t)); `affine`:
+    whether x(ξ) is, so that one step is exact; `along`: unit vectors (n, 3) of the projection.
     """
     xi = np.array(start)
     step = np.zeros_like(xi)

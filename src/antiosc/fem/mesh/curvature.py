@@ -109,15 +109,8 @@ class Patch:
 def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = None) -> Curvature:
     """Curvature of the surface of a mesh at its point nearest to `point` (3,).
 
-    Parameters
-    ----------
-    faces : faces of the mesh; for a solid the outer ones.
-    direction : (3,) direction of an impact, optional; the normal of a sheet is taken against it.
-
-    Raises
-    ------
-    InputError
-        A mesh of lines, or one in a plane.
+    `faces`: of a solid the outer ones; `direction` (3,): of an impact, against which the normal of
+    a sheet is taken. InputError for a mesh of lines, or one in a plane.
     """
     if faces.dim != 2 or mesh.gdim != 3:
         raise InputError(

@@ -41,7 +41,7 @@ def misfits(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
 def sound(
     raw: RawMesh, name: str, made_here: bool, pieces: bool = False, by: str = 'cells="its group"'
 ) -> RawMesh:
-    """The mesh after its checks; folded cells are straightened if gmsh made it here.
+    """The mesh after its checks; folded cells are straightened if gmsh made it here, else told.
 
     `name`: name of the file; `pieces`: whether unconnected pieces are allowed, since constraints
     join them; `by`: arguments that choose a piece, for the message.
@@ -51,11 +51,6 @@ def sound(
     MeshError
         Repeated cells, two cells with two common sides, cells without length, area or volume,
         cells that cross themselves, unconnected pieces.
-
-    Warns
-    -----
-    AntioscWarning
-        Cells that fold over.
     """
     kind = raw.kind
     cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, "vtk")]

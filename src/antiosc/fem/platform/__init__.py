@@ -97,11 +97,7 @@ def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable
     """Guard a public function that all ranks must call with the same arguments.
 
     An error of one rank is raised on all ranks. On one rank the function is called directly, by one
-    thread at a time.
-
-    Parameters
-    ----------
-    default : the communicator used if no argument has one.
+    thread at a time. `default`: the communicator used if no argument has one.
     """
 
     def guard(function: Callable[P, T]) -> Callable[P, T]:
