@@ -14,7 +14,6 @@ MODULES = {
     "antiosc.engine": "the C library and its runs, contact laws and surfaces, damping",
     "antiosc.fem.assembly.joint": "the interface of joints",
     "antiosc.fem.assembly.layout": "the dofs of an assembly",
-    "antiosc.fem.linalg.algebra": "products with matrices of SciPy and of PETSc",
     "antiosc.fem.platform": "what all ranks must agree on, and the version of dolfinx",
     "antiosc.fem.structure.meshed": "the structure of a mesh, and a part of an assembly",
     "antiosc.impact.assembly": "the bodies and contacts of a scene, ready to be run",

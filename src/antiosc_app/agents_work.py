@@ -1,7 +1,6 @@
-"""One tool call of `antiosc mcp` in a process of its own: the road of `antiosc run`.
+"""The tools of `antiosc mcp`: each a thin call of the road of `antiosc run`, in its own process.
 
-The process reads a request as JSON and writes lines of JSON: what it does, then the answer. A
-request holds data; nothing in it is executed, and files are read and written only below one folder.
+A call holds data; nothing in it is executed, and files are read and written only below one folder.
 """
 
 from __future__ import annotations
@@ -13,61 +12,49 @@ import math
 import os
 import resource
 import signal
-import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import product
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from antiosc.base import checks, materials, progress
 from antiosc.base.errors import AntioscError, InputError
-from antiosc_app import commands, info, live, new, report, results
-from antiosc_app.opened import summary
+from antiosc_app import commands, info, live, new, opened, report, results
 from antiosc_app.presentation import Picture, drawn_pictures
 from antiosc_app.quantities import quantities, quantity
 from antiosc_app.scene_file import schema
-from antiosc_app.scene_file.build import Evaluation, calls_in
+from antiosc_app.scene_file.build import Builder, calls_in
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, Place, checked, label, read
 
-if TYPE_CHECKING:
-    from antiosc_app.scene_file.scene import CompiledScene
-
 Table: TypeAlias = dict[str, Any]
-#: What a tool answers, and its pictures.
 Answer: TypeAlias = tuple[Table, list[Picture]]
 #: What `status` of a history or a fall means.
 STATUS = ("completed", "completed: tol is not met", "stopped early", "completed: contact goes on")
-#: Objects of a scene whose defaults are told.
-OBJECTS = ("structure", "model", "impactor", "contact", "scene", "history", "fall", "map")
+#: Constants of a material that are told, and their units.
+CONSTANTS = {"E": "Pa", "nu": "1", "rho": "kg/m³", "yield_strength": "Pa"}
 
 
 class Refusal(InputError):
-    """What decides the answer is not given, or may not be: its kind, key and choices."""
+    """What decides the answer is not given, or may not be; `told` is the answer to the call."""
 
-    def __init__(self, kind: str, sentence: str, key: str = "", choices: Any = ()) -> None:
+    def __init__(self, kind: str, sentence: str, key: str = "", choices: Iterable[Any] = ()):
         super().__init__(sentence)
-        self.told = {"kind": kind, "key": key, "choices": list(choices)}
-
-
-def refused(sentence: str, **told: Any) -> Table:
-    """The answer of a refusal: its first sentence, and all mistakes."""
-    lines = sentence.splitlines() or ["refused."]
-    refusal = {"mistakes": lines, "key": "", "choices": [], **told}
-    return {"status": "refused", "text": lines[0], "quantities": [], "refusal": refusal}
+        lines = sentence.splitlines() or ["refused."]
+        refusal = {"kind": kind, "key": key, "choices": list(choices), "mistakes": lines}
+        self.told = {"status": "refused", "text": lines[0], "quantities": [], "refusal": refusal}
 
 
 def hash_of(inputs: object) -> str:
     """The hash of inputs that are JSON."""
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
-
-
-# -- what is given
 
 
 def within(root: Path, name: str, base: Path | None = None) -> Path:
@@ -86,32 +73,20 @@ def values_in(data: object, place: Place = ()) -> Iterator[tuple[Place, object]]
     """Yield (place, value) of each value in nested tables and lists."""
     if not isinstance(data, dict | list):
         yield place, data
-        return
-    for key, value in data.items() if isinstance(data, dict) else enumerate(data):
-        yield from values_in(value, (*place, key))
-
-
-def document_of(scene: Table | str, root: Path) -> Document:
-    """The scene of a call: a file, or sections."""
-    if isinstance(scene, str):
-        document = read(within(root, scene))
     else:
-        document = checked(root / "scene.json", scene, json.dumps(scene, indent=1))
-    for place, value in values_in(document.data):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from values_in(value, (*place, key))
+
+
+def hashes_of(base: Path, data: Table, root: Path) -> Table:
+    """Name -> hash of each file that a text names; Refusal of one outside, and of no number."""
+    hashes = {}
+    for place, value in values_in(data):
         if value is None or (isinstance(value, float) and not math.isfinite(value)):
             raise Refusal("scene", f"{label(place)} is no finite number.", label(place))
-    return document
-
-
-def files_of(base: Path, data: Table, root: Path) -> Table:
-    """Name -> hash of each file that a text names; Refusal of one outside of the folder."""
-    hashes = {}
-    for _, name in values_in(data):
-        path = within(root, name, base) if isinstance(name, str) else root
+        path = within(root, value, base) if isinstance(value, str) else root
         if path.is_file():
-            with path.open("rb") as stream:
-                digest = hashlib.file_digest(stream, "sha256").hexdigest()
-            hashes[str(path.relative_to(root))] = digest
+            hashes[str(path.relative_to(root))] = hashlib.sha256(path.read_bytes()).hexdigest()
     return hashes
 
 
@@ -120,91 +95,75 @@ def require_decided(document: Document, root: Path) -> None:
     from antiosc.io.cad import STATES_UNIT
     from antiosc.io.neutral import SYSTEMS
 
-    parts = document.data.get("parts", {"": document.data})
-    free = "drop" in document.data or ("parts" in document.data and "supports" in document.data)
-    for name, part in parts.items() if isinstance(parts, dict) else ():
-        section = "deck" if isinstance(part, dict) and "deck" in part else "geometry"
-        table: Any = part.get(section) if isinstance(part, dict) else None
-        file = table.get("path", table.get("source")) if isinstance(table, dict) else None
-        if not isinstance(file, str):
+    build = Builder(document)
+    parts = build.part("parts")
+    tables = {f"parts.{name}.": build.part(name, dict, parts) for name in parts}
+    free = "drop" in build.data or ("parts" in build.data and "supports" in build.data)
+    for at, part in (tables or {"": build.data}).items():
+        section, key = ("deck", "path") if "deck" in part else ("geometry", "source")
+        table = build.part(section, dict, part)
+        if not isinstance(table.get(key), str):
             continue  # the scene itself has the sentence for it
-        at = f"parts.{name}." if name else ""
-        path = within(root, file, document.path.parent)
+        path = within(root, table[key], document.path.parent)
 
+        choices: list[Any]
         if "unit" not in table and path.suffix.lower() not in STATES_UNIT:
-            sentence = f"{path.name} states no unit: give {at}{section}.unit."
-            raise Refusal("unit", sentence, f"{at}{section}.unit", SYSTEMS)
-        if section == "geometry" and "material" not in part:
-            sentence = f"the material decides the answer: give {at}material."
-            raise Refusal("material", sentence, f"{at}material", materials.names())
-        if section == "geometry" and "supports" not in part and not free:
-            choices = [*seen(path, table.get("unit"))[2].values(), []]
-            sentence = f"the supports decide the answer: give {at}supports, [] of a free part."
-            raise Refusal("support", sentence, f"{at}supports", choices)
-
-
-# -- the tools
-
-
-def seen(path: Path, unit: str | None, piece: int | None = None) -> tuple[Any, Table, Table, Table]:
-    """(look at a part, its first scene, name of a face -> its support, name -> where it lies)."""
-    from antiosc_app.edited import EditedScene
-    from antiosc_app.inspecting import inspect_part
-    from antiosc_app.skin import places, skin
-
-    if not path.is_file():
-        raise Refusal("path", f"there is no file {checks.shown(path.name)}.")
-    part = inspect_part(path, unit=unit, piece=piece)
-    scene = EditedScene(path, part, {}, ())
-    calls = compiled(scene.document())
-    shape, faces, _ = skin(Evaluation(calls.document)(calls.structure), part)
-    return part, scene.sections, dict(faces), places(shape, list(faces))
+            kind, name, choices = "unit", f"{section}.unit", list(SYSTEMS)
+        elif section == "geometry" and "material" not in part:
+            kind, name, choices = "material", "material", materials.names()
+        elif section == "geometry" and "supports" not in part and not free:
+            faces = look(root, str(path), table.get("unit"))[0]["faces"]
+            kind, name, choices = "support", "supports", [*(one["support"] for one in faces), []]
+        else:
+            continue
+        sentence = f"the {kind} of {path.name} decides the answer: give {at}{name}."
+        raise Refusal(kind, sentence, f"{at}{name}", choices)
 
 
 def look(root: Path, file: str, unit: str | None = None, piece: int | None = None) -> Answer:
     """A part: pieces, faces, size, and a scene that lacks what the file does not decide."""
+    from antiosc_app.inspecting import inspect_part
+    from antiosc_app.skin import places
+
     path = within(root, file)
-    part, draft, faces, where = seen(path, unit, piece)
+    if not path.is_file():
+        raise Refusal("path", f"there is no file {checks.shown(path.name)}.")
+    part = inspect_part(path, unit=unit, piece=piece)
+    scene, (shape, faces, _) = opened.first_scene(path, part)
+    draft, at = scene.sections, places(shape, list(faces))
     section, key = ("deck", "path") if part.of_deck else ("geometry", "source")
+    draft[section][key] = str(path.relative_to(root))
     guessed = "unit" in part.read and unit is None
-    missing = [f"{section}.unit"] * guessed + ["material", "supports"] * (not part.of_deck)
-    left_out = {"title", "output", *missing}
-    draft = {name: x for name, x in draft.items() if name not in left_out}
-    draft[section] = {**draft[section], key: str(path.relative_to(root))}
     if guessed:
         del draft[section]["unit"]
-
-    sizes = zip("xyz", (part.high - part.low).tolist(), strict=True)
+    own = () if part.of_deck else ("material", "supports")
+    sides = zip("xyz", (part.high - part.low).tolist(), strict=True)
     drawing = partial(new.draw, replace(part, held=np.zeros_like(part.held)))
     return {
         "text": "\n".join([f"{path.name}: {part.cells}, {part.sides_text()}.", *part.notes]),
-        "quantities": [
-            quantity(f"size {axis}", size, "m", "it is read from the file") for axis, size in sizes
-        ],
+        "quantities": [quantity(f"size {x}", d, "m", "it is read from the file") for x, d in sides],
         "pieces": [{"low": one.low.tolist(), "high": one.high.tolist()} for one in part.pieces],
-        "faces": [{"name": n, "at": where.get(n, ""), "support": t} for n, t in faces.items()],
+        "faces": [{"name": n, "at": at.get(n, ""), "support": one} for n, one in faces.items()],
         "guessed_unit": part.unit_text() if guessed else None,
-        "draft": draft,
-        "give": missing,
+        "draft": {k: x for k, x in draft.items() if k not in ("title", "output", *own)},
+        "give": [*([f"{section}.unit"] if guessed else []), *own],
     }, [Picture("The part", "Red: where it may be struck.", drawing)]
 
 
 def materials_named(_root: Path, query: str = "") -> Answer:
     """The materials whose name contains a text, with their sources."""
-    names = [name for name in materials.names() if query.lower() in name.lower()]
-    if not names:
+    found = [materials.record(n) for n in materials.names() if query.lower() in n.lower()]
+    if not found:
         sentence = f"no material is named {checks.shown(query)}."
         raise Refusal("material", sentence, "query", materials.names())
-    told, lines = [], []
-    for one in map(materials.record, names):
-        lines.append(f"{one.name}: {one.line}; {one.source}")
-        for key, unit in (("E", "Pa"), ("nu", "1"), ("rho", "kg/m³"), ("yield_strength", "Pa")):
-            value = getattr(one, key)
-            known = key == "yield_strength" and one.yield_range
-            bar = (value - known[0], known[1] - value) if known else "its sources give one value"
-            if value is not None:
-                told.append(quantity(f"{one.name}: {key}", value, unit, bar))
-    return {"text": "\n".join(lines), "quantities": told}, []
+    told = []
+    for one, (key, unit) in product(found, CONSTANTS.items()):
+        value = getattr(one, key)
+        ends = one.yield_range if key == "yield_strength" else None
+        bar = (value - ends[0], ends[1] - value) if ends else "its sources give one value"
+        told += [] if value is None else [quantity(f"{one.name}: {key}", value, unit, bar)]
+    text = "\n".join(f"{one.name}: {one.line}; {one.source}" for one in found)
+    return {"text": text, "quantities": told}, []
 
 
 def check(root: Path, scene: Document) -> Answer:
@@ -216,21 +175,18 @@ def check(root: Path, scene: Document) -> Answer:
     return {**told, "cautions": list(map(str, calls.warnings))}, []
 
 
-def study(command: str, root: Path, scene: Document, path: str | None = None) -> Answer:
-    """A scene as `antiosc run` computes it; `path`: of its report, of the first study it has."""
+def study(
+    command: str, root: Path, scene: Document, pictures: int = 1, page: Path | None = None
+) -> Answer:
+    """A scene as `antiosc run` computes it, the first study that it has without a command."""
     require_decided(scene, root)
-    page = None if path is None else within(root, path)
-    if page is not None and page.exists():
-        raise Refusal("path", f"{checks.shown(path)} exists already, and is left as it is.")
-    page = None if page is None else report.checked(str(page))
     if command == "tradeoff":
         made = report.results_of(*commands.compared(scene))
     else:
-        has = (one.removeprefix("antiosc ") for one in compiled(scene).does())
-        command = command or next(has, "run")
+        command = command or [*compiled(scene).does(), "antiosc run"][0].split()[1]
         made = commands.made(scene, commands.of_study(scene, command), command)
 
-    shown, parts = summary(made), results.presentations(made)
+    shown, parts = opened.summary(made), results.presentations(made)
     hit = made.history or made.fall or (made.tradeoff and made.tradeoff.hit)
     told = {
         "text": shown["text"],
@@ -243,10 +199,32 @@ def study(command: str, root: Path, scene: Document, path: str | None = None) ->
     if page is not None:
         report.write_page(made, parts, page)
         told["written"] = str(page.relative_to(root))
-    return told, [picture for part in parts[1:] for picture in part.pictures]
+    return told, [picture for part in parts[1:] for picture in part.pictures][:pictures]
 
 
-def assumed(document: Document, scene: CompiledScene) -> list[Table]:
+def report_of(root: Path, scene: Document, path: str, pictures: int = 1) -> Answer:
+    """A scene, and its report as a new file."""
+    page = within(root, path)
+    if page.exists():
+        raise Refusal("path", f"{checks.shown(path)} exists already, and is left as it is.")
+    return study("", root, scene, pictures, report.checked(str(page)))
+
+
+def explain(answers: dict[str, Table], result: str, quantity: str) -> tuple[Table, list[str]]:
+    """The causes of the bar of a number, by the answers that were given."""
+    numbers = answers.get(result, {}).get("quantities", [])
+    found = [one for one in numbers if one["name"] == quantity]
+    if not found:
+        key = "quantity" if numbers else "result"
+        known = dict.fromkeys(one["name"] for one in numbers) or answers
+        raise Refusal(key, "no answer with this hash has a number of this name.", key, known)
+    form = "{cause}: -{below:.2g} / +{above:.2g}; {narrowed_by}."
+    told = [form.format(**one) for entry in found for one in entry["causes"]]
+    text = "\n".join(told or [found[0]["bar"]])
+    return {"status": "completed", "text": text, "quantities": found, "of": result}, []
+
+
+def assumed(document: Document, scene: Any) -> list[Table]:
     """What was not given: each key with its value, and by what it has it."""
     given = dict(values_in(document.data))
     chosen = {
@@ -254,81 +232,73 @@ def assumed(document: Document, scene: CompiledScene) -> list[Table]:
         for place, value in values_in(scene.document.data)
         if given.get(place) != value
     }
-    for call in calls_in([getattr(scene, name) for name in OBJECTS]):
-        section = schema.SECTIONS.get(str(call.place[0]) if call.place else "")
-        kinds = () if section is None else section.makes
-        function = call.name if call.name in kinds else kinds[0] if len(kinds) == 1 else ""
-        if section is None or not function:
-            continue
-        defaults = inspect.signature(schema.resolved(function)).parameters
-        keys = schema.parameters(function).keys() & defaults.keys()
-        for name in keys - call.arguments.keys() - set(section.given.split()):
-            value = live.plain(defaults[name].default)
-            chosen[label((*call.place, name))] = {"value": value, "by": "default"}
+    for call in calls_in([*vars(scene).values()]):
+        section = schema.SECTIONS[str(call.place[0]) if call.place else "title"]
+        kinds = section.makes
+        for kind in kinds if len(kinds) == 1 else {call.name} & set(kinds):
+            defaults = inspect.signature(schema.resolved(kind)).parameters
+            keys = schema.parameters(kind).keys() & defaults.keys()
+            for name in keys - call.arguments.keys() - set(section.given.split()):
+                value = live.plain(defaults[name].default)
+                chosen[label((*call.place, name))] = {"value": value, "by": "default"}
     return [{"key": key, **one} for key, one in sorted(chosen.items())]
 
 
-#: Tool -> what answers its call.
-TOOLS: dict[str, Callable[..., Answer]] = {
-    **{"look": look, "materials": materials_named, "check": check, "report": partial(study, "")},
-    **{"strike": partial(study, "run"), "drop": partial(study, "run")},
-    **{name: partial(study, name) for name in ("map", "sweep", "tradeoff")},
-}
-
-
-# -- the process
+#: Tool -> what answers its call, by the folder and the arguments, and what it does.
+TOOLS: dict[str, tuple[Callable[..., Any], str]] = {
+    "look": (look, "A part (mesh, CAD, deck): pieces, faces, their supports, size, unit, a draft."),
+    "materials": (materials_named, "Materials whose name contains the query, with sources."),
+    "check": (check, "Look for mistakes in a scene, without meshing."),
+    "strike": (partial(study, "run"), "Compute the impact of a scene."),
+    "drop": (partial(study, "run"), "Compute the fall of a part: a scene with the section drop."),
+    "map": (partial(study, "map"), "Compute an impact at many points: the section map."),
+    "sweep": (partial(study, "sweep"), "Compute an impact for several values: the section sweep."),
+    "tradeoff": (partial(study, "tradeoff"), "Error against seconds and memory of an impact."),
+    "report": (report_of, "Compute a scene and write its report, a new .html file."),
+    "explain": (explain, "The causes of a number's bar, and what narrows each."),
+}  # fmt: skip
 
 
 def answer(root: Path, tool: str, arguments: Table) -> tuple[Table, list[str]]:
     """(answer of a tool, its pictures as PNG in base64)."""
     inputs: Table = {"tool": tool, "arguments": arguments}
-    values = dict(arguments)
-    count = values.pop("pictures", 1)
+    values, named, base = dict(arguments), arguments, root
     drawn: list[str] = []
     try:
-        named, base = values, root
         if "scene" in values:
-            scene = values["scene"] = document_of(values["scene"], root)
-            named, base = scene.data, scene.path.parent
-        inputs["files"] = files_of(base, named, root)
-        told, views = TOOLS[tool](root, **values)
-        pngs = (view._replace(ending=".png") for view in views[:count])
+            given = values["scene"]
+            table = root / "scene.json", given, json.dumps(given, indent=1)
+            scene = read(within(root, given)) if isinstance(given, str) else checked(*table)
+            values["scene"], named, base = scene, scene.data, scene.path.parent
+        inputs["files"] = hashes_of(base, named, root)
+        told, views = TOOLS[tool][0](root, **values)
+        pngs = (view._replace(ending=".png") for view in views)
         drawn = [one.data.partition(",")[2] for one in drawn_pictures(pngs) if one.data]
-    except Refusal as error:
-        told = refused(str(error), **error.told)
+    except Refusal as refusal:
+        told = refusal.told
     except (AntioscError, MemoryError) as error:
         sentence = getattr(error, "sentence", "") or str(error) or "the memory was not enough."
-        told = refused(sentence, kind=type(error).__name__)
+        told = Refusal(type(error).__name__, sentence).told
     except Exception as error:
         traceback.print_exc()
         fault = f"{type(error).__name__}: {error}".splitlines()[0]
-        told = refused(f"the call failed by a fault of antiosc: {fault}", kind="fault")
+        told = Refusal("fault", f"the call failed by a fault of antiosc: {fault}").told
     common = {"tool": tool, "version": info.version(), "hash": hash_of(inputs)}
-    return {"status": "completed", **told, **common}, drawn
+    whole: Table = {"status": "completed"} | told | common
+    return {name: live.plain(value) for name, value in whole.items()}, drawn
 
 
-def main() -> None:
-    """Answer the call on standard input."""
-    wire = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what libraries print is no part of the answer
-    request = json.loads(sys.stdin.readline())
-    resource.setrlimit(resource.RLIMIT_AS, (request["memory"], request["memory"]))
-    threading.Thread(target=end_with_server, daemon=True).start()
-
-    def tell(content: Table) -> None:
-        wire.write(json.dumps(content) + "\n")
-        wire.flush()
-
-    with progress.following(lambda doing: tell({"doing": doing})):
-        told, pictures = answer(Path(request["folder"]), request["tool"], request["arguments"])
-    tell({"answer": live.plain(told), "pictures": pictures})
+def work(wire: Connection, root: Path, memory: int, tool: str, arguments: Table) -> None:
+    """Send what a call does, and last its answer."""
+    os.setsid()
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    threading.Thread(target=end_with, args=(wire,), daemon=True).start()
+    with progress.following(wire.send):
+        told = answer(root, tool, arguments)
+    wire.send(told)
 
 
-def end_with_server() -> None:
-    """End with all that was started once the server closes this process's input."""
-    sys.stdin.read()
+def end_with(wire: Connection) -> None:
+    """End with all that was started once the server closes its end."""
+    wire.poll(None)
     os.killpg(0, signal.SIGKILL)
-
-
-if __name__ == "__main__":
-    main()

@@ -17,6 +17,7 @@ from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, plain
 from antiosc.extension import check_point
 from antiosc_app import new, report, results
+from antiosc_app.kept import Kept
 from antiosc_app.scene_file import run
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
@@ -225,7 +226,7 @@ def of_study(document: Document, command: str) -> CompiledScene:
 
 def made(document: Document, scene: CompiledScene, command: str) -> run.SceneResults:
     """The results of a study of a document."""
-    begun = Settled(scene, Evaluation(scene.document))
+    begun = Settled(scene, Kept().evaluation(scene.document))
     first = run.results(scene, ("structure",), begun.evaluate)
     scene.warnings[:] = first.warnings
     _check_probes(begun)

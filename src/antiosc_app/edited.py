@@ -35,6 +35,8 @@ HAMMERS = tuple(name for name, impactor in IMPACTORS.items() if name[:2] == "IK"
 #: Names of isotropic materials, and the choice of one that is not among them.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
 OWN = "own material"
+#: Those with a yield strength, which a deck may have none of.
+STRENGTHS = [name for name in materials.names() if materials.record(name).yield_strength]
 #: Floors: rigid, or a half-space of a material.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)

@@ -23,8 +23,6 @@ from antiosc_studies.drops.pictures import at, surface_of
 OF_FLIGHT = 40
 #: Number of times at which the page shows the part in all.
 FRAMES = 300
-#: Quantile of the values that ends the colours where the largest exceeds it so many times; part.js.
-USUAL, SPIKE = 0.995, 1.5
 #: Number of samples of a force.
 CURVE = 800
 #: Numbers of an impact, and their units.
@@ -45,7 +43,7 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
     part = geometry(points, faces)
     if worst is not None:
         nearest = cKDTree(worst.points - fall.body.centre).query(points)[1]
-        values = np.minimum(worst.values / (_top(worst) or 1.0), 1.0)
+        values = worst.values / (float(worst.values.max()) or 1.0)
         part["values"] = values[nearest].astype(np.float32)
     return {
         "fall": {
@@ -55,23 +53,10 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
             "places": np.array([state.centre for state in states], dtype=np.float32),
             "turns": np.array([state.R for state in states], dtype=np.float32),
             "impacts": [_impact(fall, k, times) for k in range(len(fall.impacts))],
-            "most": None if worst is None else _legend(worst),
+            "most": None if worst is None else engineering(worst.values.max(), worst.unit),
             "what": "" if worst is None else f"largest {worst.label} in all impacts",
         }
     }
-
-
-def _top(worst: WorstField) -> float:
-    """The end of the scale of colours: the largest value, or what it exceeds at few points."""
-    largest = float(worst.values.max())
-    usual = float(np.quantile(worst.values, USUAL))
-    return usual if 0 < SPIKE * usual < largest else largest
-
-
-def _legend(worst: WorstField) -> str:
-    """Text at the end of the scale of colours."""
-    top, largest = (engineering(x, worst.unit) for x in (_top(worst), float(worst.values.max())))
-    return top if top == largest else f"{top} and more, up to {largest}"
 
 
 def _surface(fall: Fall) -> tuple[Array, IntArray]:

@@ -4,7 +4,7 @@ a group by its name, else its lowest flat side.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -66,8 +66,8 @@ def thickness_at(x: Array, faces: IntArray, place: Place) -> float:
 
 def on_faces(
     x: Array, faces: IntArray, outer: Faces, supported: BoolArray, struck: IntArray
-) -> Iterator[Place]:
-    """Yield places in the middle of the free faces of a part, the largest first."""
+) -> Place:
+    """The middle of the largest free face of a part that is seen from outside."""
     corners = x[faces]
     normals = _outward(x, faces, outer.normals) if outer.sheet else outer.normals
     side, edges = _sides(x, faces, normals)
@@ -90,26 +90,24 @@ def on_faces(
         inner = int(np.argmax(cKDTree(edge).query(middles[on_side])[0])) if len(edge) else 0
         best = on_side[inner]
         before = distances_along(corners, middles[best], normals[best])
-        place = middles[best], -normals[best]
-        if (before > gap).any():
-            hidden.append(place)
-        else:
-            yield place
-    yield from hidden
+        hidden.append((middles[best], -normals[best]))
+        if not (before > gap).any():
+            return hidden[-1]
+    return hidden[0]
 
 
-def on_lines(x: Array, nodes: IntArray, supported: BoolArray, struck: IntArray) -> Iterator[Place]:
-    """Yield nodes of beams, of the struck group or far from supports, and a direction across."""
+def on_lines(x: Array, nodes: IntArray, supported: BoolArray, struck: IntArray) -> Place:
+    """A node of beams, of the struck group or far from supports, and a direction across."""
     candidates = struck if len(struck) else np.unique(nodes)
-    for best in candidates[np.argsort(-_from_supports(x, supported, x[candidates]), kind="stable")]:
-        rows = nodes[(nodes == best).any(axis=1)]
-        extents = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
-        axis = int(np.argmin(extents[::-1]))  # z before y before x
-        yield x[best], -np.eye(3)[2 - axis]
+    best = candidates[np.argmax(_from_supports(x, supported, x[candidates]))]
+    rows = nodes[(nodes == best).any(axis=1)]
+    extents = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
+    axis = int(np.argmin(extents[::-1]))  # z before y before x
+    return x[best], -np.eye(3)[2 - axis]
 
 
-def on_rim(x: Array, faces: IntArray, supported: BoolArray) -> Iterator[Place]:
-    """Yield middles of the edges of a plane part and the direction inward, the farthest first."""
+def on_rim(x: Array, faces: IntArray, supported: BoolArray) -> Place:
+    """The middle of the edge of a plane part farthest from supports, and the direction inward."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), faces.shape[1])
     edge, count = np.unique(np.sort(ends), axis=0, return_inverse=True, return_counts=True)[1:]
@@ -123,8 +121,8 @@ def on_rim(x: Array, faces: IntArray, supported: BoolArray) -> Iterator[Place]:
 
     offset = np.abs(middle[:, 0] - x[:, 0].mean())
     far = _from_supports(x, supported, middle)
-    for best in np.lexsort((offset, -np.round(middle[:, 1], 9), -far)):
-        yield middle[best], across[best]
+    best = np.lexsort((offset, -np.round(middle[:, 1], 9), -far))[0]
+    return middle[best], across[best]
 
 
 def _from_supports(x: Array, supported: BoolArray, points: Array) -> Array:

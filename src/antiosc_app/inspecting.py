@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +12,7 @@ import numpy as np
 
 from antiosc.base import progress
 from antiosc.base._types import BoolArray, IntArray
-from antiosc.base.errors import AntioscError, InputError, without_warnings
+from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.texts import rounded_up
 from antiosc_app import guessed
 from antiosc_app.foreign import STEEL, Read, foreign_part, is_deck, way_of_piece
@@ -30,8 +29,6 @@ if TYPE_CHECKING:
 LARGEST = 50_000_000
 #: Least number of dofs for one anti-oscillator.
 DOFS_FOR_EACH = 4
-#: Number of places of a deck that are tried, whose constraints may hold one.
-MOST_TRIED = 20
 
 
 def check_size(path: Path) -> None:
@@ -107,7 +104,7 @@ def _inspected(
     else:
         supported, plane = guessed.supporting_side(x, size, faces if mesh.tdim == 3 else None)
 
-    point, direction = _place(mesh, outer, structure, supported)
+    point, direction = _place(mesh, outer, supported)
     cell = None
     if meshed and mesh.tdim == 3:
         behind = guessed.thickness_at(x, faces, (point, direction))
@@ -144,29 +141,8 @@ def _inspected(
     )
 
 
-def _place(mesh: Mesh, outer: Faces, structure: Structure | None, supported: BoolArray) -> Place:
-    """Where a part is struck: of a deck the first place that its constraints do not hold."""
-    places = _places(mesh, outer, supported)
-    first = next(places)
-    if structure is None:
-        return first
-
-    from antiosc import Site
-    from antiosc.reduce.site import functional
-
-    for point, direction in (first, *islice(places, MOST_TRIED)):
-        for way in (direction, *-np.eye(3)[::-1]):
-            try:
-                with without_warnings():
-                    functional(structure, Site(point.tolist(), way.tolist(), snap=True))
-            except InputError:
-                continue
-            return point, way
-    return first
-
-
-def _places(mesh: Mesh, outer: Faces, supported: BoolArray) -> Iterator[Place]:
-    """Yield places where a mesh may be struck, the likeliest first."""
+def _place(mesh: Mesh, outer: Faces, supported: BoolArray) -> Place:
+    """Where a mesh is struck."""
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from itertools import groupby
 from math import floor, log10, pi
 from typing import TYPE_CHECKING
 
@@ -17,6 +14,7 @@ from antiosc.base import materials
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.texts import engineering, rounded_down
 from antiosc_app.foreign import STEEL, Read
+from antiosc_app.scene_file.document import listed
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -36,8 +34,6 @@ HEAVIEST = 10.0
 SAME_PLACE = 1e-6
 #: Number of rigid motions of a part that is free.
 RIGID = 6
-#: Largest number of groups that are named.
-MOST_NAMES = 12
 #: Guessed thickness of a sheet, and diameter of a bar, over the longest side.
 THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
 #: What becomes of the contact of a deck.
@@ -147,10 +143,7 @@ class Inspection:
 
     def sentences(self, name: str, drop: bool = False) -> list[str]:
         """Text lines for the terminal; without the impact if the part is dropped."""
-        groups = brief(self.groups)
-        more = f" and {len(groups) - MOST_NAMES} more" if len(groups) > MOST_NAMES else ""
-        named = ", ".join(groups[:MOST_NAMES]) or "none"
-        first = f"{name}: {self.cells}, {self.sides_text()}; groups: {named}{more}."
+        first = f"{name}: {self.cells}, {self.sides_text()}; groups: {listed(self.groups)}."
         return [first, *self.notes, "taken, and what changes it:", *aligned(self.taken(drop))]
 
     def sides_text(self) -> str:
@@ -166,19 +159,6 @@ class Inspection:
             return unit
         why = "its materials and size" if self.of_deck else "its size"
         return f"{unit}, by {why}: the file states none"
-
-    @property
-    def strengths(self) -> list[str]:
-        """Names of materials with a yield strength that are like one of a deck."""
-        if self.structure is None:
-            return []
-        from antiosc.extension import source
-
-        parts = source(self.structure).materials_of(self.structure, None)
-        known = {(one.E, one.rho) for one in parts if hasattr(one, "yield_strength")}
-        strong = [one for one in map(materials.record, materials.names()) if one.yield_strength]
-        alike = [np.isclose((m.E, m.rho), list(known), rtol=0.1).all(axis=-1).any() for m in strong]
-        return [m.name for m, like in zip(strong, alike, strict=True) if like]
 
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
         """What is taken: (name, value, key of the scene that changes it)."""
@@ -199,9 +179,7 @@ class Inspection:
         if not self.of_deck:
             rows.append(("elements", cells, f"{section} size, refine"))
         if self.of_deck:
-            alike = self.strengths
-            like = f" ({alike[0]!r} and others are like it)" if alike else ""
-            told = f"none: nothing is said of yield{like}"
+            told = "none: nothing is said of yield"
             rows.append(("yield strength", told, "[deck] yield_strength"))
         else:
             guess = "" if self.asked else ", a guess: the file has none"
@@ -245,20 +223,6 @@ class Inspection:
         axis = normal.index(1.0)
         side = "the underside" if axis == 2 else "the side"
         return f"the nodes on {side}, {'xyz'[axis]} = {1e3 * point[axis]:g} mm"
-
-
-#: The number at the end of a name, such as "face 12" or "hole 6 mm (1)"; names of one run that
-#: differ in it alone are shortened if there are more than this many.
-NUMBER, MOST_OF_RUN = re.compile(r"\d+(?=\)?$)"), 3
-
-
-def brief(names: Sequence[str]) -> list[str]:
-    """Names, of those that differ in their last number alone the first and the last."""
-    runs = [list(run) for _, run in groupby(names, partial(NUMBER.sub, ""))]
-    shortened = (
-        [f"{run[0]} … {run[-1]} ({len(run)})"] if len(run) > MOST_OF_RUN else run for run in runs
-    )
-    return [name for run in shortened for name in run]
 
 
 def _in_mm(length: float) -> str:

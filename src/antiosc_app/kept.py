@@ -1,40 +1,27 @@
-"""What `antiosc open` keeps between answers: meshes, structures, models, and free modes."""
+"""What the runs of one part keep: meshes, structures and models, each by what its call says."""
 
 from __future__ import annotations
 
-import contextlib
-import json
 from collections import OrderedDict
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-import numpy as np
-
-from antiosc import AntiOscillators, from_free_modes
-from antiosc.base.errors import AntioscError, warn, warnings_to
-from antiosc.models.body import ModelInfo
+from antiosc.base.errors import warn, warnings_to
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import Document
-from antiosc_app.scene_file.scene import CompiledScene
 
 if TYPE_CHECKING:
-    from antiosc import Site, Structure
+    from antiosc import Structure
 
 T = TypeVar("T")
 
-#: Number of free modes, which are computed between calls of the page.
-MODES = 40
-#: Anti-oscillators of a model from free modes.
-COUNT = 20
-#: Number of meshes, structures and models that are kept: with its shapes a model of 77 000 dofs has
-#: 85 MB, and Undo finds it again.
-MESHES, STRUCTURES, MODELS = 4, 2, 8
-#: Sections of a scene on which a mesh depends, a structure, and a model.
-OF_MESH = ("geometry",)
-OF_STRUCTURE = ("geometry", "deck", "material", "supports")
-OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
+#: What is kept, and how many of it: a model of 77 000 dofs has 85 MB with its shapes, and Undo
+#: finds it again.
+MOST = {
+    **{"read_mesh": 4, "Structure": 2, "read_model": 2, "Structure.from_files": 2, "assemble": 2},
+    **{"extract": 8, "from_frf": 2},
+}
 
 
 class ResultCache(OrderedDict[str, T]):
@@ -62,49 +49,34 @@ class ResultCache(OrderedDict[str, T]):
 
 
 class Kept:
-    """Meshes, structures, models and free modes of the scenes of one part."""
+    """Meshes, structures and models of the scenes of one part, or of a given `structure`."""
 
     def __init__(self, structure: Structure | None = None) -> None:
         self._given = structure
-        self._meshes: ResultCache[object] = ResultCache(MESHES)
-        self._structures: ResultCache[object] = ResultCache(STRUCTURES)
-        self._models: ResultCache[object] = ResultCache(MODELS)
-        self._modes: ResultCache[FreeModes] = ResultCache(STRUCTURES)
+        self.results: dict[str, ResultCache[object]] = {n: ResultCache(m) for n, m in MOST.items()}
 
     def evaluation(self, document: Document) -> KeepingEvaluation:
         """The evaluation of a scene that takes what is kept."""
         return KeepingEvaluation(self, document)
 
-    def made(self, data: dict[str, Any], call: Call, make: Callable[[], object]) -> object:
-        """The object of a call of a scene, from what is kept."""
-        if call.name in ("Structure", "read_model"):
-            if self._given is not None:
-                return self._given
-            return self._structures.of(key_of(data, OF_STRUCTURE), make)
-        if call.name == "extract":
-            return self._models.of(key_of(data, OF_MODEL), make)
-        if call.name == "read_mesh":
-            return self._meshes.of(key_of(data, OF_MESH), make)
-        return make()
-
-    def from_modes(self, scene: CompiledScene) -> tuple[Structure, AntiOscillators] | None:
-        """(structure, model from its free modes) of a scene; None if these are not known."""
-        data = scene.document.data
-        modes = self._modes.get(key_of(coarse(data), OF_STRUCTURE))
-        if modes is None or scene.model is None or key_of(data, OF_MODEL) in self._models:
-            return None
-        return modes.structure, modes.model(scene.model.arguments["site"].made)
-
-    def search_modes(self, structure: Structure, data: dict[str, Any]) -> None:
-        """Compute the free modes of the structure of a scene."""
-        with contextlib.suppress(AntioscError):  # without them every click is extracted
-            self._modes.of(key_of(coarse(data), OF_STRUCTURE), lambda: FreeModes(structure))
+    def made(self, call: Call, make: Callable[[], object]) -> object:
+        """The object of a call, from what is kept."""
+        if self._given is not None and call.name in ("Structure", "read_model"):
+            return self._given
+        if call.name not in self.results:
+            return make()
+        return self.results[call.name].of(repr(described(call)), make)
 
 
-def coarse(data: dict[str, Any]) -> dict[str, Any]:
-    """A scene without the smaller cells at its site."""
-    read = {key: value for key, value in data.get("geometry", {}).items() if key != "refine"}
-    return {**data, "geometry": read}
+def described(value: object) -> object:
+    """A value with the name and the arguments of each call in it."""
+    if isinstance(value, Call):
+        return value.name, described(value.arguments)
+    if isinstance(value, Mapping):
+        return {key: described(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [described(entry) for entry in value]
+    return value
 
 
 class KeepingEvaluation(Evaluation):
@@ -112,54 +84,10 @@ class KeepingEvaluation(Evaluation):
 
     def __init__(self, kept: Kept, document: Document) -> None:
         super().__init__(document)
-        self._kept = kept
+        self.kept = kept
 
     def _object(self, call: Call) -> object:
         make = partial(super()._object, call)
         if call.made is not None or call in self._made:
             return make()
-        return self._kept.made(self.document.data, call, make)
-
-
-def key_of(data: dict[str, Any], sections: tuple[str, ...]) -> str:
-    """Text of the sections that an object depends on."""
-    return json.dumps({name: data[name] for name in sections if name in data}, sort_keys=True)
-
-
-class FreeModes:
-    """Free modes of a structure, and models at any site from them."""
-
-    def __init__(self, structure: Structure) -> None:
-        from antiosc.extension import ModeSolver
-
-        structure.factorize(np.inf)  # a click is one solve
-        self.structure = structure
-        modes = ModeSolver(structure).lowest(MODES)
-        rigid = structure.rigid_modes
-        self.omega = np.concatenate([np.zeros(rigid.shape[1]), modes.omega])
-        self.phi = np.column_stack([rigid, modes.phi])
-
-    def model(self, site: Site) -> AntiOscillators:
-        """The model of a site by one solve, without bars."""
-        from antiosc.fem.linalg.algebra import multiply
-        from antiosc.reduce.site import functional, surfaces
-
-        structure = self.structure
-        load = functional(structure, site)
-        y = structure.factorize().solve_block(load.b[:, None])[:, 0]
-        of_site = load.b @ self.phi, float(load.b @ y), float(y @ multiply(structure.M, y))
-        model = from_free_modes(self.omega, *of_site, COUNT, structure.shift)
-        assert load.point is not None
-        assert load.direction is not None
-        info = ModelInfo(
-            point=load.point.tolist(),
-            direction=load.direction.tolist(),
-            surfaces=surfaces(structure, {"": load}),
-        )
-        return replace(
-            model,
-            local_compliance=load.local_compliance,
-            radius=load.radius,
-            direction=load.direction,
-            info=info,
-        )
+        return self.kept.made(call, make)

@@ -109,8 +109,6 @@ TOL = 1e-6
 COARSE = 1e-3
 #: Number of points of the computed curve on the page.
 CURVE = 2000
-#: Translates digits to superscripts.
-SUPERSCRIPTS = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
 
 
 def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
@@ -162,9 +160,7 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
             "kind": law.kind,
             "name": type(law).__name__,
             "params": finite_parameters(law),
-            "unit": "N/m"
-            if exponent == 1
-            else f"N/m{format(exponent, 'g').translate(SUPERSCRIPTS)}",
+            "unit": "N/m" if exponent == 1 else f"N/m^{exponent:g}",
         },
         "striker": striker,
         "mass": 1 / float(striker["b"][0] ** 2) if rigid else None,

@@ -65,7 +65,7 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     page["held"] = _held(displacements).astype(np.uint8)
     motion = displacements @ to_shapes
     page["motion"] = fields(motion, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1))
-    if not isinstance(stress, str):
+    if stress is not None:
         stress_fields = [field[node] @ to_shapes for field in stress]
         page["stress"] = [fields(field, x, MOST_FIELDS[1], _equivalent) for field in stress_fields]
     return page
@@ -142,23 +142,16 @@ def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
     return np.stack(ends, axis=1).reshape(-1, 3), np.vstack(faces), node
 
 
-#: Why no stress of a part is known.
-NO_OUTLINE = (
-    "not computed: a beam of the part has a section without an outline, given by area and second"
-    " moments alone; give the dimensions of the section, or points of it for the stress"
-)
-
-
-def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | str:
-    """Stresses (N, 6, columns) at all nodes on rank 0; text why they are not known."""
+def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | None:
+    """Stresses (N, 6, columns) at all nodes on rank 0; None of a beam's section without outline."""
     stresses = []
     for side in sides(structure):
         try:
             points, _, tensors = tensors_at_nodes(
                 structure, hit, "structure", shapes, "stress", [side]
             )
-        except InputError:  # of a beam alone
-            return NO_OUTLINE
+        except InputError:
+            return None
         if structure.comm.rank == 0:
             stresses += _averages(tensors, len(points))
     return stresses
@@ -241,10 +234,6 @@ def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -
 def _equivalent(stress: Array) -> Array:
     """Von Mises stress of stress fields."""
     return equivalent(np.moveaxis(stress, 1, -1))
-
-
-#: Place of a largest displacement in words, where it is that of the site.
-SITE = "the site"
 
 
 #: Largest number of sites on a page.

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import textwrap
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,12 +17,11 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError
 from antiosc_app import inspection
 from antiosc_app.inspecting import inspect_part
-from antiosc_app.inspection import Inspection, brief
+from antiosc_app.inspection import Inspection
 from antiosc_app.report import rendered
 from antiosc_app.scene_file.compiled import FIRST_COUNT
+from antiosc_app.scene_file.document import listed
 
-#: Width of the comment of a scene that lists the groups, and most of its lines.
-WIDTH, MOST_LINES = 96, 10
 #: Number of impacts of the fall.
 IMPACTS = 3
 #: Options of reading that a scene has, and None for those that it does not need.
@@ -122,7 +120,7 @@ def text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
         ball=look.ball,
         ball_material=json.dumps(inspection.BALL_MATERIAL),
         drop=drop,
-        groups=_listed(look.groups),
+        groups=listed(json.dumps(name, ensure_ascii=False) for name in look.groups),
         fall={
             "height": inspection.FALL_HEIGHT,
             "tilt": list(inspection.TILT),
@@ -132,17 +130,6 @@ def text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
         },
         json=json.dumps,
     )
-
-
-def _listed(groups: list[str]) -> list[str]:
-    """The names of groups as lines of a comment; of many lines the first."""
-    blank = "\0"  # in place of a space in a name, at which no line may end
-    names = [json.dumps(name, ensure_ascii=False).replace(" ", blank) for name in brief(groups)]
-    lines = textwrap.wrap(", ".join(names), WIDTH, break_long_words=False, break_on_hyphens=False)
-    lines = [line.replace(blank, " ") for line in lines]
-    if len(lines) <= MOST_LINES:
-        return lines
-    return [*lines[:MOST_LINES], f"… of {len(groups)} in all, which antiosc open shows"]
 
 
 # --- The picture ----------------------------------------------------------------------------------

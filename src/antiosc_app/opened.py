@@ -1,8 +1,8 @@
 """`antiosc open`: a part that is struck on a page, from its file to a scene that is saved.
 
-The opened part is a scene that is edited; an answer is a run of it, in steps: the force at once by
-free modes, where these are known; the force with its bars; then motion, stress and all that
-`antiosc run` prints. Meshes, structures and models are kept, and one thread computes.
+The opened part is a scene that is edited; an answer is a run of it, in steps: the force with its
+bars; then motion, stress and all that `antiosc run` prints. Meshes, structures and models are kept,
+and one thread computes.
 """
 
 from __future__ import annotations
@@ -16,27 +16,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from antiosc.base import checks
-from antiosc.base.errors import InputError, by_weight, without_warnings
+from antiosc.base.errors import InputError, by_weight
 from antiosc.base.texts import capitalised, engineering
 from antiosc.models.body import info_of
 from antiosc_app import cards, falls, live, live_data, report, results
 from antiosc_app.cards import MOST_CAUTIONS
-from antiosc_app.edited import FLOORS, HAMMERS, MATERIALS, OWN, EditedScene, Table, toml
+from antiosc_app.edited import FLOORS, HAMMERS, MATERIALS, OWN, STRENGTHS, EditedScene, Table, toml
 from antiosc_app.headline import largest_stress
 from antiosc_app.inspecting import inspect_part, inspect_structure
 from antiosc_app.inspection import CONTACT_TEXTS, Inspection
 from antiosc_app.kept import Kept
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
-from antiosc_app.scene_file.compiled import Choice, compiled, with_values
+from antiosc_app.scene_file.build import Evaluation
+from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, SceneFileError, read
 from antiosc_app.scene_file.scene import STUDIES
-from antiosc_app.scene_file.settled import Settled, settled
+from antiosc_app.scene_file.settled import Settled, begin, settled
 from antiosc_app.working import Worker
 
 if TYPE_CHECKING:
     from antiosc import Site, Structure
     from antiosc.io.neutral import Piece
+    from antiosc_app.skin import PageSkin
 
 #: Rank that stands for all pieces joined, and its words.
 JOINED, ALL = 0, "all joined"
@@ -88,8 +90,8 @@ class Opened:
     def calls(self) -> dict[str, Callable[[Table], object]]:
         """Name of a call of the page -> the function that answers it."""
         steps: dict[str, Callable[[Table], Data]] = {
-            **{"strike": self._strike, "settle": self._settle, "show": self._show},
-            **{"map": self._map, "write": self._write},
+            **{"settle": self._settle, "show": self._show, "map": self._map},
+            "write": self._write,
         }
         answers = {name: self._step(step) for name, step in steps.items()}
         return {
@@ -132,14 +134,10 @@ class Opened:
 
     def _opened(self) -> Data:
         """Open the file: its skin, its faces, and its first scene."""
-        from antiosc_app.skin import places, skin
+        from antiosc_app.skin import places
 
         look = self._look = self._inspected()
-        self._scene = EditedScene(self._path, look, {}, ())
-        scene = compiled(self._scene.document())
-        structure = self._kept.evaluation(scene.document)(scene.structure)
-        shape, faces, held = skin(structure, look)
-        self._scene = EditedScene(self._path, look, faces, held)
+        self._scene, (shape, faces, _) = first_scene(self._path, look, self._kept.evaluation)
         self._answer = None
         self._opening += 1
         own = self._given is not None
@@ -161,7 +159,7 @@ class Opened:
             "family": look.family,
             "of_deck": look.of_deck and not own,
             "refines": look.meshed or not own,
-            "strengths": [] if own else look.strengths,
+            "strengths": STRENGTHS if look.of_deck and not own else [],
             "saves": not own,
             "engine": live.engine(),
         }
@@ -251,31 +249,12 @@ class Opened:
 
     def _settled(self, document: Document) -> Settled:
         """A scene with numbers in place of "auto", as `antiosc run` chooses them."""
-        scene = compiled(document)
-        begun = Settled(scene, self._kept.evaluation(scene.document))
-        first = run.results(scene, ("structure",), begun.evaluate)
-        scene.warnings[:] = first.warnings
-        return settled(document, begun, self._kept.evaluation)
+        begun = begin(document, self._kept)
+        first = run.results(begun.scene, ("structure",), begun.evaluate)
+        begun.scene.warnings[:] = first.warnings
+        return settled(document, begun)
 
     # -- the steps of an answer
-
-    def _strike(self, _: Table) -> Data:
-        """The force by free modes and the choices of the answer before; {} without these."""
-        hit = None if self._answer is None else self._answer.results.history
-        if self._edited.falls or hit is None:
-            return {}
-        choice = Choice(hit.model.patch_radius, hit.model.n, float(hit.time[-1]))
-        scene = compiled(with_values(self._edited.document(), choice))
-        with without_warnings():  # those of the answer follow
-            quick = self._kept.from_modes(scene)
-            if quick is None or scene.structure is None or scene.model is None:
-                return {}
-            structure, model = quick
-            evaluate = self._kept.evaluation(scene.document)
-            evaluate.register(scene.structure, structure)
-            evaluate.register(scene.model, model)
-            hit = evaluate(scene.history)
-        return {"force": f"about {engineering(hit.peak_force, 'N', 2)}"}
 
     def _settle(self, _: Table) -> Data:
         """The force with its bars."""
@@ -293,8 +272,6 @@ class Opened:
         told = self._told_of_hit(made)
         told["part"] = live_meshes.of_structure(made.structure, made.history)
         told |= largest_stress(made.stresses or {})
-        data = made.compiled.document.data
-        self._worker.afterwards(lambda: self._kept.search_modes(made.structure, data))
         return told
 
     def _told_of_hit(self, made: run.SceneResults) -> Data:
@@ -362,6 +339,17 @@ class Opened:
         self.reports[name] = page.resolve()
         again = f"antiosc run {shlex.quote(str(scene.resolve()))}"
         return {"folder": self._folder, "written": names, "again": again, "report": name}
+
+
+def first_scene(
+    path: Path, look: Inspection, evaluation: Callable[[Document], Evaluation] = Evaluation
+) -> tuple[EditedScene, PageSkin]:
+    """(scene that a part begins with, its skin)."""
+    from antiosc_app.skin import skin
+
+    scene = compiled(EditedScene(path, look, {}, ()).document())
+    shown = skin(evaluation(scene.document)(scene.structure), look)
+    return EditedScene(path, look, shown.faces, shown.held), shown
 
 
 def in_words(work: Callable[[], Any]) -> Any:

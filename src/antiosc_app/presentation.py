@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from antiosc import AntiOscillators
 from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError
@@ -79,19 +78,6 @@ def curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None
     ax.set_xlabel("time (ms)")
     ax.set_ylabel(y)
     legend_beside(ax)
-
-
-def spectrum(model: AntiOscillators, ax: Axes) -> None:
-    """Draw frequency and mass of each anti-oscillator."""
-    has_sites = np.ndim(model.k0) > 0
-    height = model.mass_shares if has_sites else model.m
-    ax.vlines(model.omega / (2 * np.pi), 0, height, lw=1.5)
-    ax.plot(model.omega / (2 * np.pi), height, "o", ms=4)
-    if model.n and np.max(model.omega) > 30 * np.min(model.omega[model.omega > 0], initial=np.inf):
-        ax.set_xscale("log")
-    ax.set_ylim(bottom=0)
-    ax.set_xlabel("frequency (Hz)")
-    ax.set_ylabel("share of the static mass" if has_sites else "mass (kg)")
 
 
 def escaped(name: str) -> str:

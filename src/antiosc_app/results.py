@@ -38,7 +38,6 @@ from antiosc_app.presentation import (
     escaped,
     format_rows,
     spaced,
-    spectrum,
 )
 from antiosc_app.probes import Probe, draw_signals, files_of, probes_of, without_filter
 from antiosc_app.scene_file.document import label
@@ -73,26 +72,15 @@ def _model(results: SceneResults) -> Presentation:
         numbers = {name: getattr(model, name, None) for name in names}
         presentation.numbers["model"] = numbers | {"points": site_points(model)}
         presentation.plotted["model"] = model
-        presentation.pictures = _model_pictures(model)
+        caption = (
+            "|Z(ω)| (N/m) over frequency (Hz), infinite at the antiresonances, and the share of the"
+            " static mass that the anti-oscillators hold."
+        )
+        draw = partial(plot_model, model)
+        presentation.pictures = [Picture("Dynamic stiffness", caption, draw, ".svg")]
     if rows:
         presentation.sections[MODEL] = [rows]
     return presentation
-
-
-def _model_pictures(model: AntiOscillators) -> list[Picture]:
-    """Pictures of a reduced model."""
-    masses = (
-        "Frequency (Hz) and mass of each anti-oscillator: in kg at one site, as share of the static"
-        " mass at several."
-    )
-    stiffness = (
-        "|Z(ω)| (N/m) over frequency (Hz), infinite at the antiresonances, and the share of the"
-        " static mass that the anti-oscillators hold."
-    )
-    return [
-        chart("Anti-oscillators", masses, partial(spectrum, model)),
-        Picture("Dynamic stiffness", stiffness, partial(plot_model, model), ".svg"),
-    ]
 
 
 def _model_rows(model: AntiOscillators) -> Rows:
@@ -364,12 +352,6 @@ def fall_table(fall: Fall) -> Columns:
 
 #: Quantities of an ensemble of falls, and their units.
 FALLS = QUANTITIES | {"lost": "J"}
-#: Units of values that sweeps vary, by the last word of their names.
-SWEPT_UNITS = {
-    **{"velocity": "m/s", "mass": "kg", "rho": "kg/m³", "duration": "s"},
-    **dict.fromkeys(("radius", "tip_radius", "thickness"), "m"),
-    **dict.fromkeys(("E", "yield_strength"), "Pa"),
-}
 #: Before the errors and verdicts of a study.
 OWN_IMPACT = "Errors, stresses and verdicts are those of the scene's own impact:"
 
@@ -417,11 +399,10 @@ def _sweep(results: SceneResults) -> Presentation:
             table["± without the law (%)" if given else "± (%)"] = 100 * np.array(bars, dtype=float)
     table["restitution"] = batch.restitution
     table |= {name: batch.facts[name] for name in ("contacts", "status")}
-    shown: Columns = {with_unit(name): given for name, given in table.items()}
     return Presentation(
         tables={"sweep.csv": table},
         numbers={"sweep": table, **_own_numbers(results.nominal)},
-        sections={"Sweep": [shown, *_own_blocks(results.nominal)]},
+        sections={"Sweep": [table, *_own_blocks(results.nominal)]},
         pictures=[
             chart(
                 "Sweep",
@@ -437,14 +418,8 @@ def _draw_sweep(values: Mapping[str, list[Any]], force: Array, ax: Axes) -> None
     name, first = next(iter(values.items()))
     numbers = all(isinstance(value, int | float) for value in first)
     ax.plot(first if numbers else range(len(first)), force, "o", ms=4)
-    ax.set_xlabel(escaped(with_unit(name)))
+    ax.set_xlabel(escaped(name))
     ax.set_ylabel("peak force (N)")
-
-
-def with_unit(name: str) -> str:
-    """The name of a varied value with its unit: "impactor.velocity (m/s)"."""
-    unit = SWEPT_UNITS.get(name.rpartition(".")[2])
-    return f"{name} ({unit})" if unit else name
 
 
 def _sample(results: SceneResults) -> Presentation:

@@ -28,7 +28,6 @@ class Worker:
         self.turn = 0
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="antiosc")
         self._lock = threading.Lock()
-        self._waiting = 0
         self._closed = False
         self._doing = ""
         self._began = time.monotonic()
@@ -57,8 +56,6 @@ class Worker:
                 raise Overtaken
 
         def run_work() -> dict[str, Any]:
-            with self._lock:
-                self._waiting -= 1
             if turn not in (None, self.turn):
                 return STALE
             self._began = time.monotonic()
@@ -68,20 +65,7 @@ class Worker:
             except Overtaken:
                 return STALE
 
-        with self._lock:
-            self._waiting += 1
         try:
             return self._thread.submit(run_work).result()
         except CancelledError:  # the program ends
             return STALE
-
-    def afterwards(self, work: Callable[[], None]) -> None:
-        """Do `work` once nobody waits; it is left out if somebody does."""
-
-        def run_work() -> None:
-            if not (self._waiting or self._closed):
-                with progress.following(lambda doing: setattr(self, "_doing", doing)):
-                    work()
-
-        if not self._closed:
-            self._thread.submit(run_work)

@@ -194,16 +194,15 @@ def test_progress_is_told_and_a_cancelled_call_ends_its_process(folder):
 
 
 def workers(folder: Path) -> list[int]:
-    """The processes of calls to the server of a folder."""
+    """The processes of calls to a server that was started in a folder."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):
         try:
-            words = (process / "cmdline").read_bytes().split(b"\0")
-            known = (process / "environ").read_bytes().split(b"\0")
+            of_call = b"spawn_main" in (process / "cmdline").read_bytes()
+            if of_call and (process / "cwd").readlink() == folder:
+                found.append(int(process.name))
         except OSError:  # it has ended
             continue
-        if b"antiosc_app.agents_work" in words and f"ANTIOSC_FOLDER={folder}".encode() in known:
-            found.append(int(process.name))
     return found
 
 

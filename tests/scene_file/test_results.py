@@ -205,7 +205,7 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     headings = ["Results", "Errors", "Pictures", "Model", "Origin", "Scene"]
     assert page.text["h2"] == headings
     pictures = ["Contact force", "Displacements", "Energies", "Probes", "Deformed structure"]
-    assert page.text["h3"] == [*pictures, "Anti-oscillators", "Dynamic stiffness"]
+    assert page.text["h3"] == [*pictures, "Dynamic stiffness"]
     cells = page.text["td"]
     result = numbers(folder)
     assert any(engineering(result["result"]["contact_time"], "s") in cell for cell in cells)

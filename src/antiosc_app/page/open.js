@@ -365,16 +365,13 @@ class Bench {
     }
   }
 
-  // The answer in steps: the force at once, with its bars, and with motion and stress.
+  // The answer in steps: the force with its bars, then motion and stress.
   async answer() {
     const { turn } = this;
     delete document.documentElement.dataset.failed;
     this.outdated(true);
     this.warn([]);
     this.wrote("");
-    const quick = await this.step("strike");
-    if (!quick) return;
-    if (quick.force) this.tell({ cards: [["largest force", `${quick.force} …`]], rows: [], sentences: [] });
     const settled = await this.step("settle");
     if (!settled) return;
     if (settled.summary) this.tell(settled.summary);

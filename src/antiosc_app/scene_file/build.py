@@ -66,25 +66,14 @@ class Call:
         return DOING.get(str(self.place[0]), f"computing [{label(self.place)}]")
 
     def refused(self, error: Exception) -> tuple[Place, str]:
-        """Place and sentence for an error of this call; at the argument that the error names, or
-        where the scene names a group that does not exist.
-        """
+        """Place and sentence for an error of this call; at the argument that the error names."""
         fault = (
             str(error) if isinstance(error, AntioscError) else f"{type(error).__name__}: {error}"
         )
         name = fault.removeprefix("every ").partition(" ")[0]
         argument_place = (name,) if name in self.arguments else ()
         place = (*self.place, *argument_place)
-        if missing := re.search(r" has no group '(.+?)'[;.]", fault):
-            named = next(self._places_of(missing[1]), None)
-            return named or place, f"{label(named or self.place)}: {fault.rstrip('.')}."
         return place, f"{label(self.place)}: {fault.rstrip('.')}."
-
-    def _places_of(self, text: str) -> Iterator[Place]:
-        """The places of the arguments of this call and those within it that are a text."""
-        for call in calls_in(self):
-            named = (key for key, value in call.arguments.items() if type(value) is str)
-            yield from ((*call.place, key) for key in named if call.arguments[key] == text)
 
 
 def calls_in(value: object) -> Iterator[Call]:

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from antiosc.base.errors import warn, warnings_to
+from antiosc.base.errors import warnings_to
 from antiosc.base.texts import STOPPED
 from antiosc.models.body import AUTO
-from antiosc_app.scene_file.build import Evaluation
+from antiosc_app.kept import KeepingEvaluation, Kept
 from antiosc_app.scene_file.compiled import Choice, compiled, is_auto, only_site, with_values
 from antiosc_app.scene_file.document import Document
 from antiosc_app.scene_file.scene import CompiledScene
@@ -26,50 +26,18 @@ class Settled(NamedTuple):
     """A scene with numbers in place of "auto", and the evaluation of its known objects."""
 
     scene: CompiledScene
-    evaluate: Evaluation
+    evaluate: KeepingEvaluation
 
 
-class Known:
-    """Structure and last model of a scene, for its runs with other values."""
-
-    def __init__(
-        self, structure: Structure | None, evaluation: Callable[[Document], Evaluation] = Evaluation
-    ) -> None:
-        self.structure = structure
-        self._evaluation = evaluation
-        #: radius, number and expansion point of the model, it and the warnings of its extraction
-        self._model: tuple[tuple[float | None, ...], object, list[str]] | None = None
-
-    def scene(self, document: Document, choice: Choice) -> Settled:
-        """A document with the values; its model is extracted once."""
-        scene = compiled(with_values(document, choice))
-        evaluate = self._evaluation(scene.document)
-        if scene.structure is not None:
-            evaluate.register(scene.structure, self.structure)
-        if scene.model is None:  # [strike] makes it
-            return Settled(scene, evaluate)
-
-        values = choice.radius, choice.n, choice.expansion
-        if self._model is None or self._model[0] != values:
-            messages: list[str] = []
-            with warnings_to(messages.append):
-                model = evaluate(scene.model)
-            self._model = values, model, messages
-        for message in self._model[2]:
-            warn(message)
-        evaluate.register(scene.model, self._model[1])
-        return Settled(scene, evaluate)
+def begin(document: Document, kept: Kept | None = None) -> Settled:
+    """The scene of a document with first values for "auto"; it takes what is kept."""
+    scene = compiled(document)
+    return Settled(scene, (kept or Kept()).evaluation(scene.document))
 
 
-def settled(
-    document: Document,
-    begun: Settled | None = None,
-    evaluation: Callable[[Document], Evaluation] = Evaluation,
-) -> Settled:
+def settled(document: Document, begun: Settled | None = None) -> Settled:
     """The scene of a document with the values of the hardest striker that it has."""
-    if begun is None:
-        scene = compiled(document)
-        begun = Settled(scene, evaluation(scene.document))
+    begun = begun or begin(document)
     scene, evaluate = begun
     if scene.document is document or scene.history is None:
         return begun
@@ -78,14 +46,13 @@ def settled(
     with warnings_to(messages.append):  # what was left out of the file
         structure = evaluate(scene.structure)
     hardest = _hardest(document, scene)
-    known = Known(structure, evaluation)
     told: list[str] = []
     choice = Choice(radius=_radius(structure, compiled(hardest), document))
 
     def run(choice: Choice) -> tuple[Settled, History]:
         told.clear()  # of the last run alone
         with warnings_to(told.append):
-            one = known.scene(hardest, choice)
+            one = begin(with_values(hardest, choice), evaluate.kept)
             return one, one.evaluate(one.scene.history)
 
     grows = is_auto(document, "extract", "n")
@@ -95,7 +62,8 @@ def settled(
     if hardest is not document:  # its warnings are not those of the scene's own impact
         told.clear()
         with warnings_to(told.append):
-            result = known.scene(document, choice)
+            result = begin(with_values(document, choice), evaluate.kept)
+            result.evaluate(result.scene.model)
     result.scene.warnings[:] = list(dict.fromkeys(messages + told))
     return result
 
