@@ -134,14 +134,14 @@ BAR = {
     "extract": {"n": 10, "error": "estimate"},
     "impactor": MASS,
     "contact": {"kind": "Hertz", "stiffness": 5e8},
-    "simulate": {"duration": 2e-3},
+    "simulate": {"duration": 5e-4},
 }
 
 
 @pytest.mark.fem
 def test_a_fall_a_map_and_a_tradeoff_are_told_with_bars_or_reasons(folder):
     (folder / "block.geo").write_text(BLOCK)
-    geometry = {"source": "block.geo", "unit": "m", "size": 0.01}
+    geometry = {"source": "block.geo", "unit": "m", "size": 0.02}
     part = {"geometry": geometry, "material": "aluminium 6061-T6"}
     drop = {"height": 0.3, "tilt": [10, 5, 0], "until": 1, "floor": {"material": "concrete C30/37"}}
     surface = {**part, "supports": [{"where": "below"}], "impactor": BRACKET["impactor"]}

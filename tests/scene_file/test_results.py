@@ -244,7 +244,7 @@ def test_hostile_names_are_text(tmp_path):
     assert page.tags.count("script") == 2
     assert "".join(page.text["h1"]).startswith("</pre><script>")
     assert "".join(page.text["pre"]) == text
-    assert len(page.images) == 6
+    assert len(page.images) == 5
     assert (tmp_path / "probes.csv").read_text().startswith("time (s),")
 
 
