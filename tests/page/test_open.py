@@ -123,7 +123,7 @@ def test_a_fall_shows_what_a_run_of_its_saved_scene_prints(tmp_path, capsys):
         'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.06, 0.04, 0.02};\n'
         'Physical Volume("block") = {1};\n'
     )
-    one = Opened(geo, size=0.02)
+    one = Opened(geo, size=0.01)
     try:
         one.calls["look"]({})
         told = edit(one, striker="floor")
