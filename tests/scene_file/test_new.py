@@ -44,7 +44,7 @@ def test_a_new_scene_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert antiosc("new") == 0
     scene = tmp_path / "scene.toml"
-    text = re.sub(r"(?m)^size = 0.02 ", "size = 0.04 ", scene.read_text())  # of the plate
+    text = re.sub(r"(?m)^size = 0.01 ", "size = 0.04 ", scene.read_text())  # of the plate
     scene.write_text(re.sub(r'(?m)^(duration|n) = "auto" .*', lambda m: SHORT[m[1]], text))
     assert antiosc("run", scene, "--out", tmp_path / "out") == 0
     assert numbers(tmp_path / "out")["result"]["peak_force"] > 0
