@@ -138,7 +138,9 @@ def _tradeoff(options: Namespace) -> int:
     if options.chart is not None:
         print_text(f"wrote {tradeoff.plot(options.chart)}")
     if page is not None:
-        print_text(f"wrote {report.write_report_of(scene, tradeoff, page)}")
+        shown = report.results_of(scene, tradeoff)
+        report.write_page(shown, results.presentations(shown), page)
+        print_text(f"wrote {page}")
     methods = sum(member.seconds for member in (*tradeoff.table, *tradeoff.others))
     whole = plain(time.perf_counter() - start, 3)
     print_text(f"In all {whole} s, of which the methods took {plain(methods, 3)} s.")

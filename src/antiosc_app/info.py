@@ -122,9 +122,7 @@ def report() -> str:
 
 
 def installation() -> str:
-    """Kind of this Python: "conda", "debian", "wheels" (PyPI has all for it), "venv" (another one
-    on Debian) or "pip".
-    """
+    """Kind of this Python: "conda", "debian", "wheels" (PyPI has all for it) or "pip"."""
     if Path(sys.prefix, "conda-meta").is_dir():
         return "conda"
     on_debian = Path("/etc/debian_version").is_file()
@@ -133,7 +131,7 @@ def installation() -> str:
     system = platform.system(), platform.machine()
     if system == ("Linux", "x86_64") and sys.version_info >= (3, 12):
         return "wheels"
-    return "venv" if on_debian else "pip"
+    return "pip"
 
 
 def remedy(missing: Sequence[Package], kind: str) -> str:
@@ -148,15 +146,11 @@ def remedy(missing: Sequence[Package], kind: str) -> str:
     names = list(dict.fromkeys(package.pypi for package in missing))
     pip = [name for name in names if name != WHEEL or kind == "wheels"]
     commands = [f"pip install {' '.join(pip)}"] if pip else []
-    if len(pip) < len(names) and kind == "venv":
-        environment = "/usr/bin/python3 -m venv --system-site-packages"
+    if len(pip) < len(names):
         commands.append(
-            f"for meshes {debian}, and an environment of Debian's Python: {environment}"
-        )
-    elif len(pip) < len(names):
-        commands.append(
-            "for meshes Python 3.12 or newer on Linux, conda (conda-forge), WSL with Debian, or the"
-            " container of packaging/Dockerfile"
+            f"for meshes {debian}, and an environment of Debian's Python: /usr/bin/python3 -m venv"
+            " --system-site-packages; or Python 3.12 or newer on Linux, conda (conda-forge), WSL"
+            " with Debian, or the container of packaging/Dockerfile"
         )
     return "; ".join(commands)
 

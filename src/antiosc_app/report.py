@@ -198,12 +198,6 @@ def write_report(
     return write_page(page_results, presentations(page_results), target)[0]
 
 
-def write_report_of(scene: CompiledScene, compared: Tradeoff, path: Path) -> Path:
-    """Write the report of a trade-off of a scene, with its text and its warnings."""
-    page_results = results_of(scene, compared)
-    return write_page(page_results, presentations(page_results), path)[0]
-
-
 def results_of(scene: CompiledScene, compared: Tradeoff) -> SceneResults:
     """The results of a trade-off of a scene."""
     title = str(scene.document.data.get("title") or scene.document.path.stem)

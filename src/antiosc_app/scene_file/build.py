@@ -67,12 +67,10 @@ class Call:
 
     def refused(self, error: Exception) -> tuple[Place, str]:
         """Place and sentence for an error of this call; at the argument that the error names."""
-        fault = (
-            str(error) if isinstance(error, AntioscError) else f"{type(error).__name__}: {error}"
-        )
+        known = isinstance(error, AntioscError)
+        fault = str(error) if known else f"{type(error).__name__}: {error}"
         name = fault.removeprefix("every ").partition(" ")[0]
-        argument_place = (name,) if name in self.arguments else ()
-        place = (*self.place, *argument_place)
+        place = (*self.place, name) if name in self.arguments else self.place
         return place, f"{label(self.place)}: {fault.rstrip('.')}."
 
 
