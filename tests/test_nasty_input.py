@@ -36,7 +36,7 @@ DEAR = {
     "contact_between",
     *("StructureModes.write", "History.to_dataframe"),
 }
-ROOMS = ("plotting.", "Fall.", "Many.", "PeakField.", "SavedFields.", "closed_form.")
+ROOMS = ("plotting.", "Fall.", "Many.", "PeakField.", "closed_form.")
 DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith(ROOMS)}
 #: Parameters that take the caller's own function: what that raises is the caller's.
 OWN_FUNCTIONS = {"make", "run", "build", "part"}

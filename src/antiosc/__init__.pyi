@@ -21,7 +21,7 @@ from antiosc.fields.fields import reactions as reactions, write_series as write_
 from antiosc.fields.peaks import peak_field as peak_field
 from antiosc.fields.pictures import save_fields as save_fields
 from antiosc.fields.probe import probe as probe, strain_gauge as strain_gauge
-from antiosc.fields.spectra import spectrum as spectrum, srs as srs
+from antiosc.fields.spectra import srs as srs
 from antiosc.impact.batch import simulate_many as simulate_many, sweep as sweep
 from antiosc.impact.bodies import (
     IMPACTORS as IMPACTORS,

@@ -39,7 +39,6 @@ from antiosc.fields.margin import ELASTIC as ELASTIC, criteria_of as criteria_of
 from antiosc.fields.pictures import MAP_QUANTITIES as MAP_QUANTITIES
 from antiosc.fields.probe import (
     ProbeError as ProbeError,
-    check_point as check_point,
     probed_point as probed_point,
 )
 

@@ -9,9 +9,8 @@ from antiosc.base.stresses import (
 from antiosc.fields.fields import Reactions as Reactions
 from antiosc.fields.margin import Margin as Margin
 from antiosc.fields.peaks import PeakField as PeakField, PrestressedState as PrestressedState
-from antiosc.fields.pictures import SavedFields as SavedFields
 from antiosc.fields.probe import probe_error as probe_error
-from antiosc.fields.spectra import ShockSpectrum as ShockSpectrum, Spectrum as Spectrum
+from antiosc.fields.spectra import ShockSpectrum as ShockSpectrum
 from antiosc.impact.enclosure import Enclosure as Enclosure
 from antiosc.impact.histories import History as History, SceneHistory as SceneHistory
 from antiosc.impact.histories.energy import Energy as Energy

@@ -15,7 +15,7 @@ from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError, labelled, weight
 from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, plain
-from antiosc.extension import check_point
+from antiosc.extension import probed_point
 from antiosc_app import new, report, results
 from antiosc_app.kept import Kept
 from antiosc_app.scene_file import run
@@ -214,7 +214,7 @@ def _check_probes(begun: Settled) -> None:
         if call is None or scene.structure is None:
             continue
         given = {"structure": scene.structure, **place_of(call)}
-        evaluate(Call(check_point, given, call.place))
+        evaluate(Call(probed_point, given, call.place))
 
 
 def of_study(document: Document, command: str) -> CompiledScene:

@@ -177,7 +177,6 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: plotting.plot_force({"a": None}), "must be a History"),
     (lambda: plotting.plot_masses(ao.AntiOscillators), "AntiOscillators"),
     (lambda: plotting.plot_map(3.0), "ImpactMap"),
-    (lambda: ao.spectrum([0, 1.0], [0, 1.0], pad=0.5), "pad"),
 ]  # fmt: skip
 
 

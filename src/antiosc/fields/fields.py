@@ -13,8 +13,8 @@ is the reaction,
 
 This mode-acceleration form contains the whole quasi-static reaction, whatever the number of modes
 in u''. Over all supports the motions g add up to a rigid one, so that the reactions, the force and
-the inertia of the reduced motion balance to rounding. The ground end of a spring is released like a
-support; dampers and branches add the work gᵀ(C u' + G ε).
+the inertia of the reduced motion balance to rounding. Dampers and branches add
+the work gᵀ(C u' + G ε).
 """
 
 from __future__ import annotations
@@ -301,7 +301,7 @@ def tensors_at_nodes(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reactions(ReprMixin):
-    """Forces and moments of the supports, and of springs and dampers to the ground, on a part.
+    """Forces and moments of the supports on a part.
 
     Attributes
     ----------
@@ -314,9 +314,8 @@ class Reactions(ReprMixin):
 
     Supports are named by their groups, or "support 1", "support 2", … in the order of the
     structure's list; in an assembly those of the parts come first, as "part:group" and
-    "part:support 1". A dof that two supports fix belongs to the first. Springs and dampers
-    follow by name (one row for a name), or "spring 1", "spring 2", …; those of a deck's joints
-    count as one.
+    "part:support 1". A dof that two supports fix belongs to the first. Springs and dampers to the
+    ground have no row: their forces follow from the `probe` of their points.
     """
 
     time: Array
@@ -328,7 +327,7 @@ class Reactions(ReprMixin):
 
     @property
     def total(self) -> Array:
-        """(n, 3) sum of all forces on the ground, N: inertia − applied."""
+        """(n, 3) sum of the forces, N: inertia − applied less springs and dampers to the ground."""
         return np.asarray(sum(self.force.values()))
 
 
@@ -342,7 +341,7 @@ def reactions(
     *,
     body: str = "structure",
 ) -> Reactions:
-    """Reactions of every support, spring and damper: of contact forces, loads and inertia.
+    """Reactions of every support: of contact forces, loads and inertia.
 
     Parameters
     ----------

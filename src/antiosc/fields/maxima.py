@@ -69,7 +69,8 @@ def search_of(
 ) -> Search:
     """The search over a run, at the `given` times alone or between those of the history.
 
-    `static`: with one more column, of factor 1, for the static state.
+    `static`: with one more column, of factor 1, for the static state. Of a part that stretches,
+    whose columns are products of modes too, there is no error bound.
     """
 
     def factors(at: Array) -> Array:
@@ -81,10 +82,11 @@ def search_of(
 
     times = _evenly(times, MOST)
     omega, modal, sizes = modal_amplitudes(history, times, body, derivative)
-    if stretch_in(history, body) is not None:
-        omega, modal, sizes = _with_pairs(history, times, body, derivative, omega, modal, sizes)
-    modal = np.pad(modal, ((0, 0), (0, int(static))))
-    return functools.partial(searched_maxima, BodyMotion(times, factors, omega, modal, sizes))
+    columns = factors(times[:1]).shape[1]
+    modal = np.pad(modal, ((0, 0), (0, columns - modal.shape[1])))
+    motion = BodyMotion(times, factors, omega, modal, sizes)
+    bounded = stretch_in(history, body) is None
+    return functools.partial(searched_maxima, motion, bounded=bounded)
 
 
 def at_times(factors: Array, times: Array) -> Search:
@@ -96,33 +98,9 @@ def at_times(factors: Array, times: Array) -> Search:
     return search
 
 
-def _with_pairs(
-    history: AnyHistory,
-    times: Array,
-    body: str,
-    derivative: int,
-    omega: Array,
-    shapes: Array,
-    sizes: Array,
-) -> tuple[Array, Array, Array]:
-    """(omega, shapes, sizes) of `BodyMotion`, with a further entry for each pair of stretching
-    modes.
-    """
-    count = shapes.shape[1]
-    motions, bends = (
-        np.abs(amplitudes(history, times, body, order)[:, count:]).max(axis=0) for order in (0, 2)
-    )
-    pairs = np.where(motions > 0, motions, 1.0)
-    size = (motions, np.sqrt(motions * bends), bends)[derivative]
-
-    of_motion = np.eye(len(motions), count + len(motions), count)
-    all_shapes = np.vstack([np.pad(shapes, ((0, 0), (0, len(motions)))), of_motion])
-    return np.append(omega, np.sqrt(bends / pairs)), all_shapes, np.append(sizes, size)
-
-
 def searched_maxima(
-    motion: BodyMotion, columns: Array, scalar: Scalar, counts: BoolArray
-) -> tuple[Array, Array, float]:
+    motion: BodyMotion, columns: Array, scalar: Scalar, counts: BoolArray, bounded: bool = True
+) -> tuple[Array, Array, float | None]:
     """(largest value (S,) of a scalar of components (S, c, B), its time, error bound)."""
     if not len(columns):  # they are those of another rank
         return np.zeros(0), np.zeros(0), 0.0
@@ -137,7 +115,7 @@ def searched_maxima(
     step, missed = _step(motion, coarse, columns[high], values[high], scalar)
     if step < coarse:
         values[high], times[high] = _maxima(motion, step, columns[high], scalar)
-    return values, times, missed * top
+    return values, times, missed * top if bounded else None
 
 
 def _maxima(motion: BodyMotion, step: float, columns: Array, scalar: Scalar) -> tuple[Array, Array]:

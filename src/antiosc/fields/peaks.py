@@ -5,18 +5,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base import checks, files
+from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.errors import AccuracyWarning, InputError
+from antiosc.base.errors import InputError
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import (
     Strengths,
@@ -27,14 +27,14 @@ from antiosc.base.stresses import (
     length,
     tension,
 )
-from antiosc.base.texts import Completed, ReprMixin, engineering, percent, point_text as placed
-from antiosc.fem.platform import collective, warn
+from antiosc.base.texts import Completed, ReprMixin, engineering, point_text as placed
+from antiosc.fem.platform import collective
 from antiosc.fem.prestress import Prestress
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields import margin
 from antiosc.fields.fields import shapes_of, tensors_at_nodes
 from antiosc.fields.margin import Margin, Nodal, Zones
-from antiosc.fields.maxima import MOST, Scalar, Search, at_times, search_of
+from antiosc.fields.maxima import Scalar, Search, at_times, search_of
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory, amplitudes, times_of
 from antiosc.impact.histories.parts import BodyHistory
@@ -42,7 +42,7 @@ from antiosc.impact.histories.verdict import ContactZone, contact_zones, yields
 from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source
 from antiosc.recovery.place import AnyStrength, NodeTensors, Place, place
-from antiosc.recovery.series import write_vtu
+from antiosc.recovery.series import write_vtu_file
 from antiosc.recovery.skin import outer_faces, sharp_points, without_unused
 
 if TYPE_CHECKING:
@@ -61,8 +61,6 @@ PEAK_QUANTITIES = {
     "tension": ("stress", 0, "Pa"),
     **{name: ("stress", 0, "") for name in margin.PLY_SURFACES},
 }
-#: Share of the largest value from which what the times may miss is told.
-UNRESOLVED = 0.05
 #: Distance between two places of `PeakField.largest`, over the size of the part.
 PLACES_APART = 0.05
 
@@ -77,7 +75,8 @@ class PeakField(Completed):
     points : (P, 3) nodes of the mesh, m.
     values : (P,) largest value at each node.
     times : (P,) time at which it occurs, s.
-    error : bound on the underestimate of a value by sampling in time; None for given times.
+    error : bound on the underestimate of a value by sampling in time; None for given times, and of
+        a part that stretches.
     exposure : (P,) for stresses: the share of the strength, 1 at yield or failure, 0 where no
         strength is known; None for other quantities, and where no material has a strength.
     mesh_error : (P,) estimated mesh error of stresses of solids and sheets, in their unit: the
@@ -230,13 +229,8 @@ class PeakField(Completed):
         InputError
             The file cannot be written.
         """
-        target = checks.new_file("path", path)
-        if target.suffix.lower() != ".vtu":
-            target = target.with_name(f"{target.name}.vtu")
         fields = {self.quantity: self.values, "time": self.times}
-        with files.atomic_file(target, "the field") as part:
-            write_vtu(part, self.points, self._cells, fields)
-        return target
+        return write_vtu_file(path, self.points, self._cells, fields)
 
 
 @collective()
@@ -249,7 +243,7 @@ def peak_field(
     *,
     body: str = "structure",
     part: str | None = None,
-    surface: str | Sequence[float] | None = None,
+    surface: str | None = None,
     layer: int | None = None,
     fibre: Sequence[float] | None = None,
     contacts: Sequence[ContactZone] | None = None,
@@ -304,11 +298,6 @@ def peak_field(
     ------
     InputError
         As `probe`.
-
-    Warns
-    -----
-    AccuracyWarning
-        The run is too long for times that resolve all its motion.
     """
     checks.choice("quantity", quantity, tuple(PEAK_QUANTITIES))
     checks.instance("structure", structure, Structure, "a Structure")
@@ -336,7 +325,8 @@ def peak_field(
     if recovered == "motion":
         best = Maxima(*search(moved, length, counts))
     else:
-        found = []
+        best = Maxima.none(len(points))
+        known: set[AnyStrength] = set()
         plies = margin.plies(structure, quantity, part)
         for number, ply in enumerate(plies):
             selection = recovered, places, part, ply
@@ -345,19 +335,20 @@ def peak_field(
                 at_rest = source(structure).tensors_at_nodes(structure, None, *selection)[2]
                 columns = np.concatenate([tensors.columns, at_rest.columns], axis=2)
                 tensors = tensors._replace(columns=columns)
-            found += list(_maxima_of(quantity, tensors, search, counts, number))
-        if not found:
+            _add_maxima(best, quantity, tensors, search, counts, number)
+            known.update(strength for strength, _ in tensors.origins)
+        criterion = quantity in margin.CRITERIA
+        if criterion and not any(margin.has_strength(one, quantity) for one in known):
             raise InputError(
                 f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
             )
-        best = _largest(found, len(points))
 
     # errors by the mesh
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
     if quantity in ("von_mises", "stress", "tension"):
         peak_times = np.where(best.values > 0, best.times, instants[-1])
         errors = _mesh_error(structure, shapes, part, history, peak_times, body)
-        best = best._replace(mesh_error=structure.comm.bcast(errors, root=0))
+        best.mesh_error = structure.comm.bcast(errors, root=0)
 
     # the worst point
     result, best = _peak_field_of(quantity, unit, points, cells, best)
@@ -369,56 +360,56 @@ def peak_field(
         dents = isinstance(history, History) and any(map(yields, history.contact_histories))
         own = replace(result._margin, layer=told, contact=dents and result._margin.is_stress)
         result = replace(result, _margin=own)
-
-    largest = float(result.values.max(initial=0.0))
-    if result.error is not None and result.error > UNRESOLVED * largest:
-        warn(
-            structure.comm,
-            f"the {quantity} may be up to {percent(result.error / largest)} of its largest value"
-            f" higher between the {MOST} times that are looked at, which is too few for"
-            f" {history.time[-1]:g} s: give times in the part that matters, or shorten the run.",
-            AccuracyWarning,
-        )
     return result
 
 
-class Maxima(NamedTuple):
-    """Largest values of all points with times and error bound; of stresses the exposures with
-    strengths and times, numbers of the plies, and errors by the mesh [Pa].
+@dataclass
+class Maxima:
+    """Largest values (P,) of all points, with times and error bound; of stresses the largest
+    exposures with strengths [Pa or 1], times and numbers of the plies.
     """
 
     values: Array
     times: Array
-    error: float | None
-    exposure: Array = np.zeros(0)
-    strength: Array = np.zeros(0)
-    exposed: Array = np.zeros(0)
-    ply: IntArray = np.zeros(0, dtype=int)
+    error: float | None = None
+    exposure: Array = field(default_factory=lambda: np.zeros(0))
+    strength: Array = field(default_factory=lambda: np.zeros(0))
+    exposed: Array = field(default_factory=lambda: np.zeros(0))
+    ply: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
     mesh_error: Array | None = None
+
+    @classmethod
+    def none(cls, count: int) -> Maxima:
+        """Those of `count` points at which nothing is known."""
+        values, times, exposure, exposed = np.zeros((4, count))
+        strength, ply = np.full(count, np.inf), np.zeros(count, dtype=int)
+        return cls(values, times, None, exposure, strength, exposed, ply)
+
+    def add(
+        self, nodes: IntArray, found: tuple[Array, Array, float | None], strength: float, ply: int
+    ) -> None:
+        """Take what is larger in the values (S,) at nodes (S,) of one strength [nan: unknown]."""
+        values, times, error = found
+        if error is not None:
+            self.error = max(self.error or 0.0, error)
+
+        order = np.argsort(values, kind="stable")  # the largest is written last
+        k = order[values[order] >= self.values[nodes[order]]]
+        self.values[nodes[k]], self.times[nodes[k]] = values[k], times[k]
+        k = order[values[order] / strength >= self.exposure[nodes[order]]]
+        self.exposure[nodes[k]], self.exposed[nodes[k]] = values[k] / strength, times[k]
+        self.strength[nodes[k]], self.ply[nodes[k]] = strength, ply
 
     def at(self, nodes: IntArray) -> Maxima:
         """Those of some of the points."""
-        arrays = {k: v[nodes] for k, v in self._asdict().items() if np.size(v) > 1}
-        return self._replace(**arrays)
+        arrays = {k: v[nodes] for k, v in vars(self).items() if np.size(v) > 1}
+        return replace(self, **arrays)
 
 
-class Rows(NamedTuple):
-    """Largest values (S,) of tensors of one strength at nodes (S,), their times, the bound on what
-    they miss, the strength [Pa or 1; nan if unknown] and the number of the ply.
-    """
-
-    nodes: IntArray
-    values: Array
-    times: Array
-    error: float | None
-    strength: float
-    ply: int
-
-
-def _maxima_of(
-    quantity: str, tensors: NodeTensors, search: Search, counts: BoolArray, ply: int
-) -> Iterator[Rows]:
-    """The largest values of tensors; those of equal strength are searched together."""
+def _add_maxima(
+    best: Maxima, quantity: str, tensors: NodeTensors, search: Search, counts: BoolArray, ply: int
+) -> None:
+    """Add the largest values of tensors; those of equal strength are searched together."""
     strengths = [strength for strength, _ in tensors.origins]
     for strength in dict.fromkeys(strengths):
         if quantity in margin.CRITERIA and not margin.has_strength(strength, quantity):
@@ -430,8 +421,7 @@ def _maxima_of(
         scalar, own = _scalar(quantity, strength)
         if scalar is length:
             columns = equivalent_parts(columns)
-        values, times, error = search(columns, scalar, counts[nodes])
-        yield Rows(nodes, values, times, error, own, ply)
+        best.add(nodes, search(columns, scalar, counts[nodes]), own, ply)
 
 
 def _scalar(quantity: str, strength: AnyStrength) -> tuple[Scalar, float]:
@@ -445,31 +435,6 @@ def _scalar(quantity: str, strength: AnyStrength) -> tuple[Scalar, float]:
         assert isinstance(strength, Tensile)
         return tension, strength.low
     return length, strength if isinstance(strength, float) else np.nan
-
-
-def _largest(found: Sequence[Rows], count: int) -> Maxima:
-    """The largest values and exposures at each of `count` nodes."""
-    nodes = np.concatenate([rows.nodes for rows in found])
-    values = np.concatenate([rows.values for rows in found])
-    times = np.concatenate([rows.times for rows in found])
-    strength, ply = (
-        np.repeat([getattr(rows, name) for rows in found], [len(rows.nodes) for rows in found])
-        for name in ("strength", "ply")
-    )
-    bounds = [rows.error for rows in found if rows.error is not None]
-    share = np.nan_to_num(values / strength)
-
-    def at_nodes(sizes: Array, *arrays: Any) -> Any:
-        """[of each array (S,) what belongs to the largest size at each node]."""
-        order = np.argsort(sizes, kind="stable")  # the largest is written last
-        placed = [np.zeros(count, dtype=array.dtype) for array in arrays]
-        for target, array in zip(placed, arrays, strict=True):
-            target[nodes[order]] = array[order]
-        return placed
-
-    largest, peak_times = at_nodes(values, values, times)
-    exposures = at_nodes(share, share, strength, times, ply)
-    return Maxima(largest, peak_times, max(bounds, default=None), *exposures)
 
 
 def _peak_field_of(
@@ -560,9 +525,7 @@ def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zo
     return replace(field, counts=counts, _margin=worst)
 
 
-def _places(
-    surface: str | Sequence[float] | None, layer: int | None, fibre: Sequence[float] | None
-) -> list[Place]:
+def _places(surface: str | None, layer: int | None, fibre: Sequence[float] | None) -> list[Place]:
     """Positions in the thickness or section where the quantity is evaluated; default both sides."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
     return [place(side, layer, fibre, "global") for side in surfaces]
@@ -636,7 +599,8 @@ class PrestressedState(ReprMixin):
 
         search = at_times(np.ones((1, tensors.columns.shape[2])), np.zeros(1))
         counts = np.ones(len(points), dtype=bool)
-        best = _largest(list(_maxima_of("von_mises", tensors, search, counts, 0)), len(points))
+        best = Maxima.none(len(points))
+        _add_maxima(best, "von_mises", tensors, search, counts, 0)
         points, cells, best = structure.comm.bcast((points, cells, best), root=0)
         field, best = _peak_field_of("von_mises", "Pa", points, cells, best)
         return _with_margin(field, best, structure, Zones())

@@ -1,11 +1,9 @@
-"""Pictures of a part in space: saved displacements, quantities of a map, the deformed part."""
+"""Saved displacements; pictures of a part in space: quantities of a map, the deformed part."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,180 +11,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.archives import Arrays
+from antiosc.base._types import Array, BoolArray
+from antiosc.base.archives import Arrays, write_arrays
 from antiosc.base.errors import InputError
 from antiosc.base.process import one_thread
-from antiosc.base.texts import ReprMixin
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import nodal_motion, shapes_of, skin
 from antiosc.fields.peaks import peak_field
 from antiosc.impact.histories import History, SceneHistory
 from antiosc.impact.histories.factors import amplitudes
-from antiosc.models import model_file
 from antiosc.plot import surfaces
 from antiosc.plot.charts import figure_or_path
 from antiosc.plot.surfaces import Deformed
 from antiosc.recovery import source
-from antiosc.recovery.skin import outer_faces
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
-
-
-#: The format of the file, and the largest array that is loaded, bytes.
-FORMAT = "antiosc-fields"
-LARGEST = 2**32
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SavedFields(ReprMixin):
-    """Displacements at the nodes of a part: at every time the sum of shapes with factors.
-
-    Attributes
-    ----------
-    points : (P, 3) nodes, m.
-    cells : (kind by meshio's name, (m, nodes) in VTK's order) of each part.
-    shapes : (P, 3, k) displacements.
-    time : (n,) s, increasing.
-    factors : (n, k) factors of the shapes.
-    """
-
-    points: Array
-    cells: Sequence[tuple[str, IntArray]]
-    shapes: Array
-    time: Array
-    factors: Array
-
-    def __post_init__(self) -> None:
-        for name, dim in (("points", 2), ("shapes", 3), ("time", 1), ("factors", 2)):
-            value = checks.floats(name, getattr(self, name), None)
-            if value.ndim != dim:
-                raise InputError(f"{name} must have {dim} axes; got an array of {value.shape}.")
-            checks.store(self, **{name: value})
-        checks.store(self, cells=_cells(self.cells))
-        count = len(self.points)
-        k = self.shapes.shape[-1]
-        fits = (
-            self.points.shape == (count, 3)
-            and self.shapes.shape == (count, 3, k)
-            and self.factors.shape == (len(self.time), k)
-            and all(c.ndim == 2 and np.all((c >= 0) & (c < count)) for _, c in self.cells)
-        )
-        if not fits or not count or not len(self.time) or np.any(np.diff(self.time) <= 0):
-            raise InputError(
-                "fields need points (P, 3), shapes (P, 3, k), increasing times (n,), factors "
-                f"(n, k) and cells of these points; got {self.points.shape}, {self.shapes.shape}, "
-                f"{self.time.shape}, {self.factors.shape}."
-            )
-
-    def at(self, time: float) -> Array:
-        """Displacements (P, 3) [m] at a time [s], linear between stored times."""
-        t = checks.number("time", time, "s")
-        if not self.time[0] <= t <= self.time[-1]:
-            raise InputError(
-                f"the fields are known from {self.time[0]:g} s to {self.time[-1]:g} s; got {t:g} s."
-            )
-        k = int(np.clip(np.searchsorted(self.time, t) - 1, 0, max(len(self.time) - 2, 0)))
-        first = self.factors[k]
-        last = self.factors[min(k + 1, len(self.time) - 1)]
-        step = self.time[min(k + 1, len(self.time) - 1)] - self.time[k]
-        fraction = (t - self.time[k]) / step if step else 0.0
-        return np.asarray(self.shapes @ (first + fraction * (last - first)))
-
-    @cached_property
-    def faces(self) -> IntArray:
-        """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
-        return outer_faces(self.cells)
-
-    @cached_property
-    def largest(self) -> float:
-        """Largest displacement of all nodes and times, m."""
-        return max(float(np.linalg.norm(self.shapes @ f, axis=1).max()) for f in self.factors)
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write one NumPy `.npz` file, which `load` reads.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written.
-        """
-        target = checks.path("path", path)
-        kinds = [kind for kind, _ in self.cells]
-        header = {"format": FORMAT, "version": model_file.VERSION, "kinds": kinds}
-        base = {"points": self.points, "shapes": self.shapes, "time": self.time}
-        arrays: Arrays = {**base}
-        arrays |= {f"cells{i}": cells for i, (_, cells) in enumerate(self.cells)}
-        model_file.write(target, header, {**arrays, "factors": self.factors})
-        return target
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> SavedFields:
-        """Read a file that `save` or `save_fields` wrote.
-
-        Raises
-        ------
-        InputError
-            Another file, or a damaged one.
-        """
-        names = {"points", "shapes", "time", "factors"}
-        header, arrays = model_file.read(path, names, FORMAT, LARGEST)
-        try:
-            kinds = [str(kind) for kind in header["kinds"]]
-            cells: list[tuple[str, IntArray]] = [
-                (kind, np.asarray(arrays[f"cells{i}"], dtype=int)) for i, kind in enumerate(kinds)
-            ]
-            base: dict[str, Array] = {
-                name: checks.floats(name, arrays[name], None) for name in sorted(names)
-            }
-            fields = cls(cells=cells, **base)
-            len(fields.faces)  # of corners that the cells have
-        except (InputError, KeyError, TypeError, ValueError, IndexError) as error:
-            raise InputError(f"{os.fspath(path)} is damaged ({error}); write it again.") from None
-        return fields
-
-    def plot(
-        self,
-        time: float,
-        path: str | os.PathLike[str] | None = None,
-        *,
-        view: ArrayLike | None = None,
-    ) -> Figure | Path:
-        """The part at a time, magnified, with the same colour scale at all times.
-
-        `path` and `view` as for `plotting.plot_deformed`.
-        """
-        seen_from = None if view is None else checks.floats("view", view, (2,))
-        surface = Deformed.of(self.points, self.faces, self.at(time), self.largest)
-        is_shown = path is None
-        figure = surfaces.deformed_figure(surface, view=seen_from, whole_scale=True, shown=is_shown)
-        return figure_or_path(figure, path)
-
-    def _facts(self) -> list[tuple[str, str]]:
-        kinds = ", ".join(f"{len(cells)} {kind}" for kind, cells in self.cells)
-        return [
-            ("of", f"{len(self.points)} nodes, {kinds}"),
-            ("shapes", f"{self.shapes.shape[-1]}"),
-            ("time", f"{len(self.time)} times, {self.time[0]:.4g} to {self.time[-1]:.4g} s"),
-            ("largest", f"{self.largest:.4g} m"),
-        ]
-
-
-def _cells(blocks_of_cells: Iterable[tuple[str, IntArray]]) -> list[tuple[str, IntArray]]:
-    """Checked pairs (kind, cells); InputError for anything else."""
-    try:
-        blocks = [(str(kind), np.asarray(cells)) for kind, cells in blocks_of_cells]
-    except (TypeError, ValueError):
-        blocks = []
-    if not blocks or any(cells.dtype.kind not in "iu" for _, cells in blocks):
-        raise InputError(
-            "cells must be pairs (kind, whole numbers (m, nodes)), as [('tetra10', cells)]; got "
-            f"{checks.shown(blocks_of_cells)}."
-        )
-    return blocks
 
 
 @collective()
@@ -201,8 +43,9 @@ def save_fields(
 ) -> Path:
     """Write the displacements of all nodes at many times to one compact file.
 
-    It holds the shapes once and their factors at each time; `SavedFields.load(path)` reads it
-    without the finite-element packages, too.
+    A NumPy archive, which `numpy.load` reads: `points` (P, 3) [m], the cells of part i as `cells0`,
+    `cells1`, … in VTK's order with their `kinds` by meshio's names, `shapes` (P, 3, k), `time` (n,)
+    [s] and `factors` (n, k). The displacements at time i are `shapes @ factors[i]` [m].
 
     Parameters
     ----------
@@ -211,23 +54,23 @@ def save_fields(
     path : str or Path
         The `.npz` file.
     times : array_like (n,), optional
-        Increasing times in s; default: those of the history.
+        Times in s; default: those of the history.
 
     Raises
     ------
     InputError
-        A model without shapes, or extracted from another structure; times that do not increase; a
-        file that cannot be written.
+        A model without shapes, or extracted from another structure; a file that cannot be written.
     """
     target = checks.path("path", path)
     shapes_of_body = shapes_of(structure, history, body)
-    times_checked = np.unique(history.time) if times is None else checks.nonempty("times", times)
+    time = np.unique(history.time) if times is None else checks.nonempty("times", times)
     points, cells, shapes = source(structure).at_nodes(structure, shapes_of_body)
-    factors = amplitudes(history, times_checked, body)
-    on_root(
-        structure.comm,
-        lambda: SavedFields(points, cells, shapes, times_checked, factors).save(target),
-    )
+    factors = amplitudes(history, time, body)
+
+    arrays: Arrays = {"points": points, "shapes": shapes, "time": time, "factors": factors}
+    arrays["kinds"] = np.array([kind for kind, _ in cells])
+    arrays |= {f"cells{i}": numbers for i, (_, numbers) in enumerate(cells)}
+    on_root(structure.comm, lambda: write_arrays(target, arrays, "the fields"))
     return target
 
 
@@ -279,8 +122,7 @@ def plot_map(
     figure, axes, scale, unit = surfaces.axes_in_space(impact_map.points, shown=path is None)
     x = scale * impact_map.points
     if triangles:
-        front_faces = _front_faces(impact_map, axes)
-        faces = impact_map.elements[front_faces]
+        faces = impact_map.elements
         values = _on_faces(value[faces])
         single_sites = impact_map.alone
         scale = surfaces.colour_scale(np.concatenate([values, value[single_sites]]))
@@ -316,31 +158,6 @@ def _on_faces(value: Array) -> Array:
     count = has_value.sum(axis=1)
     mean = np.where(has_value, value, 0.0).sum(axis=1) / np.maximum(count, 1)
     return np.where(count > 1, mean, np.nan)
-
-
-def _front_faces(impact_map: Any, axes: Axes3D) -> BoolArray:
-    """Mask (T,) of the faces to draw: the front faces of a solid that is struck against its
-    surface.
-
-    matplotlib sorts faces by their centres; back faces would show through openings.
-    """
-    corners = impact_map.points[impact_map.elements]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    directions = impact_map.directions[impact_map.elements].mean(axis=1)
-    cosines = np.einsum("td,td->t", normal, directions)
-    is_frontal = np.abs(cosines) > 0.5 * np.linalg.norm(normal, axis=1)
-    if impact_map.info.get("cell_dimension") != 3 or np.mean(is_frontal) < 0.9:
-        return np.ones(len(corners), dtype=bool)
-    elevation = np.radians(axes.elev)
-    azimuth = np.radians(axes.azim)
-    view = np.array(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ]
-    )
-    return np.asarray((normal @ view) * -np.sign(cosines) > 0)
 
 
 def plot_deformed(

@@ -40,7 +40,7 @@ from antiosc.recovery.place import NO_OUTLINE, Place, on_outlines, place
 from antiosc.reduce.site import motions_without_mesh, point_of
 
 if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
+    pass
 
 #: The quantities of `probe`.
 PROBED_QUANTITIES = (
@@ -60,7 +60,7 @@ OFF_GAUGE = 0.05
 #: and largest number of them. On a bracket the peak acceleration through CFC1000 and CFC600 is
 #: within 6e-5 of that of 12 samples in a period (n = 20, 40 and 160).
 OF_A_MODE, OF_A_CONTACT, SAMPLES = 3, 50, (50, 200_000)
-#: Share of the anti-oscillators from which it is no bound: a peak acceleration of 26 km/s² with 40
+#: Share of the anti-oscillators from which there is no bar: a peak acceleration of 26 km/s² with 40
 #: of them, and a share of 0.89, was 64 km/s² with 160.
 NOT_CONVERGED = 0.1
 #: Least and largest time integration error of a repeated impact.
@@ -79,7 +79,7 @@ def probe(
     node: int | None = None,
     body: str = "structure",
     part: str | None = None,
-    surface: str | Sequence[float] = "top",
+    surface: str = "top",
     layer: int | None = None,
     fibre: Sequence[float] | None = None,
     axes: str = "global",
@@ -120,10 +120,9 @@ def probe(
         (default: the only one that has shapes).
     part : str, optional
         For an assembly: the part whose nearest point is taken; default: all parts.
-    surface : "top", "bottom", "middle" or sequence of 3 floats
+    surface : "top", "bottom" or "middle"
         For a shell: the surface of the sheet or of its `layer`. "top" is the side of the cell
-        normals or of `Laminate(top=…)`, +z on plane meshes; a direction (x, y, z) names the outer
-        surface on that side.
+        normals or of `Laminate(top=…)`, +z on plane meshes.
     layer : int, optional
         For a laminate: number of the layer, 0 for the lowest.
     fibre : (y, z)
@@ -203,8 +202,7 @@ def probe(
     if filter is None:
         values = signal(history, sample_times)
     else:
-        run = _long_enough(history, sample_times, filter, structure.comm)
-        values = _filtered(run, body, sample_times, filter, signal, int(is_rate))
+        values = _filtered(structure, history, body, sample_times, filter, signal, int(is_rate))
     if quantity == "von_mises":
         return np.asarray(von_mises(values).max(axis=1))
     return values[:, 0]
@@ -219,20 +217,6 @@ def _reach(point: object, snap: float | None) -> Reach:
     return Reach("the point of the probe", snap)
 
 
-def check_point(
-    structure: Structure,
-    point: Sequence[float] | str | None = None,
-    node: int | None = None,
-    part: str | None = None,
-    snap: float | None = None,
-) -> None:
-    """InputError for a point of a probe that is off the structure, before any impact."""
-    x, part, end = point_of(structure, point, part, node)
-    if end is None:
-        nothing = np.zeros((structure.rows, 1))
-        source(structure).at_point(structure, nothing, x, part, _reach(point, snap))
-
-
 def probed_point(
     structure: Structure,
     point: Sequence[float] | str | None = None,
@@ -240,16 +224,20 @@ def probed_point(
     part: str | None = None,
     snap: float | None = None,
 ) -> Array | None:
-    """The point (3,) [m] at which a probe lies; None of matrices, and of points without a mesh."""
-    matrices = structure.matrices
-    if not (matrices.meshed or matrices.assembled):
-        return None
+    """The point (3,) [m] at which a probe lies; None of matrices, and of points without a mesh.
+
+    InputError for a point that is off the structure.
+    """
     x, part, end = point_of(structure, point, part, node)
+    reach = _reach(point, snap)
     if end is not None:
+        return None
+    if not (structure.matrices.meshed or structure.matrices.assembled):
+        source(structure).at_point(structure, np.zeros((structure.rows, 1)), x, part, reach)
         return None
     from antiosc.recovery.mesh_fields import nearest_point  # needs dolfinx
 
-    return nearest_point(structure, x, part, _reach(point, snap))
+    return nearest_point(structure, x, part, reach)
 
 
 def _over_time(columns: Array, factors: Array) -> Array:
@@ -283,7 +271,7 @@ def strain_gauge(
     *,
     body: str = "structure",
     part: str | None = None,
-    surface: str | Sequence[float] = "top",
+    surface: str = "top",
     layer: int | None = None,
     fibre: Sequence[float] = (0.0, 0.0),
 ) -> Array:
@@ -354,18 +342,36 @@ def _columns(
 
 
 def _filtered(
-    history: RunHistory,
+    structure: Structure,
+    history: AnyHistory,
     body: str,
     times: Array,
     name: str,
-    signal: Callable[[RunHistory, Array], Array],
+    signal: Callable[[AnyHistory, Array], Array],
     derivative: int,
 ) -> Array:
     """A derivative by time of a signal (n, …) of a run at `times` [s], through the filter `name`.
 
     `signal(history, t)` is the signal of a history at times. Before the start and after the end of
-    the run, which is `_long_enough`, the signal is what it is there.
+    the run, which is repeated for longer where it can, the signal is what it is there.
     """
+    if not isinstance(history, RunHistory):
+        raise InputError(
+            "a filter needs the motion before and after the times: probe the history of the scene,"
+            " and name the body."
+        )
+    end = times.max() + memory_of(name)
+    if history.time[-1] < end and isinstance(history, History) and history.source is not None:
+        with suppress(AntioscError), without_warnings():  # the law may end its range
+            history = history.again(duration=end)
+    if history.time[-1] < end * (1 - 1e-9):
+        sentence = (
+            f"Values through {name} depend on the motion up to {engineering(memory_of(name), 's')}"
+            f" later, and the run ends at {engineering(history.time[-1], 's')}: those near the end"
+            f" are not reliable. Simulate for {engineering(end, 's')}."
+        )
+        on_root(structure.comm, partial(warn, sentence, AccuracyWarning))
+
     # samples from the memory before the first time to that after the last
     memory = memory_of(name)
     begin = max(times.min() - memory, 0.0)
@@ -388,38 +394,12 @@ def _filtered(
     return np.asarray(at_times).reshape(len(times), *values.shape[1:])
 
 
-def _long_enough(history: AnyHistory, times: Array, name: str, comm: Comm) -> RunHistory:
-    """The history with the memory of the filter `name` after `times` [s]: the run is repeated for
-    longer if it ends earlier.
-    """
-    if not isinstance(history, RunHistory):
-        raise InputError(
-            "a filter needs the motion before and after the times: probe the history of the scene,"
-            " and name the body."
-        )
-
-    end = times.max() + memory_of(name)
-    if history.time[-1] < end and isinstance(history, History) and history.source is not None:
-        with suppress(AntioscError), without_warnings():  # the law may end its range
-            history = history.again(duration=end)
-
-    run_end = history.time[-1]
-    if run_end < end * (1 - 1e-9):
-        sentence = (
-            f"The run ends at {engineering(run_end, 's')}, and values through {name} depend on the"
-            f" motion up to {engineering(memory_of(name), 's')} later: those near the end are not"
-            f" reliable. Simulate for {engineering(end, 's')}."
-        )
-        on_root(comm, partial(warn, sentence, AccuracyWarning))
-    return history
-
-
 class ProbeError(float):
     """Relative error of the largest value of a probe, the sum of its shares; inf without a bar.
 
     Attributes
     ----------
-    truncation : share by the number of anti-oscillators.
+    truncation : share by the number of anti-oscillators; from a tenth on it is no bound.
     force : that of the force, which the value follows; None where it has no bar.
     mesh : that of the motion on this mesh; None where it is not estimated.
     """
@@ -430,7 +410,9 @@ class ProbeError(float):
 
     def __new__(cls, truncation: float, force: float | None, mesh: float | None) -> ProbeError:
         """The sum of the shares."""
-        total = inf if force is None or mesh is None else truncation + mesh + force
+        total = inf
+        if force is not None and mesh is not None and truncation < NOT_CONVERGED:
+            total = truncation + mesh + force
         error = super().__new__(cls, total)
         error.truncation, error.force, error.mesh = truncation, force, mesh
         return error
@@ -460,29 +442,21 @@ def probe_error(
     It is the sum of three: `.truncation`, the largest difference to the same impact with half of
     the anti-oscillators; `.mesh`, the change of the largest value on the model that is corrected
     for its mesh, times the safety of the budget; `.force`, that of
-    `hit.error_budget["peak_force"]` beside its truncation. Without the last two it is infinite:
-    extract with `error="estimate"`. A blow of another length, as by another law, excites other
-    motions, which is in none of them. Of a part that stretches linear runs are compared.
+    `hit.error_budget["peak_force"]` beside its truncation. Without the last two, and where the
+    first is a tenth or more, it is infinite: extract with `error="estimate"`, and more
+    anti-oscillators. Of a part that stretches linear runs are compared.
 
     Parameters
     ----------
     structure, history, point, quantity, times, **options
-        As for `probe`; the history is that of `simulate` or `strike`, which is simulated twice
-        more.
+        As for `probe`; the history is that of `simulate` or `strike`, which is simulated again.
 
     Raises
     ------
     InputError
-        As `probe`; a history that cannot be repeated, as those of scenes, and a model with less
-        than two anti-oscillators.
-
-    Warns
-    -----
-    AccuracyWarning
-        `.truncation` is a tenth or more: the value has not converged.
+        As `probe`; a history of a scene, and a model with less than two anti-oscillators.
     """
-    if isinstance(times, str) or not isinstance(quantity, str):
-        raise InputError("probe_error takes the quantity before the times.")
+    checks.choice("quantity", quantity, PROBED_QUANTITIES)
     checks.instance("history", history, History, "a History of simulate or strike")
     model = history.model
     if history.rerun is None or not isinstance(model, AntiOscillators) or model.n < 2:
@@ -492,35 +466,26 @@ def probe_error(
         )
     linear = replace(model, stretch=None)
     at = times_of(history, times)
+    tol = min(max(history.error.get("force", DEFAULT_ERROR), LEAST_ERROR), DEFAULT_ERROR)
 
     def values(run: History) -> Array:
-        """Magnitudes (n, 1) of motions, components (n, c) of other quantities, signed."""
+        """Components (n, c) of the quantity, signed; of motions the vectors."""
         return probe(structure, run, point, quantity, at, **options).reshape(len(at), -1)
 
-    tol = min(max(history.error.get("force", DEFAULT_ERROR), LEAST_ERROR), DEFAULT_ERROR)
+    def largest(signal: Array) -> float:
+        """Size of the largest vector of a motion, or of the component that is largest."""
+        sizes = np.linalg.norm(signal, axis=1) if quantity in MOTIONS else np.abs(signal[:, k])
+        return float(sizes.max())
+
     own = values(history if model.stretch is None else history.rerun(linear, tol))
-    difference = own - values(history.rerun(linear.truncated(model.n // 2), tol))
-    is_motion = quantity in MOTIONS
-    largest, k = _largest(own, is_motion)
-    change = difference if is_motion else difference[:, [k]]
-    truncation = _largest(change, is_motion)[0] / largest if largest else 0.0
-    if truncation >= NOT_CONVERGED:
-        message = (
-            f"The largest {quantity} has not converged: with half the anti-oscillators it changes"
-            f" by {percent(truncation)}, which is no bound; extract more of them (n), or see an"
-            " acceleration through a filter or by its shock spectrum (srs)."
-        )
-        on_root(structure.comm, partial(warn, message, AccuracyWarning))
+    k = int(np.abs(own).max(axis=0).argmax())
+    size = largest(own) or inf
+    half = values(history.rerun(linear.truncated(model.n // 2), tol))
+    truncation = largest(own - half) / size
 
     budget = history.error_budget if has_bars(model) else None
     mesh = None
     if budget is not None and model.strain_error is not None:
-        finer = _largest(values(history.rerun(linear.corrected(), tol)), is_motion)[0]
-        mesh = budget.safety * abs(finer / largest - 1) if largest else 0.0
+        corrected = largest(values(history.rerun(linear.corrected(), tol)))
+        mesh = budget.safety * abs(corrected - largest(own)) / size
     return ProbeError(truncation, None if budget is None else budget.rest_of_force, mesh)
-
-
-def _largest(values: Array, magnitude: bool) -> tuple[float, int]:
-    """(largest magnitude, or size of a component, of a signal (n, c); number of the component)."""
-    sizes = np.linalg.norm(values, axis=1)[:, None] if magnitude else np.abs(values)
-    return float(sizes.max(initial=0.0)), int(sizes.max(axis=0).argmax())

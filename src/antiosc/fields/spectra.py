@@ -1,4 +1,4 @@
-"""Shock response spectra and Fourier spectra of signals."""
+"""Shock response spectra of signals."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array, ComplexArray
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Completed, ReprMixin, engineering, range_text
+from antiosc.base.texts import Completed, engineering, range_text
 from antiosc.plot.charts import figure_or_path, new_figure
 
 if TYPE_CHECKING:
@@ -81,40 +81,6 @@ class ShockSpectrum(Completed):
             ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
             ("maximax", f"at most {top}"),
             ("Q", f"{self.Q:g}"),
-        ]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Spectrum(ReprMixin):
-    """Fourier transform of a signal.
-
-    Attributes
-    ----------
-    frequency : (m,) Hz, from 0.
-    values : (m,) ∫ x exp(−2πi f t) dt, in the signal's unit times s.
-    """
-
-    frequency: Array
-    values: ComplexArray
-
-    @property
-    def amplitude(self) -> Array:
-        """|values|; at 0 Hz the size of the integral (of a force the impulse)."""
-        return np.asarray(np.abs(self.values))
-
-    @property
-    def energy(self) -> Array:
-        """(m,) energy spectral density |values|², one-sided: its integral is ∫ x² dt."""
-        density = np.abs(self.values) ** 2
-        return np.asarray(np.where(self.frequency > 0, 2 * density, density))
-
-    def _facts(self) -> list[tuple[str, str]]:
-        peak_index = int(np.argmax(self.amplitude))
-        peak_text = engineering(self.frequency[peak_index], "Hz")
-        return [
-            ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
-            ("amplitude", f"at most {self.amplitude[peak_index]:.4g}, at {peak_text}"),
-            ("at 0 Hz", f"{self.amplitude[0]:.4g}"),
         ]
 
 
@@ -193,39 +159,6 @@ def _default_frequencies(t: Array, resolved: float) -> Array:
 
     count = int(np.ceil(PER_DECADE * np.log10(top / low))) + 1
     return np.geomspace(low, top, max(2, count))
-
-
-@checks.within_range
-def spectrum(t: ArrayLike, x: ArrayLike, *, pad: float = 1.0) -> Spectrum:
-    """Fourier transform of a signal that is zero outside its samples.
-
-    Parameters
-    ----------
-    t : array_like (n,)
-        Ascending times, s; unequal steps as in `srs`.
-    x : array_like (n,)
-        The signal, for instance `hit.force`.
-    pad : float
-        Length of the transform over that of the signal, 1 or more: zeros are added, which makes
-        the frequencies closer.
-
-    Raises
-    ------
-    InputError
-        Times that do not ascend, too many samples, pad below 1.
-    """
-    t, x = _signal(t, x)
-    pad = checks.positive("pad", pad)
-    if pad < 1:
-        raise InputError(f"pad must be 1 or more; got {pad:g}.")
-    t, x = _resampled(t, x, np.inf)
-    h = (t[-1] - t[0]) / (t.size - 1)
-    size = round(_checked_samples(pad * t.size))
-    ends = x.copy()
-    ends[[0, -1]] /= 2  # the rule of trapezoids
-    values = h * np.fft.rfft(ends, size)
-    frequency = np.fft.rfftfreq(size, h)
-    return Spectrum(frequency, values * np.exp(-2j * np.pi * frequency * t[0]))
 
 
 def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:

@@ -37,7 +37,7 @@ from antiosc.recovery.place import (
     on_outlines,
     strength_of,
 )
-from antiosc.recovery.tensors import PointsInCells, UnitDofs, dofs_of_cells, evaluator
+from antiosc.recovery.tensors import PointsInCells, evaluator
 
 #: Points at which shapes are evaluated at once.
 AT_ONCE = 4096
@@ -101,21 +101,11 @@ def _at_nodes_of(
     shapes: Array,
     evaluate: Callable[[PointsInCells], Array],
 ) -> Array:
-    """Components (cells · nodes, 6, columns) of tensors at the nodes of cells.
-
-    Tensors without second-order strains are linear in the dofs of a cell: where these are fewer
-    than the columns, those of unit dofs are evaluated and superposed.
-    """
+    """Components (cells · nodes, 6, columns) of tensors at the nodes of cells."""
     X = part.mesh.geometry.reference_nodes
     places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
-    dofs = dofs_of_cells(part, cells)
-    superposed = part.initial is None and dofs.shape[1] < shapes.shape[1]
-    points = UnitDofs(part, *places) if superposed else PointsInCells(part, shapes, *places)
-    tensors = evaluate(points)
-    components = np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1)
-    if superposed:
-        components = components.reshape(len(cells), -1, dofs.shape[1]) @ shapes[dofs]
-    return components.reshape(len(places[0]), 6, -1)
+    tensors = evaluate(PointsInCells(part, shapes, *places))
+    return np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1)
 
 
 def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
@@ -281,7 +271,7 @@ def recovered(
 
     # each point on the rank that has its cell
     mesh = member.part.mesh
-    evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
+    evaluate = evaluator(member.part, quantity, place)
     with_ghosts = compat.with_ghosts(member.part.form.space, shapes_of_part)
     here = closest.rank == mesh.comm.rank
     cells, X = closest.cell[here], closest.X[here]
@@ -426,8 +416,7 @@ def tensors_at_nodes(
     for member, shapes_of_part in parts:
         of_parts: list[tuple[IntArray, IntArray, Array]] = []
         for place, numbers in _requests(member.part, places, ply):
-            position = place.within(member.at.rotation)
-            arguments = shapes_of_part, quantity, position, numbers
+            arguments = shapes_of_part, quantity, place, numbers
             nodes, kind, columns = tensors_of_part(member.part, *arguments)
             of_parts.append((nodes, kind + len(origins), columns))
             origins += [

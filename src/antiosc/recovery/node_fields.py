@@ -11,7 +11,12 @@ from antiosc.base.errors import InputError
 from antiosc.fem.reach import Reach, check_reach
 from antiosc.fem.structure import NodalMatrices
 from antiosc.fem.structure.structure import Structure
-from antiosc.recovery.place import NodeTensors, Place
+from antiosc.recovery.place import NodeTensors
+
+NO_ELEMENTS = (
+    "given matrices have no {}: they know neither elements nor materials; ask for the displacement,"
+    " velocity or acceleration of a node."
+)
 
 
 def at_point(
@@ -30,36 +35,17 @@ def at_point(
 
 
 def recovered(
-    structure: Structure,
-    shapes: Array,
-    points: Array,
-    part: str | None,
-    quantity: str,
-    place: Place,
-    reach: Reach,
-    second_order: bool = False,
+    structure: Structure, shapes: Array, points: Array, part: str | None, quantity: str, *_: object
 ) -> Array:
     """InputError: matrices have neither materials nor elements."""
-    raise InputError(
-        f"given matrices have no {quantity}: they know neither elements nor materials; probe the "
-        "displacement, velocity or acceleration of a node."
-    )
+    raise InputError(NO_ELEMENTS.format(quantity))
 
 
 def tensors_at_nodes(
-    structure: Structure,
-    shapes: Array,
-    quantity: str,
-    places: list[Place],
-    part: str | None = None,
-    ply: Place | None = None,
-    second_order: bool = False,
+    structure: Structure, shapes: Array, quantity: str, *_: object, **__: object
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
     """InputError: matrices have neither materials nor elements."""
-    raise InputError(
-        f"given matrices have no {quantity}: they know neither elements nor materials; ask for the "
-        "displacement, velocity or acceleration."
-    )
+    raise InputError(NO_ELEMENTS.format(quantity))
 
 
 def materials_of(

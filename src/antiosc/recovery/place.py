@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
-import numpy as np
-
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths, Tensile
 from antiosc.fem.elements import Layer, Section
 
@@ -29,8 +26,7 @@ class Place:
 
     Attributes
     ----------
-    surface : "top", "bottom" or "middle" of a sheet or of its `layer`, or a direction (3,): the
-        outer surface on this side.
+    surface : "top", "bottom" or "middle" of a sheet or of its `layer`.
     layer : number of a layer, from the bottom, 0 the first; None: the whole thickness.
     fibre : (y, z) distances from the centroid of a beam's section along its axes, m, or the number
         of a point of its outline; None: not given.
@@ -38,17 +34,11 @@ class Place:
     stiffener : group of beams on edges of a sheet whose quantity is taken; None: that of the cells.
     """
 
-    surface: str | tuple[float, ...] = "top"
+    surface: str = "top"
     layer: int | None = None
     fibre: tuple[float, float] | int | None = (0.0, 0.0)
     local: bool = False
     stiffener: str | None = None
-
-    def within(self, R: Array) -> Place:
-        """The position in the axes of a part that its placement rotates by R (3, 3)."""
-        if isinstance(self.surface, str):
-            return self
-        return replace(self, surface=tuple((np.asarray(self.surface) @ R).tolist()))
 
 
 def on_outlines(sections: Sequence[Section], place: Place) -> list[Place]:
@@ -108,18 +98,7 @@ def place(
     surface: object, layer: object, fibre: object, axes: object, stiffener: str | None = None
 ) -> Place:
     """The position from checked arguments of `probe`; InputError for invalid ones."""
-    if isinstance(surface, str):
-        checks.choice("surface", surface, SURFACES)
-    elif isinstance(surface, Sequence) or hasattr(surface, "shape"):
-        vector = checks.floats("surface", surface, (3,))
-        if not np.linalg.norm(vector):
-            raise InputError("surface must not be the zero vector: it is the side of the sheet.")
-        surface = tuple(vector.tolist())
-    else:
-        raise InputError(
-            f"surface must be 'top', 'bottom', 'middle' or a direction (x, y, z); got "
-            f"{checks.shown(surface)}."
-        )
+    surface = checks.choice("surface", surface, SURFACES)
     if layer is not None:
         layer = checks.whole("layer", layer, least=0)
     if fibre is not None:

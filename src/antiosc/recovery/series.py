@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
-import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -33,6 +31,21 @@ def write_vtu(
     meshio.Mesh(points, blocks, point_data=data).write(path, file_format="vtu")
 
 
+def write_vtu_file(
+    path: str | os.PathLike[str],
+    points: Array,
+    cells: Sequence[tuple[str, IntArray]],
+    fields: Mapping[str, Array],
+) -> Path:
+    """Write one `.vtu` file completely or not at all; its path, with the suffix."""
+    target = checks.new_file("path", path)
+    if target.suffix.lower() != ".vtu":
+        target = target.with_name(f"{target.name}.vtu")
+    with files.atomic_file(target, "the fields") as part:
+        write_vtu(part, points, cells, fields)
+    return target
+
+
 def listing(path: str | os.PathLike[str]) -> Path:
     """Path of the `.pvd` file of a series: `path`, with the suffix `.pvd` where it is missing.
 
@@ -57,28 +70,16 @@ def write_frames(
 ) -> None:
     """Write displacements (points, 3) [m] at times, and finally their list `target` (`listing`).
 
-    The frames are made in a folder of their own and moved when all are whole; meanwhile there is
-    no list. Frames that the previous list named are removed.
+    Meanwhile there is no list. Frames of a longer series of this name stay, without being listed.
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        staging = files.part_name(target)
-        staging.mkdir(mode=0o700)
-        try:
-            names = []
-            for number, field in enumerate(fields):
-                names.append(f"{target.stem}_{number:04d}.vtu")
-                write_vtu(staging / names[-1], points, cells, {"displacement": field})
-
-            old_frames = _listed_frames(target)
-            target.unlink(missing_ok=True)
-            for name in old_frames:
-                (target.parent / name).unlink(missing_ok=True)
-            for name in names:
-                os.replace(staging / name, target.parent / name)
-            files.write_text(target, _collection(times, names), "the series")
-        finally:
-            shutil.rmtree(staging, ignore_errors=True)
+        target.unlink(missing_ok=True)
+        names = []
+        for number, field in enumerate(fields):
+            names.append(f"{target.stem}_{number:04d}.vtu")
+            write_vtu(target.with_name(names[-1]), points, cells, {"displacement": field})
+        files.write_text(target, _collection(times, names), "the series")
     except OSError as error:
         raise files.cannot_write("the series", target, error) from error
 
@@ -93,11 +94,3 @@ def _collection(times: Array, names: list[str]) -> str:
         '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n'
         "  <Collection>\n" + "".join(entries) + "  </Collection>\n</VTKFile>\n"
     )
-
-
-def _listed_frames(target: Path) -> list[str]:
-    """Frames with the name of the list `target` that it contains."""
-    text = target.read_text("utf-8", errors="replace") if target.is_file() else ""
-    stem = re.escape(quoteattr(target.stem)[1:-1])
-    numbers = re.findall(rf"""file=["']{stem}_(\d{{4,}})\.vtu["']""", text)
-    return [f"{target.stem}_{number}.vtu" for number in numbers]

@@ -55,15 +55,14 @@ class PointsInCells:
 
     def moved(self, X: Array) -> PointsInCells:
         """The same cells at other reference points X (P, tdim) or (tdim,)."""
-        return self._at(self.cells, np.broadcast_to(X, self.X.shape))
+        X = np.broadcast_to(X, self.X.shape)
+        return PointsInCells(self.part, self._shapes, self.cells, X)
 
     def once(self, X: Array) -> tuple[PointsInCells, IntArray]:
         """(the reference point X (tdim,) of each cell, the number (P,) of it for each point)."""
         cells, number = np.unique(self.cells, return_inverse=True)
-        return self._at(cells, np.broadcast_to(X, (len(cells), len(X)))), number
-
-    def _at(self, cells: IntArray, X: Array) -> PointsInCells:
-        return PointsInCells(self.part, self._shapes, cells, X)
+        X = np.broadcast_to(X, (len(cells), len(X)))
+        return PointsInCells(self.part, self._shapes, cells, X), number
 
     def dofs(self, names: str | tuple[str, ...]) -> Array:
         """Dof values (P, functions, len(names), columns) of components; 0 for absent ones."""
@@ -108,33 +107,6 @@ class PointsInCells:
         count, functions, *of_dofs = dofs.shape
         slopes = np.swapaxes(along, 1, 2) @ dofs.reshape(count, functions, -1)
         return np.swapaxes(slopes.reshape(count, tdim, *of_dofs), 1, 2)
-
-
-class UnitDofs(PointsInCells):
-    """Points of cells; each column is the unit value of one dof of the cell, by `dofs_of_cells`."""
-
-    def __init__(self, part: MeshedStructure, cells: IntArray, X: Array) -> None:
-        super().__init__(part, np.zeros((0, 0)), cells, X)
-
-    def _at(self, cells: IntArray, X: Array) -> UnitDofs:
-        return UnitDofs(self.part, cells, X)
-
-    def dofs(self, names: str | tuple[str, ...]) -> Array:
-        """As of `PointsInCells`."""
-        components = list(self.part.form.components)
-        count = self.functions
-        unit = np.zeros((count, len(names), len(components), count))
-        for k, name in enumerate(names):
-            if name in components:
-                unit[:, k, components.index(name)] = np.eye(count)
-        unit = unit.reshape(count, len(names), -1)
-        return np.broadcast_to(unit, (len(self.cells), *unit.shape))
-
-
-def dofs_of_cells(part: MeshedStructure, cells: IntArray) -> IntArray:
-    """All dofs (cells, components · functions) of cells, one component after the other."""
-    paths = part.form.components.values()
-    return np.hstack([compat.cell_dofs(part.form.space, path, cells) for path in paths])
 
 
 def lagrange_1d(nodes: Array, x: Array) -> Array:
@@ -468,34 +440,33 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
     number = at.part.part_of_cells()[at.cells]
     angle = np.zeros(len(at.cells))
     for k, (sheet, _) in enumerate(at.part.parts):
-        for up in (1.0, -1.0):
-            of_part = (number == k) & (_surface_sign(place, frame) == up)
-            if not of_part.any():
-                continue
-            layer_number, z = _height(sheet, place, up)
-            layer = _layers(sheet)[layer_number]
-            angle[of_part] = np.deg2rad(layer.angle)
-            plane = strains.membrane[of_part] + (z + sheet.offset) * strains.bending[of_part]
-            # stresses of the shear forces in equilibrium, and the strains that they cause
-            f = shear_stresses(_layers(sheet), layer_number, z)
-            shear_forces = _products(f @ sheet.section.S, strains.shear[of_part])
-            if of_stress:
-                plane = _products(layer.plane_stress(), plane)
-                half = 1.0
-                result[of_part, 2, 2] = 0.0
-            else:
-                thin = _products(layer.contraction(), plane)
-                shear_forces = _products(np.linalg.inv(layer.transverse_shear()), shear_forces)
-                half = 0.5
-                result[of_part, 2, 2] = thin[:, 0]
-            result[of_part, 0, 0] = plane[:, 0]
-            result[of_part, 1, 1] = plane[:, 1]
-            for (i, j), value in (
-                ((0, 1), plane[:, 2]),
-                ((0, 2), shear_forces[:, 0]),
-                ((1, 2), shear_forces[:, 1]),
-            ):
-                result[of_part, i, j] = result[of_part, j, i] = half * value
+        of_part = number == k
+        if not of_part.any():
+            continue
+        layer_number, z = _height(sheet, place)
+        layer = _layers(sheet)[layer_number]
+        angle[of_part] = np.deg2rad(layer.angle)
+        plane = strains.membrane[of_part] + (z + sheet.offset) * strains.bending[of_part]
+        # stresses of the shear forces in equilibrium, and the strains that they cause
+        f = shear_stresses(_layers(sheet), layer_number, z)
+        shear_forces = _products(f @ sheet.section.S, strains.shear[of_part])
+        if of_stress:
+            plane = _products(layer.plane_stress(), plane)
+            half = 1.0
+            result[of_part, 2, 2] = 0.0
+        else:
+            thin = _products(layer.contraction(), plane)
+            shear_forces = _products(np.linalg.inv(layer.transverse_shear()), shear_forces)
+            half = 0.5
+            result[of_part, 2, 2] = thin[:, 0]
+        result[of_part, 0, 0] = plane[:, 0]
+        result[of_part, 1, 1] = plane[:, 1]
+        for (i, j), value in (
+            ((0, 1), plane[:, 2]),
+            ((0, 2), shear_forces[:, 0]),
+            ((1, 2), shear_forces[:, 1]),
+        ):
+            result[of_part, i, j] = result[of_part, j, i] = half * value
     if not place.local:
         return in_frame(result, frame)
     c = np.cos(angle)
@@ -504,20 +475,6 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
     R = np.stack([np.stack([c, s, zero], 1), np.stack([-s, c, zero], 1)], axis=1)
     R = np.concatenate([R, np.broadcast_to([[[0.0, 0.0, 1.0]]], (len(angle), 1, 3))], axis=1)
     return np.einsum("pia,pabk,pjb->pijk", R, result, R, optimize=True)
-
-
-def _surface_sign(place: Place, frame: SheetFrame) -> Array:
-    """±1 (P,): whether `place.surface` points along the normal of the sheet; 1 for a named side."""
-    if isinstance(place.surface, str):
-        return np.ones(len(frame.n))
-    cosines = frame.n @ np.asarray(place.surface)
-    size = float(np.linalg.norm(place.surface))
-    if np.any(np.abs(cosines) < 0.05 * size):
-        raise InputError(
-            "the direction of surface lies along the sheet there: give one that points away from "
-            "its surface, or the surface 'top' or 'bottom'."
-        )
-    return np.where(cosines > 0, 1.0, -1.0)
 
 
 def _layers(sheet: Sheet) -> list[Layer]:
@@ -531,12 +488,11 @@ def _layers(sheet: Sheet) -> list[Layer]:
     return [Layer.isotropic(sheet.E, sheet.nu, sheet.rho, sheet.thickness)]  # type: ignore[attr-defined]
 
 
-def _height(sheet: Sheet, place: Place, up: float) -> tuple[int, float]:
+def _height(sheet: Sheet, place: Place) -> tuple[int, float]:
     """(number of the layer, height over the middle surface [m]) of a position."""
     layers = _layers(sheet)
     steps = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
     z = steps - steps[-1] / 2
-    surface = place.surface if isinstance(place.surface, str) else ("bottom", "top")[up > 0]
     if place.layer is not None:
         if place.layer >= len(layers):
             raise InputError(
@@ -546,11 +502,11 @@ def _height(sheet: Sheet, place: Place, up: float) -> tuple[int, float]:
         k = place.layer
         low = float(z[k])
         high = float(z[k + 1])
-        return k, {"top": high, "bottom": low, "middle": (low + high) / 2}[surface]
-    if surface == "middle":
+        return k, {"top": high, "bottom": low, "middle": (low + high) / 2}[place.surface]
+    if place.surface == "middle":
         k = int(np.clip(np.searchsorted(z, 0.0, side="right") - 1, 0, len(layers) - 1))
         return k, 0.0
-    if surface == "top":
+    if place.surface == "top":
         return (len(layers) - 1, float(z[-1]))
     return (0, float(z[0]))
 

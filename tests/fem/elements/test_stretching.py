@@ -311,15 +311,15 @@ def test_peaks_of_a_part_that_stretches_are_those_of_dense_times(tmp_path):
         dense = ao.peak_field(part, hit, quantity, times)
         scale = dense.values.max()
         assert peak.values == pytest.approx(dense.values, abs=1e-3 * scale)
-        assert (dense.values <= peak.values + peak.error + 1e-9 * scale).all()
+        assert peak.error is None
     moved = ao.probe(part, hit, (0.1, 0.05, 0.0), "displacement", times)
     speed = ao.probe(part, hit, (0.1, 0.05, 0.0), "velocity", times)
     sums = cumulative_trapezoid(speed, times, axis=0, initial=0)
     assert np.abs(sums - moved)[:, 0].max() < 0.01 * np.abs(moved[:, 0]).max()
     ao.save_fields(part, hit, tmp_path / "saved.npz", times[::100])
-    saved = ao.SavedFields.load(tmp_path / "saved.npz")
-    node = int(np.argmin(np.linalg.norm(saved.points - [0.1, 0.05, 0.0], axis=1)))
-    assert saved.factors[20] @ saved.shapes[node].T == pytest.approx(moved[2000], rel=1e-6)
+    saved = np.load(tmp_path / "saved.npz")
+    node = int(np.argmin(np.linalg.norm(saved["points"] - [0.1, 0.05, 0.0], axis=1)))
+    assert saved["factors"][20] @ saved["shapes"][node].T == pytest.approx(moved[2000], rel=1e-6)
 
 
 @pytest.mark.slow

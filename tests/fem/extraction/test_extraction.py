@@ -13,7 +13,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.reduce.extraction.eigenmodes import DENSE, ModeSolver
+from antiosc.reduce.extraction.eigenmodes import ModeSolver
 from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load
 from marks import FREE_ON_PURPOSE
 
@@ -179,7 +179,6 @@ def dense(structure: ao.Structure) -> np.ndarray:
 @pytest.mark.parametrize("supported", [True, False])
 def test_modes_are_those_of_the_matrices(supported):
     structure = bar(supported)
-    assert structure.size > DENSE
     found = ModeSolver(structure).lowest(15)
     omega = dense(structure)
     assert np.min(np.diff(omega[:10]) / omega[:9]) < 1e-6  # a pair

@@ -136,7 +136,7 @@ class Spring(Checked):
     stiffness : dict
         Component -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad).
     name : str, optional
-        Name of its force in `reactions`; default: "spring 1" and on.
+        Its name; default: "spring 1" and on.
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
@@ -166,7 +166,7 @@ class Damper(Checked):
         The damper is in series with a spring of stiffness damping/tau (N/m), so that it relaxes in
         this time, s (Maxwell).
     name : str, optional
-        Name of its force in `reactions`, where it acts on the ground; default: "damper 1" and on.
+        Its name; default: "damper 1" and on.
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))

@@ -206,14 +206,9 @@ class _SearchInverse:
         x.setArray(self._search.inverse(r.array_r))
 
 
-#: LAPACK computes all modes of structures with at most this many rows, on one rank, …
-DENSE = 600
-#: … and with at most this many rows if more than a fifth of all modes is wanted: Krylov methods are
-#: efficient only at the ends of a spectrum.
+#: LAPACK computes all modes of structures with at most this many rows, on one rank, if more than a
+#: fifth of all modes is wanted: Krylov methods are efficient only at the ends of a spectrum.
 DENSE_MANY = 5000
-#: LAPACK, with errors of 1e-16 of the highest ω², resolves the lowest ω² if it is above this share
-#: of the mean.
-EVEN = 1e-7
 #: Fewest additional modes of the next search if one has not reached its frequency.
 FEWEST_MORE = 8
 #: A shape has no mass if φᵀMφ over the sum of the absolute values of its terms is below this.
@@ -277,8 +272,7 @@ class ModeSolver:
         if self._found.complete or len(self._found.omega) >= count:
             return self._found
         rows = self._structure.size
-        dense = rows <= DENSE_MANY if count > rows / 5 else rows <= DENSE and not self._uneven()
-        if dense:
+        if rows <= DENSE_MANY and count > rows / 5:
             self._found = self._by_lapack()
         else:
             try:
@@ -331,16 +325,6 @@ class ModeSolver:
             return modes
         self._found = Modes(modes.omega[right], modes.phi[:, right], False)
         return self._by_krylov(count)
-
-    def _uneven(self) -> bool:
-        """Whether rounding of K's entries spoils the lowest modes; it does not if K is applied by
-        strains.
-        """
-        K = self._structure.K
-        M = self._structure.M
-        if not by_strains(K):
-            return False
-        return self._lowest() < EVEN * frequency(K, M)
 
     def _by_lapack(self) -> Modes:
         """All modes of a small structure, from (M, K + σM) on a basis of the constrained space.

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from antiosc.base import checks, files
+from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import flag, instance, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn
@@ -27,7 +27,7 @@ from antiosc.models.body import UNKNOWN, Body, ModelInfo
 from antiosc.models.free_modes import RESIDUAL_ROUNDING, UNOBSERVABLE, shares_of_receptance
 from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.recovery import source
-from antiosc.recovery.series import write_vtu
+from antiosc.recovery.series import write_vtu_file
 from antiosc.reduce.extraction import SiteShapes, site_shapes, statics
 from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
 from antiosc.reduce.extraction.model import check_modes, inertia_of, weights_of
@@ -111,20 +111,11 @@ class StructureModes(ReprMixin):
         InputError
             The file cannot be written; matrices without coordinates.
         """
-        target = checks.new_file("path", path)
-        if target.suffix.lower() != ".vtu":
-            target = target.with_name(f"{target.name}.vtu")
         points, cells, shapes = source(self.structure).at_nodes(self.structure, self.shapes)
-
-        def work() -> None:
-            size = np.linalg.norm(shapes, axis=1).max(axis=0)
-            scaled = shapes / np.where(size > 0, size, 1.0)
-            fields = {f"mode {i + 1}": scaled[:, :, i] for i in range(self.n)}
-            with files.atomic_file(target, "the modes") as part:
-                write_vtu(part, points, cells, fields)
-
-        on_root(self.structure.comm, work)
-        return target
+        size = np.linalg.norm(shapes, axis=1).max(axis=0)
+        scaled = shapes / np.where(size > 0, size, 1.0)
+        fields = {f"mode {i + 1}": scaled[:, :, i] for i in range(self.n)}
+        return on_root(self.structure.comm, lambda: write_vtu_file(path, points, cells, fields))
 
 
 @collective()

@@ -56,9 +56,13 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
         without a surface, a site that is fixed by supports.
     """
     if structure.matrices.nodal:
-        on_nodes = [functional_on_nodes(structure, site) for site in sites]
-        pairs = zip(on_nodes, sites, strict=True)
-        return [functional or algebraic(structure.matrices, site) for functional, site in pairs]
+        nodal = cast(NodalMatrices, structure.matrices)
+        return [
+            algebraic(nodal, site)
+            if site.node is None and site.direction is None
+            else functional_on_nodes(nodal, site)
+            for site in sites
+        ]
     meshed = structure.matrices.meshed or structure.matrices.assembled
 
     def at_point(site: Site) -> bool:
@@ -108,7 +112,6 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
     """The functional of a site that is given by a dof or by a vector."""
     first, last = algebra.row_range(structure.K)
     n = algebra.size(structure.K)
-    comm = algebra.communicator(structure.K)
     if site.node is not None:
         raise InputError(
             "the nodes of this structure have no numbers: Site(node=…) needs a mesh of a file that "
@@ -117,50 +120,49 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
         )
     if site.radius is not None:
         raise InputError(PATCH)
-
     if site.vector is not None:
         b = floats("vector", site.vector, (n,))[first:last].copy()
     else:
         if not isinstance(site.dof, int) or not 0 <= site.dof < n:
             raise InputError(f"dof must be a number from 0 to {n - 1}; got {site.dof!r}.")
-        b = np.zeros(last - first)
-        if first <= site.dof < last:
-            b[site.dof - first] = 1.0
-
-    size = norm(comm, b)
-    b[structure.fixed[structure.fixed < len(b)]] = 0.0
-    if norm(comm, b) <= LEAST_FREE_SHARE * size:
-        raise SiteError(constrained("the site"))
-    return Functional(b[:, None])
+        b = (np.arange(first, last) == site.dof).astype(float)
+    return Functional(_on_free_rows(structure, b[:, None], "the site"))
 
 
-def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
-    """The load vectors of a site at a node; None for a site given by a row or a vector.
+def _on_free_rows(structure: StructureMatrices, B: Array, label: str) -> Array:
+    """Loads (rows of this rank, k) with zeros on fixed dofs, and in columns that cannot move.
+
+    SiteError if the first one cannot.
+    """
+    comm = algebra.communicator(structure.K)
+    size = [norm(comm, b) for b in B.T]
+    B[structure.fixed[structure.fixed < len(B)]] = 0.0
+    B[:, [norm(comm, b) <= LEAST_FREE_SHARE * s for b, s in zip(B.T, size, strict=True)]] = 0.0
+    if not norm(comm, B[:, 0]):
+        raise SiteError(constrained(label))
+    return B
+
+
+def functional_on_nodes(matrices: NodalMatrices, site: Site) -> Functional:
+    """The load vectors of a site at a node.
 
     Raises
     ------
     InputError
         A node or dof that is not in the map, a point that is no node, a site whose dofs are fixed.
     """
-    matrices = cast(NodalMatrices, structure.matrices)
-    node, component = site.node, site.dof
-    if node is None and site.direction is None:
-        return None
     if site.radius is not None:
         raise InputError(PATCH)
-    if node is None:
-        node = _node_at(matrices, site)
-
-    # one row of a node, or its displacement along directions
+    node = _node_at(matrices, site) if site.node is None else site.node
     rows = np.flatnonzero(matrices.map.node == node)
     directions: Array | None = None
-    if isinstance(component, int):
-        rows = np.array([matrices.map.row(node, component)])
-        if 1 <= component <= 3:
-            directions = np.eye(3)[[component - 1]]
-        B = np.zeros((structure.size, 1))
-        B[rows] = 1.0
-    else:
+
+    if isinstance(site.dof, int):  # one row of the node
+        rows = np.array([matrices.map.row(node, site.dof)])
+        if 1 <= site.dof <= 3:
+            directions = np.eye(3)[[site.dof - 1]]
+        loads = np.ones((1, 1))
+    else:  # its displacement along directions
         if not len(rows):
             raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
         along = in_space(site.direction or ())[None]
@@ -169,18 +171,17 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
             plane = not (matrices.map.component == 3).any()
             directions = np.vstack([directions, *tangents(directions, plane)])
         axis = matrices.map.component[rows] - 1
-        loaded = (axis >= 0) & (axis < 3)
-        B = np.zeros((structure.size, len(directions)))
-        B[rows[loaded]] = directions[:, axis[loaded]].T
+        rows, axis = rows[(axis >= 0) & (axis < 3)], axis[(axis >= 0) & (axis < 3)]
+        loads = directions[:, axis].T
 
-    # supports
-    size = np.linalg.norm(B, axis=0)
-    B[structure.fixed] = 0.0
-    B[:, np.linalg.norm(B, axis=0) <= LEAST_FREE_SHARE * size] = 0.0
-    if not B[:, 0].any():
-        raise SiteError(constrained(f"node {node}"))
+    B = np.zeros((algebra.size(matrices.K), loads.shape[1]))
+    B[rows] = loads
     point = matrices.map.points[rows[0]]
-    return Functional(B, point=point if np.isfinite(point).all() else None, directions=directions)
+    return Functional(
+        _on_free_rows(matrices, B, f"node {node}"),
+        point=point if np.isfinite(point).all() else None,
+        directions=directions,
+    )
 
 
 #: Largest distance of a point from the node that it denotes, over the part's size.

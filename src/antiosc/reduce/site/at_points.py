@@ -44,7 +44,6 @@ from antiosc.reduce.site.sites import (
     loads,
     located,
     on_free_dofs,
-    patches,
     sums,
     surface_below,
     warn_of_doubts,
@@ -52,8 +51,6 @@ from antiosc.reduce.site.sites import (
 
 #: Largest distance of a point that counts as on the structure, over the structure's size.
 ON_STRUCTURE = 1e-6
-#: A patch counts as whole if the share of its load on the part is within this of 1.
-ROUNDED_SHARE = 1e-9
 
 
 def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functional]:
@@ -98,18 +95,9 @@ def before_joining(
         part = part_of(member)
         struck = [sites[k] for k in places]
         found = _on_mesh(part, struck, list(places.values()))
-        on_neighbours = _beyond_seams(structure, member, found, part_of)
-        total_share = found.share + sum(share for _, share, _ in on_neighbours)
-        warn_of_doubts(part, replace(found, share=np.minimum(total_share, 1.0)))
-
-        for i, (k, load) in enumerate(
-            zip(places, _site_functionals(part, struck, found), strict=True)
-        ):
-            by_site[k] = _on_whole(structure, member, load)
-            if on_neighbours and total_share[i] > found.share[i]:
-                by_site[k].b[:] *= found.share[i] / total_share[i]
-                for neighbour, share, b in on_neighbours:
-                    by_site[k].b[neighbour.rows] += share[i] / total_share[i] * b[i]
+        warn_of_doubts(part, found)
+        for k, functional in zip(places, _site_functionals(part, struck, found), strict=True):
+            by_site[k] = _on_whole(structure, member, functional)
     return [by_site[k] for k in range(len(sites))]
 
 
@@ -209,45 +197,6 @@ def _leaving(
     contact = surface_below(structure, points, directions, radii)
     cosines = np.einsum("pd,pd->p", directions, contact.normals)
     return np.isfinite(contact.depth) & (cosines > ALONG_SURFACE)
-
-
-def _beyond_seams(
-    structure: MeshedParts,
-    member: Member,
-    laid: Sites,
-    part_of: Callable[[Member], MeshedStructure],
-) -> list[tuple[Member, Array, Array]]:
-    """Parts of patches on neighbouring sheets: [(part, share (P,), load vectors (P, rows))].
-
-    Triangles beside quadrilaterals form a separate part, so that a patch may lie on both.
-    """
-    cut_patches = np.flatnonzero(laid.share < 1 - ROUNDED_SHARE)
-    if laid.contact is None or not member.part.kind.sheet or not len(cut_patches):
-        return []
-    x = member.at.placed(laid.points[cut_patches])
-    on_neighbours = []
-    faces_before = [member.part.faces]
-    for neighbour in structure.members():
-        if neighbour is member or not neighbour.part.kind.sheet or neighbour.at != member.at:
-            continue
-        overlapping = cut_patches[neighbour.closest(x).distance < laid.radii[cut_patches]]
-        if not len(overlapping):
-            continue
-        part = part_of(neighbour)
-        patches_near = (
-            laid.points[overlapping],
-            laid.radii[overlapping],
-            laid.contact.of(overlapping),
-        )
-        weighted, share = patches(part.faces, *patches_near, faces_before)
-        faces_before.append(part.faces)
-        shares = np.zeros(len(laid))
-        b = np.zeros((len(laid), neighbour.size))
-        shares[overlapping] = share
-        columns = on_free_dofs(part, loads(part, weighted, laid.directions[overlapping]))
-        b[overlapping] = columns.toarray().T
-        on_neighbours.append((neighbour, shares, b))
-    return on_neighbours
 
 
 def _site_functionals(

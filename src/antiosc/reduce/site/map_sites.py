@@ -23,7 +23,13 @@ from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.at_points import ON_STRUCTURE
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site, nearest_parts, place_of
-from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, Sites, located, warn_of_doubts
+from antiosc.reduce.site.sites import (
+    MOST_RINGS_OF_MAP,
+    Sites,
+    located,
+    surface_below,
+    warn_of_doubts,
+)
 
 #: Radius of a patch that facets resolve over their size.
 RESOLVED = 1.05
@@ -41,36 +47,26 @@ class MapSites:
     ----------
     sites : the P sites that can move and have a surface.
     elements : (T, 3) triangles between them, or (T, 2) segments of lines; none between points.
-    kept : (P,) number of each site among all `count` requested sites.
+    count : number of all requested sites.
     names : (P,) name of the group or part of each site; "" for none.
     dimension : dimension of the cells.
     """
 
     sites: Sites
     elements: IntArray
-    kept: IntArray
     count: int
     names: NDArray[np.str_]
     dimension: int
 
     def only(self, keep: BoolArray) -> MapSites:
         """The sites in the mask `keep`, and the elements all of whose corners are kept."""
-        number = np.cumsum(keep) - 1
-        elements = self.elements
-        if len(elements):
-            elements = number[elements[keep[elements].all(axis=1)]]
+        whole = self.elements[keep[self.elements].all(axis=1)]
+        elements = (np.cumsum(keep) - 1)[whole]
         return replace(self.taken(np.flatnonzero(keep)), elements=elements)
 
     def taken(self, which: IntArray) -> MapSites:
-        """The sites with the numbers `which` (n,), without elements."""
-        of_all = ("loads", "weighted", "contact")
-        rows = {k: value[which] for k, value in vars(self.sites).items() if k not in of_all}
-        rows |= {"loads": self.sites.loads[:, which], "weighted": None, "contact": None}
-        sites = replace(self.sites, **rows)
-        no_elements = np.zeros((0, 3), dtype=int)
-        numbers_kept = self.kept[which]
-        names = self.names[which]
-        return replace(self, sites=sites, elements=no_elements, kept=numbers_kept, names=names)
+        """The sites with the numbers `which` (n,), with the elements as they are."""
+        return replace(self, sites=self.sites.taken(which), names=self.names[which])
 
 
 def targets(where: object) -> Sequence[str] | None:
@@ -99,27 +95,16 @@ def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
     """
     if len(surfaces) == 1:
         return surfaces[0]
-    faces = any(len(surface.elements) and surface.elements.shape[1] == 3 for surface in surfaces)
-    corners = 3 if faces else 2
+    corners = max(surface.elements.shape[1] for surface in surfaces)
     starts = np.cumsum([0, *(len(surface.sites) for surface in surfaces)])
     elements = [
         surface.elements + start
         for surface, start in zip(surfaces, starts[:-1], strict=True)
         if surface.elements.shape[1] == corners
     ]
-    columns = {
-        name: np.concatenate([getattr(surface.sites, name) for surface in surfaces])
-        for name in vars(surfaces[0].sites)
-        if name not in ("loads", "weighted", "contact")
-    }
-    loads = scipy.sparse.hstack([surface.sites.loads for surface in surfaces]).tocsr()
-    counts_before = np.cumsum([0, *(surface.count for surface in surfaces)])[:-1]
     return MapSites(
-        Sites(loads=loads, **columns),
+        Sites.joined([surface.sites for surface in surfaces]),
         np.concatenate([np.zeros((0, corners), dtype=int), *elements]),
-        np.concatenate(
-            [surface.kept + start for surface, start in zip(surfaces, counts_before, strict=True)]
-        ),
         sum(surface.count for surface in surfaces),
         np.concatenate([surface.names for surface in surfaces]),
         min(surface.dimension for surface in surfaces),
@@ -166,7 +151,8 @@ def sites_of(
     surfaces = []
     for member, group, name in places:
         sample = thinned(surface(member.part, group), most)
-        on_part = _on_part(structure, member, sample, direction, radius, name)
+        on_part, is_movable = _on_part(structure, member, sample, direction, radius, name)
+        on_part = on_part.only(is_movable)
         surfaces.append(on_part if names is None else movable(on_part, name))
     return movable(concatenated(surfaces), None)
 
@@ -212,9 +198,11 @@ def _at_points(
         if len(of_part):
             x = closest_many(member.part.mesh, member.at.own(points[of_part])).x
             sample = SurfaceSample(x, np.zeros_like(x), np.zeros((0, 3), dtype=int))
-            on_part = _on_part(structure, member, sample, direction, radius, member.name)
-            of_parts.append(on_part)
-            order.append(of_part[on_part.kept])
+            on_part, is_movable = _on_part(
+                structure, member, sample, direction, radius, member.name
+            )
+            of_parts.append(on_part.only(is_movable))
+            order.append(of_part[is_movable])
     all_sites = movable(concatenated(of_parts), None)
     return all_sites.taken(np.argsort(np.concatenate(order)))
 
@@ -226,8 +214,8 @@ def _on_part(
     direction: Sequence[float] | None,
     radius: float | None,
     name: str,
-) -> MapSites:
-    """Sites at sample points of a part, in the axes of the assembly, possibly none."""
+) -> tuple[MapSites, BoolArray]:
+    """(sites at sample points of a part, in the axes of the assembly, which of them can move)."""
     part = member.part
     if direction is None and not part.kind.outside:
         suffix = f" (the part {member.name!r})" if member.name else ""
@@ -242,33 +230,24 @@ def _on_part(
         along = _in_space(direction) @ R
         directions = np.tile(along / np.linalg.norm(along), (count, 1))
 
+    # those with a surface under them that can move in the part
     radii = np.full(count, np.nan if radius is None else positive("radius", radius, "m"))
     sites = located(part, sample.points, directions, radii, most_rings=MOST_RINGS_OF_MAP)
     sites = replace(sites, clear=_from_supports(part, sample.points))
     on_face = np.isnan(sites.radii) | ((sites.share > 0) & (sites.depth <= sites.radii))
     is_movable = on_face & (sites.moving > LEAST_FREE_SHARE_ON_MAP)
-    numbers = np.arange(count)
-    names = np.full(count, name)
-    found = MapSites(sites, sample.elements, numbers, count, names, part.mesh.tdim)
-    found = found.only(is_movable)
-    if not is_movable.any():
-        return found
-    warn_of_doubts(part, found.sites, True)
+    if is_movable.any():
+        warn_of_doubts(part, sites.taken(np.flatnonzero(is_movable)), True)
 
-    sites = found.sites
+    # those that can move in the assembly
     loads = structure.joined(sites.loads, member.rows).tocsr()
-    is_movable = np.ones(len(sites), dtype=bool)
     if structure.assembled:
         size = scipy.sparse.linalg.norm(loads, axis=0)
-        is_movable = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
-    in_assembly = replace(
-        sites,
-        points=member.at.placed(sites.points),
-        directions=sites.directions @ R.T,
-        loads=loads,
-        weighted=None,
-    )
-    return replace(found, sites=in_assembly).only(is_movable)
+        is_movable &= size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
+    points, directions = member.at.placed(sites.points), sites.directions @ R.T
+    sites = replace(sites, points=points, directions=directions, loads=loads)
+    names = np.full(count, name)
+    return MapSites(sites, sample.elements, count, names, part.mesh.tdim), is_movable
 
 
 #: Distance between points with opposite normals, for the spread of sites over a surface, over its
@@ -311,13 +290,11 @@ def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
     part = place.member.part
     if not part.kind.outside:
         return None
-    faces = part.faces
-    labels = np.zeros(len(faces.facets), dtype=int)
     point = closest_many(part.mesh, place.point[None])[0].x[None]
     direction = (place.direction / np.linalg.norm(place.direction))[None]
 
     def contact(reach: float) -> SurfaceAtSites:
-        return faces.contact(point, direction, np.array([reach]), labels)
+        return surface_below(part, point, direction, np.array([reach]))
 
     extent = part.mesh.extent()
     largest = float(contact(TOUCHING * extent).largest[0])

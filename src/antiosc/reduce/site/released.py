@@ -1,12 +1,10 @@
-"""Reactions of supports and grounded springs, from motions in which one of them is released."""
+"""Reactions of supports, from motions in which one of them is released."""
 
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
-from mpi4py import MPI
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, without_warnings
@@ -21,59 +19,13 @@ from antiosc.reduce.site import algebraic
 from antiosc.reduce.site.at_points import before_joining
 from antiosc.reduce.site.site import Functional, Site
 
-#: An element is not strained by a rigid motion if its force over that of its terms is below this.
-INTERNAL = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Element:
-    """A grounded spring, or a term of the damping, on some rows of u.
-
-    `name` and `point` (3,) [m]: those of an element that acts on the ground; `name` is "" for
-    others.
-    """
-
-    name: str
-    point: Array | None
-    rows: slice
-    term: Dissipation
-
-    def forces(self, comm: MPI.Comm, u: Array) -> Array:
-        """Forces c G u (j, k) for motions (rows of this rank, k) of all parts."""
-        return np.asarray(self.term.c @ comm.allreduce(np.asarray(self.term.G @ u[self.rows])))
-
-    def loads(self, comm: MPI.Comm, u: Array) -> Array:
-        """Gᵀ c G u (rows of this rank, k)."""
-        total = np.zeros(u.shape)
-        total[self.rows] = (
-            self.term.G.T @ self.forces(comm, u)
-            if self.term.matrix is None
-            else self.term.factor * multiply(self.term.matrix, u[self.rows])
-        )
-        return total
-
-    def if_to_ground(self, comm: MPI.Comm, rigid: Array) -> Element:
-        """The element; its name is removed if rigid motions do not strain it, so it is not
-        grounded.
-        """
-        largest_force = np.abs(self.forces(comm, rigid)).max(initial=0.0)
-        assert self.term.c is not None
-        terms = np.abs(self.term.c) @ (abs(self.term.G) @ np.abs(rigid))
-        is_grounded = largest_force > INTERNAL * terms.max(initial=0.0)
-        if is_grounded:
-            return self
-        return replace(self, name="")
-
 
 class Released:
-    """The reactions of supports and grounded springs.
+    """The reactions of the supports of a structure and of its parts.
 
-    They follow from motions in which one support is released: first each support of the structure
-    and of its parts, then the ground ends of springs. Each element on the ground has the name of a
-    support; dampers carry no static force.
-
-    If a joint and supports fix the same motion, the constraints of the joint that follow from the
-    supports carry no force, as in the assembly itself, which omits them.
+    They follow from motions in which one support is released. If a joint and supports fix the same
+    motion, the constraints of the joint that follow from the supports carry no force, as in the
+    assembly itself, which omits them.
 
     Attributes
     ----------
@@ -92,8 +44,6 @@ class Released:
             )
         self._parts: dict[int, MeshedStructure] = {}
         self._motions = np.zeros((0, 0))
-        self._springs: list[Element] = []
-        self._damping: list[Element] = []
         self.centres, self.pulled = self._released(supports)
 
     def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
@@ -118,49 +68,27 @@ class Released:
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
         """(relaxation time, reactions (6 S, B) due to motions of the shapes (rows of this rank, B))
-        of each term.
-
-        The terms of the damping are in the order of the structure's. Call `inertia` first.
+        of each term of the structure's damping, in its order. Call `inertia` first.
         """
         u = self._of.expanded(shapes)
-        return [(element.term.tau, self._by_damping(element, u)) for element in self._damping]
-
-    def _by_damping(self, element: Element, u: Array) -> Array:
-        """Reactions due to one term of the damping."""
-        comm = self._of.comm
-        loads = element.loads(comm, u)
-        reactions = dot(comm, self._motions, loads)
-        if element.name:
-            rigid = self._of.places.rigid_motions(self.centres[element.name])
-            column = 6 * list(self.centres).index(element.name)
-            reactions[column : column + 6] -= dot(comm, rigid, loads)
-        return reactions
-
-    def _elements(self) -> tuple[list[Element], list[Element]]:
-        """(grounded springs, all damping terms in the order of the structure)."""
-        springs: list[Element] = []
-        terms: list[Element] = []
-        comm = self._of.comm
-        rigid = self._of.places.rigid_motions(np.zeros(3))
-        if self._assembly:
-            attached = self._assembly.added
-            for kind, springs_or_terms in (
-                (springs, attached.springs()),
-                (terms, attached.dissipation(on_u=True)),
-            ):
-                elements = [
-                    Element(term.name, term.point, slice(None), term) for term in springs_or_terms
-                ]
-                kind += [element.if_to_ground(comm, rigid) for element in elements]
+        terms = [(slice(None), term) for term in self._attached()]
         for member in self._of.members():
-            part = self._part(member)
-            prefix = f"{member.name}:" if member.name else ""
-            for kind, springs_or_terms in ((springs, [*part.springs]), (terms, part.dissipation())):
-                for term in springs_or_terms:
-                    point = None if term.point is None else member.at.placed(term.point[None])[0]
-                    kind.append(Element(term.name and prefix + term.name, point, member.rows, term))
-        springs = [spring for spring in springs if spring.name]
-        return springs, sorted(terms, key=lambda one: one.term.matrix is not None)
+            terms += [(member.rows, term) for term in self._part(member).dissipation()]
+        terms.sort(key=lambda pair: pair[1].matrix is not None)
+        return [(term.tau, self._by_term(term, rows, u)) for rows, term in terms]
+
+    def _attached(self) -> list[Dissipation]:
+        """The dampers of an assembly itself."""
+        return self._assembly.added.dissipation(on_u=True) if self._assembly else []
+
+    def _by_term(self, term: Dissipation, rows: slice, u: Array) -> Array:
+        """Reactions due to one term of the damping on some rows, for motions u of all parts."""
+        comm = self._of.comm
+        if term.matrix is not None:
+            loads = term.factor * multiply(term.matrix, u[rows])
+        else:
+            loads = term.G.T @ (term.c @ comm.allreduce(np.asarray(term.G @ u[rows])))
+        return np.asarray(dot(comm, self._motions[rows], np.asarray(loads)))
 
     def _functional(self, site: Site) -> Functional:
         """The functional of a site on the dofs of all parts before joining."""
@@ -171,57 +99,43 @@ class Released:
         return algebraic(self._part(self._of.members()[0]), site)
 
     def _released(self, supports: Sequence[Support]) -> tuple[dict[str, Array], Array]:
-        """(centre of each support or spring, forces on the free dofs for unit motions of each)."""
+        """(centre of each support, forces on the free dofs for unit motions of each)."""
         centres: dict[str, Array] = {}
         places = self._of.places
-        supported: list[tuple[str, IntArray, Array]] = []  # name, dofs, their motions
+        moved: dict[str, tuple[IntArray, Array]] = {}  # dofs of a support, their motions
         for member in self._of.members():
             prefix = f"{member.name}:" if member.name else ""
             for name, dofs in dofs_by_support(member.part).items():
                 centres[prefix + name] = centre = _centre(member, dofs)
-                support_motions = member.places.rigid_motions(centre, dofs)
-                supported.append((prefix + name, member.first + dofs, support_motions))
+                motions_of_dofs = member.places.rigid_motions(centre, dofs)
+                moved[prefix + name] = member.first + dofs, motions_of_dofs
+
+        # supports of the assembly are constraints between dofs
         constraints = self._assembly.constraints if self._assembly else None
-        names = names_of(supports, centres) if constraints else []
         rows = constraints.rows if constraints else []
-        if constraints and self._assembly:
-            points = places.points
-            for name, constraint in zip(names, rows, strict=False):
-                centres[name] = points[np.unique(constraint.matrix.indices)].mean(axis=0)
-        self._springs, self._damping = self._elements()
-        grounds = [element for element in (*self._springs, *self._damping) if element.name]
-        for element in grounds:
-            points_of_name = [ground.point for ground in grounds if ground.name == element.name]
-            points_known = [x for x in points_of_name if x is not None]
-            centre = np.mean(points_known or places.points[element.term.G.indices], axis=0)
-            centres.setdefault(element.name, centre)
+        names = names_of(supports, centres) if constraints else []
+        for name, row in zip(names, rows, strict=False):
+            centres[name] = places.points[np.unique(row.matrix.indices)].mean(axis=0)
         if not centres:
             raise InputError(
-                "the structure has no supports, springs or dampers to the ground: it has no"
-                " reactions."
+                "the structure has no supports: it has no reactions; the force of a spring to the"
+                " ground is its stiffness times the displacement of its point (`probe`)."
             )
+
         column = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(centres)}
         motions = np.zeros((len(places.kind), 6 * len(centres)))
-        for name, dofs, support_motions in supported:
-            motions[dofs, column[name]] = support_motions
+        for name, (dofs, motions_of_dofs) in moved.items():
+            motions[dofs, column[name]] = motions_of_dofs
         if constraints:
-            prescribed = [np.asarray(-constraint.matrix @ motions) for constraint in rows]
-            for name, constraint, values in zip(names, rows, prescribed, strict=False):
-                values[:, column[name]] += constraint.matrix @ places.rigid_motions(centres[name])
-            eliminated = eliminate(
-                rows,
-                constraints.fixed,
-                constraints.scale,
-                np.vstack([np.zeros((0, motions.shape[1])), *prescribed]),
-            )
+            prescribed = [np.asarray(-row.matrix @ motions) for row in rows]
+            for name, row, values in zip(names, rows, prescribed, strict=False):
+                values[:, column[name]] += row.matrix @ places.rigid_motions(centres[name])
+            all_values = np.vstack([np.zeros((0, motions.shape[1])), *prescribed])
+            eliminated = eliminate(rows, constraints.fixed, constraints.scale, all_values)
             assert eliminated.particular is not None
             motions = motions + eliminated.particular
         self._motions = motions
-        forces = -self._forces("K", motions)
-        for spring in self._springs:
-            rigid = places.rigid_motions(centres[spring.name])
-            forces[:, column[spring.name]] += self._on_free(spring.loads(self._of.comm, rigid))
-        return centres, forces
+        return centres, -self._forces("K", motions)
 
     def _part(self, member: Member) -> MeshedStructure:
         """A part without its supports and its prestress."""

@@ -281,20 +281,15 @@ def _facing(member: Member, point: Array, direction: Array) -> float:
 
     0 for parts without an outside.
     """
-    from antiosc.fem.mesh.surface import Faces  # needs dolfinx
+    from antiosc.reduce.site.sites import surface_below  # needs dolfinx
 
     part = member.part
     if not part.kind.outside:
         return 0.0
-    faces = Faces(part.mesh, sheet=False)
-    direction_of_part = direction @ member.at.rotation
-    contact = faces.contact(
-        member.at.own(point[None]),
-        direction_of_part[None],
-        np.array([1e-6 * part.mesh.extent()]),
-        np.zeros(len(faces.facets), dtype=int),
-    )
-    return float(contact.normals[0] @ direction_of_part)
+    along = direction @ member.at.rotation
+    radii = np.full(1, np.nan)
+    contact = surface_below(part, member.at.own(point[None]), along[None], radii)
+    return float(contact.normals[0] @ along)
 
 
 def point_of(
@@ -310,22 +305,22 @@ def point_of(
         checks.text("part", part)
     if (point is None) == (node is None):
         raise InputError("a probe takes a point or the number of a node.")
-    if node is not None:
-        member, x = node_of(with_parts(structure), checks.whole("node", node), part)
-        return member.at.placed(x[None])[0], member.name or None, None
-    if not isinstance(point, str):
+    if node is None and not isinstance(point, str):
         return in_space(checks.coordinates("point", point)), part, None
-
-    checks.text("point", point)
-    if part is not None:
-        raise InputError(NAMED_PART.format(point, part))
     if structure.matrices.located:
         raise InputError("matrices have no groups: give the point's coordinates.")
+
     matrices = with_parts(structure)
-    without_mesh = motion_of(matrices, point)
-    if without_mesh is not None:
-        return without_mesh.point, None, without_mesh
-    member, x = _middle_of(matrices, point)
+    if node is not None:
+        member, x = node_of(matrices, checks.whole("node", node), part)
+    else:
+        name = checks.text("point", point)
+        if part is not None:
+            raise InputError(NAMED_PART.format(name, part))
+        end = motion_of(matrices, name)
+        if end is not None:
+            return end.point, None, end
+        member, x = _middle_of(matrices, name)
     return member.at.placed(x[None])[0], member.name or None, None
 
 

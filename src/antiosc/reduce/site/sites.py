@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse
@@ -90,13 +90,12 @@ def patches(
     points: Array,
     radii: Array,
     contact: SurfaceAtSites,
-    used_faces: Sequence[Faces] = (),
     most_rings: dict[int, int] = MOST_RINGS,
 ) -> tuple[Points, Array]:
     """(weighted points of patches on this rank, share of each patch on its faces (P,)).
 
     The quadrature resolves the smaller of the patch and the faces under it. If an edge cuts a
-    patch, its weights are scaled to a unit force. Points on `used_faces` do not count.
+    patch, its weights are scaled to a unit force.
     """
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
     rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), most_rings[faces.dim])
@@ -115,7 +114,7 @@ def patches(
             rise = FLAT_RISE if is_flat else MOST_RISE
             for part in np.array_split(members, 1 + len(members) * len(rule) // POINTS_AT_ONCE):
                 points_of_rule = _rule_on_faces(
-                    faces, points, radii, contact.normals, part, rule, weights, rise, used_faces
+                    faces, points, radii, contact.normals, part, rule, weights, rise
                 )
                 share[part] = points_of_rule[1]
                 point_sets.append(points_of_rule[0])
@@ -133,7 +132,6 @@ def _rule_on_faces(
     rule: Array,
     weights: Array,
     rise: float,
-    used_faces: Sequence[Faces],
 ) -> tuple[Points, Array]:
     """The points of one quadrature rule, projected on the faces at some sites; see `patches`."""
     comm = faces.mesh.comm
@@ -152,8 +150,6 @@ def _rule_on_faces(
     face, xi, distance = faces.along(*line)
     ranks = np.array(comm.allgather(distance))
     hit = np.isfinite(ranks).any(axis=0)
-    for used in used_faces:
-        hit &= ~np.isfinite(comm.allgather(used.along(*line)[2])).any(axis=0)
     share = (np.tile(weights, len(part)) * hit).reshape(len(part), count).sum(axis=1)
     owned_points = np.flatnonzero(hit & (ranks.argmin(axis=0) == comm.rank))
     site_index = owned_points // count
@@ -246,13 +242,30 @@ class Sites:
     size: Array
     moving: Array
     weighted: Points | None = None
-    #: the surface under the patches; None where sites are points
-    contact: SurfaceAtSites | None = None
     #: (P,) distances from the nearest supported node [m]; None but for the sites of a map
     clear: Array | None = None
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def taken(self, which: IntArray) -> Sites:
+        """The sites with the numbers `which` (n,)."""
+        rows: dict[str, Any] = {name: values[which] for name, values in self._arrays().items()}
+        return Sites(loads=self.loads[:, which], **rows)
+
+    @classmethod
+    def joined(cls, several: Sequence[Sites]) -> Sites:
+        """All sites of several sets."""
+        arrays = [sites._arrays() for sites in several]
+        columns: dict[str, Any] = {
+            name: np.concatenate([each[name] for each in arrays]) for name in arrays[0]
+        }
+        return cls(loads=scipy.sparse.hstack([one.loads for one in several]).tocsr(), **columns)
+
+    def _arrays(self) -> dict[str, Any]:
+        """What has a row for each site."""
+        rows = {k: v for k, v in vars(self).items() if k not in ("loads", "weighted")}
+        return {name: values for name, values in rows.items() if values is not None}
 
 
 def located(
@@ -283,7 +296,6 @@ def located(
             "finite, so leave the radius out."
         )
     point_sets = []
-    contact = None
     own_radii = [material.patch_radius for material, _ in structure.parts]
     default_radii = np.array([np.nan if radius is None else radius for radius in own_radii])
     patch = np.isfinite(default_radii).all() | has_radius
@@ -318,8 +330,7 @@ def located(
     weight = sums(structure, B)
     B = on_free_dofs(structure, B)
     free_share = sums(structure, B) / np.where(weight > 0, weight, 1.0)
-    places = (points, directions, B, radii, local, share, depth, size, free_share, weighted)
-    return Sites(*places, contact if patch.all() else None)
+    return Sites(points, directions, B, radii, local, share, depth, size, free_share, weighted)
 
 
 def on_free_dofs(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
