@@ -307,7 +307,7 @@ def relaxes(structure: Structure) -> bool:
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
     """The beams of stiffener `name` on the sheets of some parts, with the shapes on their dofs."""
     beams = [
-        (replace(member, part=alone(lines, group)), lines.rows_of(shapes_of_part))
+        (replace(member, part=alone(lines)), lines.rows_of(shapes_of_part))
         for member, shapes_of_part in parts
         for group, lines in member.part.stiffeners.items()
         if group == name

@@ -344,7 +344,7 @@ class AssembledMatrices(StructureMatrices):
         )
 
     def dissipation(self) -> list[Dissipation]:
-        """Terms on q: dashpots, Maxwell branches, relaxing layers, damping of superelements."""
+        """Terms on q: dashpots, Maxwell branches, relaxing layers."""
         terms = self.added.dissipation()
         for member in self.layout.members.values():
             T = self.T[member.rows]
@@ -354,15 +354,9 @@ class AssembledMatrices(StructureMatrices):
 
     @cached_property
     def _layers(self) -> list[Dissipation]:
-        """Relaxing layers of all parts, and the damping of superelements, as terms on q."""
+        """Relaxing layers of all parts, as terms on q."""
         terms = []
         stiffness_by_group = dict[tuple[str, int], PETSc.Mat]()
-        for part in self.layout.condensed.values():
-            if part.C is not None:
-                T = self.T[part.rows]
-                C = (T.T @ scipy.sparse.csr_matrix(part.C) @ T).tocsr()
-                C.sort_indices()
-                terms.append(Dissipation(matrix=as_petsc("C", C, self.layout)))
         for name, member in self.layout.members.items():
             for term in member.part.dissipation():
                 if term.matrix is None:

@@ -52,7 +52,6 @@ class Superelement:
     places: DofPlaces  # where and what its n dofs are
     ends: Mapping[str, Interface]  # name of a site, or number of a node -> its motion
     fixed: BoolArray  # (n,) dofs that are zero
-    C: Array | None = None  # (n, n) damping
     rigid: Array | None = None  # (n, r) orthonormal rigid motions, on which K is exactly zero
     first: int = 0  # number of its first dof in u
 
@@ -80,12 +79,7 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
             f"the part {name!r} is a model without named sites in space: extract it with "
             "extract(structure, {name: Site(point, direction), ...})."
         )
-    if model.damping is not None:
-        raise InputError(
-            f"the part {name!r} is a model with damping, which a superelement of K and M leaves "
-            "out: damp the model of the assembly (damping=)."
-        )
-
+    _refuse_damping(name, model.damping)
     reduced = reduced_matrices(model.k0, model.m_st, np.asarray(model.P), model.omega)
     size, count = len(reduced.K), len(model.k0)
     dependence = np.eye(count) if model.dependence is None else np.asarray(model.dependence)
@@ -119,6 +113,7 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
             "those of their interface, or extract a model of named sites."
         )
 
+    _refuse_damping(name, matrices.C)
     node, places, ends = matrices.map.node, matrices.places, {}
     for number in np.unique(node[places.kind != AMPLITUDE]):
         kinds = [(node == number) & (places.kind == kind) for kind in (MOVE, TURN)]
@@ -129,8 +124,16 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     fixed = np.zeros(size, dtype=bool)
     fixed[matrices.fixed] = True
     K, M = (_dense(matrix) for matrix in (matrices.K, matrices.M))
-    C = None if matrices.C is None else _dense(matrices.C)
-    return _without_rigid_strain(Superelement(K, M, places, ends, fixed, C))
+    return _without_rigid_strain(Superelement(K, M, places, ends, fixed))
+
+
+def _refuse_damping(name: str, damping: object) -> None:
+    if damping is not None:
+        raise InputError(
+            f"the part {name!r} is a model with damping, or matrices with C, which a superelement "
+            "of K and M leaves out: damp the model of the assembly (damping=), or put dampers into "
+            "its attached=."
+        )
 
 
 def _dense(matrix: object) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from antiosc.base._types import Array, Matrix, SolverChoice
 from antiosc.fem.linalg.algebra import by_scipy
-from antiosc.fem.linalg.solver import Solver, factorize
+from antiosc.fem.linalg.solver import Solver, SuperLU
 
 
 def solver_for(
@@ -23,7 +23,7 @@ def solver_for(
     requires a direct factor. A SciPy matrix is always solved directly.
     """
     if by_scipy(A):
-        return factorize(A)
+        return SuperLU(A)
     from antiosc.fem.linalg import iterative, solver_choice  # need PETSc
 
     return solver_choice.solver_for(A, choice, iterative.Levels(motions, coarser), columns)

@@ -22,7 +22,6 @@ import numpy as np
 import scipy.linalg.blas
 import scipy.sparse
 
-from antiosc.base import process
 from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.base.progress import counting
 from antiosc.fem.linalg import solver_choice
@@ -31,7 +30,6 @@ from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
 from antiosc.fem.linalg.solver import Factorization, Solver
 from antiosc.fem.linalg.solver_choice import OnOneRank
-from antiosc.fem.platform import on_root, warn
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -74,7 +72,7 @@ def deflections(
         The lowest frequencies [rad/s] and the values bᵀφ of their modes for each load.
     """
     solver = structure.factorize()
-    if not isinstance(solver, Factorization) or not _room(structure.comm, solver):
+    if not isinstance(solver, Factorization):
         return _by_solves(structure, loads)
 
     x = omega**2 + structure.shift
@@ -86,20 +84,6 @@ def deflections(
     rest_after = shifted - b**2 @ (1 / (x + step))
     slow = (truncated - rest_after) / (step * np.where(rest_after > 0, rest_after, np.inf))
     return C, b**2 @ (1 / x**2) + np.maximum(truncated, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
-
-
-def _room(comm: MPI.Comm, solver: Factorization) -> bool:
-    """Whether memory suffices for the second factor; warns if not."""
-    extra_bytes = solver_choice.BYTES * solver.entries
-    free = on_root(comm, process.free_memory)
-    if extra_bytes <= process.MEMORY_SHARE * free:
-        return True
-    warn(
-        comm,
-        f"{process.shortage('a map with a second factor', extra_bytes, free)}: every site is "
-        "solved separately, which takes about ten times as long.",
-    )
-    return False
 
 
 def _twice(

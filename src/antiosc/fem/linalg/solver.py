@@ -124,13 +124,6 @@ class Factorization(Solver):
 # -- factors of SciPy's matrices by SuperLU
 
 
-#: Rows from which the memory of a factor is forecast.
-FORECAST_ROWS = 30_000
-#: Bytes of an entry with its row number; SuperLU stores L and U.
-ENTRY_BYTES, L_AND_U = 12.0, 2
-#: Share of the rows that groups of rows alike may be for a forecast.
-LEAST_REDUCTION = 0.6
-
 #: Remedy for matrices that are too large.
 REDUCE = "reduce the matrices, take a coarser mesh, or a machine with more memory"
 
@@ -140,49 +133,6 @@ SYMMETRIC_ORDER: dict[str, object] = {
     "diag_pivot_thresh": 0.0,
     "options": {"SymmetricMode": True, "Equil": False},
 }
-
-
-def factorize(A: Matrix) -> Factorization:
-    """The factor of A.
-
-    Raises
-    ------
-    OutOfMemoryError
-        The forecast of the factor does not fit in the free memory.
-    """
-    rows = A.shape[0]
-    if rows >= FORECAST_ROWS:
-        need = L_AND_U * ENTRY_BYTES * entries_of_factor(A)
-        process.require(need, f"the factor of {rows} dofs", REDUCE)
-    return SuperLU(A)
-
-
-def entries_of_factor(A: Matrix) -> float:
-    """Forecast of the entries of L, from the factor of a smaller matrix.
-
-    Rows with the same pattern, such as the dofs of one node, become one row: b rows in one make
-    the work b³ times smaller. 0 where no rows are alike, for which there is no forecast.
-    """
-    A = A.tocsr()
-    A.sort_indices()
-    rows = A.shape[0]
-    weight = np.random.default_rng(1).random(rows)
-    # rows of one pattern have the same sum of random numbers
-    ones = scipy.sparse.csr_matrix((np.ones(A.nnz), A.indices, A.indptr), A.shape)
-    _, first, group = np.unique(ones @ weight, return_index=True, return_inverse=True)
-    count = len(first)
-    if count > LEAST_REDUCTION * rows:
-        return 0.0
-    P = scipy.sparse.csr_matrix((np.ones(rows), (np.arange(rows), np.ravel(group))))
-    size = np.asarray(P.sum(axis=0)).ravel()
-    graph = (P.T @ ones @ P).tocsc()
-    graph.data[:] = -1.0
-    # a definite matrix with the pattern of the groups
-    graph = graph + scipy.sparse.diags(2.0 + np.diff(graph.indptr))
-    lu = scipy.sparse.linalg.splu(graph.tocsc(), **SYMMETRIC_ORDER)
-    size = size[np.argsort(lu.perm_c)]
-    L = lu.L.tocoo()
-    return float(size[L.row] @ size[L.col])
 
 
 class SuperLU(Factorization):

@@ -79,7 +79,7 @@ class Prestress(Checked):
     Parameters
     ----------
     spin : Spin, optional
-        Rotation of the part and its supports about an axis, without point masses and stiffeners.
+        Rotation of the part and its supports about an axis, without point masses.
         Coriolis forces are neglected.
     gravity : sequence of 3 floats
         Acceleration, m/s².
@@ -87,8 +87,8 @@ class Prestress(Checked):
         Group -> Pa. On faces of a solid (edges of a plane one) it acts inward; on cells of a sheet,
         along their normal toward the top. It follows the rotation of the surface.
     tension : dict
-        Name -> N, for a group of cells of beams or bars, or a stiffener: the force after all of
-        them are tightened, before other loads act. Negative: compression.
+        Name -> N, for a group of cells of beams or bars: the force after all of them are
+        tightened, before other loads act. Negative: compression.
     force : dict
         Group -> (x, y, z) N: the resultant of an even distribution; its direction is fixed.
 

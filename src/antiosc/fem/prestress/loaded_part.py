@@ -34,7 +34,7 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import largest
 from antiosc.fem.platform import compat
 from antiosc.fem.prestress import Prestress, Spin
-from antiosc.fem.structure.meshed import MeshedStructure, alone
+from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.support import dofs_of_entities
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Tendon:
-    """A tightened group of elements: beams or bars, a stiffener, a bolt.
+    """A tightened group of beams or bars.
 
     load : (rows of this rank,) forces due to a unit stress-free strain, with the sign of a pull on
         both ends. length [m]; stiffness: mean EA [N].
@@ -61,7 +61,7 @@ class LoadedPart:
     ----------
     part : MeshedStructure without prestress.
     loads : in the axes of the part; gravity and tensions are ignored.
-    initial : group or name of a stiffener -> stress-free strain of its beams or bars.
+    initial : group -> stress-free strain of its beams or bars.
     """
 
     def __init__(
@@ -71,18 +71,14 @@ class LoadedPart:
         form = part.form
         mesh = part.mesh
         self._u = compat.function_of(form.space, np.zeros(part.rows))
-        lines = part.stiffeners
-        self._lines = {
-            name: LoadedPart(alone(stiffener, name), Prestress(), _initial_of(initial, [name]))
-            for name, stiffener in lines.items()
-        }
-        if part.edges:  # all of its cells
-            initial_here = {group: e for group, e in initial.items() if group == part.edges}
-        else:
-            initial_here = {group: e for group, e in initial.items() if group not in lines}
-        self.initial = initial_strain(part, initial_here)
+        if part.stiffeners:
+            raise InputError(
+                "a prestress does not take a sheet with beams on its edges: leave them or the "
+                "prestress out."
+            )
+        self.initial = initial_strain(part, initial)
         stretch = stretch_of(mesh, part.parts, form.degree)
-        free = self.initial if initial_here else None
+        free = self.initial if initial else None
         v = ufl.TestFunction(form.space)
         w = ufl.TrialFunction(form.space)
         dx = measure(mesh, stretch.degree)
@@ -95,13 +91,13 @@ class LoadedPart:
         if loads.spin is not None and loads.spin.omega:
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
                 raise InputError(
-                    "a spin acts on the mass of cells alone: mesh what a PointMass or the Beam on "
-                    "edges stands for, or leave the spin out."
+                    "a spin acts on the mass of cells alone: mesh what a PointMass stands for, or "
+                    "leave the spin out."
                 )
             spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
             of_loads.append(-spin)
-        forces = [ufl.derivative(stiffener, self._u, v) for stiffener in (second, *of_loads)]
-        slopes = [ufl.derivative(stiffener, self._u, w) for stiffener in forces]
+        forces = [ufl.derivative(energy, self._u, v) for energy in (second, *of_loads)]
+        slopes = [ufl.derivative(force, self._u, w) for force in forces]
         of_stress = stretch.of_stress(self._u, free, v, w) * dx
         # sums, as matrices of cells and of facets have entries at different places
         self._forces = sum(forces)
@@ -112,9 +108,6 @@ class LoadedPart:
         """dΠ/du (rows of this rank,) at u; 0 on fixed dofs."""
         self._move(u)
         total = compat.assemble_functional(self._forces, self.part.form.space)[: len(u)]
-        for name, preloaded in self._lines.items():
-            T = self.part.stiffeners[name].shared
-            total += _transposed(T, preloaded.forces(self.part.stiffeners[name].rows_of(u)))
         return freed(self.part, total)
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
@@ -125,23 +118,12 @@ class LoadedPart:
         self._move(u)
         part = self.part
         form = self._geometric if geometric else self._tangent
-        matrix = compat.assemble([form], part.form.space, part.conditions, 0.0)
-        for name, preloaded in self._lines.items():
-            lines = part.stiffeners[name]
-            of_stiffener = preloaded.stiffness(lines.rows_of(u), geometric=geometric)
-            added = of_stiffener.ptap(lines.shared)
-            matrix.axpy(1.0, added, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
-        return matrix
+        return compat.assemble([form], part.form.space, part.conditions, 0.0)
 
     def _move(self, u: Array) -> None:
         """Set the displacements at which forms are evaluated."""
         self._u.x.array[: len(u)] = u
         self._u.x.scatter_forward()
-
-
-def _initial_of(initial: Mapping[str, float], names: list[str]) -> dict[str, float]:
-    """The initial strains of the stiffeners `names`."""
-    return {name: e for name, e in initial.items() if name in names}
 
 
 def freed(part: MeshedStructure, forces: Array) -> Array:
@@ -150,39 +132,22 @@ def freed(part: MeshedStructure, forces: Array) -> Array:
     return forces
 
 
-def _transposed(matrix: PETSc.Mat, forces: Array) -> Array:
-    """matrixᵀ forces."""
-    source = matrix.createVecLeft()
-    target = matrix.createVecRight()
-    source.setArray(forces)
-    matrix.multTranspose(source, target)
-    return np.array(target.array_r)
-
-
 def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
     """Initial strain of each cell as a cell-wise constant function."""
     strain_of_cells = compat.cellwise(part.mesh.dolfinx)
     for group, strain in initial.items():
-        if group == part.edges:
-            strain_of_cells.x.array[:] += strain
-            continue
         dim, cells = largest(part.mesh, group)
         if dim != part.mesh.tdim or not isinstance(part.parts[0][0], Beam | Truss):
             raise InputError(
-                f"tension is that of beams and bars; {group!r} is no group of their cells, no "
-                "stiffener and no Bolt: use force={…} on both ends of what pulls."
+                f"tension is that of beams and bars; {group!r} is no group of their cells: use "
+                "force={…} on both ends of what pulls."
             )
         strain_of_cells.x.array[cells] += strain
     return strain_of_cells
 
 
 def tendon(part: MeshedStructure, name: str) -> Tendon:
-    """The tendon of a group of beams or bars, or of a stiffener."""
-    if name in part.stiffeners:
-        lines = part.stiffeners[name]
-        of_stiffener = tendon(alone(lines, name), name)
-        load = freed(part, _transposed(lines.shared, of_stiffener.load))
-        return Tendon(load, of_stiffener.length, of_stiffener.stiffness)
+    """The tendon of a group of beams or bars."""
     unit_strain = initial_strain(part, {name: 1.0})
     stretch = stretch_of(part.mesh, part.parts, part.form.degree)
     dx = measure(part.mesh, stretch.degree)

@@ -34,8 +34,6 @@ CONVERGED = 1e-14
 LEAST_MOTION = 1e-15
 #: Most steps; a plate whose deflection under pressure is ten thicknesses needs some 15.
 MOST_STEPS = 40
-#: Most steps with K instead of the tangent.
-MOST_SOFT = 3
 #: Vectors of SLEPc's basis.
 BASIS = 24
 #: Largest load factor that is reported; larger ones are infinite.
@@ -110,32 +108,26 @@ def equilibrium(
 ) -> tuple[Array, PETSc.Mat, Solver]:
     """(displacements q, tangent stiffness K, its solver) under constant forces `dead` and loads.
 
-    A tangent without a factor, as that of a spin before it has stretched the part, is replaced by
-    the `elastic` stiffness in `MOST_SOFT` steps at most. InputError beyond buckling, or if none is
-    found.
+    The first step is that of linear theory. InputError beyond buckling, or if none is found.
     """
     comm = part.comm
-    q = np.zeros(len(dead))
     stiffest = max(comm.allgather(diagonal(part.K).max(initial=0.0)))
     rounding = stiffest * (LEAST_MOTION * part.mesh.extent()) ** 2
+    q = elastic.solve(dead - loaded.forces(np.zeros(len(dead))))
     no_motions = np.zeros((len(q), 0))
-    soft = 0
     for _ in range(MOST_STEPS):
         K = sum_of(part.K, 1.0, loaded.stiffness(q))
         free_when_dropped(K)
         try:  # under loads there is no coarser space: iterations take some forty times as long
             solver = solver_for(K, "auto", lambda: no_motions, columns=math.inf)
         except (NotConvergedError, AccuracyError):
-            solver = elastic
-            soft += 1
+            break
 
         step = solver.solve(dead - multiply(part.K, q) - loaded.forces(q))
         q = q + step
         change, energy = (float(dot(comm, u, multiply(part.K, u))) for u in (step, q))
-        if change <= max(CONVERGED * energy, rounding) and solver is not elastic:
+        if change <= max(CONVERGED * energy, rounding):
             return q, K, solver
-        if soft > MOST_SOFT:
-            break
 
     linear = elastic.solve(dead - loaded.forces(0 * q))
     reserve = buckling(part.K, elastic, loaded.stiffness(linear, geometric=True))

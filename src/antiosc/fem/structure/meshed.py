@@ -177,8 +177,6 @@ class MeshedStructure(StructureMatrices):
     springs: Sequence[Dissipation] = ()  # to the ground
     #: its fixed dofs, as its forms are assembled with
     conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
-    #: the group of edges of the sheet of which this is a stiffener
-    edges: str = ""
     #: the same without its prestress
     unloaded: MeshedStructure | None = None
     #: strains free of stress of the cells (n,): strains are then of second order; None: linear
@@ -389,7 +387,7 @@ class MeshedStructure(StructureMatrices):
         )
 
 
-def alone(stiffener: Stiffener, edges: str) -> MeshedStructure:
+def alone(stiffener: Stiffener) -> MeshedStructure:
     """The beams of a stiffener as a separate structure, for results at its cells."""
     rows = compat.local_size(stiffener.form.space)
     return MeshedStructure(
@@ -404,8 +402,7 @@ def alone(stiffener: Stiffener, edges: str) -> MeshedStructure:
         parts=stiffener.parts,
         total_mass=0.0,
         attached_inertia=np.zeros((rows, 3)),
-        again=lambda _: alone(stiffener, edges),
-        edges=edges,
+        again=lambda _: alone(stiffener),
     )
 
 
@@ -509,7 +506,6 @@ def assembled(
         [
             plausible.size_doubt(mesh.extent(), mesh.stated, mesh.tdim == 1),
             *map(plausible.material_doubt, materials),
-            *(_section_doubt(entry, mesh.extent()) for entry in materials),
         ]
     )
 
@@ -638,13 +634,3 @@ def _stretched(
     x = np.vstack(mesh.comm.allgather(form.space.tabulate_dof_coordinates()[nodes]))
     extents = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
     return thickness, bool(extents[1:].sum() <= wide * (1.0 if sheet else np.sqrt(len(x))))
-
-
-def _section_doubt(material: Family, extent: float) -> str:
-    """Why the size of a section is implausible; "" if it is not."""
-    section = getattr(material, "section", None)
-    thickness = getattr(section, "thickness", None)
-    what = "the thickness of the shell" if thickness is not None else "the thickness of the beam"
-    if thickness is None:
-        thickness = float(np.sqrt(getattr(section, "A", 0.0)))
-    return "" if thickness <= extent else plausible.doubt("length", thickness, what, high=extent)
