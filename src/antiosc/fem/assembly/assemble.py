@@ -51,12 +51,7 @@ from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.mesh.surface import largest
 from antiosc.fem.platform import collective
 from antiosc.fem.structure import TURN, Placement, in_space
-from antiosc.fem.structure.attachments import (
-    Attachment,
-    ElasticTerm,
-    attachments_of,
-    terms_of,
-)
+from antiosc.fem.structure.attachments import Attachment, ElasticTerm, attachments_of, terms_of
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.structure import Structure, holding
 from antiosc.fem.structure.support import NumberedNodes, Support

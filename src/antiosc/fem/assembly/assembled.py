@@ -90,11 +90,7 @@ def _rigid_body(
 
 
 def free_motions(
-    layout: Layout,
-    bodies: Sequence[RigidDofs],
-    constraints: Sparse,
-    fixed: BoolArray,
-    scale: Array,
+    layout: Layout, bodies: Sequence[RigidDofs], constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, int]:
     """(strain-free motions (n, k) of the bodies that meet the constraints and vanish at fixed dofs,
     how many of them are rigid motions of the whole).

@@ -54,10 +54,7 @@ class _System:
 
 
 def eliminate(
-    rows: Sequence[Rows],
-    fixed: BoolArray,
-    scale: Array,
-    prescribed: Array | None = None,
+    rows: Sequence[Rows], fixed: BoolArray, scale: Array, prescribed: Array | None = None
 ) -> Eliminated:
     """Solve the constraints for the dependent dofs; return T of u = T q.
 

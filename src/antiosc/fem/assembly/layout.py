@@ -20,11 +20,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import coordinates, shown
 from antiosc.base.errors import InputError, name_list
-from antiosc.fem.assembly.superelement import (
-    Superelement,
-    matrix_superelement,
-    model_superelement,
-)
+from antiosc.fem.assembly.superelement import Superelement, matrix_superelement, model_superelement
 from antiosc.fem.platform import compat
 from antiosc.fem.structure import (
     MOVE,

@@ -45,10 +45,7 @@ ENDS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
 
 
 def cell_by_cell(
-    mesh: Mesh,
-    form: WeakForm,
-    parts: Parts,
-    conditions: Mapping[tuple[int, ...], IntArray],
+    mesh: Mesh, form: WeakForm, parts: Parts, conditions: Mapping[tuple[int, ...], IntArray]
 ) -> Tetrahedra | None:
     """The cells of a large part of quadratic tetrahedra; None for other parts."""
     imap = form.space.dofmap.index_map

@@ -275,10 +275,7 @@ class Analysis:
     """
 
     def __init__(
-        self,
-        A: scipy.sparse.csr_matrix,
-        block: int = 1,
-        permutation: IntArray | None = None,
+        self, A: scipy.sparse.csr_matrix, block: int = 1, permutation: IntArray | None = None
     ) -> None:
         self.memory = _Memory()
         common = self.memory.common

@@ -36,14 +36,7 @@ from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import NotConvergedError
 from antiosc.base.process import allocation_failed
 from antiosc.fem.linalg.algebra import diagonal
-from antiosc.fem.linalg.petsc_algebra import (
-    CELLS,
-    becomes,
-    by_cells,
-    free,
-    multiply,
-    watch,
-)
+from antiosc.fem.linalg.petsc_algebra import CELLS, becomes, by_cells, free, multiply, watch
 from antiosc.fem.linalg.solver import SINGULAR, Solver
 
 #: PETSC_ERR_MEM

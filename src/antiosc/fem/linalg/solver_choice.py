@@ -34,11 +34,7 @@ from antiosc.base._types import Array, SolverChoice
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
-from antiosc.fem.linalg.cholmod import (
-    Analysis,
-    Cholesky,
-    NotPositiveDefiniteError,
-)
+from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.forecast import (
     BYTES,
     ENTRIES,

@@ -568,12 +568,7 @@ def assembled(
 
     def reassembled(copy: Mesh, supports: Sequence[Support] = checked_supports) -> MeshedStructure:
         return assembled(
-            copy,
-            materials_by_group,
-            supports,
-            order=order,
-            attached=attachments,
-            solver=solver,
+            copy, materials_by_group, supports, order=order, attached=attachments, solver=solver
         )
 
     thickness, along_line = _stretched(mesh, form, fixed, [entry for entry, _ in parts])

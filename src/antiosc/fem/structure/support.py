@@ -26,15 +26,7 @@ from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import agreed, bounds, compat
-from antiosc.fem.structure import (
-    MOVE,
-    RIGID_FORCE,
-    SHIFT,
-    TURN,
-    DofPlaces,
-    in_space,
-    orthonormal,
-)
+from antiosc.fem.structure import MOVE, RIGID_FORCE, SHIFT, TURN, DofPlaces, in_space, orthonormal
 
 Where = str | Callable[[Array], BoolArray]
 
