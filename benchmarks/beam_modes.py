@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc.base._types import Array
 from antiosc.models.body import ModalModel
 from antiosc.models.closed_form import ACROSS, StruckBeam
 from antiosc.models.modal import ModalBody
@@ -21,9 +22,9 @@ def modes(
     are the deflections at x [m]. With `static_correction` the static deflection of the
     truncated modes is included.
     """
-    points = struck.points_on(x)
+    points = struck._points_on(x)
     rigid = min(struck.rigid_modes, 1)
-    solved, omega, phi, b = struck.observable(n - rigid, held=False)
+    solved, omega, phi, b = struck._observable(n - rigid, held=False)
     if rigid:
         swing = solved.static / math.sqrt(solved.m_st)
         phi = np.column_stack((swing, phi))
@@ -54,6 +55,13 @@ def modes(
             residual=at_points @ residual,
             basis=(np.eye(points.size),),
             direction=ACROSS,
-            inertia=struck.inertia_of(momenta),
+            inertia=struck._inertia_of(momenta),
         )
     )
+
+
+def frequencies(struck: StruckBeam, n: int, *, held: bool = False) -> Array:
+    """The first n frequencies > 0 in rad/s, with the site `held` the antiresonances, those that the
+    site does not see included.
+    """
+    return struck._in_polynomials(n).lowest(n, held=held)[0] * struck.beam.omega_unit

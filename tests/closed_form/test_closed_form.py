@@ -22,6 +22,7 @@ from struck_beams import (
     THICK,
     UNIT,
     cutoff,
+    frequencies,
     hinged_roots,
     modes,
     struck,
@@ -229,7 +230,7 @@ def test_a_free_beam_falls_and_spins_as_a_whole(kind, site):
 def test_unobservable_modes_are_left_out():
     """At mid-span of a symmetric beam every second mode has a node there."""
     beam = pinned_pinned(SLENDER)
-    model, constrained = beam.anti_oscillators(5), beam.antiresonances(10)
+    model, constrained = beam.anti_oscillators(5), frequencies(beam, 10, held=True)
     np.testing.assert_allclose(model.omega, constrained[1::2], rtol=1e-10)
     omega = modes(beam, 5).modal().omega
-    np.testing.assert_allclose(omega, beam.natural_frequencies(10)[::2], rtol=1e-10)
+    np.testing.assert_allclose(omega, frequencies(beam, 10)[::2], rtol=1e-10)

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
-from struck_beams import SLENDER, THICK, UNIT, cutoff, hinged_roots, struck
+from struck_beams import SLENDER, THICK, UNIT, cutoff, frequencies, hinged_roots, struck
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_slender_beams_have_the_textbook_frequencies(ends, equation):
     brackets = np.nonzero(f[1:] * f[:-1] < 0)[0]
     betas = np.array([brentq(equation, z[i], z[i + 1], xtol=1e-13) for i in brackets])[:30]
     place = 0.29 if ends[0] == ends[1] else 0.61
-    found = np.sqrt(struck(UNIT, (*ends, place)).natural_frequencies(30))
+    found = np.sqrt(frequencies(struck(UNIT, (*ends, place)), 30))
     np.testing.assert_allclose(found, betas, rtol=1e-10)
 
 
@@ -39,7 +39,7 @@ def test_hinged_beam_fulfils_the_articles_equation_in_both_spectra(beam):
     roots = hinged_roots(beam, np.arange(1, 400), beam.alpha)
     expected = np.sort(np.append(roots, cutoff(beam)))[:200]
     assert expected[-1] > cutoff(beam)
-    found = pinned_pinned(beam, 0.41 * beam.length).natural_frequencies(200)
+    found = frequencies(pinned_pinned(beam, 0.41 * beam.length), 200)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
@@ -61,7 +61,7 @@ def test_shear_beam_limit():
     """Without rotary inertia and rigid in bending, the hinged beam is a string: order 1/EI."""
     errors = []
     for EI in (1e2, 1e3, 1e4):
-        found = pinned_pinned(UniformBeam(EI, 1.0, 1.0, kGA=1.0), 0.3).natural_frequencies(3)
+        found = frequencies(pinned_pinned(UniformBeam(EI, 1.0, 1.0, kGA=1.0), 0.3), 3)
         errors.append(np.abs(found / (np.pi * np.arange(1, 4)) - 1).max())
     assert errors[-1] < 1e-5
     np.testing.assert_allclose(np.log10(np.divide(errors[:-1], errors[1:])), 1, atol=0.02)
@@ -79,6 +79,6 @@ def test_printed_alpha_is_wrong_and_its_correction_right():
     speed = hinged_roots(THICK, i, printed)[:, 0] * THICK.length / (i[0] * np.pi)
     assert speed.max() > 10 * bar
     # The library's own spectra have these asymptotes.
-    top = pinned_pinned(THICK, 0.41 * THICK.length).natural_frequencies(200)
+    top = frequencies(pinned_pinned(THICK, 0.41 * THICK.length), 200)
     within = top[-1] * THICK.length / np.pi
     assert within / bar + within / shear == pytest.approx(200, rel=0.02)

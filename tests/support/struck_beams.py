@@ -11,7 +11,7 @@ from antiosc.models.closed_form import StruckBeam, UniformBeam
 from paths import BENCHMARKS
 
 sys.path.append(str(BENCHMARKS))
-from beam_modes import modes as modes
+from beam_modes import frequencies as frequencies, modes as modes
 
 ARTICLE = {"E": 67e9, "rho": 2400.0, "area": 2e-4, "inertia": 0.33e-8, "length": 1.0}
 SLENDER = UniformBeam.timoshenko(**ARTICLE, nu=0.3)

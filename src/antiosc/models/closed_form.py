@@ -184,30 +184,22 @@ class StruckBeam:
         return self._few.m_st * self.beam.mass
 
     @checks.within_range
-    def natural_frequencies(self, n: int) -> Array:
-        """The first n natural frequencies > 0 in rad/s, those with a node at the site included."""
-        return self._in_polynomials(_count_of(n)).lowest(n, held=False)[0] * self.beam.omega_unit
-
-    @checks.within_range
-    def antiresonances(self, n: int) -> Array:
-        """The first n > 0 with the site constrained, in rad/s, the unobservable ones included."""
-        return self._in_polynomials(_count_of(n)).lowest(n, held=True)[0] * self.beam.omega_unit
-
-    @checks.within_range
     def anti_oscillators(self, n: int, x: ArrayLike = ()) -> AntiOscillators:
         """The first n anti-oscillators, Article (12), (15), (20), (23).
 
         Constraint modes that carry no mass are not counted. The model's `field` gives the
         deflections at the points `x` (m), Article (8).
         """
-        points = self.points_on(x)
-        solved, omega, phi, c = self.observable(_count_of(n), held=True)
+        points = self._points_on(x)
+        solved, omega, phi, c = self._observable(
+            checks.whole("n", n, most=MOST_FREQUENCIES), held=True
+        )
         mass = self.beam.mass
         m = c**2 * mass
         shapes = np.column_stack((solved.static, c * phi, solved.hidden / math.sqrt(mass)))
 
         momenta = mass * solved.moved @ shapes
-        inertia = self.inertia_of(momenta)
+        inertia = self._inertia_of(momenta)
         moved = momenta[0, : n + 1].copy()
         moved[0] -= moved[1:].sum()
         at_points = solved.motions(points / self.beam.length)[0] @ shapes
@@ -234,7 +226,7 @@ class StruckBeam:
         degrees = [math.ceil(EACH * count * share) + ENDING for share in (site, 1 - site)]
         return Solved(self, (degrees[0], degrees[1]))
 
-    def observable(self, n: int, *, held: bool) -> tuple[Solved, Array, Array, Array]:
+    def _observable(self, n: int, *, held: bool) -> tuple[Solved, Array, Array, Array]:
         """(the beam, √Ω, shapes of unit mass, b or c) of the first n modes that the site sees."""
         count = n + 2
         while True:
@@ -246,13 +238,13 @@ class StruckBeam:
                 return solved, omega[seen], phi[:, seen], share[seen]
             count *= 2
 
-    def points_on(self, x: ArrayLike) -> Array:
+    def _points_on(self, x: ArrayLike) -> Array:
         points = checks.floats("x", x, (None,))
         if points.size and not (points.min() >= 0 and points.max() <= self.beam.length):
             raise InputError(f"x must lie on the beam, 0 to {self.beam.length:g} m.")
         return points
 
-    def inertia_of(self, moved: Array) -> Inertia | None:
+    def _inertia_of(self, moved: Array) -> Inertia | None:
         """The inertia of a free beam along x that moves along y; None for a supported one.
 
         moved : (2, C) momentum of each shape, and its moment over the length [kg].
@@ -369,10 +361,6 @@ class Solved:
         )
         phi = N @ (phi / np.sqrt(theta))[:, ::-1]
         return np.sqrt(1 / theta - shift)[::-1], phi
-
-
-def _count_of(n: object) -> int:
-    return checks.whole("n", n, most=MOST_FREQUENCIES)
 
 
 def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:

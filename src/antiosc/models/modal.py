@@ -106,7 +106,7 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FreeModes(ReprMixin):
+class ModalBase(ReprMixin):
     """Common base of bodies with one contact point (`ModalBody`) and with several (`SiteModes`).
 
     The arrays of a `ModalBody` have no axis for its one contact point. `B`, `R`, `columns` and
@@ -327,7 +327,7 @@ class FreeModes(ReprMixin):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModalBody(FreeModes):
+class ModalBody(ModalBase):
     """A linear body in free modes: q'' + 2 d q' + omega² q = b F, displacement b·q + r F.
 
     Attributes
@@ -415,7 +415,7 @@ def checked_basis(basis: object) -> tuple[Array, ...]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SiteModes(FreeModes):
+class SiteModes(ModalBase):
     """A linear body in its free modes, seen from several sites.
 
     With mass-normalised modes q_j and forces f on the columns,
