@@ -40,12 +40,6 @@ def opened(gmsh: ModuleType, path: str) -> float:
     return 1e-3 if iges else 1.0
 
 
-def label_of(text: str) -> str:
-    """The name in a label such as "Shapes/assembly/nut_1/nut"; "" for names made by programs."""
-    parts = [part.strip() for part in text.split("/")]
-    return next((part for part in reversed(parts) if not NO_NAME.fullmatch(part)), "")
-
-
 def names_of(gmsh: ModuleType, ask: Request, scale: float) -> Names:
     """Names of the solids, faces and holes of a CAD file, after its solids are cut at each other
     (`fragments`), or all but one removed (`piece`); `scale`: metres per unit of the model.
@@ -70,8 +64,9 @@ def in_order(names: Iterable[str]) -> list[str]:
 
 
 def _label(gmsh: ModuleType, entity: tuple[int, int]) -> str:
-    """The label of an entity; "" without one."""
-    return label_of(gmsh.model.getEntityName(*entity))
+    """The name in a label such as "Shapes/assembly/nut_1/nut"; "" for names made by programs."""
+    parts = [part.strip() for part in gmsh.model.getEntityName(*entity).split("/")]
+    return next((part for part in reversed(parts) if not NO_NAME.fullmatch(part)), "")
 
 
 def _labelled(gmsh: ModuleType, dim: int) -> Names:

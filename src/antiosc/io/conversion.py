@@ -177,7 +177,8 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
         apart = mixed and dim == 2
         for of_shape in _by_shape(of_dimension) if apart else filter(None, [of_dimension]):
             shapes = {block.shape for block, _ in of_shape}
-            needed = shapes not in _WHOLE or any(_collapsed(block) for block, _ in of_shape)
+            wider = [b for b, _ in of_shape if CORNERS[b.shape] > DIMENSION[b.shape] + 1]
+            needed = shapes not in _WHOLE or any(folded(block).any() for block in wider)
             split = dim > 1 and (split or needed)
             shape = _SIMPLEX[dim] if split else next(iter(shapes))
             label = CELL_LABELS[shape, order]
@@ -287,11 +288,6 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
         middles = _middles(block[whole], nodes)
         for ends in DIAGONALS:
             nodes.place(block.corners[whole][:, list(ends)], middles)
-
-
-def _collapsed(block: Block) -> bool:
-    """Mask of elements with more corners than a simplex that repeat a node."""
-    return CORNERS[block.shape] > DIMENSION[block.shape] + 1 and bool(folded(block).any())
 
 
 def folded(block: Block) -> BoolArray:

@@ -202,11 +202,6 @@ class MatrixFormat(NamedTuple):
     read: Callable[[MatrixFile], Entries | dict[str, Entries]]
 
 
-def matrix_formats() -> list[MatrixFormat]:
-    """The registered formats."""
-    return [loaded(entry, MatrixFormat) for entry in registered("antiosc.matrices")]
-
-
 #: First word of the file.
 BANNER = b"%%MatrixMarket"
 
@@ -343,7 +338,7 @@ def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
         return read_matrix_market(source)
     if re.match(rb"\s*function +a *=", content):
         return read_sierra(source)
-    for form in matrix_formats():
+    for form in (loaded(entry, MatrixFormat) for entry in registered("antiosc.matrices")):
         if form.matches(content):
             return form.read(source)
     if not is_text(content):

@@ -91,8 +91,9 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
         _add_node_sets(raw, mesh.node_sets)
     raw.groups.update(mesh.fixed)
 
-    if order == 1 and raw.kind.order == 2:
-        raw = _straightened(raw)
+    if order == 1 and raw.kind.order == 2:  # without the mid-side nodes
+        linear = next(k for k in KINDS.values() if k.shape == raw.kind.shape and k.order == 1)
+        raw = replace(raw, cells=raw.cells[:, : linear.nodes], kind=linear)
     return compact(raw)
 
 
@@ -250,12 +251,6 @@ def _add_node_sets(raw: RawMesh, node_sets: Rows) -> None:
         loose = np.flatnonzero(in_set & is_vertex)
         if len(loose):
             _add(raw, group, 0, loose[:, None])
-
-
-def _straightened(raw: RawMesh) -> RawMesh:
-    """The mesh without its mid-side nodes."""
-    linear = next(k for k in KINDS.values() if k.shape == raw.kind.shape and k.order == 1)
-    return replace(raw, cells=raw.cells[:, : linear.nodes], kind=linear)
 
 
 def compact(raw: RawMesh) -> RawMesh:

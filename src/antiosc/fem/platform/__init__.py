@@ -29,14 +29,6 @@ def of_petsc(value: object) -> bool:
     return any(kind.__module__ == "petsc4py.PETSc" for kind in type(value).__mro__)
 
 
-def is_void(value: object) -> bool:
-    """Whether `value` is a PETSc object that is empty or destroyed.
-
-    Any call of a method of such an object ends the process.
-    """
-    return of_petsc(value) and not value
-
-
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -124,7 +116,7 @@ def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
     found = []
     for value in values:
         for item in value.values() if isinstance(value, Mapping) else [value]:
-            if is_void(item):
+            if of_petsc(item) and not item:  # a call of an empty or destroyed one ends the process
                 default = WORLD  # it may be a real one on other ranks
             elif (comm := _comm_of(item)) is not None:
                 found.append(comm)
