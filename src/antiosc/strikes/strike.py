@@ -315,7 +315,8 @@ def _first_mesh(
 ) -> tuple[Site, Mesh]:
     """(site with a radius, first mesh): the coarsest mesh with a reliable error budget."""
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
-    if _sheets(solids):  # whose bars do not ask for a patch that is resolved
+    sheet = any(getattr(getattr(one, "kind", None), "sheet", False) for one in solids)
+    if sheet:  # whose bars do not ask for a patch that is resolved
         return site, place.first(place.extent() / CELLS_OF_SHEET, [])
     thickness = place.thickness()
     contact = _contact_radius(impactor, solids[0], thickness)
@@ -327,11 +328,6 @@ def _first_mesh(
     if has_patch and site.point is not None and not isinstance(site.point, str):
         refine.append((site.point, site.radius or 0.0))
     return site, place.first(FIRST_SIZE * order * thickness, refine)
-
-
-def _sheets(materials: Sequence[object]) -> bool:
-    """Whether a part of these materials is a shell, perhaps stiffened by beams."""
-    return any(getattr(getattr(material, "kind", None), "sheet", False) for material in materials)
 
 
 def _contact_radius(impactor: LinearBody, material: object, thickness: float) -> float:

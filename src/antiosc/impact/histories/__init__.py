@@ -354,7 +354,7 @@ def error_scope(history: History) -> str:
     """Text: causes that the `error` of a history covers, and the place of the mesh error."""
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
-    if has_estimate(history) or has_budget(history):
+    if _bounded(history):
         law = "law, " if history.rerun is not None else ""
         return f"time integration; {law}truncation and mesh: see the error budget"
     if not any("structure" in info for info in facts):
@@ -368,21 +368,17 @@ def error_scope(history: History) -> str:
 
 def budget_of(history: History) -> ErrorBudget | None:
     """The error budget of an impact of two bodies whose model has the error of its mesh."""
-    if has_budget(history) or (has_estimate(history) and history.rerun is not None):
+    if history.rerun is not None and _bounded(history):
         return history.error_budget
     return vars(history).get("error_budget")
 
 
-def has_budget(history: History) -> bool:
-    """Whether an impact of two bodies has an error budget."""
-    return history.rerun is not None and has_bars(history.model)
-
-
-def has_estimate(history: History) -> bool:
-    """Whether a body has the errors of its mesh and of its truncation."""
+def _bounded(history: History) -> bool:
+    """Whether an impact of two bodies, or a body with the errors of its mesh, has bars."""
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
-    bounded = any(getattr(body, "strain_error", None) is not None for body in bodies)
-    return bounded or any("strike" in info_of(body) for body in bodies)
+    estimated = any(getattr(body, "strain_error", None) is not None for body in bodies)
+    of_strike = any("strike" in info_of(body) for body in bodies)
+    return estimated or of_strike or (history.rerun is not None and has_bars(history.model))
 
 
 def error_text(history: History) -> str:

@@ -52,13 +52,8 @@ def _ends(contact: OneContact) -> list[tuple[str, Any, str]]:
 
 def yields(contact: OneContact) -> bool:
     """Whether a contact yields, by its law or by the law that its surfaces require."""
-    return yielding_law(contact) is not None
-
-
-def yielding_law(contact: OneContact) -> ElasticPlastic | None:
-    """The law by which a contact yields, the given or that of its surfaces; None if it does not."""
-    law = _law_with_yield(contact)
-    return law if law is not None and contact.peak_force > law.yield_force else None
+    share = yield_share(contact)
+    return share is not None and share > 1
 
 
 def yield_share(contact: OneContact) -> float | None:
@@ -122,7 +117,7 @@ def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone
     """The surroundings of the contacts of a body whose radius is known."""
     zones = []
     for contact in contacts:
-        size = _yielding_size(contact) or _elastic_size(contact)
+        size = _size(contact)
         if size is None:
             continue
         radius, nu = size
@@ -143,23 +138,20 @@ def _places(contact: OneContact, body: str) -> Iterator[tuple[Array, float]]:
             yield np.array(point), scene_body.patch_radius or 0.0
 
 
-def _yielding_size(contact: OneContact) -> tuple[float, float] | None:
-    """Radius [m] of a contact, and Poisson's ratio of what yields; None: it does not yield."""
-    law = yielding_law(contact)
-    return None if law is None else (rim_radius(law, contact.deepest), law.nu)
-
-
-def _elastic_size(contact: OneContact) -> tuple[float, float] | None:
-    """Largest radius [m] of a contact by Hertz's law, and Poisson's ratio of its softer side; None:
-    the surfaces are not known.
+def _size(contact: OneContact) -> tuple[float, float] | None:
+    """Largest radius [m] of a contact, by its dent or by Hertz's law, and Poisson's ratio of what
+    yields or of the softer side; None: the surfaces are not known.
     """
+    law = _law_with_yield(contact)
+    if law is not None and contact.peak_force > law.yield_force:
+        return rim_radius(law, contact.deepest), law.nu
+
     choice = choice_at(contact)
-    if choice is None or not choice.curvature:
+    if choice is None or not choice.curvature or not contact.peak_force > 0:
         return None
-    law = choice.law
-    if not isinstance(law, Hertz | ElasticPlastic) or not contact.peak_force > 0:
+    if not isinstance(choice.law, Hertz | ElasticPlastic):
         return None
-    depth = (contact.peak_force / law.stiffness) ** (2 / 3)
+    depth = (contact.peak_force / choice.law.stiffness) ** (2 / 3)
     softer = min((side for side in _sides(contact) if not side.rigid), key=lambda side: side.E)
     return sqrt(depth / choice.curvature), softer.nu
 
