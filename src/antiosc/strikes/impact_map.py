@@ -75,7 +75,6 @@ from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FreeSites, free_sites
 from antiosc.strikes.map_results import (
     ImpactMap,
-    MapInfo,
     doubted,
     excited_by,
     hardest,
@@ -220,13 +219,6 @@ def impact_map(
         )
     with doing(f"models of {len(sites)} sites", structure.comm.rank):
         models, error = _reduced(sites_seen, counts, structure.shift, band, accuracy)
-    info = MapInfo(
-        structure=structure.describe(),
-        free_modes=len(omega),
-        cell_dimension=map_sites.dimension,
-        sites=len(sites),
-        highest_mode=float(omega[-1]) / (2 * math.pi),
-    )
     result = ImpactMap(
         points=sites.points,
         directions=sites.directions,
@@ -238,7 +230,7 @@ def impact_map(
         error=error,
         skipped=map_sites.count - len(sites),
         names=map_sites.names,
-        info=info,
+        cell_dimension=map_sites.dimension,
     )
     for reason, is_doubtful in doubtful_patches(sites).items():
         result = doubted(result, is_doubtful, reason)

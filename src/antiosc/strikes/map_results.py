@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,18 +34,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from antiosc.strikes.free_sites import FreeSites
-
-
-class MapInfo(TypedDict, total=False):
-    """Data of a map: description of the structure, free modes, dimension of the cells,
-    frequency of the last free mode [Hz].
-    """
-
-    structure: str
-    free_modes: int
-    cell_dimension: int
-    sites: int
-    highest_mode: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,7 +63,7 @@ class ImpactMap(Completed):
         not sought; None where not asked for, or no material has a
         yield_strength.
     stress_points : (P, 3) place of the largest exposure, or stress if no strength is known [m].
-    info : a `MapInfo`: free modes, …; JSON values.
+    cell_dimension : dimension of the cells: 3 of solids, 2 of sheets.
     impactor, contact, duration : those of the impacts, or None; `contact` is the law on a flat
         face, `duration` that of all impacts [s].
     laws : (P,) laws of the sites; None if `contact` is the law of all.
@@ -101,7 +89,7 @@ class ImpactMap(Completed):
     peak_stress: Array | None = None
     exposure: Array | None = None
     stress_points: Array | None = None
-    info: MapInfo = field(default_factory=lambda: MapInfo())
+    cell_dimension: int = 0
     doubtful: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     reasons: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, dtype=str))
     impactor: LinearBody | None = None
