@@ -39,12 +39,6 @@ LABEL = 13
 #: Contacts of which a file lists the times.
 MOST_CONTACTS = 10_000
 
-#: What `dir` leaves out: texts and repetitions that other modules use.
-INTERNAL = {
-    *("budget", "count_text", "given", "named", "rerun", "source"),
-    *("enclosures", "stretch_texts", "unfinished"),
-}
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class History(RunHistory, Results):
@@ -151,9 +145,6 @@ class History(RunHistory, Results):
         """
         values = (getattr(self, field.name) for field in fields(History))
         return plot_history(History(*values) if self.named else self, path)  # with nodes in flights
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__()} - INTERNAL)
 
     def columns(self) -> dict[str, Array]:
         """The table of the history: name with unit -> values (n,) at `time`."""

@@ -151,17 +151,16 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
         c = int(np.argmax(motion))
         contact = assembly.scene.contacts[c]
         rate = float(motion[c])
+        gap = f"the gap of {system.offsets[0, c]:g} m of {contact.a!r}, {contact.b!r}"
         if rate > 0:
             return (
-                f"the gap of {system.offsets[0, c]:g} m of {contact.a!r}, {contact.b!r} closes at"
-                f" {rate:g} {unit} at first and was not closed within {ended.time:g} s; lengthen"
-                f" the duration"
+                f"{gap} closes at {rate:g} {unit} at first and was not closed within"
+                f" {ended.time:g} s; lengthen the duration"
             )
         if np.any(motion < 0):
             return (
-                f"the gap of {contact.a!r}, {contact.b!r} opens at {-rate:g} {unit} at first; if it"
-                f" should close, reverse the sign of the velocity or gravity or, in a scene, the"
-                f" ends"
+                f"{gap} opens at {-rate:g} {unit} at first; if it should close, reverse the sign of"
+                " the velocity or gravity or, in a scene, the ends"
             )
 
     if system.breaks.size > 1:  # what acts changes in time
