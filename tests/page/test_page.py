@@ -215,18 +215,24 @@ def test_a_part_is_drawn_turned_and_played(browser, plate, tmp_path):
     assert browser.run("return page.bar") == 0
 
 
-@pytest.mark.fem
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*times the radius")  # of a coarse plate
-@pytest.mark.parametrize("width", WIDTHS)
-def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, width):
+@pytest.fixture(scope="module")
+def mapped(plate, tmp_path_factory):
+    """A map of the plate, and its report."""
     part, _ = plate
     points = [(x, y, 0.0) for x in (0.03, 0.07, 0.11, 0.15) for y in (0.04, 0.08, 0.12)]
     found = ao.impact_map(
         part, points, STRIKER, LAW, DURATION, direction=(0, 0, -1), radius=2e-3, accuracy=1.0,
         stress=True,
     )  # fmt: skip
-    page = ao.write_report(tmp_path / "map.html", found, part)
+    return found, ao.write_report(tmp_path_factory.mktemp("map") / "map.html", found, part)
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*times the radius")  # of a coarse plate
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_click_on_a_map_strikes_the_model_there(browser, mapped, width):
+    found, page = mapped
     assert page.stat().st_size < 1e6
     assert opened(browser, page, width)["width"] <= width
     assert browser.run(DRAWN) > 0.05
@@ -302,15 +308,21 @@ def test_the_page_lives_without_webgl(browser, tmp_path, monkeypatch):
     assert browser.run("return document.body.className") == "live flat"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("width", WIDTHS)
-def test_a_fall_is_shown_on_its_path_and_each_impact_can_be_chosen(browser, tmp_path, width):
+@pytest.fixture(scope="module")
+def fallen(tmp_path_factory):
+    """The fall of a box, and its report."""
     ends = [(x, y, z) for x in (-0.06, 0.06) for y in (-0.03, 0.03) for z in (-0.01, 0.01)]
     sites = {f"corner{k}": (end, (0, 0, 1)) for k, end in enumerate(ends)}
     box = ao.RigidBody(0.2, (1e-4, 2e-4, 3e-4), sites)
     steel = ao.Solid(E=210e9, nu=0.3, rho=7850.0)
     fall = ao.drop(box, 0.3, tilt=(10, 5, 0), floor=ao.Floor(steel), until=3)
-    page = ao.write_report(tmp_path / "fall.html", fall)
+    return fall, ao.write_report(tmp_path_factory.mktemp("fall") / "fall.html", fall)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_fall_is_shown_on_its_path_and_each_impact_can_be_chosen(browser, fallen, width):
+    fall, page = fallen
     assert opened(browser, page, width)["width"] <= width
     assert browser.run(DRAWN) > 0.05
     peaks = fall.impacts.column("peak_force")
