@@ -110,16 +110,16 @@ def with_dampers(model: ao.AntiOscillators) -> ao.AntiOscillators:
 
 
 WRONG = [
-    (lambda: ao.extract(block(), ao.Site(TOP, (0, 0, -1)), n=2), "a model without named sites"),
+    (lambda: ao.extract(block(), ao.Site(TOP, (0, 0, -1)), n=2), "a model of named sites"),
     (
         lambda: replace(condensed(2), m=None, damping=ao.Damping(ratio=0.01)),
-        "is a model with damping",
+        "without damping",
     ),
-    (lambda: with_dampers(condensed(2)), "is a model with damping"),
+    (lambda: with_dampers(condensed(2)), "without damping"),
     (lambda: ao.Structure.from_matrices([[1.0]], [[1.0]]), "no mesh, and its matrices no map"),
     (
         lambda: ao.Structure.from_matrices([[1.0]], [[1.0]], map=[[1, 3]]),
-        "no mesh, and its matrices have no coordinates",
+        "need coordinates",
     ),
 ]
 

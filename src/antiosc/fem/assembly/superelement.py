@@ -74,12 +74,14 @@ class Superelement:
 def model_superelement(name: str, model: AntiOscillators) -> Superelement:
     """The superelement of an anti-oscillator model of several sites; InputError for others."""
     points = model.info.points or {}
-    if not model.sites or model.direction is None or set(points) != set(model.sites):
+    named = model.sites and model.direction is not None and set(points) == set(model.sites)
+    if not named or model.damping is not None:
         raise InputError(
-            f"the part {name!r} is a model without named sites in space: extract it with "
-            "extract(structure, {name: Site(point, direction), ...})."
+            f"the part {name!r} must be a model of named sites in space without damping: extract "
+            "it with extract(structure, {name: Site(point, direction), ...}), and damp the model "
+            "of the assembly (damping=)."
         )
-    _refuse_damping(name, model.damping)
+
     reduced = reduced_matrices(model.k0, model.m_st, np.asarray(model.P), model.omega)
     size, count = len(reduced.K), len(model.k0)
     dependence = np.eye(count) if model.dependence is None else np.asarray(model.dependence)
@@ -106,14 +108,13 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
 def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     """The superelement of given matrices with coordinates of nodes; InputError for others."""
     size = algebra.size(matrices.K)
-    if not matrices.located or size > MOST_SIZE:
+    if not matrices.located or size > MOST_SIZE or matrices.C is not None:
         raise InputError(
-            f"the part {name!r} has no mesh, and its matrices have no coordinates (map= with node, "
-            f"dof, x, y, z of each row), or more than {MOST_SIZE} dofs ({size}): condense them to "
-            "those of their interface, or extract a model of named sites."
+            f"the part {name!r} has no mesh: its matrices, of {size} dofs, need coordinates (map= "
+            f"with node, dof, x, y, z of each row), at most {MOST_SIZE} dofs, and no C (damp the "
+            "model of the assembly)."
         )
 
-    _refuse_damping(name, matrices.C)
     node, places, ends = matrices.map.node, matrices.places, {}
     for number in np.unique(node[places.kind != AMPLITUDE]):
         kinds = [(node == number) & (places.kind == kind) for kind in (MOVE, TURN)]
@@ -125,15 +126,6 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     fixed[matrices.fixed] = True
     K, M = (_dense(matrix) for matrix in (matrices.K, matrices.M))
     return _without_rigid_strain(Superelement(K, M, places, ends, fixed))
-
-
-def _refuse_damping(name: str, damping: object) -> None:
-    if damping is not None:
-        raise InputError(
-            f"the part {name!r} is a model with damping, or matrices with C, which a superelement "
-            "of K and M leaves out: damp the model of the assembly (damping=), or put dampers into "
-            "its attached=."
-        )
 
 
 def _dense(matrix: object) -> Array:
