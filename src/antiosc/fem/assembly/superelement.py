@@ -74,8 +74,9 @@ class Superelement:
 def model_superelement(name: str, model: AntiOscillators) -> Superelement:
     """The superelement of an anti-oscillator model of several sites; InputError for others."""
     points = model.info.points or {}
-    named = model.sites and model.direction is not None and set(points) == set(model.sites)
-    if not named or model.damping is not None:
+    direction = model.direction
+    named = bool(model.sites) and set(points) == set(model.sites)
+    if not named or direction is None or model.damping is not None:
         raise InputError(
             f"the part {name!r} must be a model of named sites in space without damping: extract "
             "it with extract(structure, {name: Site(point, direction), ...}), and damp the model "
@@ -90,7 +91,7 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
     positions, axes = np.zeros((2, size, 3))
     for k, (site, columns) in enumerate(model.columns.items()):
         own = np.array(columns)
-        d = model.direction[own]
+        d = direction[own]
         six, space = np.zeros((6, size)), np.zeros((6, 6))
         six[:3, :count], space[:3, :3] = d.T @ dependence[own], d.T @ d
         patch = model.radius[k], float(model.local_compliance[k])
