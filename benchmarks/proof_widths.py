@@ -2,12 +2,13 @@
 
     python benchmarks/proof_widths.py [--picture docs/pictures/proof.png]
 
-Steel parts under a ball of 33 g at 0.5 m/s, Hertz' law of 1e10 N/m^1.5; a bracket with a patch.
+Parts under a ball of 33 g at 0.5 m/s, Hertz' law of 1e10 N/m^1.5, and a bracket under softer ones.
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
 import warnings
 from pathlib import Path
@@ -19,6 +20,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc import plotting
 from antiosc.impact.enclosure import enclosures
+from antiosc.reduce.extraction.extract import PERIODS
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -67,7 +69,35 @@ def beam():
     return ao.Structure(mesh, material, [ends]), ao.Site((0.12, 0.0), (0, -1))
 
 
-PARTS = {"block": block, "lever": lever, "bracket": bracket, "clamped plate": plate, "beam": beam}
+def ring():
+    """A hub of 80 x 30 mm, held in its bore of 30 mm."""
+    point = (0.0275, 0.0, 0.03)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "ring.geo"
+        path.write_text(RING)
+        mesh = ao.read_mesh(path, size=6e-3, refine=[(point, 1.5e-3)])
+    bore = ao.Support(lambda x: np.hypot(x[0], x[1]) < 0.0155)
+    return ao.Structure(mesh, ao.Solid(**STEEL), [bore]), ao.Site(
+        point, (0, 0, -1), radius=3e-3, snap=True
+    )
+
+
+RING = """SetFactory("OpenCASCADE");
+Cylinder(1) = {0, 0, 0, 0, 0, 0.03, 0.04};
+Cylinder(2) = {0, 0, -0.01, 0, 0, 0.05, 0.015};
+BooleanDifference(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+"""
+#: a part, and the stiffness of Hertz' law [N/m^1.5]
+PARTS = {
+    "block": (block, 1e10),
+    "ring": (ring, 1e10),
+    "lever": (lever, 1e10),
+    "bracket": (bracket, 1e10),
+    "bracket, 4e8": (bracket, 4e8),
+    "bracket, 2.5e7": (bracket, 2.5e7),
+    "clamped plate": (plate, 1e10),
+    "beam": (beam, 1e10),
+}
 
 
 def cpu(call, *arguments, **options):
@@ -79,14 +109,17 @@ def cpu(call, *arguments, **options):
 
 def widths(name):
     """Rows (n, width, cost over the run's, cost of the extraction over the same) of a part."""
-    part, site = PARTS[name]()
-    blow = ao.RigidMass(0.0327, 0.5), ao.Hertz(1e10)
+    make, stiffness = PARTS[name]
+    part, site = make()
+    blow = ao.RigidMass(0.0327, 0.5), ao.Hertz(stiffness)
     first = ao.simulate(ao.extract(part, site, n=60), *blow, "auto")
     contact = first.contact_time
-    print(f"{name}: {part.dofs} dofs, {first.peak_force:.5g} N, {contact:.3g} s", flush=True)
+    omega = first.model.free_modes.omega
+    lowest = contact * omega[omega > 0][0] / (2 * np.pi)
+    print(f"{name}: {part.dofs} dofs, {first.peak_force:.5g} N, {contact:.3g} s, f1 T {lowest:.2g}")
     rows = []
     for n in NUMBERS:
-        plain, _ = cpu(ao.extract, part, site, n=n, expansion=8 / contact)
+        plain, _ = cpu(ao.extract, part, site, n=n, expansion=PERIODS / contact)
         whole, model = cpu(ao.extract, part, site, n=n, proof=contact)
         hit = ao.simulate(model, *blow, 1.3 * contact)
         if model.recurrence is None:

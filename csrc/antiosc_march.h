@@ -465,8 +465,8 @@ typedef struct aom_enclosure {
     double longest;                     /* piece of time [s] */
     int64_t n_nodes;                    /* of a record */
     const double *time, *force;         /* [n_nodes], [n_nodes][m] */
-    double *clock, *lower, *upper;      /* [n_nodes], [n_nodes][m] bounds of the forces at the nodes */
-    double *peak, *impulse;             /* [m][2] bounds of the peak; impulse, and its largest error */
+    double *clock, *lower, *upper;      /* [n_nodes], [n_nodes][m] bounds at the nodes, 0 at first */
+    double *peak, *impulse;             /* [m][2] bounds; impulse, its largest error; 0 at first */
     int64_t *reached;                   /* last node with bounds */
 } aom_enclosure;
 

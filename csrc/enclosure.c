@@ -1,9 +1,8 @@
 /* Bounds on contact forces that hold for every mode that a reduced model leaves out.
  *
- * A reference motion under forces that are parabolas in time is exact in the lower modes of the model;
- * its upper modes, which ring as no mode of the structure does, follow their force: a brake holds the
- * rest of their motion, and drives the error instead. The relative energy E of the true motion to it,
- * and of the laws' potentials G,
+ * A reference motion under forces that are parabolas in time is exact in the lower modes of the model.
+ * The upper ones, which are modes of no structure, follow their force by a brake on the rest of their
+ * motion. The relative energy E of the true motion to it, and of the laws' potentials G,
  *
  *     E = 1/2 e'Me' + 1/2 eKe + sum H,    H(D) = G(delta + D) - G(delta) - g(delta) D >= 0,
  *
@@ -116,8 +115,6 @@ static void bound_piece(const aom_law *law, double h, piece *x) {
     double speed = larger(fabs(x->fastest), fabs(x->slowest));
     x->defect = fabs(x->force[0] - at[0].g);
     x->drift = 0.5 * h * (fabs(x->force_rate[0]) + fabs(x->force_rate[1])) + high.slope * speed * h;
-    if (x->high <= 0.0)
-        x->drift = 0.5 * h * (fabs(x->force_rate[0]) + fabs(x->force_rate[1]));
     if (!(x->low > 0.0))
         return;
 
@@ -285,11 +282,7 @@ static void start(enclosing *x) {
                 const double *by = e->rows + 5 * k * J + j;
                 x->kink[k * m + c] += (by[4 * J] + e->lag[j] * by[3 * J]) * e->beta[c * J + j];
             }
-    memset(e->peak, 0, sizeof(double) * 2 * (size_t)m);
-    memset(e->impulse, 0, sizeof(double) * 2 * (size_t)m);
-    memset(e->lower, 0, sizeof(double) * (size_t)m);
     memset(e->upper, 0, sizeof(double) * (size_t)m);
-    e->clock[0] = x->t;
 }
 
 /* Rate at the start and second derivative of the parabola of a force in a step h. */
@@ -659,7 +652,7 @@ static bool bound_energy(enclosing *x, double source, double given) {
     return false;
 }
 
-/* Whether the bounds go on over a piece. */
+/* Whether the bounds continue over a piece. */
 static bool over_piece(enclosing *x, double jump) {
     const aom_enclosure *e = x->e;
 
