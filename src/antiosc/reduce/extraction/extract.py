@@ -339,7 +339,7 @@ def extract(
 
 
 #: Periods of the expansion's frequency in a contact time.
-PERIODS = 5.0
+PERIODS = 6.0
 
 
 def _checked_proof(proof: object, method: str, expansion: float | None) -> float | None:
