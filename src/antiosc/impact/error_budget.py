@@ -146,8 +146,9 @@ def low_band_message(hit: History) -> str:
 
 def pulse_time(hit: History) -> float:
     """Duration [s] of the half-sine that rises as steeply as the force does at its steepest."""
-    rise = np.abs(np.diff(hit.force) / np.diff(hit.time)).max()
-    return float(np.pi * hit.peak_force / rise)
+    span = np.diff(hit.time)
+    rises = np.abs(np.diff(hit.force))[span > 0] / span[span > 0]
+    return float(np.pi * hit.peak_force / rises.max())
 
 
 #: Factor of safety of the mesh error.
