@@ -105,6 +105,16 @@ BAR = 2.0
 LEAST_PRODUCT = 1.0
 
 
+#: The spectrum of a force ends at the frequency below which this share of its energy lies.
+ENERGY = 0.99
+#: This frequency times the duration of a half-sine: with |F| ∝ cos(πfT)/(1 − 4f²T²) it is 1.182.
+HALF_SINE = 1.18
+#: Samples of the force in its transform.
+SAMPLES = 8192
+#: Samples with zeros appended over those: the frequency is then within 1/8 of the record's inverse.
+PADDED = 8
+
+
 def measured_errors(impact: RepeatedImpact) -> Shares:
     """Relative errors of the quantities due to measured noise and the limited band, added."""
     facts = impact.model.info.measured
@@ -145,10 +155,18 @@ def low_band_message(hit: History) -> str:
 
 
 def pulse_time(hit: History) -> float:
-    """Duration [s] of the half-sine that rises as steeply as the force does at its steepest."""
-    span = np.diff(hit.time)
-    rises = np.abs(np.diff(hit.force))[span > 0] / span[span > 0]
-    return float(np.pi * hit.peak_force / rises.max())
+    """Duration [s] of the half-sine whose spectrum ends at the same frequency as that of the force.
+
+    The spectrum, from the first touch to the last parting, ends where `ENERGY` of its energy lies
+    below.
+    """
+    start = hit.contacts[0][0]
+    end = hit.contacts[-1][1]
+    time = np.linspace(start, end, SAMPLES)
+    energy = np.cumsum(np.abs(np.fft.rfft(hit.force_at(time), PADDED * SAMPLES)) ** 2)
+    reach = int(np.searchsorted(energy, ENERGY * energy[-1])) or 1
+
+    return HALF_SINE * PADDED * (end - start) / reach
 
 
 #: Factor of safety of the mesh error.
