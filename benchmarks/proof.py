@@ -232,10 +232,9 @@ def structures(rng, largest):
 def checked(blow, wrong):
     """(whether the true force is inside, relative width of the peak, cost over the run's)."""
     bodies, contacts, law, duration, truth, _ = blow
-    if wrong:
-        bodies["part"] = replace(
-            bodies["part"], recurrence=spoiled(bodies["part"].recurrence, wrong)
-        )
+    known = bodies["part"].recurrence
+    if wrong and known is not None:  # without one it is refused
+        bodies["part"] = replace(bodies["part"], recurrence=spoiled(known, wrong))
     start = time.process_time()
     hit = ao.Scene(bodies, contacts).run(duration)
     middle = time.process_time()
