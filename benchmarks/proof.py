@@ -1,6 +1,6 @@
 """Whether proved bounds hold: random structures and impacts against every mode of the structure.
 
-    python benchmarks/proof.py [--runs 300] [--largest 4000] [--seed 1] [--most 50] [--wrong coupling|inertia]
+    python benchmarks/proof.py [--runs 300] [--largest 4000] [--seed 1] [--most 50] [--wrong NAME]
 
 The structures are solids of hexahedra and beams of 200 to 4000 dofs, free or held, of random
 stiffness, with Rayleigh's damping, one ratio of all modes or none; a rigid mass or another
