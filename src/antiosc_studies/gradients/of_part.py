@@ -127,6 +127,7 @@ class Models:
 
 def model_name(hit: History) -> str:
     """The name of the only body that is an extracted model."""
+    checks.instance("hit", hit, History, "a History of simulate or Scene.run")
     bodies = hit.assembly.scene.bodies
     models = [name for name, body in bodies.items() if isinstance(body, AntiOscillators)]
     if len(models) != 1:

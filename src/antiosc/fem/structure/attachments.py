@@ -119,11 +119,6 @@ class PointMass(Checked):
         if self.mass == 0 and not np.any(self.inertia):
             raise InputError("a PointMass needs a mass or an inertia; both are 0.")
 
-    def values(self) -> dict[str, float]:
-        """Component -> mass or inertia."""
-        inertia = np.broadcast_to(self.inertia, (3,)).tolist()
-        return dict(zip(COMPONENTS, [*[self.mass] * 3, *inertia], strict=True))
-
 
 @dataclass(frozen=True)
 class Spring(Checked):
@@ -142,10 +137,6 @@ class Spring(Checked):
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
     stiffness: Mapping[str, float] = field(metadata=checked_by(_some_components, "Spring"))
     name: str | None = field(default=None, kw_only=True, metadata=NAME)
-
-    def values(self) -> dict[str, float]:
-        """Component -> stiffness."""
-        return dict(self.stiffness)
 
 
 @dataclass(frozen=True)
@@ -174,10 +165,6 @@ class Damper(Checked):
     to: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     tau: float | None = field(default=None, metadata=checked_by(positive, "s"))
     name: str | None = field(default=None, kw_only=True, metadata=NAME)
-
-    def values(self) -> dict[str, float]:
-        """Component -> damping."""
-        return dict(self.damping)
 
 
 #: What a structure carries at points.
@@ -264,6 +251,16 @@ class PointMotion(Protocol):
         ...
 
 
+def _values(attached: Attachment) -> dict[str, float]:
+    """Component -> mass, moment of inertia, stiffness or damping."""
+    if isinstance(attached, Spring):
+        return dict(attached.stiffness)
+    if isinstance(attached, Damper):
+        return dict(attached.damping)
+    inertia = np.broadcast_to(attached.inertia, (3,)).tolist()
+    return dict(zip(COMPONENTS, [*[attached.mass] * 3, *inertia], strict=True))
+
+
 def terms_of(
     attached: Attachment,
     plane: bool,
@@ -274,11 +271,10 @@ def terms_of(
     `places` gives the points of `where` and of `to`. A mass on a `plane` structure has none along
     z, nor about x and y.
     """
-    values = attached.values()
+    values = _values(attached)
+    names = list(values)
     if isinstance(attached, PointMass):
         names = [name for name in (("x", "y", "rz") if plane else COMPONENTS) if values[name]]
-    else:
-        names = list(values)
     diagonal = np.diag([values[name] for name in names])
     zero = np.zeros_like(diagonal)
     kind = type(attached).__name__
