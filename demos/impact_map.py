@@ -52,7 +52,7 @@ def main(
     started = time.perf_counter()
     found = ao.impact_map(part, None, sphere, duration=3e-4, radius=radius, most_sites=most_sites)
     spent = time.perf_counter() - started
-    print(f"{part.describe()}\n{len(found)} sites in {spent:.1f} s: {found.info['seconds']}")
+    print(f"{part.describe()}\n{len(found)} sites in {spent:.1f} s")
     for name, value in found.quantities().items():
         if np.isfinite(value).all():
             known = np.flatnonzero(~found.doubtful)
