@@ -33,8 +33,8 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.impact.error_budget import amplitudes
 from antiosc.impact.histories.bars import QUANTITIES, differences
+from antiosc.reduce.error.division import growth, ratios, source_of
 from antiosc.reduce.error.model_errors import ModelErrors
-from antiosc.reduce.error.remeshing import growth, ratios, source_of
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Error of a reference over that of the mesh, and its largest one (shares of the energy), by

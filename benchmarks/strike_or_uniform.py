@@ -32,7 +32,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.impact.histories.bars import differences
 from antiosc.plot.charts import few_log_ticks
-from antiosc.reduce.error.remeshing import source_of
+from antiosc.reduce.error.division import source_of
 
 #: The grid of fixed choices: sizes over the scene's, anti-oscillators, time tolerances.
 SIZES, COUNTS, STEPS = (2.0, 1.0, 0.6), (6, 12, 20), (1e-2, 1e-3)

@@ -148,7 +148,8 @@ def reference_of(part: Any, point: Any, direction: Any, bare: bool) -> tuple[flo
     import scipy.sparse as sp
     from scipy.sparse.linalg import splu
 
-    from antiosc.reduce.site import Site, functional
+    from antiosc.reduce.site import functional
+    from antiosc.reduce.site.site import Site
 
     b = functional(part, Site(point, direction)).b
     if part.rigid_modes.size and np.abs(part.rigid_modes.T @ b).max() > 1e-9:

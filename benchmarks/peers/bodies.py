@@ -12,7 +12,7 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.fem.mesh.soundness import straightened
+from antiosc.fem.mesh.reading import straightened
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

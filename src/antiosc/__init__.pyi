@@ -50,7 +50,7 @@ from antiosc.reduce.extraction.superposition import (
     natural_modes as natural_modes,
     superposition as superposition,
 )
-from antiosc.reduce.site import Site as Site
+from antiosc.reduce.site.site import Site as Site
 from antiosc.results import *
 from antiosc.strikes.advice import advise as advise
 from antiosc.strikes.impact_map import impact_map as impact_map

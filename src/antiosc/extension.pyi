@@ -8,17 +8,14 @@ from antiosc.fem.elements.shell import GivenSheet as GivenSheet
 from antiosc.fem.elements.weak_form import Family as Family, measure as measure
 from antiosc.fem.linalg import cholmod as cholmod
 from antiosc.fem.mesh import distributed as distributed
-from antiosc.fem.mesh.closest import projected as projected
-from antiosc.fem.mesh.curvature import curvature as curvature
 from antiosc.fem.mesh.finer import longest_cell as longest_cell
 from antiosc.fem.mesh.reading import (
     default_size as default_size,
     flattened as flattened,
+    sound as sound,
     usual_size as usual_size,
 )
-from antiosc.fem.mesh.soundness import sound as sound
-from antiosc.fem.mesh.surface import Faces as Faces
-from antiosc.fem.reach import Reach as Reach
+from antiosc.fem.mesh.surface import Faces as Faces, projected as projected
 from antiosc.fem.structure.attachments import (
     Attachment as Attachment,
     attachments_of as attachments_of,
@@ -32,6 +29,7 @@ from antiosc.fem.structure.structure import (
 # Fields and pictures of a history.
 from antiosc.fields.fields import (
     checked_shapes as checked_shapes,
+    outer_faces as outer_faces,
     shapes_of as shapes_of,
     tensors_at_nodes as tensors_at_nodes,
 )
@@ -83,12 +81,12 @@ from antiosc.impact.two_bodies import Impact as Impact, assemble_pair as assembl
 
 # Displacements and strains at points of a structure.
 from antiosc.recovery import source as source
-from antiosc.recovery.place import NodeTensors as NodeTensors, place as place
-from antiosc.recovery.skin import outer_faces as outer_faces
+from antiosc.recovery.place import NodeTensors as NodeTensors, Reach as Reach, place as place
 
 # Sites and extraction.
 from antiosc.reduce.error.model_errors import ModelErrors as ModelErrors
 from antiosc.reduce.extraction.eigenmodes import ModeSolver as ModeSolver
+from antiosc.reduce.site.surface import curvature as curvature
 from antiosc.strikes.defaults import (
     expansion_of as expansion_of,
     next_count as next_count,

@@ -1,8 +1,8 @@
 # Names of this module, for type checkers and for the module itself.
 
-from antiosc.fem.assembly.bolts import Bolt as Bolt
 from antiosc.fem.assembly.joints import (
     Ball as Ball,
+    Bolt as Bolt,
     Bushing as Bushing,
     Equation as Equation,
     Hinge as Hinge,

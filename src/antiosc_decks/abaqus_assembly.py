@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Deck, IntArray
+from antiosc.io.conversion import Deck, IntArray
 from antiosc_decks.abaqus_cards import OTHER, Card, Row, Scope, account_for, cards as read_cards
 from antiosc_decks.abaqus_mesh import NONE, AbaqusMesh, mesh_of
 from antiosc_decks.constraints import lever

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, IntArray
+from antiosc.io.conversion import Array, IntArray
 from antiosc_decks.entries import DeckPlace, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, Account, Fate, Sources, table
 

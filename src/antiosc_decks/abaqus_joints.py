@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from antiosc.io.deck import Array, Block, IntArray
+from antiosc.io.conversion import Array, Block, IntArray
 from antiosc.io.neutral import CORNERS, EDGES, Term
 from antiosc_decks.abaqus_assembly import NONE, Whole
 from antiosc_decks.abaqus_cards import Card, Row

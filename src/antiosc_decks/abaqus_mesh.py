@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, IntArray
+from antiosc.io.conversion import Array, Block, IntArray
 from antiosc.io.neutral import CORNERS, EDGES
 from antiosc_decks.abaqus_cards import GENERATORS, Card, Row
 from antiosc_decks.entries import LARGEST_NUMBER, DeckPlace, Numbering, whole_number

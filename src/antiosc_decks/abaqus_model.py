@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array
+from antiosc.io.conversion import Array
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row

@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from antiosc.io.deck import Array, IntArray
+from antiosc.io.conversion import Array, IntArray
 from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole

@@ -10,7 +10,7 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.plausible import DENSITIES, MASSLESS_WAVE
-from antiosc.io.deck import Array, Deck, IntArray
+from antiosc.io.conversion import Array, Deck, IntArray
 from antiosc.io.neutral import Json, Term, UnitSystem
 from antiosc_decks.constraints import DeckConstraints, one_piece, separate_copies
 from antiosc_decks.entries import DeckPlace

@@ -6,8 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from antiosc.io.conversion import DIAGONALS, NodeTable, PairTable, divided
-from antiosc.io.deck import Block, Deck, IntArray, listed
+from antiosc.io.conversion import (
+    DIAGONALS,
+    Block,
+    Deck,
+    IntArray,
+    NodeTable,
+    PairTable,
+    divided,
+    listed,
+)
 from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, FileMesh, of_kind, rectangles
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.texts import piece_is_read
-from antiosc.io.deck import Block, Deck, IntArray, listed
+from antiosc.io.conversion import Block, Deck, IntArray, listed
 from antiosc.io.neutral import Joints, Piece, Term, UnitSystem, connected
 from antiosc_decks.entries import DeckPlace
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes

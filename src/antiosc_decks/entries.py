@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import IntArray
+from antiosc.io.conversion import IntArray
 
 K = TypeVar("K")
 V = TypeVar("V")

@@ -12,8 +12,7 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.conversion import folded
-from antiosc.io.deck import Deck
+from antiosc.io.conversion import Deck, folded
 from antiosc.io.neutral import DIMENSION, EDGES, Json, Model, Term, connected
 from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
 from antiosc_decks.constraints import held_apart

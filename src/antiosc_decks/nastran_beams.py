@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from antiosc.io.deck import Array
+from antiosc.io.conversion import Array
 from antiosc_decks import properties as profiles
 from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.nastran_cards import BEAMS, Entry, motions_of

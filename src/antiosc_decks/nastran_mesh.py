@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray
+from antiosc.io.conversion import Array, Block, Deck, IntArray
 from antiosc.io.neutral import CORNERS
 from antiosc_decks import nastran_cards as cards, properties as geometry
 from antiosc_decks.entries import DeckPlace, Numbering, whole_number

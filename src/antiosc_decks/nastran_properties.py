@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, IntArray
+from antiosc.io.conversion import Array, IntArray
 from antiosc.io.neutral import CORNERS, Json
 from antiosc_decks import properties as geometry
 from antiosc_decks.builder import GroupSection, ModelBuilder

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from antiosc.base._types import BoolArray
-from antiosc.io.deck import Array, Deck, IntArray
+from antiosc.io.conversion import Array, Deck, IntArray
 from antiosc_decks.entries import DeckPlace, Placed
 
 

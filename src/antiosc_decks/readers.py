@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import listed
+from antiosc.io.conversion import listed
 from antiosc.io.isolation import FileReader, Request
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from antiosc.base.errors import MeshError, PiecesError
-from antiosc.io.deck import Deck
+from antiosc.io.conversion import Deck
 from antiosc_decks.entries import DeckPlace
 
 #: Pattern of the first lines of Nastran's bulk data.

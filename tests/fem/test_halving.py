@@ -8,7 +8,7 @@ import pytest
 import antiosc as ao
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.finer import halved
-from antiosc.fem.mesh.soundness import sound
+from antiosc.fem.mesh.reading import sound
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.io.neutral import KINDS, RawMesh

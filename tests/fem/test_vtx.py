@@ -7,11 +7,11 @@ import pytest
 
 import antiosc as ao
 from antiosc.fem.platform import compat
-from antiosc.fem.reach import Reach
 from antiosc.fem.structure import Placement
 from antiosc.fem.structure.structure import on_mesh
+from antiosc.fields.fields import outer_faces
 from antiosc.recovery import mesh_fields
-from antiosc.recovery.skin import outer_faces
+from antiosc.recovery.place import Reach
 from assemblies import BEAM, SOLID, box, line
 from sheets import SHEET, sheet
 

@@ -13,6 +13,7 @@ import pytest
 import antiosc as ao
 from antiosc import plotting
 from antiosc.engine.contact import Tabulated
+from antiosc.models.anti_oscillators import VERSION
 from antiosc.models.closed_form import (
     StruckBeam,
     UniformBeam,
@@ -21,7 +22,6 @@ from antiosc.models.closed_form import (
 )  # fmt: skip
 from antiosc.models.free_modes import error_bound, from_free_modes, site_models as at_sites_of
 from antiosc.models.modal import SiteModes
-from antiosc.models.model_file import VERSION
 from antiosc.plot import charts
 from refusals import refused
 from struck_beams import ARTICLE, UNIT

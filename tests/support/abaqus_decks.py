@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from antiosc.io.deck import Deck
+from antiosc.io.conversion import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import abaqus_assembly, abaqus_model
 from antiosc_decks.builder import Unstated

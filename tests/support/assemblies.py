@@ -11,7 +11,7 @@ import scipy.sparse.linalg
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem.assembly.overlaps import Facets
+from antiosc.fem.assembly.tie import Facets
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat

@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from antiosc.io.deck import Deck
+from antiosc.io.conversion import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import nastran_mesh as nastran, nastran_model
 from antiosc_decks.builder import Unstated

@@ -32,7 +32,13 @@ from antiosc.fem.platform import collective
 from antiosc.fem.prestress import Prestress
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields import margin
-from antiosc.fields.fields import shapes_of, tensors_at_nodes
+from antiosc.fields.fields import (
+    outer_faces,
+    shapes_of,
+    sharp_points,
+    tensors_at_nodes,
+    without_unused,
+)
 from antiosc.fields.margin import Margin, Nodal, Zones
 from antiosc.fields.maxima import Scalar, Search, at_times, search_of
 from antiosc.impact.histories import History
@@ -43,7 +49,6 @@ from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source
 from antiosc.recovery.place import AnyStrength, NodeTensors, Place, place
 from antiosc.recovery.series import write_vtu_file
-from antiosc.recovery.skin import outer_faces, sharp_points, without_unused
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

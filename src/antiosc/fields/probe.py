@@ -26,7 +26,6 @@ from antiosc.base.stresses import von_mises
 from antiosc.base.texts import engineering, percent
 from antiosc.fem.elements import Section
 from antiosc.fem.platform import collective, on_root
-from antiosc.fem.reach import Reach
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import shapes_of, with_pairs
 from antiosc.impact.histories import History
@@ -36,8 +35,8 @@ from antiosc.impact.histories.parts import BodyHistory
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.parameters import has_bars
 from antiosc.recovery import source
-from antiosc.recovery.place import NO_OUTLINE, Place, on_outlines, place
-from antiosc.reduce.site import motions_without_mesh, point_of
+from antiosc.recovery.place import NO_OUTLINE, Place, Reach, on_outlines, place
+from antiosc.reduce.site.site import motions_without_mesh, point_of
 
 if TYPE_CHECKING:
     pass

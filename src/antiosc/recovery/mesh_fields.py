@@ -21,11 +21,9 @@ from antiosc.base.stresses import PAIRS, equivalent, length, tensors_of
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.closest import ClosestPoints, closest_many, size_at
-from antiosc.fem.mesh.surface import kind_of_cells, measures
+from antiosc.fem.mesh.surface import ClosestPoints, closest_many, kind_of_cells, measures, size_at
 from antiosc.fem.platform import agree, compat
-from antiosc.fem.prestress.loaded_part import initial_strain
-from antiosc.fem.reach import Reach
+from antiosc.fem.prestress.state import initial_strain
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure
 from antiosc.recovery.place import (
@@ -33,6 +31,7 @@ from antiosc.recovery.place import (
     NodeTensors,
     Origin,
     Place,
+    Reach,
     layers_of,
     on_outlines,
     strength_of,

@@ -8,10 +8,9 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.reach import Reach, check_reach
 from antiosc.fem.structure import NodalMatrices
 from antiosc.fem.structure.structure import Structure
-from antiosc.recovery.place import NodeTensors
+from antiosc.recovery.place import NodeTensors, Reach, check_reach
 
 NO_ELEMENTS = (
     "given matrices have no {}: they know neither elements nor materials; ask for the displacement,"

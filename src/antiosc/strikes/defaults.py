@@ -31,7 +31,7 @@ from antiosc.reduce.site.surface import PlaneOf, surface_at
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
     from antiosc.impact.histories import History
-    from antiosc.reduce.site import Site
+    from antiosc.reduce.site.site import Site
 
 #: Cells across the thickness under a site.
 CELLS_THROUGH = 3

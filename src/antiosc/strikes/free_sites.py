@@ -14,7 +14,7 @@ from antiosc.base._types import Array
 from antiosc.base.checks import whole
 from antiosc.base.progress import doing
 from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.linalg.compliance import deflections
+from antiosc.fem.linalg.solver_choice import deflections
 from antiosc.fem.structure.structure import Structure
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.reduce.site.map_sites import MapSites, sites_of

@@ -2,7 +2,7 @@
 
 Each round meshes, extracts, simulates and computes the error budget. The result is that of the
 corrected model. If the mesh error is too large and can be reduced, the next mesh has the cell sizes
-that reduce it with the fewest cells (`antiosc.reduce.error.remeshing`). On lines the change from
+that reduce it with the fewest cells (`antiosc.reduce.error.division`). On lines the change from
 one mesh to the next is the least bar. The errors of cells are weighted for this impact, by the mean
 over the contact of the amplitudes of all shapes, so that cells become small where this impact
 requires it. Anti-oscillators and time steps may each use a small share of the tolerance, so that
@@ -45,11 +45,11 @@ from antiosc.io.isolation import Refinement
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import AUTO, AnyLaw, LinearBody
 from antiosc.models.motion import Motion
-from antiosc.reduce.error import remeshing
+from antiosc.reduce.error import division
+from antiosc.reduce.error.division import MeshSource, source_of
 from antiosc.reduce.error.model_errors import ModelErrors
-from antiosc.reduce.error.remeshing import MeshSource, source_of
 from antiosc.reduce.extraction.extract import extract
-from antiosc.reduce.site import Site
+from antiosc.reduce.site.site import Site
 from antiosc.strikes import second_order, stress
 from antiosc.strikes.advice import advise
 
@@ -495,12 +495,12 @@ def _next(
     structure = answer.structure
     dim = mesh.tdim
     energies = _errors_of_cells(answer, mesh)
-    ratio = remeshing.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
-    growth = full_growth = remeshing.growth(mesh.comm, ratio, dim)
+    ratio = division.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+    growth = full_growth = division.growth(mesh.comm, ratio, dim)
     if growth > GROWTH:
         goal = goal * (growth / GROWTH) ** (2 * order / dim)
-        ratio = remeshing.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
-        growth = remeshing.growth(mesh.comm, ratio, dim)
+        ratio = division.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+        growth = division.growth(mesh.comm, ratio, dim)
     growth = max(growth, 1.0)
     dofs = structure.dofs * max(full_growth, 1.0)
     seconds = answer.seconds * max(full_growth, 1.0) ** SECONDS_POWER[dim]

@@ -26,8 +26,8 @@ from antiosc.base.errors import InputError, RangeError, warn, without_warnings
 from antiosc.base.progress import doing
 from antiosc.base.texts import Result, engineering, percent, plain
 from antiosc.fem.elements.weak_form import measure
-from antiosc.fem.linalg.forecast import of_factor
 from antiosc.fem.linalg.petsc_algebra import by_cells
+from antiosc.fem.linalg.solver import of_factor
 from antiosc.fem.linalg.solver_choice import stored
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
@@ -39,7 +39,7 @@ from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.models.body import AUTO, AnyLaw, LinearBody
 from antiosc.models.motion import Motion
 from antiosc.plot.charts import few_log_ticks, figure_or_path, new_figure
-from antiosc.reduce.site import Site
+from antiosc.reduce.site.site import Site
 from antiosc.strikes.strike import (
     Answer,
     Material,

@@ -237,7 +237,7 @@ class Fall(Result):
         if body.structure is None or body.basis is None:
             return checks.floats("at", at, (3,)) - body.centre, rigid
         from antiosc.extension import Reach, source
-        from antiosc.reduce.site import point_of
+        from antiosc.reduce.site.site import point_of
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)

@@ -20,7 +20,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
 from antiosc.extension import Reach, place, source
-from antiosc.reduce.site import point_of
+from antiosc.reduce.site.site import point_of
 from antiosc_studies.measured.tables import MOTIONS, STRAINS, TIMES, table
 
 #: Quantity of a sensor -> order of the time derivative of displacement.

@@ -8,7 +8,7 @@ import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.fem.assembly.elimination import eliminate
+from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout, checked_parts, checked_places
 from antiosc.fem.structure import Placement

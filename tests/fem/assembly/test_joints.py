@@ -11,7 +11,7 @@ import scipy.optimize
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.bolts import element
+from antiosc.fem.assembly.joints import element
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 

@@ -15,10 +15,9 @@ from antiosc.base.stresses import von_mises
 from antiosc.fem.assembly.assemble import assemble
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.reach import Reach
 from antiosc.impact.histories import linear_theory
 from antiosc.recovery.mesh_fields import recovered
-from antiosc.recovery.place import Place
+from antiosc.recovery.place import Place, Reach
 from antiosc.reduce.extraction.stretching import second_order_energies
 from antiosc.strikes import second_order
 from antiosc_app import headline

@@ -10,8 +10,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.reduce.error.model_errors import _angles
-from antiosc.reduce.error.recovery import gram, strain_errors
+from antiosc.reduce.error.model_errors import _angles, gram, strain_errors
 from parts import CELLS, STEEL, box, named, plate
 
 pytestmark = pytest.mark.filterwarnings(

@@ -18,7 +18,7 @@ from antiosc.fem.mesh.finer import (
 )
 from antiosc.fem.platform import compat
 from antiosc.io.isolation import GRADING
-from antiosc.reduce.error.remeshing import (
+from antiosc.reduce.error.division import (
     LINES,
     POWER,
     growth,

@@ -12,11 +12,12 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.elements import tetrahedra
-from antiosc.fem.linalg import forecast, iterative as cg, solver_choice
+from antiosc.fem.linalg import iterative as cg, solver_choice
 from antiosc.fem.linalg.iterative import TwoLevels
+from antiosc.fem.linalg.solver import TETRAHEDRA, LevelSizes
 from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.krylov import Lanczos
-from antiosc.reduce.extraction.oscillators import stiffness_at_sites
+from antiosc.reduce.extraction.model import stiffness_at_sites
 from mpi import START, run_ranks
 
 TIP = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
@@ -178,7 +179,7 @@ def factors_are_slow(monkeypatch):
     own = solver_choice.seconds_of_factor
 
     def thirty(entries: float, columns: float) -> float:
-        sizes = forecast.LevelSizes(80.0 * made("direct").size, forecast.TETRAHEDRA, entries)
+        sizes = LevelSizes(80.0 * made("direct").size, TETRAHEDRA, entries)
         return sizes.cost(30.5, 1.0).seconds if columns < 2 else own(entries, columns)
 
     monkeypatch.setattr(solver_choice, "seconds_of_factor", thirty)

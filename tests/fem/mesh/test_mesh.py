@@ -14,8 +14,15 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem.mesh.closest import closest_many, excess, size_at
-from antiosc.fem.mesh.surface import Faces, centre, largest, quadrature
+from antiosc.fem.mesh.surface import (
+    Faces,
+    centre,
+    closest_many,
+    excess,
+    largest,
+    quadrature,
+    size_at,
+)
 from antiosc.fem.platform import compat
 from mpi import run_ranks
 from parts import EXPONENTS, box, frame, moments

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.io.deck import Block, Deck
+from antiosc.io.conversion import Block, Deck
 from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, rectangles
 from antiosc_decks.cells import as_mesh
 

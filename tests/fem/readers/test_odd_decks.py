@@ -18,7 +18,7 @@ import abaqus_decks as inp
 import antiosc as ao
 import nastran_decks as bdf
 from antiosc.base.errors import AntioscError
-from antiosc.io.deck import Deck
+from antiosc.io.conversion import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import (
     abaqus_assembly,

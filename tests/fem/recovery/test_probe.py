@@ -14,9 +14,8 @@ import parts
 from antiosc.base.texts import percent
 from antiosc.extension import ProbeError
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.reach import Reach
 from antiosc.recovery import mesh_fields
-from antiosc.recovery.place import Place
+from antiosc.recovery.place import Place, Reach
 from antiosc.reduce.site import functional
 from parts import unreduced
 from sheets import RIB, SHEET, grouped, rectangle

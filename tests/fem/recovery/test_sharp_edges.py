@@ -10,8 +10,8 @@ import parts
 from antiosc.extension import longest_cell
 from antiosc.fem.mesh.surface import measures
 from antiosc.fem.platform import compat
+from antiosc.fields.fields import sharp_points
 from antiosc.recovery import source
-from antiosc.recovery.skin import sharp_points
 from static_loads import held
 
 pytestmark = pytest.mark.fem

@@ -9,9 +9,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.engine.contact.curvature import CURVED, EDGE, LINE, PLANE
-from antiosc.fem.mesh.curvature import curvature
 from antiosc.fem.mesh.surface import Faces
-from antiosc.reduce.site.surface import curvature_at
+from antiosc.reduce.site.surface import curvature, curvature_at
 from parts import STEEL
 from sheets import sheet
 

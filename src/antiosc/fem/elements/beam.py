@@ -22,12 +22,13 @@ from antiosc.fem.elements.weak_form import (
     Parts,
     WeakForm,
     coefficient,
+    compat,
     measure,
     shown_direction,
     tangent,
+    ufl,
 )
 from antiosc.fem.platform import agreed
-from antiosc.fem.platform.later import compat, ufl
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

@@ -36,9 +36,10 @@ from antiosc.fem.elements.weak_form import (
     WeakForm,
     axes_and_sides,
     coefficient,
+    compat,
     measure,
+    ufl,
 )
-from antiosc.fem.platform.later import compat, ufl
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

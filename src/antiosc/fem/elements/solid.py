@@ -21,9 +21,10 @@ from antiosc.fem.elements.weak_form import (
     Parts,
     WeakForm,
     coefficient,
+    compat,
     measure,
+    ufl,
 )
-from antiosc.fem.platform.later import compat, ufl
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

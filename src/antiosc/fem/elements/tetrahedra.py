@@ -6,12 +6,15 @@ linear, so that its energy follows from the strains at its corners (csrc/fem/ela
 cells, which lie at curved faces alone, have assembled matrices. The
 two-level solver also needs the diagonal blocks of the nodes and the assembled matrix of the linear
 elements. A factorization needs all entries and assembles them (`with_entries`).
+
+The loops are in C (`csrc/fem/antiosc_fem.h`); other threads run during a call.
 """
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Iterator, Mapping, Sequence
-from ctypes import byref
+from ctypes import Structure, byref, c_double, c_float, c_int64, c_void_p
 from dataclasses import replace
 from functools import cached_property
 
@@ -23,10 +26,10 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine import library
 from antiosc.fem.elements.solid import Solid, weak_form_of
 from antiosc.fem.elements.weak_form import Parts, WeakForm, restricted
-from antiosc.fem.linalg.forecast import ENTRIES, TETRAHEDRA, Products
 from antiosc.fem.linalg.petsc_algebra import empty, multiply
+from antiosc.fem.linalg.solver import ENTRIES, TETRAHEDRA, Products
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import compat, kernels
+from antiosc.fem.platform import compat
 
 NO_DOFS = np.zeros(0, dtype=np.int32)
 #: Least number of dofs for products cell by cell.
@@ -124,12 +127,11 @@ class Tetrahedra:
     def _add(self, k: float, m: float, u: Array, out: Array) -> None:
         """Add (k K + m M) u of the cells to `out`, both on all dofs of this rank."""
         single = u.dtype == np.float32
-        functions = kernels.functions
         product = (
             functions.afe_tetra_product_float if single else functions.afe_tetra_product_double
         )
         data = self._single if single else self._data
-        cells = kernels.Tetra(len(data), library.address(self._nodes), library.address(data))
+        cells = Tetra(len(data), library.address(self._nodes), library.address(data))
         product(byref(cells), k, m, library.address(u), library.address(out))
 
     @cached_property
@@ -303,3 +305,22 @@ def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:
     columns = columns - matrix.getOwnershipRange()[0]
     same_node = rows // 3 == columns // 3
     np.add.at(blocks, (rows[same_node], columns[same_node] % 3), factor * values[same_node])
+
+
+class Tetra(Structure):
+    """The C structure `afe_tetra`."""
+
+    _fields_ = [("n_groups", c_int64), ("nodes", c_void_p), ("data", c_void_p)]
+
+
+_SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
+    "afe_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
+    "afe_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
+}
+
+#: The functions of the library, which `antiosc.engine.library` has checked.
+functions = ctypes.CDLL(str(library.FILE))
+
+for _name, (_result, *_arguments) in _SIGNATURES.items():
+    _function = getattr(functions, _name)
+    _function.restype, _function.argtypes = _result, _arguments

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from math import sqrt
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
@@ -33,16 +34,14 @@ from antiosc.base.checks import (
     positives,
     shown,
 )
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.fem.platform import agreed, on_root
-from antiosc.fem.platform.later import compat, ufl
 
 if TYPE_CHECKING:
     from dolfinx import fem
     from ufl.core.expr import Expr
 
     from antiosc.fem.mesh import Mesh
-
 
 #: A vector, or a function of points x (3, n) that returns a vector at each point (3, n)
 Direction = Sequence[float] | Callable[[Array], Array]
@@ -51,6 +50,26 @@ Direction = Sequence[float] | Callable[[Array], Array]
 LEAST_SINE = 0.05
 #: dolfinx's numbers of the corners of a cell, in order around it.
 CORNERS_IN_TURN = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
+
+
+class _Later:
+    """A module in waiting; MissingDependencyError where it is not installed."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, name: str) -> Any:
+        with finite_element_packages():
+            return getattr(import_module(self._name), name)
+
+
+if TYPE_CHECKING:
+    import ufl as ufl
+
+    from antiosc.fem.platform import compat as compat
+else:
+    ufl = _Later("ufl")
+    compat = _Later("antiosc.fem.platform.compat")
 
 
 def checked(name: str, direction: object) -> Direction:

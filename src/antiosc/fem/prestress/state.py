@@ -1,30 +1,54 @@
 """A meshed structure under its prestress: its static equilibrium by Newton's method, and the load
 factor to buckling.
+
+Loads add an energy Π to uᵀKu/2 of each meshed part. With the pressure p on surfaces
+with normals n and the spin Ω about an axis,
+
+    Π(u) = Π₂(u) − p ∫ (u·n + u·δn(u)/2) − Ω²/2 ∫ ρ |P (x + u)|²,
+
+where Π₂ is the energy of the second-order strains (`antiosc.fem.elements.second_order`), P the
+projection normal to the axis, and δn dA = ((div_s u) n − (∇_s u)ᵀ n) dA. In the sections of beams
+and through the thickness of sheets, the displacement includes the rotations to second order,
+u + θ×r + θ×(θ×r)/2. The stiffness of the pressure is symmetric, which is exact if the surface is
+closed or its rim is fixed.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+import dolfinx
 import numpy as np
+import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
-from antiosc.base._types import Array
+from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import instance
 from antiosc.base.errors import AccuracyError, InputError, NotConvergedError
 from antiosc.base.process import one_thread
 from antiosc.base.progress import doing
+from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams
+from antiosc.fem.elements.second_order import stretch_of, tangential
+from antiosc.fem.elements.shell import frames, section_fields
+from antiosc.fem.elements.solid import depth_of
+from antiosc.fem.elements.weak_form import Parts, axes_and_sides, coefficient, measure
 from antiosc.fem.linalg import solver_for
 from antiosc.fem.linalg.algebra import diagonal, dot, free_when_dropped, multiply, sum_of
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.prestress import Preload, Prestress
-from antiosc.fem.prestress.loaded_part import LoadedPart, Tendon, dead_forces, freed, tendon
+from antiosc.fem.mesh.surface import largest
+from antiosc.fem.platform import compat
+from antiosc.fem.prestress import Preload, Prestress, Spin
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.support import Support
+from antiosc.fem.structure.support import Support, dofs_of_entities
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 #: Least stiffness of the rest of the part against a tension, as a share of EA.
 YIELDS = 1e-6
@@ -42,6 +66,270 @@ FAR = 100.0
 ASKED = 1e-7
 #: Most restarts: relevant modes are well separated from the many near 0.
 RESTARTS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Tendon:
+    """A tightened group of beams or bars.
+
+    load : (rows of this rank,) forces due to a unit stress-free strain, with the sign of a pull on
+        both ends. length [m]; stiffness: mean EA [N].
+    """
+
+    load: Array
+    length: float
+    stiffness: float
+
+
+class LoadedPart:
+    """Loads on a part: their forces, and the tangent stiffness that they add to its K.
+
+    Parameters
+    ----------
+    part : MeshedStructure without prestress.
+    loads : in the axes of the part; gravity and tensions are ignored.
+    initial : group -> stress-free strain of its beams or bars.
+    """
+
+    def __init__(
+        self, part: MeshedStructure, loads: Prestress, initial: Mapping[str, float]
+    ) -> None:
+        self.part = part
+        form = part.form
+        mesh = part.mesh
+        self._u = compat.function_of(form.space, np.zeros(part.rows))
+        if part.stiffeners:
+            raise InputError(
+                "a prestress does not take a sheet with beams on its edges: leave them or the "
+                "prestress out."
+            )
+        self.initial = initial_strain(part, initial)
+        stretch = stretch_of(mesh, part.parts, form.degree)
+        free = self.initial if initial else None
+        v = ufl.TestFunction(form.space)
+        w = ufl.TrialFunction(form.space)
+        dx = measure(mesh, stretch.degree)
+        second = stretch.energy(self._u, free) * dx
+        of_loads = []
+        for group, p in loads.pressure.items():
+            region = (group, *largest(mesh, group))
+            work = pressure_energy(mesh, part.parts, self._u, region)
+            of_loads += [-p * work] if p else []
+        if loads.spin is not None and loads.spin.omega:
+            if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
+                raise InputError(
+                    "a spin acts on the mass of cells alone: mesh what a PointMass stands for, or "
+                    "leave the spin out."
+                )
+            spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
+            of_loads.append(-spin)
+        forces = [ufl.derivative(energy, self._u, v) for energy in (second, *of_loads)]
+        slopes = [ufl.derivative(force, self._u, w) for force in forces]
+        of_stress = stretch.of_stress(self._u, free, v, w) * dx
+        # sums, as matrices of cells and of facets have entries at different places
+        self._forces = sum(forces)
+        self._tangent = sum(slopes)
+        self._geometric = sum([of_stress, *slopes[1:]])
+
+    def forces(self, u: Array) -> Array:
+        """dΠ/du (rows of this rank,) at u; 0 on fixed dofs."""
+        self._move(u)
+        total = compat.assemble_functional(self._forces, self.part.form.space)[: len(u)]
+        return freed(self.part, total)
+
+    def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
+        """d²Π/du² at u, with empty rows of fixed dofs.
+
+        `geometric`: only K_σ and the terms of the loads, which are proportional to the loads.
+        """
+        self._move(u)
+        part = self.part
+        form = self._geometric if geometric else self._tangent
+        return compat.assemble([form], part.form.space, part.conditions, 0.0)
+
+    def _move(self, u: Array) -> None:
+        """Set the displacements at which forms are evaluated."""
+        self._u.x.array[: len(u)] = u
+        self._u.x.scatter_forward()
+
+
+def freed(part: MeshedStructure, forces: Array) -> Array:
+    """Forces (rows of this rank,) with zeros on fixed dofs."""
+    forces[part.fixed[part.fixed < len(forces)]] = 0.0
+    return forces
+
+
+def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
+    """Initial strain of each cell as a cell-wise constant function."""
+    strain_of_cells = compat.cellwise(part.mesh.dolfinx)
+    for group, strain in initial.items():
+        dim, cells = largest(part.mesh, group)
+        if dim != part.mesh.tdim or not isinstance(part.parts[0][0], Beam | Truss):
+            raise InputError(
+                f"tension is that of beams and bars; {group!r} is no group of their cells: use "
+                "force={…} on both ends of what pulls."
+            )
+        strain_of_cells.x.array[cells] += strain
+    return strain_of_cells
+
+
+def tendon(part: MeshedStructure, name: str) -> Tendon:
+    """The tendon of a group of beams or bars."""
+    unit_strain = initial_strain(part, {name: 1.0})
+    stretch = stretch_of(part.mesh, part.parts, part.form.degree)
+    dx = measure(part.mesh, stretch.degree)
+    v = ufl.TestFunction(part.form.space)
+    work = ufl.inner(stretch.forces(unit_strain), stretch.strain(v)) * dx
+    rows = part.rows
+    load = compat.assemble_functional(work, part.form.space)[:rows]
+    length = compat.integrate(unit_strain * dx, part.mesh.dolfinx)
+    EA = compat.integrate(stretch.forces(unit_strain) * dx, part.mesh.dolfinx)
+    return Tendon(freed(part, load), length, EA / length)
+
+
+def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
+    """Constant forces on groups (rows of this rank,)."""
+    rows = part.rows
+    forces = np.zeros(rows)
+    v = ufl.TestFunction(part.form.space)
+    for group, resultant in loads.force.items():
+        dim, entities = largest(part.mesh, group)
+        force = np.array(resultant)
+        if np.abs(force[part.mesh.gdim :]).max(initial=0.0):
+            raise InputError(f"the force on {group!r} points out of the plane of the part.")
+        if not force.any():
+            continue
+        if dim in (part.mesh.tdim, part.mesh.tdim - 1) and dim:
+            work = spread(part.mesh, v, force, (group, dim, entities))
+            forces += compat.assemble_functional(work, part.form.space)[:rows]
+        elif dim == 0:
+            forces += _at_points(part, group, force)
+        else:
+            raise InputError(
+                f"a force acts on points, faces or cells; group {group!r} holds edges."
+            )
+    return freed(part, forces)
+
+
+def _at_points(part: MeshedStructure, group: str, force: Array) -> Array:
+    """Nodal forces (rows of this rank,) of a resultant spread evenly over the points of a group."""
+    rows = part.rows
+    forces = np.zeros(rows)
+    for axis in range(part.mesh.gdim):
+        path = part.form.components["xyz"[axis]]
+        dofs = dofs_of_entities(part.mesh, part.form, {0: part.mesh.group(group)[0]}, path)
+        owned_dofs = dofs[dofs < rows]
+        forces[owned_dofs] = force[axis] / part.comm.allreduce(len(owned_dofs))
+    return forces
+
+
+# -- energies (UFL) of pressures and of spin on a mesh; measures of its groups
+
+
+#: Degree of the quadrature of loads: products of P2 displacements, slopes and normals.
+DEGREE = 5
+
+
+def measure_on(mesh: Mesh, dim: int, entities: IntArray) -> tuple[Expr, ufl.Measure]:
+    """(factor, UFL measure) of cells or of outer facets of this rank."""
+    if dim == mesh.tdim:
+        indicator = compat.cellwise(mesh.dolfinx)
+        indicator.x.array[entities] = 1.0
+        return indicator, measure(mesh, DEGREE)
+    marks = np.ones(len(entities), dtype=np.int32)
+    order = np.argsort(entities)
+    tags = dolfinx.mesh.meshtags(mesh.dolfinx, dim, entities[order].astype(np.int32), marks)
+    metadata = {"quadrature_degree": DEGREE}
+    ds = ufl.Measure("ds", domain=mesh.dolfinx, subdomain_data=tags, metadata=metadata)
+    return compat.constant(mesh.dolfinx, 1.0), ds(1)
+
+
+def pressure_energy(
+    mesh: Mesh, parts: Parts, u: Expr, where: tuple[str, int, IntArray]
+) -> ufl.Form:
+    """Work of a unit pressure to second order in u; `where`: group, dimension, entities."""
+    group, dim, entities = where
+    sheet = parts[0][0].kind.sheet
+    if dim != (mesh.tdim if sheet else mesh.tdim - 1) or mesh.tdim == 1:
+        raise InputError(
+            f"pressure acts on faces of solids and on cells of sheets; group {group!r} holds "
+            f"entities of dimension {dim}: give force={{{group!r}: (x, y, z)}} there."
+        )
+    factor, dx = measure_on(mesh, dim, entities)
+    if not sheet:
+        n = ufl.FacetNormal(mesh.dolfinx)
+        slope = ufl.grad(u)
+        normal_change = ufl.tr(slope) * n - ufl.dot(ufl.transpose(slope), n)
+        against = -depth_of(mesh, parts) * factor
+        return against * (ufl.dot(u, n) + ufl.dot(u, normal_change) / 2) * dx
+    frame = frames(mesh, parts)
+    _, side = axes_and_sides(mesh, parts)
+    J = ufl.Jacobian(mesh.dolfinx)
+    a, b = (_in_space([J[i, j] for i in range(mesh.gdim)]) for j in (0, 1))
+    normal = ufl.cross(a, b)
+    to_top = side * ufl.sign(ufl.dot(normal, frame.n))
+    displacement = ufl.as_vector([u[i] for i in range(3)])
+    u1, u2 = tangential(frame, u)
+    normal_change = ufl.cross(u1, frame.e2) + ufl.cross(frame.e1, u2)
+    work = ufl.dot(displacement, frame.n) + ufl.dot(displacement, normal_change) / 2
+    return factor * to_top * work * dx
+
+
+def _in_space(components: list[Expr]) -> Expr:
+    """The components as a vector (3,), with zeros where they are missing."""
+    return ufl.as_vector([*components, *[0] * (3 - len(components))])
+
+
+def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) -> ufl.Form:
+    """Σ ρ a·a/2 over all mass of the cells, a = Ω P (x + u), to second order in the rotations."""
+    S = ufl.as_matrix(spin.stiffness.tolist())
+    spin_origin = np.array(spin.about)
+    x = ufl.SpatialCoordinate(mesh.dolfinx)
+    position = _in_space([x[i] - float(spin_origin[i]) + u[i] for i in range(mesh.gdim)])
+    dx = measure(mesh, DEGREE + 1)
+    energy = density * ufl.dot(position, S * position) / 2
+    for direction, first, second in _fibres(mesh, parts):
+        rotation = ufl.as_vector([u[i] for i in range(3, 6)])
+        rotated = ufl.cross(rotation, direction)
+        arm = direction + rotated + ufl.cross(rotation, rotated) / 2
+        energy += first * ufl.dot(position, S * arm) + second * ufl.dot(arm, S * arm) / 2
+    return energy * dx
+
+
+def _fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
+    """(direction, ∫ρ z, ∫ρ z²) across the sections or the thickness, with rotations."""
+    material = parts[0][0]
+    if material.kind.sheet:
+        section = section_fields(mesh, parts)
+        n = frames(mesh, parts).n
+        return [(n, 0.0 if section.I1 is None else section.I1, section.I2)]
+    if not isinstance(material, Beam) or mesh.gdim == 2:
+        return []
+    axes = axes_of_beams(mesh, parts)
+
+    def of(value: str) -> Expr:
+        return coefficient(mesh, parts, lambda b: b.rho * getattr(b.section, value))
+
+    offset = coefficient(mesh, parts, lambda b: b.offset)
+    first = of("A") * offset
+    return [(axes.y, first, of("I") + first * offset), (axes.z, 0.0, of("side"))]
+
+
+def total_of(mesh: Mesh, group: str, dim: int, entities: IntArray) -> float:
+    """Length, area or volume of a group; InputError if it is 0."""
+    factor, dx = measure_on(mesh, dim, entities)
+    size = compat.integrate(factor * dx, mesh.dolfinx)
+    if size <= 0:
+        raise InputError(f"the group {group!r} holds no outer faces, on which loads act.")
+    return size
+
+
+def spread(mesh: Mesh, v: Expr, force: Array, where: tuple[str, int, IntArray]) -> ufl.Form:
+    """Work of a force (3,), distributed evenly over a group, on the test function v."""
+    group, dim, entities = where
+    factor, dx = measure_on(mesh, dim, entities)
+    density = (force / total_of(mesh, group, dim, entities)).tolist()
+    return factor * sum(density[i] * v[i] for i in range(mesh.gdim)) * dx
 
 
 def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:

@@ -36,7 +36,7 @@ from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.closest import ClosestPoint, closest
+from antiosc.fem.mesh.surface import ClosestPoint, closest
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.structure import Dissipation, in_space
 from antiosc.io.matrices import COMPONENTS

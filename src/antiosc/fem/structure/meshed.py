@@ -36,11 +36,13 @@ from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
 from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many
 from antiosc.fem.mesh.surface import (
     DEGREE,
+    ClosestPoint,
+    ClosestPoints,
     Faces,
     WeightedPoints,
+    closest_many,
     largest,
     mean_thickness,
     quadrature,

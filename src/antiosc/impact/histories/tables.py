@@ -16,7 +16,7 @@ from antiosc.base import checks, errors, files
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
-from antiosc.models import model_file
+from antiosc.models.anti_oscillators import VERSION, read_model_file, write_model_file
 
 #: The format of a file of results.
 FORMAT = "antiosc-history"
@@ -107,12 +107,12 @@ class Results(ReprMixin):
             )
         header = {
             "format": FORMAT,
-            "version": model_file.VERSION,
+            "version": VERSION,
             "names": list(table),
             "numbers": self.numbers(),
             "kind": type(self).__name__,
         }
-        model_file.write(target, header, {"table": np.array(list(table.values()))})
+        write_model_file(target, header, {"table": np.array(list(table.values()))})
         return target
 
     @classmethod
@@ -124,7 +124,7 @@ class Results(ReprMixin):
         InputError
             The file is not one that `save` wrote.
         """
-        header, arrays = model_file.read(path, {"table"}, FORMAT, LARGEST)
+        header, arrays = read_model_file(path, {"table"}, FORMAT, LARGEST)
         try:
             names = list(map(str, header["names"]))
             numbers = dict(header["numbers"])

@@ -23,7 +23,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import engineering
-from antiosc.fem.linalg.forecast import SOLVES, of_sheet
+from antiosc.fem.linalg.solver import SOLVES, of_sheet
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -36,22 +36,21 @@ from antiosc.reduce.extraction.krylov import (
     with_damping,
 )
 from antiosc.reduce.extraction.model import (
-    UNNAMED,
-    Sites,
-    info_of_model,
-    model_of,
-)
-from antiosc.reduce.extraction.oscillators import (
     DEFAULT_COUNT,
+    UNNAMED,
     Remainder,
+    Sites,
     by_modes,
     error_bound,
     every_mode,
+    info_of_model,
     lumped,
+    model_of,
     oscillators,
 )
 from antiosc.reduce.extraction.stretching import with_stretch
-from antiosc.reduce.site import Site, functionals
+from antiosc.reduce.site import functionals
+from antiosc.reduce.site.site import Site
 
 if TYPE_CHECKING:
     from antiosc.reduce.error.model_errors import ModelErrors

@@ -57,7 +57,7 @@ from antiosc.models.modal import Damping
 from antiosc.models.recurrence import BROKEN, recurrence_of
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, polish
-from antiosc.reduce.extraction.oscillators import (
+from antiosc.reduce.extraction.model import (
     Remainder,
     lowest_frequency_at_sites,
     semidefinite,

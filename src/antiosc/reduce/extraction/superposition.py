@@ -30,9 +30,16 @@ from antiosc.recovery import source
 from antiosc.recovery.series import write_vtu_file
 from antiosc.reduce.extraction import SiteShapes, site_shapes, statics
 from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
-from antiosc.reduce.extraction.model import check_modes, inertia_of, weights_of
-from antiosc.reduce.extraction.oscillators import DEFAULT_COUNT, REPEATED, SEARCHED
-from antiosc.reduce.site import Functional, Site, functional
+from antiosc.reduce.extraction.model import (
+    DEFAULT_COUNT,
+    REPEATED,
+    SEARCHED,
+    check_modes,
+    inertia_of,
+    weights_of,
+)
+from antiosc.reduce.site import functional
+from antiosc.reduce.site.site import Functional, Site
 
 #: Modes that are searched beyond those asked; of a repeated last one twice as many each time.
 BEYOND = 1

@@ -17,8 +17,7 @@ from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import group_end
-from antiosc.fem.mesh.closest import closest_many
-from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
+from antiosc.fem.mesh.surface import Faces, SurfaceAtSites, closest_many
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.at_points import ON_STRUCTURE

@@ -18,8 +18,14 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.progress import counting
 from antiosc.base.texts import SMALLER_CELLS, engineering, percent, rounded_down, rounded_up
-from antiosc.fem.mesh.closest import ClosestPoints, closest, closest_many, size_at
-from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
+from antiosc.fem.mesh.surface import (
+    ClosestPoints,
+    Faces,
+    SurfaceAtSites,
+    closest,
+    closest_many,
+    size_at,
+)
 from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.models.body import CUT, NEAR
