@@ -323,7 +323,7 @@ def reached(browser, turn, name="complete"):
         assert "failed" not in data, data
         if int(data.get(name, -1)) >= turn:
             return browser.run(READ)
-        time.sleep(0.1)
+        time.sleep(0.25)
     raise AssertionError((data, browser.said()))
 
 
@@ -341,7 +341,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         assert first["cautions"] <= 3
         assert len(re.findall(r"[^\W\d_]\w+", browser.run(WORDS))) <= 120
         browser.run(CLICK, [0.05, 0.03, 0.015], False)
-        clicked = reached(browser, 1)
+        clicked = reached(browser, 1, "settled")
         assert clicked["scene"]["sites"]["point"] == pytest.approx([0.05, 0.03, 0.015], abs=5e-4)
         assert clicked["scene"]["sites"]["direction"] == pytest.approx([0, 0, -1], abs=1e-6)
         browser.run(CLICK, [0.03, 0.0, 0.007], True)  # holds a side
@@ -393,6 +393,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         assert browser.run("return 'drop' in bench.scene")
         browser.run("document.getElementById('undo').click()")
         assert reached(browser, 7)["scene"] == faster["scene"]
+        browser.run("document.getElementById('most-sites').value = 20")
         browser.run("document.getElementById('map').click()")
         for _ in range(1200):
             if browser.run("return Boolean(bench.page && bench.page.sites) && !bench.pending"):
