@@ -196,7 +196,7 @@ def probe(
     def signal(run: AnyHistory, at_times: Array) -> Array:
         """The quantity (n, places, …) of a run at times, or what it is the rate of."""
         factors = amplitudes(run, at_times, body, derivative)
-        return np.stack([_over_time(tensors, factors) for tensors in columns], axis=1)
+        return np.stack([np.moveaxis(x @ factors.T, -1, 0) for x in columns], axis=1)
 
     if filter is None:
         values = signal(history, sample_times)
@@ -237,10 +237,6 @@ def probed_point(
     from antiosc.recovery.mesh_fields import nearest_point  # needs dolfinx
 
     return nearest_point(structure, x, part, reach)
-
-
-def _over_time(columns: Array, factors: Array) -> Array:
-    return np.asarray(np.moveaxis(columns @ factors.T, -1, 0))
 
 
 def _on_outline(structure: Structure, part: str | None, position: Place) -> list[Place]:

@@ -256,12 +256,6 @@ class ModalBase(ReprMixin):
             H = first.receptance(self.B, w[..., 0])
         return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r + 0j)
 
-    @cached_property
-    def _rigid_mobility(self) -> tuple[Array, float]:
-        """(displacements (J,) of the only column in rigid-body modes, mobility [1/kg])."""
-        rigid_b = np.where(self.omega == 0, self.B[:, 0], 0.0)
-        return rigid_b, float(rigid_b @ rigid_b)
-
     def rigid_motion(self, velocity: float | Motion) -> Array:
         """Modal velocities (J,) of a rigid-body motion.
 
@@ -288,7 +282,8 @@ class ModalBase(ReprMixin):
                 f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
                 " a Motion of velocity and spin."
             )
-        rigid_b, mobility = self._rigid_mobility
+        rigid_b = np.where(self.omega == 0, self.B[:, 0], 0.0)
+        mobility = float(rigid_b @ rigid_b)
         if mobility == 0.0:
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"

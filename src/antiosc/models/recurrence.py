@@ -161,9 +161,9 @@ class Recurrence(FieldsRepr):
         Z = scipy.linalg.null_space((M @ rigid).T) if rigid.size else np.eye(p + n)
         theta, X = scipy.linalg.eigh(Z.T @ M @ Z, Z.T @ A @ Z)
         order = np.argsort(-theta)
-        shapes = np.column_stack(
-            [rigid @ _inverse_root(rigid.T @ M @ rigid), (Z @ X / np.sqrt(theta))[:, order]]
-        )
+        mass, turned = np.linalg.eigh(rigid.T @ M @ rigid)
+        unit_mass = [rigid @ (turned / np.sqrt(mass)), (Z @ X / np.sqrt(theta))[:, order]]
+        shapes = np.column_stack(unit_mass)
         omega = np.append(np.zeros(rigid.shape[1]), np.sqrt(1 / theta[order] - s))
 
         beyond = slice(n, n + 2 * p - 1)
@@ -175,12 +175,6 @@ def _root(square: Array) -> Array:
     """The symmetric root of a positive semidefinite matrix."""
     x, U = np.linalg.eigh(square)
     return (U * np.sqrt(np.maximum(x, 0.0))) @ U.T
-
-
-def _inverse_root(square: Array) -> Array:
-    """A root of the inverse of a positive definite matrix."""
-    x, U = np.linalg.eigh(square)
-    return U / np.sqrt(x)
 
 
 def recurrence_of(

@@ -185,9 +185,10 @@ def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> EndMotio
         )
     member, group = _member_and_group(layout, end)
     nodes = member.nodes_of(group)
-    if len(nodes) == 1:
-        return _node_motion(layout, member, nodes)
-    return mean(layout, member, member.points_of(group))
+    if len(nodes) != 1:
+        return mean(layout, member, member.points_of(group))
+    rows = stacked(*(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
+    return EndMotion(rows, _space(layout, member), member.nodes[nodes[0]])
 
 
 def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> EndMotion | None:
@@ -227,14 +228,6 @@ def _superelement_motion(layout: Layout, part: str, end: End, allow_partial: boo
     six = scipy.sparse.coo_matrix(interface.six)
     functionals = layout.matrix(six.row, six.col + member.first, six.data, 6)
     return EndMotion(functionals, interface.space, interface.point)
-
-
-def _node_motion(layout: Layout, member: Member, nodes: IntArray) -> EndMotion:
-    """The motion of a part's single node."""
-    functionals = stacked(
-        *(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS))
-    )
-    return EndMotion(functionals, _space(layout, member), member.nodes[nodes[0]])
 
 
 def _point_motion(

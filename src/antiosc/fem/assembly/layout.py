@@ -147,12 +147,9 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
 
     fixed = np.zeros(size, dtype=bool)
     fixed[matrices.fixed] = True
-    K, M = (_dense(matrix) for matrix in (matrices.K, matrices.M))
+    whole = (algebra.gathered(matrix, 0) for matrix in (matrices.K, matrices.M))
+    K, M = (np.asarray(scipy.sparse.csr_matrix(matrix).toarray()) for matrix in whole)
     return _without_rigid_strain(Superelement(K, M, places, ends, fixed))
-
-
-def _dense(matrix: object) -> Array:
-    return np.asarray(scipy.sparse.csr_matrix(algebra.gathered(matrix, 0)).toarray())
 
 
 def _without_rigid_strain(part: Superelement) -> Superelement:

@@ -285,7 +285,8 @@ class PartPoints:
 
     def stress(self, slopes: Array) -> Array:
         """Weighted stresses C ε (n, s) of a motion with these derivatives (n, d, b)."""
-        strain = np.einsum("nsdb,ndb->ns", self._every(), slopes, optimize=True)
+        every = np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))
+        strain = np.einsum("nsdb,ndb->ns", every, slopes, optimize=True)
         if self.base is not None:
             strain += self.second(self.base, slopes)
         return self.weighted_stress(strain)
@@ -330,10 +331,6 @@ class PartPoints:
         """The symmetrized V as a matrix (s, d d): η from the products of derivatives."""
         symmetric = (self.square + self.square.transpose(0, 2, 1)) / 2
         return np.asarray(symmetric.reshape(len(symmetric), -1))
-
-    def _every(self) -> Array:
-        """The strain operators T (n, s, d, b) of all points, broadcast if they share one."""
-        return np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))
 
 
 def points_of(part: MeshedStructure) -> PartPoints:

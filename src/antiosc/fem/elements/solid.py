@@ -170,14 +170,18 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     density = depth * coefficient(mesh, parts, lambda s: s.rho)
 
     for_k, for_m = _degrees(mesh, order)
-    by_strains = not directed and _is_thin(mesh)
+    strains = None
+    if not directed and _is_thin(mesh):
+        root = coefficient(mesh, parts, lambda s: np.linalg.cholesky(s.voigt).T)
+        strains = root * _voigt_strain(u), for_k
+
     return WeakForm(
         space=space,
         stiffness=[work * measure(mesh, for_k)],
         mass=[density * ufl.inner(u, v) * measure(mesh, for_m)],
         components={name: (i,) for i, name in enumerate("xyz"[: mesh.gdim])},
         density=density,
-        strains=_strains(mesh, parts, u, for_k) if by_strains else None,
+        strains=strains,
     )
 
 
@@ -195,12 +199,6 @@ def _is_thin(mesh: Mesh) -> bool:
     shortest = np.min(mesh.comm.allgather(lengths.min(initial=np.inf)))
     aspect = np.max(mesh.comm.allgather((lengths.max(axis=1) / lengths.min(axis=1)).max(initial=1)))
     return bool(aspect > THIN_CELL and mesh.extent() > THIN_PART * shortest)
-
-
-def _strains(mesh: Mesh, parts: Parts, u: Expr, degree: int) -> tuple[Expr, int]:
-    """(strains × √stiffness as a UFL vector, quadrature degree of K)."""
-    root = coefficient(mesh, parts, lambda s: np.linalg.cholesky(s.voigt).T)
-    return root * _voigt_strain(u), degree
 
 
 def _voigt_strain(u: Expr) -> Expr:

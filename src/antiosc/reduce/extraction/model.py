@@ -122,7 +122,8 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
     m0[massless] = 0.0
     m0[:, massless] = 0.0
     parts = []
-    for columns in _slices(phi.shape[1]):
+    for first in range(0, max(phi.shape[1], 1), TOGETHER):
+        columns = slice(first, first + TOGETHER)
         k_phi, m_phi = (multiply(matrix, phi[:, columns]) for matrix in (structure.K, structure.M))
         products = [dot(comm, phi, forces) for forces in (k_phi, m_phi)]
         parts.append(
@@ -141,11 +142,6 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
         masses=masses,
         off=residual_forces,
     )
-
-
-def _slices(count: int) -> list[slice]:
-    """Slices of at most `TOGETHER` of `count` columns; at least one slice."""
-    return [slice(k, k + TOGETHER) for k in range(0, max(count, 1), TOGETHER)]
 
 
 def _forces_left(

@@ -55,14 +55,6 @@ def part_of(structure: Structure) -> MeshedStructure:
     return cast("MeshedStructure", matrices)
 
 
-def _check_model(model: AntiOscillators) -> None:
-    """InputError for a model whose modes cannot stretch."""
-    if model.shapes is None:
-        raise InputError("stretch needs the shapes of the model: extract it with shapes.")
-    if model.free_modes.damping is not None:
-        raise InputError("stretch does not take dampers, nor layers that relax: leave it out.")
-
-
 def with_stretch(
     structure: Structure, model: AntiOscillators, count: Count, most: int = MOST
 ) -> AntiOscillators:
@@ -71,8 +63,12 @@ def with_stretch(
     count : number of modes that an impact takes, or "auto": of at most `most`. Two more are
     computed, for the error.
     """
-    _check_model(model)
+    if model.shapes is None:
+        raise InputError("stretch needs the shapes of the model: extract it with shapes.")
     body = model.free_modes
+    if body.damping is not None:
+        raise InputError("stretch does not take dampers, nor layers that relax: leave it out.")
+
     assert body.shape is not None
     modes = candidates(body.omega, body.B, most if count == "auto" else min(count + 2, MOST))
     phi = body.field((body.shape @ modes).T).T

@@ -358,15 +358,12 @@ class Released:
         of each term of the structure's damping, in its order. Call `inertia` first.
         """
         u = self._of.expanded(shapes)
-        terms = [(slice(None), term) for term in self._attached()]
+        own = self._assembly.added.dissipation(on_u=True) if self._assembly else []
+        terms = [(slice(None), term) for term in own]
         for member in self._of.members():
             terms += [(member.rows, term) for term in self._part(member).dissipation()]
         terms.sort(key=lambda pair: pair[1].matrix is not None)
         return [(term.tau, self._by_term(term, rows, u)) for rows, term in terms]
-
-    def _attached(self) -> list[Dissipation]:
-        """The dampers of an assembly itself."""
-        return self._assembly.added.dissipation(on_u=True) if self._assembly else []
 
     def _by_term(self, term: Dissipation, rows: slice, u: Array) -> Array:
         """Reactions due to one term of the damping on some rows, for motions u of all parts."""
