@@ -92,7 +92,7 @@ def hashes_of(base: Path, data: Table, root: Path) -> Table:
 
 def require_decided(document: Document, root: Path) -> None:
     """Refusal if a material, a support or the unit of a file is missing, with the choices."""
-    from antiosc.io.cad import STATES_UNIT
+    from antiosc.io.by_gmsh import STATES_UNIT
     from antiosc.io.neutral import SYSTEMS
 
     build = Builder(document)

@@ -127,7 +127,7 @@ def unit_of_length(length: float) -> str:
 def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | None) -> ForeignPart:
     """Read a mesh, or mesh a geometry; `size` [m] of its cells, if it is given."""
     from antiosc.extension import default_size, usual_size
-    from antiosc.io.cad import STATES_UNIT
+    from antiosc.io.by_gmsh import STATES_UNIT
     from antiosc.io.facets import SURFACES
 
     suffix = path.suffix.lower()

@@ -16,9 +16,8 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
 from antiosc.base.texts import piece_is_read
-from antiosc.io.cad import Names
 from antiosc.io.isolation import Request
-from antiosc.io.neutral import FACETS, FileMesh, IntArray, Piece, connected
+from antiosc.io.neutral import FACETS, FileMesh, IntArray, Names, Piece, connected
 
 #: Endings of such files.
 SURFACES = (".stl", ".obj", ".ply", ".off")

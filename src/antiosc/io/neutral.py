@@ -89,6 +89,8 @@ def rectangles(shape: str) -> list[tuple[int, ...]]:
 
 
 IntArray = NDArray[np.int64]
+#: (dimension, tag) -> names
+Names = dict[tuple[int, int], list[str]]
 #: values as JSON holds them, by name
 Json: TypeAlias = dict[str, Any]
 #: A motion: (node, or -1 - k of the k-th point of no element; motion 0 to 5; coefficient).

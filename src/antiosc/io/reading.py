@@ -21,8 +21,7 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
 from antiosc.base.texts import piece_is_read, printable
-from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
-from antiosc.io.cad import CAD, STATES_UNIT
+from antiosc.io.by_gmsh import CAD, GEOMETRY, SCRIPTS, STATES_UNIT, SizeField
 from antiosc.io.facets import BY_FTETWILD, SURFACES
 from antiosc.io.isolation import AROUND_CLOSELY, Refinement, read_apart
 from antiosc.io.mesh_files import deck_endings, is_deck

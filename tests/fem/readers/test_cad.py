@@ -12,7 +12,7 @@ import antiosc as ao
 pytest.importorskip("dolfinx")
 
 from antiosc.fem.mesh.surface import Faces
-from antiosc.io import by_gmsh, cad
+from antiosc.io import by_gmsh
 from parts import gmsh_session
 
 pytestmark = pytest.mark.fem
@@ -111,7 +111,7 @@ def test_a_volume_that_differs_from_cad_is_told(tmp_path):
     mesh = ao.read_mesh(path, size=5e-3)
     assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850 * exact, rel=5e-3)
     with gmsh_session() as gmsh:
-        cad.opened(gmsh, str(path))
+        by_gmsh.opened_cad(gmsh, str(path))
         gmsh.option.setNumber("Mesh.ElementOrder", 2)
         gmsh.option.setNumber("Mesh.MeshSizeMax", 5e-3)
         gmsh.model.mesh.generate(3)

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.io import by_gmsh, isolation
+from antiosc.io import isolation
 from antiosc.io.by_gmsh import _order
+from antiosc.io.isolation import harmless
 from antiosc.io.neutral import CELLS
 from antiosc.io.reading import read
 from mesh_files import refusal
@@ -133,9 +134,9 @@ SNEAKY = [
 @pytest.mark.parametrize("text", SNEAKY)
 def test_scripts_that_do_more_than_describe_a_part(text):
     with pytest.raises(ao.MeshError, match="refused"):
-        by_gmsh.harmless(BAR + text, "part.geo")
+        harmless(BAR + text, "part.geo")
     with pytest.raises(ao.MeshError, match="binary"):
-        by_gmsh.harmless(BAR + 'a = "x\0";' + text, "part.geo")
+        harmless(BAR + 'a = "x\0";' + text, "part.geo")
 
 
 HARMLESS = [
@@ -153,7 +154,7 @@ HARMLESS = [
 def test_scripts_that_describe_a_part_keep_their_meaning(tmp_path, session, text):
     plain, given = tmp_path / "plain.geo", tmp_path / "given.geo"
     plain.write_text(BAR + text + "\n")
-    checked, merged = by_gmsh.harmless(BAR + text, "part.geo")
+    checked, merged = harmless(BAR + text, "part.geo")
     given.write_text(checked)
     assert checked.count("\n") == (BAR + text).count("\n") + 1
     assert merged == []

@@ -43,8 +43,7 @@ from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.finer import near, with_cells_of
 from antiosc.fem.mesh.surface import mean_thickness
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
-from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS
-from antiosc.io.cad import STATES_UNIT
+from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, STATES_UNIT
 from antiosc.io.isolation import Refinement
 from antiosc.io.neutral import EDGES, FACETS, CellKind, RawMesh, UnitSystem
 from antiosc.io.reading import HOW_MADE, Wanted, keys, outline, piece_of_cells, pieces_error, read
