@@ -119,7 +119,7 @@ def test_the_shock_spectrum_of_a_probe_is_that_of_oscillators_on_its_point(tmp_p
 def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
     """A deflection that follows the force is not known better than the force."""
     probe = '[probes.quarter]\npoint = [0.02, 0.04, 0.075]\nquantity = "von_mises"\nsnap = 0.1\n'
-    path = written(tmp_path, f'{BRACKET}[extract]\nn = 8\nerror = "estimate"\n{HIT}{probe}')
+    path = written(tmp_path, f'{BRACKET}[extract]\nn = 24\nerror = "estimate"\n{HIT}{probe}')
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     told = capsys.readouterr().out
     made = numbers(tmp_path / "out")
