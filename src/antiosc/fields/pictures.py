@@ -122,7 +122,7 @@ def plot_map(
     figure, axes, scale, unit = surfaces.axes_in_space(impact_map.points, shown=path is None)
     x = scale * impact_map.points
     if triangles:
-        faces = impact_map.elements
+        faces = impact_map.elements[_front_faces(impact_map, axes)]
         values = _on_faces(value[faces])
         single_sites = impact_map.alone
         scale = surfaces.colour_scale(np.concatenate([values, value[single_sites]]))
@@ -141,6 +141,25 @@ def plot_map(
     surfaces.fit_limits(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     return figure_or_path(figure, path)
+
+
+def _front_faces(impact_map: Any, axes: Axes3D) -> BoolArray:
+    """Mask (T,) of the faces to draw: of a solid that is struck against its surface the front ones.
+
+    matplotlib sorts faces by their centres; back faces would show through openings.
+    """
+    corners = impact_map.points[impact_map.elements]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    directions = impact_map.directions[impact_map.elements].mean(axis=1)
+    cosines = np.einsum("td,td->t", normal, directions)
+    is_frontal = np.abs(cosines) > 0.5 * np.linalg.norm(normal, axis=1)
+    if impact_map.cell_dimension != 3 or np.mean(is_frontal) < 0.9:
+        return np.ones(len(corners), dtype=bool)
+
+    elevation, azimuth = np.radians([axes.elev, axes.azim])
+    level = np.cos(elevation)
+    view = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+    return np.asarray((normal @ view) * -np.sign(cosines) > 0)
 
 
 def _dots(axes: Axes3D, points: Array, colours: Array, outlined: BoolArray) -> None:

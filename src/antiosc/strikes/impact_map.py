@@ -230,6 +230,7 @@ def impact_map(
         error=error,
         skipped=map_sites.count - len(sites),
         names=map_sites.names,
+        cell_dimension=map_sites.dimension,
     )
     for reason, is_doubtful in doubtful_patches(sites).items():
         result = doubted(result, is_doubtful, reason)

@@ -63,6 +63,7 @@ class ImpactMap(Completed):
         not sought; None where not asked for, or no material has a
         yield_strength.
     stress_points : (P, 3) place of the largest exposure, or stress if no strength is known [m].
+    cell_dimension : dimension of the cells: 3 of solids, 2 of sheets.
     impactor, contact, duration : those of the impacts, or None; `contact` is the law on a flat
         face, `duration` that of all impacts [s].
     laws : (P,) laws of the sites; None if `contact` is the law of all.
@@ -88,6 +89,7 @@ class ImpactMap(Completed):
     peak_stress: Array | None = None
     exposure: Array | None = None
     stress_points: Array | None = None
+    cell_dimension: int = 0
     doubtful: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     reasons: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, dtype=str))
     impactor: LinearBody | None = None
