@@ -312,6 +312,48 @@ bool eliminate(double *A, double *b, int n) {
     return true;
 }
 
+/* Slopes and residuals of the laws of n pressing contacts; sums of the squares of the residuals and
+ * of the normal forces. */
+static void residuals(aom_stepper *st, const influence *local, int n, double *norm, double *size) {
+    *norm = *size = 0.0;
+    for (int i = 0; i < n; i++)
+        for (int stage = 0; stage < 2; stage++) {
+            int c = st->work.active[i];
+            newton_row *row = st->work.newton + i;
+            double delta, rate, f = st->work.force[c].f[stage + 1];
+            row_motion(st, local, stage, c, &delta, &rate);
+            tangent law = law_tangent(st, &st->system.contacts[c].law, st->contacts[c].branch,
+                                      delta, rate, st->contacts[c].memory);
+            row->rest[stage] = f - law.force;
+            row->by_delta[stage] = law.by_delta;
+            row->by_rate[stage] = law.by_rate;
+            *norm += row->rest[stage] * row->rest[stage];
+            *size += f * f;
+        }
+}
+
+/* Slope of a law's force at a stage by the force at a node behind an influence. */
+static double slope_by(const newton_row *row, const influence *by, int stage, int node) {
+    return row->by_delta[stage] * by->depth[stage][node] +
+           row->by_rate[stage] * by->rate[stage][node];
+}
+
+/* The inverse of what a contact's matrix is beyond its group's coupling. */
+static bool invert_own(const aom_stepper *st, const influence *local, int c, newton_row *row) {
+    int g = st->group[c];
+    double B[2][2] = {{1.0, 0.0}, {0.0, 1.0}};
+    for (int s = 0; s < 2 && !alone(st, g); s++)
+        for (int t = 0; t < 2; t++)
+            B[s][t] += slope_by(row, local + c, s, t + 1) -
+                       slope_by(row, local + pair_of(st, g, g), s, t + 1);
+    double det = B[0][0] * B[1][1] - B[0][1] * B[1][0];
+    row->inverse[0][0] = B[1][1] / det;
+    row->inverse[0][1] = -B[0][1] / det;
+    row->inverse[1][0] = -B[1][0] / det;
+    row->inverse[1][1] = B[0][0] / det;
+    return fabs(det) > 1e-300;
+}
+
 /* Row k of a contact: its normal force, then those of its friction. */
 static int row_of_contact(const aom_contact *contact, int c, int k) {
     return k == 0 ? c : contact->first_tangential + k - 1;
@@ -319,119 +361,119 @@ static int row_of_contact(const aom_contact *contact, int c, int k) {
 
 /* What the forces of a contact's rows are to its normal one while this changes: of friction that
  * sticks nothing. */
-static void find_shares(aom_stepper *st, int c) {
+static void find_shares(const aom_stepper *st, int c, newton_row *row) {
     const aom_contact *contact = st->system.contacts + c;
     for (int s = 0; s < 2; s++)
         for (int k = 0; k <= contact->n_tangential; k++) {
             double normal = st->work.force[c].f[s + 1];
             double f = st->work.force[row_of_contact(contact, c, k)].f[s + 1];
             bool follows = st->contacts[c].slips && normal > 0.0;
-            st->work.shares[c].by[k][s] = k == 0 ? 1.0 : follows ? f / normal : 0.0;
+            row->share[k][s] = k == 0 ? 1.0 : follows ? f / normal : 0.0;
         }
 }
 
-/* The rows whose forces are unknown: of contacts that press, and those of stretching; their number. */
-static int unknown_rows(aom_stepper *st) {
-    int n = 0;
-    for (int c = 0; c < st->system.n_contacts; c++)
-        if (pressing(st->contacts[c].branch)) {
-            find_shares(st, c);
-            st->work.unknown[n++] = c;
+/* The groups of the rows of n pressing contacts, numbered in work.place (-1: none); their number. */
+static int pressing_groups(aom_stepper *st, int n) {
+    int found = 0;
+    for (int g = 0; g < st->n_groups; g++)
+        st->work.place[g] = -1;
+    for (int i = 0; i < n; i++) {
+        int c = st->work.active[i];
+        for (int k = 0; k <= st->system.contacts[c].n_tangential; k++) {
+            int *place = st->work.place + st->group[row_of_contact(st->system.contacts + c, c, k)];
+            if (*place < 0)
+                *place = found++;
         }
-    for (int i = first_stretch(&st->system); i < st->system.n_rows; i++)
-        st->work.unknown[n++] = i;
-    return n;
+    }
+    return found;
 }
 
-/* How the force of an unknown row at a stage, with the friction that follows it, holds back row i at
- * another one. */
-static motion held_by(const aom_stepper *st, const influence *local, int stage, int i, int unknown,
-                      int s) {
-    motion total = {0.0, 0.0};
-    bool presses = unknown < st->system.n_contacts;
-    const aom_contact *contact = st->system.contacts + (presses ? unknown : 0);
-    for (int k = 0; k <= (presses ? contact->n_tangential : 0); k++) {
-        int r = presses ? row_of_contact(contact, unknown, k) : unknown;
-        const influence *by = local + (r == i ? i : pair_of(st, st->group[i], st->group[r]));
-        double share = presses ? st->work.shares[unknown].by[k][s] : 1.0;
-        total.depth += share * by->depth[stage][s + 1];
-        total.rate += share * by->rate[stage][s + 1];
-    }
-    return total;
-}
-
-/* Residuals of the laws of n unknown rows at both stages, into the workspace, and, unless A is NULL,
- * their matrix; the sum of the squares of the residuals. */
-static double equations(aom_stepper *st, const influence *local, int n, double *A) {
-    int size = 2 * n, contacts = n - st->system.n_stretch;
-    double norm = 0.0, *rest = st->work.rest;
-    if (A != NULL) {
-        memset(A, 0, (size_t)size * (size_t)size * sizeof *A);
-        for (ptrdiff_t k = 0; k < size; k++)
-            A[k * (size + 1)] = 1.0;
-        gather_depths(st, local, n);
-    }
-    for (int stage = 0; stage < 2; stage++) {
-        for (int k = 0; k < contacts; k++) {
-            int c = st->work.unknown[k], at = 2 * k + stage;
-            double delta, rate;
-            row_motion(st, local, stage, c, &delta, &rate);
-            tangent law = law_tangent(st, &st->system.contacts[c].law, st->contacts[c].branch,
-                                      delta, rate, st->contacts[c].memory);
-            rest[at] = st->work.force[c].f[stage + 1] - law.force;
-            for (int i = 0; i < size && A != NULL; i++) {
-                motion by = held_by(st, local, stage, c, st->work.unknown[i / 2], i % 2);
-                A[(ptrdiff_t)at * size + i] += law.by_delta * by.depth + law.by_rate * by.rate;
+/* The corrections of Newton's method for all normal forces of both stages. The matrix is that of
+ * each contact by itself and one of the rank of the groups, so that the sums of the corrections over
+ * the groups are found first (Woodbury). */
+static bool corrections(aom_stepper *st, const influence *local, int n) {
+    int K = pressing_groups(st, n), size = 2 * K;
+    double *A = st->work.matrix, *E = st->work.rest;
+    memset(A, 0, (size_t)size * (size_t)size * sizeof *A);
+    memset(E, 0, (size_t)size * sizeof *E);
+    for (int k = 0; k < size; k++)
+        A[(ptrdiff_t)k * (size + 1)] = 1.0;
+    for (int i = 0; i < n; i++) {
+        newton_row *row = st->work.newton + i;
+        int c = st->work.active[i];
+        const aom_contact *contact = st->system.contacts + c;
+        find_shares(st, c, row);
+        if (!invert_own(st, local, c, row))
+            return false;
+        for (int k = 0; k <= contact->n_tangential; k++) {
+            int at = 2 * st->work.place[st->group[row_of_contact(contact, c, k)]];
+            for (int s = 0; s < 2; s++) {
+                const double *inverse = row->inverse[s], share = row->share[k][s];
+                E[at + s] += share * (inverse[0] * row->rest[0] + inverse[1] * row->rest[1]);
+                for (int h = 0; h < st->n_groups && share != 0.0; h++) {
+                    const influence *by = local + pair_of(st, st->group[c], h);
+                    int to = 2 * st->work.place[h];
+                    for (int t = 0; t < 2 && to >= 0; t++)
+                        A[(ptrdiff_t)(at + s) * size + to + t] +=
+                            share * (inverse[0] * slope_by(row, by, 0, t + 1) +
+                                     inverse[1] * slope_by(row, by, 1, t + 1));
+                }
             }
         }
-        if (st->system.n_stretch > 0)
-            stretch_equations(st, local, n, stage, A);
     }
-    for (int k = 0; k < size; k++)
-        norm += rest[k] * rest[k];
-    return norm;
-}
-
-/* Forces of n unknown rows from those before and a share of the correction. */
-static void correct(aom_stepper *st, int n, double length) {
-    for (int i = 0; i < 2 * n; i++) {
-        int u = st->work.unknown[i / 2], s = i % 2;
-        double step = length * st->work.correction[i];
-        const aom_contact *contact = u < st->system.n_contacts ? st->system.contacts + u : NULL;
-        for (int k = 0; k <= (contact != NULL ? contact->n_tangential : 0); k++) {
-            int r = contact != NULL ? row_of_contact(contact, u, k) : u;
-            double share = contact != NULL ? st->work.shares[u].by[k][s] : 1.0;
-            st->work.force[r].f[s + 1] = st->work.before[r].f[s + 1] - share * step;
+    if (!eliminate(A, E, size))
+        return false;
+    for (int i = 0; i < n; i++) {
+        newton_row *row = st->work.newton + i;
+        double left[2] = {row->rest[0], row->rest[1]};
+        for (int h = 0; h < st->n_groups; h++) {
+            const influence *by = local + pair_of(st, st->group[st->work.active[i]], h);
+            int to = 2 * st->work.place[h];
+            for (int t = 0; t < 2 && to >= 0; t++)
+                for (int s = 0; s < 2; s++)
+                    left[s] -= slope_by(row, by, s, t + 1) * E[to + t];
         }
+        for (int s = 0; s < 2; s++)
+            row->step[s] = row->inverse[s][0] * left[0] + row->inverse[s][1] * left[1];
     }
-    add_up(st);
+    return true;
 }
 
-/* One step of Newton's method for the forces of all unknown rows at both stages, shortened if need be;
- * `far`: the largest correction that it wants. */
+/* One step of Newton's method for all normal forces of both stages, shortened if need be; `far`: the
+ * largest correction that it wants. */
 static bool together(aom_stepper *st, const influence *local, double *far) {
-    workspace *w = &st->work;
-    int n = unknown_rows(st);
-    double size = 0.0, best = equations(st, local, n, w->matrix);
+    int m = st->system.n_rows, n = 0;
+    nodes *force = st->work.force, *before = st->work.before;
+    double best, size, norm, length = 1.0;
     *far = 0.0;
-    for (int k = 0; k < 2 * n; k++)
-        size += w->force[w->unknown[k / 2]].f[k % 2 + 1] * w->force[w->unknown[k / 2]].f[k % 2 + 1];
+    for (int c = 0; c < st->system.n_contacts; c++)
+        if (pressing(st->contacts[c].branch))
+            st->work.active[n++] = c;
+    memcpy(before, force, (size_t)m * sizeof *force);
+    residuals(st, local, n, &best, &size);
     if (best <= 1e-28 * size)
         return true;
-    if (!eliminate(w->matrix, w->rest, 2 * n))
+    if (!corrections(st, local, n))
         return false;
-    memcpy(w->correction, w->rest, 2 * (size_t)n * sizeof *w->rest);
-    memcpy(w->before, w->force, (size_t)st->system.n_rows * sizeof *w->force);
-    for (int k = 0; k < 2 * n; k++)
-        *far = larger(*far, fabs(w->correction[k]));
-    double length = 1.0;
+    for (int i = 0; i < n; i++)
+        *far = larger(*far, larger(fabs(st->work.newton[i].step[0]), fabs(st->work.newton[i].step[1])));
     for (int tries = 0; tries < 11; tries++) {
-        correct(st, n, length);
-        if (*far * *far <= 1e-14 * size || equations(st, local, n, NULL) < best)
+        for (int i = 0; i < n; i++) {
+            int c = st->work.active[i];
+            const aom_contact *contact = st->system.contacts + c;
+            const newton_row *own = st->work.newton + i;
+            for (int k = 0; k <= contact->n_tangential; k++)
+                for (int s = 0, r = row_of_contact(contact, c, k); s < 2; s++)
+                    force[r].f[s + 1] =
+                        before[r].f[s + 1] - length * own->share[k][s] * own->step[s];
+        }
+        add_up(st);
+        residuals(st, local, n, &norm, &size);
+        if (norm < best)
             return true;
         length *= 0.5;
     }
-    memcpy(w->force, w->before, (size_t)st->system.n_rows * sizeof *w->force);
+    memcpy(force, before, (size_t)m * sizeof *force);
     add_up(st);
     return *far * *far <= 1e-20 * size; /* what is left is rounding */
 }
@@ -464,8 +506,6 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
             if (contact->n_tangential > 0)
                 out[0] = larger(out[0], friction_force(st, local, stage, c));
         }
-    for (int i = first_stretch(&st->system); i < st->system.n_rows; i++)
-        out[1] = larger(out[1], larger(fabs(st->work.force[i].f[1]), fabs(st->work.force[i].f[2])));
 }
 
 /* Forces of all rows at h/2 and h that meet laws and friction, into work.force, which holds those at 0
@@ -477,10 +517,9 @@ bool all_forces(aom_stepper *st, int index, double h) {
     const influence *local = st->slots[index].local;
     nodes *force = st->work.force;
     start_forces(st, local);
-    bool coupled = st->rated || st->system.n_stretch > 0;
-    for (int tries = coupled ? SWEEPS : 0; tries < SWEEPS + NEWTON; tries++) {
+    for (int tries = st->rated ? SWEEPS : 0; tries < SWEEPS + NEWTON; tries++) {
         double found[3] = {0.0, 1e-3 * st->now.force_scale, 0.0}, total = 0.0, far = 0.0;
-        if (tries == SWEEPS && !coupled) { /* the sweeps may have led away */
+        if (tries == SWEEPS && !st->rated) { /* the sweeps may have led away */
             for (int i = 0; i < m; i++)
                 force[i].f[1] = force[i].f[2] = force[i].f[0];
             add_up(st);

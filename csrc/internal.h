@@ -135,10 +135,13 @@ typedef struct run_state {
     int64_t lasting; /* steps since a contact went over to another branch */
 } run_state;
 
-/* Of a contact that slides, the forces of its rows over the normal one, at h/2 and h. */
-typedef struct shares {
-    double by[3][2];
-} shares;
+/* One contact in Newton's method for all forces: the slopes of its law and its residual, at h/2, h;
+ * of a contact that slides, the forces of its rows over the normal one. */
+typedef struct newton_row {
+    double by_delta[2], by_rate[2], rest[2];
+    double inverse[2][2], step[2]; /* of its own part of the matrix; the correction */
+    double share[3][2];
+} newton_row;
 
 /* A row in two runs: time integrals of |F_a - F_b|^2, |F_b|^2, F_a - F_b and |F_b|, the largest forces,
  * those at the last node, and the first integral that ends what agrees. */
@@ -154,14 +157,15 @@ typedef struct workspace {
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
     double *load, *load_rate;       /* [J], with gamma [2][J] */
     double *offset, *drift;         /* [m] */
-    double *matrix, *rest;          /* [n][n], [n] of Newton's method, n = 2 (p + s) */
-    shares *shares;       /* [p] */
+    double *matrix, *rest;          /* [n][n], [n], n = 2 G; of stretching 2 (p + s) if that is more */
+    newton_row *newton;   /* [p] */
     int *place;           /* [G] of a group among those that press */
     nodes *sum;           /* [G] of the forces of a group */
     double *ahead;        /* [2][J]: q and v of the modes at h/2, or h */
     bool *touches;        /* [G] a contact of the group does, or it stretches: others have no force */
     int *touching;        /* [G] these groups */
     nodes *before;        /* [m] */
+    int *active;          /* [p] */
     int *unknown;         /* [p + s] rows, s those of stretching */
     double *correction;   /* [2][p + s] of Newton's method */
     double *coordinates, *squares;           /* [s], [s][s]: of stretching, and their products */
@@ -265,8 +269,8 @@ static void scale_stretch(aom_stepper *st);
 static void start_stretch(aom_stepper *st);
 /* clear_of_touches where forces of stretching act on the motion. */
 static bool stretched_clear(aom_stepper *st, int slot);
-static void gather_depths(aom_stepper *st, const influence *local, int n);
-static void stretch_equations(aom_stepper *st, const influence *local, int n, int stage, double *A);
+/* all_forces with those of stretching, by Newton's method for all of them together. */
+static bool stretched_forces(aom_stepper *st, int slot, double h);
 
 /* ---- steps.c */
 static int try_step(aom_stepper *st);

@@ -45,7 +45,7 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
 
 static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, size_t G,
                          size_t s) {
-    size_t n = p + s; /* rows of Newton's method */
+    size_t n = s > 0 && p + s > G ? p + s : G; /* rows of Newton's method */
     w->force = take(a, m, sizeof(nodes));
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
@@ -59,12 +59,13 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->drift = take(a, m, sizeof(double));
     w->matrix = take(a, 4 * n * n, sizeof(double));
     w->rest = take(a, 2 * n, sizeof(double));
-    w->shares = take(a, p, sizeof(shares));
+    w->newton = take(a, p, sizeof(newton_row));
     w->place = take(a, G, sizeof(int));
     w->sum = take(a, G, sizeof *w->sum);
     w->ahead = take(a, 2 * L, sizeof(double));
     w->touches = take(a, G, sizeof(bool));
     w->touching = take(a, G, sizeof(int));
+    w->active = take(a, p, sizeof(int));
     w->unknown = take(a, p + s, sizeof(int));
     w->correction = take(a, 2 * (p + s), sizeof(double));
     w->coordinates = take(a, s, sizeof(double));

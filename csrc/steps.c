@@ -51,7 +51,7 @@ static bool attempt(aom_stepper *st, int index, double h) {
             double u = 0.5 * h * node;
             st->work.force[i].f[node] = row->force + u * (row->slope + 0.5 * u * row->bend);
         }
-    return all_forces(st, index, h);
+    return st->system.n_stretch > 0 ? stretched_forces(st, index, h) : all_forces(st, index, h);
 }
 
 /* Where a branch is left between the start and a stage of the step: the time after the start of

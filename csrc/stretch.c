@@ -3,6 +3,15 @@
  * which meet the polynomial at h/2 and h. */
 #include "internal.h"
 
+enum { STRETCH_TRIES = 40 };
+#define ACCURATE 1e-7 /* of the forces: Newton's correction after which none is needed */
+#define RESTING 1e-12 /* of the forces: friction that changes by less has settled */
+
+/* One equation of Newton's method: the force of a row at a stage. */
+typedef struct equation {
+    int row, stage;
+} equation;
+
 int first_stretch(const aom_system *s) { return s->n_rows - s->n_stretch; }
 
 /* Products of n numbers, in sums that do not wait for each other. */
@@ -115,18 +124,51 @@ bool stretched_clear(aom_stepper *st, int index) {
 
 /* ---- the forces of a step */
 
+static const influence *between_rows(const aom_stepper *st, const influence *local, int i, int j) {
+    return i == j ? local + i : local + pair_of(st, st->group[i], st->group[j]);
+}
+
+/* The rows whose forces are unknown: of contacts that press, and those of stretching; their number. */
+static int unknown_rows(aom_stepper *st) {
+    int n = 0;
+    for (int c = 0; c < st->system.n_contacts; c++)
+        if (pressing(st->contacts[c].branch))
+            st->work.unknown[n++] = c;
+    for (int i = first_stretch(&st->system); i < st->system.n_rows; i++)
+        st->work.unknown[n++] = i;
+    return n;
+}
+
+/* Equation e of contact c: its residual, and its row of the matrix. */
+static double contact_equation(aom_stepper *st, const influence *local, int n, equation e,
+                               double *row) {
+    double delta, rate, f = st->work.force[e.row].f[e.stage + 1];
+    row_motion(st, local, e.stage, e.row, &delta, &rate);
+    const contact_state *contact = st->contacts + e.row;
+    tangent law = law_tangent(st, &st->system.contacts[e.row].law, contact->branch, delta, rate,
+                              contact->memory);
+    for (int k = 0; k < 2 * n; k++) {
+        const influence *by = between_rows(st, local, e.row, st->work.unknown[k / 2]);
+        row[k] += law.by_delta * by->depth[e.stage][k % 2 + 1] +
+                  law.by_rate * by->rate[e.stage][k % 2 + 1];
+    }
+    return f - law.force;
+}
+
 /* What forces of n unknown rows add to the coordinates of a step, for its equations. */
 static void gather_depths(aom_stepper *st, const influence *local, int n) {
     int m = st->system.n_stretch, first = first_stretch(&st->system), size = 2 * n;
-    for (int stage = 0; stage < 2; stage++)
-        for (int i = 0; i < m; i++)
-            for (int j = 0; j < size; j++)
-                st->work.depths[(stage * m + i) * size + j] =
-                    held_by(st, local, stage, first + i, st->work.unknown[j / 2], j % 2).depth;
+    for (int i = 0; i < m; i++)
+        for (int j = 0; j < size; j++) {
+            const influence *by = between_rows(st, local, first + i, st->work.unknown[j / 2]);
+            for (int stage = 0; stage < 2; stage++)
+                st->work.depths[(stage * m + i) * size + j] = by->depth[stage][j % 2 + 1];
+        }
 }
 
 /* The equations of stretching at a stage, the last of n unknown rows: residuals and matrix. */
-static void stretch_equations(aom_stepper *st, const influence *local, int n, int stage, double *A) {
+static void stretch_equations(aom_stepper *st, const influence *local, int n, int stage, double *A,
+                              double *rest) {
     workspace *w = &st->work;
     int m = st->system.n_stretch, first = first_stretch(&st->system), size = 2 * n;
     for (int k = 0; k < m; k++) {
@@ -136,12 +178,91 @@ static void stretch_equations(aom_stepper *st, const influence *local, int n, in
     stretch_forces(st);
     for (int k = 0; k < m; k++) {
         int at = 2 * (n - m + k) + stage;
-        w->rest[at] = w->force[first + k].f[stage + 1] - w->polynomial[k];
-        for (int i = 0; i < m && A != NULL; i++) {
+        double *row = A + (ptrdiff_t)at * size;
+        rest[at] = w->force[first + k].f[stage + 1] - w->polynomial[k];
+        for (int i = 0; i < m; i++) {
             const double *depth = w->depths + (ptrdiff_t)(stage * m + i) * size;
-            double slope = w->slopes[k * m + i], *row = A + (ptrdiff_t)at * size;
+            double slope = w->slopes[k * m + i];
             for (int j = 0; j < size; j++)
                 row[j] += slope * depth[j];
         }
     }
+}
+
+/* Residuals and matrix of all equations, into the workspace; the largest residual. */
+static double equations(aom_stepper *st, const influence *local, int n) {
+    double *A = st->work.matrix, *rest = st->work.rest, most = 0.0;
+    int size = 2 * n;
+    memset(A, 0, (size_t)size * (size_t)size * sizeof *A);
+    for (int k = 0; k < size; k++)
+        A[k * (size + 1)] = 1.0;
+    for (int stage = 0; stage < 2; stage++) {
+        for (int k = 0; k < n - st->system.n_stretch; k++) {
+            equation e = {st->work.unknown[k], stage};
+            int at = 2 * k + stage;
+            rest[at] = contact_equation(st, local, n, e, A + at * size);
+        }
+        stretch_equations(st, local, n, stage, A, rest);
+    }
+    for (int k = 0; k < size; k++)
+        most = larger(most, fabs(rest[k]));
+    return most;
+}
+
+/* Forces of n unknown rows from those before and a share of the correction. */
+static void correct(aom_stepper *st, int n, double length) {
+    for (int k = 0; k < 2 * n; k++) {
+        int i = st->work.unknown[k / 2], node = k % 2 + 1;
+        st->work.force[i].f[node] = st->work.before[i].f[node] - length * st->work.correction[k];
+    }
+    add_up(st);
+}
+
+/* One step of Newton's method, shortened if need be; its correction over the forces, else NaN. */
+static double newton_step(aom_stepper *st, const influence *local, int n) {
+    workspace *w = &st->work;
+    double far = 0.0, size = 1e-3 * st->now.force_scale, worst = equations(st, local, n);
+    if (!eliminate(w->matrix, w->rest, 2 * n))
+        return NAN;
+    memcpy(w->correction, w->rest, 2 * (size_t)n * sizeof *w->rest);
+    memcpy(w->before, w->force, (size_t)st->system.n_rows * sizeof *w->force);
+    for (int k = 0; k < 2 * n; k++) {
+        far = larger(far, fabs(w->correction[k]));
+        size = larger(size, fabs(w->force[w->unknown[k / 2]].f[k % 2 + 1]));
+    }
+    for (double length = 1.0; length > 1e-3; length *= 0.5) {
+        correct(st, n, length);
+        if (far <= ACCURATE * size || equations(st, local, n) < worst)
+            break;
+    }
+    return size > 0.0 ? far / size : 0.0;
+}
+
+/* Friction of all contacts at both stages; by how much its forces changed, over the largest. */
+static double all_friction(aom_stepper *st, const influence *local) {
+    double change = 0.0, most = 1e-3 * st->now.force_scale;
+    for (int c = 0; c < st->system.n_contacts; c++)
+        for (int stage = 0; stage < 2 && st->system.contacts[c].n_tangential > 0; stage++)
+            if (pressing(st->contacts[c].branch)) {
+                change = larger(change, friction_force(st, local, stage, c));
+                most = larger(most, fabs(st->work.force[c].f[stage + 1]));
+            }
+    return most > 0.0 ? change / most : 0.0;
+}
+
+bool stretched_forces(aom_stepper *st, int index, double h) {
+    const influence *local = st->slots[index].local;
+    start_forces(st, local);
+    int n = unknown_rows(st);
+    gather_depths(st, local, n);
+    for (int tries = 0; tries < STRETCH_TRIES; tries++) {
+        double far = newton_step(st, local, n), rubbed = all_friction(st, local);
+        if (!(far < 1e300) || st->law_failed)
+            return false;
+        if (far > ACCURATE || rubbed > RESTING)
+            continue;
+        move_rows(st, index, h);
+        return true;
+    }
+    return false;
 }
