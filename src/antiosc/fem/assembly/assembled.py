@@ -233,10 +233,6 @@ class Added:
         terms = [damper for term, G in pairs for damper in term.dampers(G)]
         return sorted(terms, key=lambda term: term.tau is not None)
 
-    def springs(self) -> list[Dissipation]:
-        """The springs as `Dissipation` terms on u, whose c is the stiffness."""
-        return [term.spring for term in self._terms]
-
     def forces(self, motions: Array) -> Array:
         """Elastic forces in q (n, j) for motions of u (n, j)."""
         return np.asarray(self._G_on_q.T @ (self._k @ (self._G @ motions)))

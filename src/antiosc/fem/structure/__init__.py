@@ -220,7 +220,7 @@ LEAST_EIGENVALUE = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Dissipation:
-    """One term Gᵀ c G of the damping matrix; for grounded springs, of the stiffness matrix."""
+    """One term Gᵀ c G of the damping matrix."""
 
     G: Matrix = None  # (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G
     c: Array | None = None  # (j, j) [N s/m], or of a branch [N/m]
@@ -229,9 +229,6 @@ class Dissipation:
     factor: float = 1.0
     #: of a material that relaxes: the name of its part, and its number there or that of a stiffener
     owner: tuple[str, int | str] | None = None
-    #: of what acts on the ground: its name, and the mean (3,) of its points
-    name: str = ""
-    point: Array | None = None
 
     def projected(self, comm: MPI.Comm, V: Array) -> Array:
         """L (r, k) with L'L = Vᵀ C V, for V (rows of this rank, k)."""

@@ -201,7 +201,6 @@ class ElasticTerm:
     #: stiffnesses (j, j) and relaxation times [s] of Maxwell branches
     branches: Sequence[tuple[Array, float]] = ()
     name: str = ""  # of the joint or attachment
-    point: Array | None = None  # (3,) of an attachment, m
     components: Sequence[str] = ()  # of an attachment, one for each functional
 
     @property
@@ -220,18 +219,10 @@ class ElasticTerm:
         strains[:, nonzero_rows] = vectors.T
         return strains
 
-    @property
-    def spring(self) -> Dissipation:
-        """The spring as a term whose c is the stiffness."""
-        return Dissipation(self.G, self.k, name=self.name, point=self.point)
-
     def dampers(self, G: Sparse) -> list[Dissipation]:
         """Dashpots and Maxwell branches on functionals `G`, those of this term or their like."""
         constants = [] if self.c is None else [(self.c, None)]
-        return [
-            Dissipation(G, c, tau, name=self.name, point=self.point)
-            for c, tau in [*constants, *self.branches]
-        ]
+        return [Dissipation(G, c, tau) for c, tau in [*constants, *self.branches]]
 
 
 class PointMotion(Protocol):
@@ -299,7 +290,7 @@ def terms_of(
                 )
             G = G - other.components(names)
         name = "" if other is not None else getattr(attached, "name", None) or ""
-        term = ElasticTerm(G, zero, zero, name=name, point=end.point, components=names)
+        term = ElasticTerm(G, zero, zero, name=name, components=names)
         if isinstance(attached, PointMass):
             term = replace(term, m=diagonal, mass=attached.mass)
         elif isinstance(attached, Spring):

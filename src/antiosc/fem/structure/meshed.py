@@ -176,7 +176,6 @@ class MeshedStructure(StructureMatrices):
     #: the least of a sheet, or of the walls of a thin solid [m]; None if it is held along one line
     thickness: float | None = None
     dampers: Sequence[Dissipation] = ()  # of its attachments
-    springs: Sequence[Dissipation] = ()  # to the ground
     #: its fixed dofs, as its forms are assembled with
     conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
     #: the same without its prestress
@@ -555,9 +554,9 @@ def assembled(
     inertia = sum((beam.inertia for beam in lines.values()), np.zeros((rows, 3)))
     for term in terms:
         inertia += term.G.T @ term.m @ [UNIT[name][:3] for name in term.components]
-    springs = [term.spring for term in terms if term.k.any()]
 
-    resisted = np.column_stack([np.zeros((rows, 0)), *(s.G.toarray().T for s in springs)])
+    springs = [term.G.toarray().T for term in terms if term.k.any()]
+    resisted = np.column_stack([np.zeros((rows, 0)), *springs])
     modes, shift = support.mesh_modes(form, fixed, K, M, resisted)
     if conditions and modes.shape[1]:
         warn(
@@ -590,7 +589,6 @@ def assembled(
         supports=checked_supports,
         stiffeners=lines,
         dampers=[damper for term in terms for damper in term.dampers(term.G)],
-        springs=springs,
         conditions=conditions,
         doubts=doubts,
         thickness=None if along_line else thickness,
