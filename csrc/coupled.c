@@ -90,6 +90,64 @@ void apply_force(const aom_stepper *st, const double *response, const row_span *
     }
 }
 
+/* The state after a step without forces. */
+static void turn(int J, const double *restrict omega, const double *restrict response,
+                 double *restrict q, double *restrict v) {
+    const double *P = response, *W = P + J, *S = W + J;
+    for (int j = 0; j < J; j++) {
+        double a = q[j], b = v[j];
+        q[j] = P[j] * a + S[j] * b;
+        v[j] = W[j] * b - omega[j] * omega[j] * S[j] * a;
+    }
+}
+
+void parabolas(aom_stepper *st, double h) {
+    for (int i = 0; i < st->system.n_rows; i++) {
+        const double *f = st->work.force[i].f;
+        double *to = st->work.parabola + 3 * (ptrdiff_t)i;
+        to[0] = f[0];
+        to[1] = (4.0 * f[1] - 3.0 * f[0] - f[2]) / h;
+        to[2] = 4.0 * (f[0] - 2.0 * f[1] + f[2]) / (h * h);
+    }
+}
+
+void move_modes(const aom_stepper *st, const double *response, double *x) {
+    int J = st->system.n_modes;
+    double *q = x, *v = x + J;
+    turn(J, st->system.omega, response, q, v);
+    for (int i = 0; i < st->system.n_rows; i++) {
+        const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
+        if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
+            apply_force(st, response, st->spans + i, row_vector(st, i), f, q, v);
+    }
+    if (!st->loaded)
+        return;
+
+    const row_span all = {{0, J}, {J, J}};
+    modal_vector load = load_vector(st, st->work.load);
+    apply_force(st, response, &all, load, (double[]){-1.0, 0.0, 0.0}, q, v);
+    modal_vector load_rate = load_vector(st, st->work.load_rate);
+    if (st->rising)
+        apply_force(st, response, &all, load_rate, (double[]){0.0, -1.0, 0.0}, q, v);
+}
+
+motion row_of_modes(const aom_stepper *st, int i, const double *x) {
+    const aom_system *s = &st->system;
+    const double *beta = beta_row(st, i), *q = x, *v = x + s->n_modes;
+    motion out = {0.0, 0.0};
+    for (int part = 0; part < 2; part++)
+        for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
+            out.depth += beta[j] * q[j];
+            out.rate += beta[j] * v[j];
+        }
+    for (int j = 0; j < s->n_modes && s->gamma != NULL; j++) {
+        double gamma = gamma_at(st, i, j), w = s->omega[j];
+        out.depth += gamma * v[j];
+        out.rate -= gamma * (w * w * q[j] + 2.0 * s->decay[j] * v[j]);
+    }
+    return out;
+}
+
 /* The energy that the contacts have given the bodies grows by that of a step: of modes whose rate
  * counts too, the squares of q and v are no energy. */
 void add_contact_work(aom_stepper *st, double h) {

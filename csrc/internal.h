@@ -220,6 +220,12 @@ static void couple(const aom_stepper *st, const double *response, const row_span
                    modal_vector a, modal_vector b, double total[4]);
 static void apply_force(const aom_stepper *st, const double *response, const row_span *span,
                         modal_vector a, const double f[3], double *q, double *v);
+/* The forces of the attempt as value, slope and curvature at its start. */
+static void parabolas(aom_stepper *st, double h);
+/* The modal state x [2][J] after the time of the responses, under these forces and the loads. */
+static void move_modes(const aom_stepper *st, const double *response, double *x);
+/* Indentation and rate of a row by the modal state x [2][J]. */
+static motion row_of_modes(const aom_stepper *st, int i, const double *x);
 static void add_contact_work(aom_stepper *st, double h);
 
 /* ---- laws.c */
@@ -294,14 +300,8 @@ static int start_run(aom_stepper *st, const aom_system *system, const aom_option
 static void set_scale(aom_stepper *st, int c, double force);
 static double expect_contact(aom_stepper *st, int c, double speed);
 static double body_energy(aom_stepper *st);
-/* Indentation and rate of a row by the modal state x [2][J]. */
-static motion row_of_modes(const aom_stepper *st, int i, const double *x);
 
 /* ---- stepper.c */
-/* The forces of the attempt as value, slope and curvature at its start. */
-static void parabolas(aom_stepper *st, double h);
-/* The modal state x [2][J] after the time of the responses, under these forces and the loads. */
-static void move_modes(const aom_stepper *st, const double *response, double *x);
 static void write_state(const aom_stepper *st, aom_record *out);
 
 /* ---- runs.c */

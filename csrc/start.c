@@ -62,23 +62,6 @@ static void resume(aom_stepper *st, int c) {
         expect_contact(st, c, larger(fabs(row->rate), 1e-2 * state->speed_scale));
 }
 
-motion row_of_modes(const aom_stepper *st, int i, const double *x) {
-    const aom_system *s = &st->system;
-    const double *beta = beta_row(st, i), *q = x, *v = x + s->n_modes;
-    motion out = {0.0, 0.0};
-    for (int part = 0; part < 2; part++)
-        for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
-            out.depth += beta[j] * q[j];
-            out.rate += beta[j] * v[j];
-        }
-    for (int j = 0; j < s->n_modes && s->gamma != NULL; j++) {
-        double gamma = gamma_at(st, i, j), w = s->omega[j];
-        out.depth += gamma * v[j];
-        out.rate -= gamma * (w * w * q[j] + 2.0 * s->decay[j] * v[j]);
-    }
-    return out;
-}
-
 static void start_rows(aom_stepper *st) {
     const aom_system *s = &st->system;
     int m = s->n_rows;

@@ -11,37 +11,6 @@ static double loads_on(const aom_stepper *st, double h) {
     return total;
 }
 
-/* The state after a step without forces. */
-static void turn(int J, const double *restrict omega, const double *restrict response,
-                 double *restrict q, double *restrict v) {
-    const double *P = response, *W = P + J, *S = W + J;
-    for (int j = 0; j < J; j++) {
-        double a = q[j], b = v[j];
-        q[j] = P[j] * a + S[j] * b;
-        v[j] = W[j] * b - omega[j] * omega[j] * S[j] * a;
-    }
-}
-
-void move_modes(const aom_stepper *st, const double *response, double *x) {
-    int J = st->system.n_modes;
-    double *q = x, *v = x + J;
-    turn(J, st->system.omega, response, q, v);
-    for (int i = 0; i < st->system.n_rows; i++) {
-        const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
-        if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
-            apply_force(st, response, st->spans + i, row_vector(st, i), f, q, v);
-    }
-    if (!st->loaded)
-        return;
-
-    const row_span all = {{0, J}, {J, J}};
-    modal_vector load = load_vector(st, st->work.load);
-    apply_force(st, response, &all, load, (double[]){-1.0, 0.0, 0.0}, q, v);
-    modal_vector load_rate = load_vector(st, st->work.load_rate);
-    if (st->rising)
-        apply_force(st, response, &all, load_rate, (double[]){0.0, -1.0, 0.0}, q, v);
-}
-
 /* The modal state at the end of the step, and what the loads did. */
 static void move(aom_stepper *st, int index, double h) {
     if (st->loaded)
@@ -52,16 +21,6 @@ static void move(aom_stepper *st, int index, double h) {
     for (int i = 0; i < st->system.n_rows && st->shifted; i++) {
         const double *f = st->work.force[i].f; /* the moving gaps: loads on sites without mass */
         st->now.load_work -= st->work.drift[i] * h / 6.0 * (f[0] + 4.0 * f[1] + f[2]);
-    }
-}
-
-void parabolas(aom_stepper *st, double h) {
-    for (int i = 0; i < st->system.n_rows; i++) {
-        const double *f = st->work.force[i].f;
-        double *to = st->work.parabola + 3 * (ptrdiff_t)i;
-        to[0] = f[0];
-        to[1] = (4.0 * f[1] - 3.0 * f[0] - f[2]) / h;
-        to[2] = 4.0 * (f[0] - 2.0 * f[1] + f[2]) / (h * h);
     }
 }
 
