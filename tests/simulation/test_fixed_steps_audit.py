@@ -12,7 +12,7 @@ from antiosc.engine import library
 from antiosc.engine.contact import State
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.impact.reference import fixed_steps
+from antiosc.impact.reference import Settings, fixed_steps
 from antiosc.impact.scene import set_initial_forces
 from audited_scenes import SCENES
 
@@ -47,7 +47,7 @@ def nodes(name: str, method: str) -> Nodes:
     made = assemble_scene(scene(), duration)
     set_initial_forces(made)
     s = made.system
-    found = fixed_steps(method, s, duration / STEPS, duration, (1000, 1000))
+    found = fixed_steps(s, duration / STEPS, duration, Settings(method=method, max_steps=1000))
     assert found.answer == library.DONE
     t, force = found.time[::2], found.force[::2]
     mean = (force[:-1] + 4 * found.force[1::2] + force[1:]) / 6  # what the parabolas give

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.engine import library, march
-from antiosc.engine.system import System
+from antiosc.engine.system import CONTACT, System
 from antiosc.impact.assembly import assemble_scene
 from antiosc.impact.scene import set_initial_forces
 from march_audit import motion
@@ -31,10 +31,11 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
         "loads": rng.normal(size=(3, OMEGA.size)), "offsets": rng.normal(size=(3, p)) * 1e-6,
         "q": rng.normal(size=OMEGA.size) * 1e-5, "v": rng.normal(size=OMEGA.size),
     }  # fmt: skip
-    return System(
-        **{**own, **given}, laws=laws, slip=np.zeros((p, 2)), tangents=np.array([[p, 0]] * p),
-        mass=np.ones(p), depth=np.full(p, 1e-4), speed=np.full(p, 2.0), pressed=np.zeros(p),
-    )  # fmt: skip
+    contacts = np.zeros(p, CONTACT)
+    expected = {"mass": 1.0, "expected_depth": 1e-4, "expected_speed": 2.0, "first_tangential": p}
+    for name, value in expected.items():
+        contacts[name] = value
+    return System(**{**own, **given}, laws=laws, contacts=contacts)
 
 
 @pytest.mark.slow

@@ -97,7 +97,7 @@ class TestGrazingAndFlight:
             made = assemble_scene(
                 ao.Scene({"wall": ao.Obstacle(), "body": site}, [contact]), 100 / w
             )
-            made.system.v = np.array([swing * w, 0.0])
+            made.system.v[:] = np.array([swing * w, 0.0])
             found = run(made.system, 100 / w, 1.0, fine=1e-6, max_contacts=0)
             assert (found.answer == library.TOO_MANY_CONTACTS) == touches
             if touches:

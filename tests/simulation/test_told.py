@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -32,15 +35,20 @@ class Runs:
 GREW, DONE = library.GREW, library.DONE
 
 
-def settings(tol: float, max_steps: int, max_contacts: int = 1000) -> reference.Settings:
-    return reference.Settings(tol, max_contacts=max_contacts, max_steps=max_steps)
-
-
 @pytest.mark.parametrize("answers", [(), (GREW,), (DONE, GREW), (GREW, GREW), (DONE, GREW, GREW)])
-def test_compared_methods_refine_until_two_runs_agree(answers: tuple[int, ...]) -> None:
+def test_compared_methods_refine_until_two_runs_agree(
+    answers: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Runs that diverged are no partners."""
     runs = Runs(*answers)
-    found = reference._converged(runs, 0.4, settings(1e-3, 10_000))
+    monkeypatch.setattr(reference, "fixed_steps", lambda _system, step, *_: runs(step))
+    made: Any = SimpleNamespace(
+        system=SimpleNamespace(omega=np.ones(1), first=None),
+        scene=SimpleNamespace(contacts=[]),
+        contact_time_estimate=0.4 * reference.FIRST_STEPS,
+    )
+    settings = reference.Settings(1e-3, "newmark", max_contacts=1000, max_steps=10_000)
+    found = reference.integrate_reference(made, 0.8, settings)
     assert found.run.answer == DONE
     assert found.share == runs.asked[-1] == min(runs.asked)
     assert 0.9 * found.share**2 <= found.worst <= 1e-3

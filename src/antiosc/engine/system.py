@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import accumulate, pairwise, starmap
 from math import isfinite, prod
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from antiosc.engine.stretch import stretch_energy
 
 Array = NDArray[np.float64]
 
+#: A contact as the march takes it, `aom_contact`.
+CONTACT: np.dtype[np.void] = np.dtype(library.CContact)
 #: ctypes keeps this type as long as it is referred to; to make it anew takes 50 µs.
 _ONE = library.CContact * 1
 _AT_START = np.zeros(1)  # the one time of loads that are constant
@@ -51,12 +53,9 @@ class System:
     R : (m, m) residual compliance.
     breaks, loads, offsets : (K,), (K, J), (K, m).
     laws : p contact laws.
-    slip : (p, 2) coefficient of friction, tangential stiffness [N/m].
-    tangents : (p, 2) first tangential row and their number.
+    contacts : (p,) numbers of the contacts (`CONTACT`), which the properties `slip` to `pressed`
+        read and write; the law is set when the march takes them.
     q, v : (J,) initial state.
-    mass : (p,) estimated inertia behind each contact [kg].
-    depth, speed : (p,) estimated indentation [m] and closing speed [m/s].
-    pressed : (p,) forces [N] at the start: a contact with one is closed.
     contact_energy : energy [J] in the contacts at the start.
     least_speed : least closing speed [m/s] from which damped laws take their damping.
     contact_states : states (p) of contacts that continue from an earlier run; None for other
@@ -75,14 +74,9 @@ class System:
     loads: Array
     offsets: Array
     laws: Sequence[ContactLaw]
-    slip: Array
-    tangents: NDArray[np.int64]
+    contacts: NDArray[np.void]
     q: Array
     v: Array
-    mass: Array
-    depth: Array
-    speed: Array
-    pressed: Array
     contact_energy: float = 0.0
     least_speed: float = 0.0
     contact_states: Sequence[ContactState | None] | None = None
@@ -97,6 +91,42 @@ class System:
         """The arrays of the bodies and the rows in the order of their memory."""
         rows = self.omega, self.decay, self.beta, self.R
         return *rows, self.breaks, self.loads, self.offsets, self.q, self.v
+
+    @property
+    def slip(self) -> Array:
+        """Coefficients of friction, tangential stiffnesses [N/m], (p, 2)."""
+        return self._two_columns("friction")
+
+    @property
+    def tangents(self) -> NDArray[np.int32]:
+        """First tangential rows and their numbers (p, 2)."""
+        return self._two_columns("first_tangential")
+
+    @property
+    def mass(self) -> Array:
+        """Estimated inertia (p,) behind each contact [kg]."""
+        return self.contacts["mass"]
+
+    @property
+    def depth(self) -> Array:
+        """Estimated indentations (p,) [m]."""
+        return self.contacts["expected_depth"]
+
+    @property
+    def speed(self) -> Array:
+        """Estimated closing speeds (p,) [m/s]."""
+        return self.contacts["expected_speed"]
+
+    @property
+    def pressed(self) -> Array:
+        """Forces (p,) [N] at the start: a contact with one is closed."""
+        return self.contacts["preload"]
+
+    def _two_columns(self, name: str) -> NDArray[Any]:
+        """View (p, 2) of a field of the contacts and of the one behind it."""
+        first = self.contacts[name]
+        strides = (*first.strides, first.itemsize)
+        return np.lib.stride_tricks.as_strided(first, (first.size, 2), strides)
 
     @property
     def sides(self) -> list[slice]:
@@ -210,12 +240,11 @@ class System:
         packed.failed()
         if not isfinite(estimate.depth + estimate.speed + estimate.time):
             raise OverflowError("the depth of the contact")
-        self.mass[0] = mass
-        self.depth[0] = estimate.depth
-        self.speed[0] = estimate.speed
+
         contact.expected_depth = estimate.depth
         contact.expected_speed = estimate.speed
-        contact.slowest = float(self.slowest[0])
+        contact.slowest = max(SLOWEST * estimate.speed, self.least_speed)
+        self.contacts = np.frombuffer(cast("bytes", packed.contacts), CONTACT)
         return float(estimate.time)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -262,7 +291,7 @@ def posed(
     expected mass, depth and speed of the contacts are 0 at first.
     """
     spans = side_by_side([body.omega.size for body in bodies])
-    places = _places(spans[-1].stop, len(R), breaks.size)
+    places = _places(spans[-1].stop, len(R), breaks.size, spans[-1].stop)
     block = np.zeros(places[-1][0].stop)
     numbers = [block[place].reshape(shape) for place, shape in places]
     omega, decay, beta, residual, times, loads, gaps, q, v = numbers
@@ -279,41 +308,23 @@ def posed(
             q[span] = body.q
         if body.loads is not None:
             loads[:, span] = body.loads
-    p = len(laws)
-    friction = np.zeros((p, 2), dtype=np.int64)
-    friction[:, 0] = len(R)
-    if tangents is not None:
-        friction[...] = tangents
-    mass, depth, speed, initial_force = np.zeros((4, p))
+    contacts = np.zeros(len(laws), CONTACT)
+    contacts["first_tangential"] = len(R)
     system = System(
-        omega,
-        decay,
-        beta,
-        residual,
-        times,
-        loads,
-        gaps,
-        laws,
-        np.zeros((p, 2)),
-        friction,
-        q,
-        v,
-        mass,
-        depth,
-        speed,
-        initial_force,
-        first=first,
+        omega, decay, beta, residual, times, loads, gaps, laws, contacts, q, v, first=first
     )
+    if tangents is not None:
+        system.tangents[...] = tangents
     system.block = block
     return system
 
 
 @lru_cache(maxsize=256)
-def _places(size: int, m: int, times: int) -> list[tuple[slice, tuple[int, ...]]]:
+def _places(size: int, m: int, times: int, loads: int) -> list[tuple[slice, tuple[int, ...]]]:
     """Slices of the arrays of `System.numbers` in a block, and their shapes."""
     modes = (size,)
     rows = [(m, size), (m, m)]
-    in_time = [(times,), (times, size), (times, m)]
+    in_time = [(times,), (times, loads), (times, m)]
     shapes = [modes, modes, *rows, *in_time, modes, modes]
     return list(zip(side_by_side(map(prod, shapes)), shapes, strict=True))
 
@@ -334,9 +345,8 @@ class PackedSystem:
         m, size = s.beta.shape
         breaks = s.breaks.size
         block = s.block
-        numbers = s.numbers
-        if block is None or any([array.base is not block for array in numbers]):
-            block = np.concatenate([array.ravel() for array in numbers], dtype=float)
+        if block is None:
+            block = np.concatenate([array.ravel() for array in s.numbers], dtype=float)
         self.block: Array = block
         bodies = block[: 2 * size + m * (size + m)].tobytes()
         gamma = None
@@ -347,26 +357,18 @@ class PackedSystem:
         if s.cubic is not None:  # the memory of the march is laid out for them
             bodies += len(s.cubic).to_bytes(2, "little")
         self.key: Key = p, m, size, bodies
-        ends = accumulate([8 * array.size for array in numbers], initial=library.address(block))
-        *arrays, q, v, _ = ends
+        start = library.address(block)
+        places = _places(size, m, breaks, s.loads.shape[1])
+        *arrays, q, v = [start + 8 * place.start for place, _ in places]
+
         self.laws = [packed(law) for law in s.laws]
-        rows_of_contacts = zip(
-            self.laws,
-            s.slip.tolist(),
-            s.tangents.tolist(),
-            s.mass.tolist(),
-            s.depth.tolist(),
-            s.speed.tolist(),
-            s.slowest.tolist(),
-            s.pressed.tolist(),
-            strict=True,
-        )
-        self.contacts = (library.CContact * p)(
-            *[
-                library.CContact(law, *slip, *tangents, *expected)
-                for (law, _), slip, tangents, *expected in rows_of_contacts
-            ]
-        )
+        self.contacts = (library.CContact * p).from_buffer_copy(cast("bytes", s.contacts))
+        for contact, (law, _), slowest in zip(
+            self.contacts, self.laws, s.slowest.tolist(), strict=True
+        ):
+            contact.law = law
+            contact.slowest = slowest
+
         self.states = [] if s.contact_states is None else self._continued(s.contact_states, s.laws)
         self.tensors = [np.ascontiguousarray(x) for x in (s.quadratic, s.cubic) if x is not None]
         stretch = 0 if s.cubic is None else len(s.cubic), *map(library.address, self.tensors)

@@ -262,7 +262,7 @@ def _solve_group(
     """Rows of a group of impacts; None for an impact that must be integrated separately."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
-            group = ImpactRows(scenes, settings.tol, *settings.limits)
+            group = ImpactRows(scenes, settings)
     except (AntioscError, ArithmeticError):  # it tells itself of which
         return [None] * len(scenes)
     outcomes, pulses = group.solved(report)
@@ -287,7 +287,8 @@ def _row_of(
     run_end = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
     check = CheckResult(COMPLETED, ALL_WELL)
     if answer != library.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
-        check = check_result(assemble_pair(scene), run_end, settings.tol, settings.limits)
+        limits = settings.max_contacts, settings.max_steps
+        check = check_result(assemble_pair(scene), run_end, settings.tol, limits)
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
     if peak_force > law.valid_force:
         doubts = [*info_of(scene.model).get("doubts", ()), *_doubts(scene)]

@@ -513,8 +513,7 @@ class SceneBody:
     ----------
     body : the user's object.
     modes : the body in its free modes.
-    start : (J,) modal velocities; initial_displacements : (J,) modal
-        displacements, default 0.
+    start : (J,) modal velocities; initial_displacements : (J,) modal displacements; None: none.
     gap : distance [m] of an `Obstacle` from the structure at the start.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     patch_radius : radius [m] of the patch of its one site, if it has one.
@@ -529,7 +528,7 @@ class SceneBody:
     body: object
     modes: ModalBody | SiteModes
     start: Array
-    initial_displacements: Array = None  # type: ignore[assignment]
+    initial_displacements: Array | None = None
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     patch_radius: float | None = None
@@ -538,8 +537,6 @@ class SceneBody:
     first_order_start: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.initial_displacements is None:
-            self.initial_displacements = np.zeros(self.omega.size)
         if self.directions is not None and not self.pushes:
             self.pushes = {
                 site: self.directions[columns[0]] for site, columns in self.sites.items()

@@ -313,7 +313,8 @@ def restitution_of(hit: History) -> float | None:
     part = hit.assembly.bodies["structure"]
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
     e = hit.restitution
-    if loaded or part.start.any() or part.initial_displacements.any():
+    moves = part.start.any() or part.initial_displacements is not None
+    if loaded or moves:
         return None
     if e is None or e < 0 or hit.assembly.system.first is not None:  # of dampers to the ground
         return None

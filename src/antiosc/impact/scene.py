@@ -261,7 +261,7 @@ def _integrate(
     """(history, check result) of an assembly, without a test for stretching."""
     step = settings.step
     tol = settings.tol
-    limits = settings.limits
+    limits = settings.max_contacts, settings.max_steps
     if step is not None:
         step = checks.positive("step", step, "s")
         if step > duration:
@@ -299,17 +299,17 @@ def set_initial_forces(
     laws = assembly.laws
     system.contact_states = None if cut is None else cut[0]
     if assembly.scene.preload:
-        system.q, system.pressed = settle(system, laws)
+        system.q[:], system.pressed[:] = settle(system, laws)
     else:
-        system.pressed = initial_forces(system, laws)
+        system.pressed[:] = initial_forces(system, laws)
     if cut is not None:
         goes_on = [contact is not None and contact.closed for contact in cut[0]]
-        system.pressed = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
+        system.pressed[:] = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
     if system.pressed.any():
         p = len(laws)
         delta = system.beta[:p] @ system.q - system.offsets[0, :p]
         delta = np.maximum(delta - system.R[:p, :p] @ system.pressed, 0.0)
-        system.depth = np.maximum(system.depth, delta)
+        system.depth[:] = np.maximum(system.depth, delta)
         if system.contact_states is not None:  # the cut may lie between two nodes
             rate = system.free_rows(system.q, system.v)[1].tolist()
             contacts = list(system.contact_states)

@@ -19,7 +19,7 @@ from antiosc.base.errors import AccuracyError, AntioscError, InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.base import Compiled, is_compiled
-from antiosc.engine.system import BodyModes, System, posed
+from antiosc.engine.system import CONTACT, BodyModes, System, posed
 from antiosc.impact.assembly import Assembly, without_patch
 from antiosc.impact.bodies import (
     Obstacle,
@@ -30,6 +30,7 @@ from antiosc.impact.bodies import (
     single_site_body,
     stacked_first_order,
 )
+from antiosc.impact.reference import Settings
 from antiosc.impact.scene_parts import gravity_load, two_body_parts
 from antiosc.models.body import AUTO, LAW, AnyLaw, LinearBody, checked_body, is_thin, law_of
 from antiosc.models.modal import ModalBody
@@ -243,7 +244,6 @@ def impact_band(
     return BAND_OVER_PULSE / (2 * pulse)
 
 
-CONTACT = cast("np.dtype[np.void]", np.dtype(library.CContact))
 IMPACT = cast("np.dtype[np.void]", np.dtype(library.CImpact))
 OUTCOME = cast("np.dtype[np.void]", np.dtype(library.COutcome))
 
@@ -278,9 +278,7 @@ class ImpactRows:
     rows : (S,) `aom_impact`.
     """
 
-    def __init__(
-        self, impacts: Sequence[Impact], tol: float, max_contacts: int, max_steps: int
-    ) -> None:
+    def __init__(self, impacts: Sequence[Impact], settings: Settings) -> None:
         self.pair = modal_pair(impacts[0])
         count = len(impacts)
         self.laws = _laws_without_patch([impact.contact for impact in impacts], self.pair.local)
@@ -297,7 +295,8 @@ class ImpactRows:
         rows = {"offsets": gaps, "contacts": contacts}
         if any(impact.impactor is not impacts[0].impactor for impact in impacts):
             rows["beta"], rows["v"], contacts["mass"] = self._strikers(impacts, system)
-        options = library.COptions(0.0, tol, 0.0, 0.0, 0.0, max_contacts, max_steps, 0)
+        limits = settings.max_contacts, settings.max_steps
+        options = library.COptions(0.0, settings.tol, 0.0, 0.0, 0.0, *limits, 0)
         example = library.CImpact(system.packed.system, options)
         self.rows = _copies(example, IMPACT, count)
         self.rows["options"]["duration"] = durations

@@ -282,8 +282,7 @@ class ModalBase(ReprMixin):
                 f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
                 " a Motion of velocity and spin."
             )
-        rigid_b = np.where(self.omega == 0, self.B[:, 0], 0.0)
-        mobility = float(rigid_b @ rigid_b)
+        rigid_b, mobility = self._rigid_column
         if mobility == 0.0:
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
@@ -295,6 +294,12 @@ class ModalBase(ReprMixin):
             if lost_share <= MISSED_ENERGY:
                 return start
         return np.asarray(velocity * rigid_b / mobility)
+
+    @cached_property
+    def _rigid_column(self) -> tuple[Array, float]:
+        """Displacements (J,) of the only column in the rigid-body modes, and their mobility."""
+        column = np.where(self.omega == 0, self.B[:, 0], 0.0)
+        return column, float(column @ column)
 
     def _rigid_start(self, motion: Motion) -> Array:
         if self.inertia is None:

@@ -20,6 +20,7 @@ from antiosc.impact.histories.linear_theory import (
     QUARTIC,
     deflection,
     deflects,
+    large_deflection_message,
     may_stretch,
     sheets,
 )
@@ -101,8 +102,11 @@ def _of_either_order(
         f" here does. The part is stiffer than that; {EXPLICIT}."
     )
     linear.assembly.hopeless = text
-    message = f"{linear.message} {text}"
-    return replace(linear, message=message), [*told, Message(text, AccuracyWarning)]
+
+    advice = large_deflection_message(linear)  # to take second-order strain
+    message = f"{linear.message.replace(advice, '')} {text}"
+    others = [one for one in told if one != advice]
+    return replace(linear, message=message), [*others, Message(text, AccuracyWarning)]
 
 
 def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:

@@ -393,10 +393,10 @@ def of_number(
     raw = second_order.simulated(structure, model, partial(run, error=accuracy))
 
     hit, budget = raw, raw.error_budget
-    if model.strain_misfit is None:  # a shell's corrected model is not always nearer
+    # a shell's corrected model is not always nearer
+    if model.strain_misfit is None and not raw.assembly.hopeless:
         hit = run(raw.model.corrected(), accuracy)
         hit.assembly.stretch_left_out = raw.assembly.stretch_left_out
-        hit.assembly.hopeless = raw.assembly.hopeless
         budget = budget.of_corrected(hit)
     return Answer(structure, raw, hit, budget, n, clock() - start_time)
 

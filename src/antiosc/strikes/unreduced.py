@@ -18,12 +18,12 @@ from antiosc.base.clock import clock
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.texts import plain
 from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.stepping import Contacts, Ends
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.solver import BYTES, Factorization, seconds_of_steps
 from antiosc.fem.linalg.solver_choice import factorize, forecast_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
-from antiosc.impact.reference import Contacts, Ends
 from antiosc.impact.states import main_contact_time
 from antiosc.models.modal import ModalBody
 from antiosc.reduce.site import functional

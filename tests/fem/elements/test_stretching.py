@@ -452,11 +452,15 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
 
     monkeypatch.setattr(second_order, "with_stretch", never)
     ball = ao.RigidMass(100.0, 6.0)
-    with pytest.warns(ao.AccuracyWarning, match="deflects by"):
+    with pytest.warns(ao.AccuracyWarning, match="deflects by") as warned:
         hit = ao.strike(part, site, ball, ao.Hertz(5e9), 40e-3, tol=0.5)
     assert hit.assembly.stretch_left_out == 0.0
     told = hit.assembly.hopeless
     assert "no number here does" in told
+    sentences = [str(one.message) for one in warned]
+    assert [one for one in sentences if "deflects by" in one] == [told]
+    assert told in hit.message
+    assert "stretch" not in hit.message.replace(told, "")
     assert second_order.energy_of_second_order(part, hit) > 0.8 * second_order.HOPELESS
     deflection = linear_theory.deflection(hit, "structure")
     assert deflection > 12 * 2e-3

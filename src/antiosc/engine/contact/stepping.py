@@ -1,0 +1,125 @@
+"""Contacts of bodies that move in given steps: their forces at the end of a step, by the laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import NotConvergedError
+from antiosc.engine.contact.base import ContactLaw
+
+SWEEP_TOL = 1e-13  # change of a force in a sweep, relative to the largest
+MOST_SWEEPS = 500
+
+
+class Ends(NamedTuple):
+    """Forces, indentations and their rates (m,) at the end of a step."""
+
+    force: Array
+    delta: Array
+    rate: Array
+
+
+class Contacts:
+    """The contacts of a run: whether each is closed, the state of its law, and the events.
+
+    events : rows [time, contact, 0 parts or 1 touches, closing speed]. R : (m, m) [m/N] compliance
+    without inertia. slowest : least speeds (m,) [m/s] of a touch.
+    """
+
+    def __init__(
+        self,
+        laws: Sequence[ContactLaw],
+        R: Array,
+        closed: Sequence[bool],
+        slowest: Sequence[float] | Array,
+    ) -> None:
+        self.laws = laws
+        self.R = R
+        self.closed = list(closed)
+        self.slowest = slowest
+        # None before the first touch
+        self.states: list[Any] = [
+            law.touch(0.0) if closed else None for law, closed in zip(laws, closed, strict=True)
+        ]
+        self.events: list[tuple[float, int, int, float]] = []
+
+    @property
+    def touches(self) -> int:
+        """Number of touches up to now."""
+        return sum(event[2] for event in self.events)
+
+    def origin(self, c: int) -> float:
+        """Indentation [m] at which a contact touches and parts."""
+        state = self.states[c]
+        return 0.0 if state is None else self.laws[c].origin(state)
+
+    def touch(self, c: int, t: float, speed: float) -> None:
+        """Close a contact at its closing speed [m/s]."""
+        speed = max(speed, float(self.slowest[c]))
+        self.states[c] = self.laws[c].touch(speed, self.states[c])
+        self.closed[c] = True
+        self.events.append((t, c, 1, speed))
+
+    def part(self, c: int, t: float) -> None:
+        """Open a contact."""
+        self.closed[c] = False
+        self.events.append((t, c, 0, 0.0))
+
+    def end_of_step(
+        self, t: float, h: float, last: Ends, free: Array, speed: Array, A: Array, A_rate: Array
+    ) -> Ends:
+        """The end of a step of length h from t, of which `last` is the start.
+
+        free, speed : indentations and rates there without its forces; A, A_rate : what a force
+        takes from them, and from rates also by the change of the force.
+        """
+        for c, closed in enumerate(self.closed):
+            if not closed and free[c] > self.origin(c):
+                share = _crossing(last.delta[c], free[c], self.origin(c))
+                closing = last.rate[c] + share * (speed[c] - last.rate[c])
+                self.touch(c, t + share * h, float(closing))
+
+        rate = speed + self.R @ last.force / h
+        F = self.forces(free, A, rate, A_rate)
+        end = Ends(F, free - A @ F, rate - A_rate @ F)
+
+        for c in np.flatnonzero(self.closed).tolist():
+            moved = float(end.delta[c]), float(end.rate[c])
+            self.states[c] = self.laws[c].advance(*moved, self.states[c])
+            if F[c] == 0.0 and end.delta[c] <= (origin := self.origin(c)):
+                self.part(c, t + _crossing(last.delta[c], end.delta[c], origin) * h)
+
+        return end
+
+    def forces(self, free: Array, A: Array, rate: Array, A_rate: Array) -> Array:
+        """F (m,) with F = law(free - A F, rate - A_rate F) of the closed contacts, by sweeps."""
+        F = np.zeros(len(free))
+        active = np.flatnonzero(self.closed).tolist()
+
+        for _ in range(MOST_SWEEPS):
+            before = F.copy()
+            for c in active:
+                unloaded = float(free[c] - A[c] @ F + A[c, c] * F[c])
+                slope = float(rate[c] - A_rate[c] @ F + A_rate[c, c] * F[c])
+                slopes = float(A[c, c]), slope, float(A_rate[c, c])
+                F[c] = self.laws[c].implicit(unloaded, *slopes, self.states[c], float(F[c]))
+
+            change = np.abs(F - before).max(initial=0.0)
+            if len(active) < 2 or not change > SWEEP_TOL * np.abs(F).max():
+                return F
+
+        raise NotConvergedError(
+            f"the forces of {len(active)} contacts have not converged after {MOST_SWEEPS} sweeps;"
+            " use the method 'exact' or a smaller step."
+        )
+
+
+def _crossing(before: float, after: float, origin: float) -> float:
+    """Share of a step after which a straight line between two values reaches `origin`."""
+    if before == after:
+        return 0.0
+    return min(max((before - origin) / (before - after), 0.0), 1.0)
