@@ -98,7 +98,7 @@ def test_two_integrators_agree_on_the_forces_of_case2(case2):
 
 def test_plane_and_solid_parts_are_the_beam(demos):
     """Stiffness, mass, antiresonance and, where the contact is calm, the force."""
-    parts = demos["parts"].main(n1=20, n2=12, check=False, step=1e-7)
+    parts = demos["parts"].main(n1=20, n2=12, check=False, step=1e-6)
     for beam, plane, solid in (case.values() for case in parts.values()):
         for part in (plane, solid):
             assert part.half_period == pytest.approx(beam.half_period, rel=2e-3)

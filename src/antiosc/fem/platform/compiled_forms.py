@@ -67,19 +67,24 @@ def _shared(folder: Path) -> Iterator[None]:
     the reverse, for which the next one would wait: it goes as soon as nobody else compiles.
     """
     with (folder / "lock").open("w") as file:
-        with suppress(OSError):  # somebody else compiles, or the file system has no locks
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            sources = {*folder.glob("*.c"), *(p.with_suffix("") for p in folder.glob("*.cached"))}
-            for source in sources if folder not in _cleared else ():
-                ready = source.with_suffix(".c.cached")
-                if source.exists() != ready.exists():
-                    source.unlink(missing_ok=True)
-                    ready.unlink(missing_ok=True)
-            _cleared.add(folder)
+        if folder not in _cleared:
+            with suppress(OSError):  # somebody else compiles, or the file system has no locks
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                _clear(folder)
+                _cleared.add(folder)
 
         with suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_SH)
         yield
+
+
+def _clear(folder: Path) -> None:
+    """Remove sources without a library that is ready, and the reverse."""
+    for source in {*folder.glob("*.c"), *(p.with_suffix("") for p in folder.glob("*.cached"))}:
+        ready = source.with_suffix(".c.cached")
+        if source.exists() != ready.exists():
+            source.unlink(missing_ok=True)
+            ready.unlink(missing_ok=True)
 
 
 @contextmanager
