@@ -42,8 +42,8 @@ NOISE = re.compile(r"seconds|energy drift|force error|^step |^antiosc  |^cheapes
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 #: Relative difference of figures of two kinds of processor.
 SAME = 0.02
-#: The release of gmsh with which the pages were printed: 4.15 makes other meshes, and figures of ten
-#: pages differ there by 2 to 13 %.
+#: The release of gmsh with which the pages were printed: 4.15 makes other meshes, and figures
+#: of ten pages differ there by 2 to 13 %.
 GMSH = "4.8"
 
 
