@@ -244,10 +244,7 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
 
 
 def scaled_symmetric(matrix: Array, scale: Array) -> tuple[Array, float]:
-    """Symmetric part of `matrix` (n, n) over the scales (n,) of its rows and columns.
-
-    The second result is its asymmetry, the largest difference of two entries; a scale of 0 is 1.
-    """
+    """Symmetric part of `matrix` (n, n) over the scales (n,) of its rows and columns."""
     scale = np.where(scale > 0, scale, 1.0)
     unit = matrix / scale[:, None] / scale
     return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))
@@ -313,9 +310,7 @@ def path(name: str, value: object) -> Path:
 
 
 def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
-    """The object that is written and its path, in this order, also if the caller gave the path
-    first.
-    """
+    """The object that is written and its path, also if the caller gave the path first."""
     if isinstance(what, str | os.PathLike):
         return (path, what)
     return (what, path)

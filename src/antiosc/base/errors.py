@@ -173,9 +173,7 @@ def without_warnings() -> AbstractContextManager[None]:
 
 @contextmanager
 def warnings_of_last() -> Iterator[Callable[[], None]]:
-    """Context of several trials, the last of which counts: what it yields drops the warnings of a
-    trial that another one replaces; at the end, or after an error, the others are issued.
-    """
+    """Context of several trials; what it yields drops the warnings of those before the last."""
     messages: list[str] = []
     try:
         with warnings_to(messages.append):

@@ -57,10 +57,7 @@ def part_name(target: Path, suffix: str = "") -> Path:
 
 
 def check_readable(path: Path, what: str) -> None:
-    """InputError unless `path` is a regular file of 1 to 100 MB; `what` names its content.
-
-    A pipe could block, and a device never end.
-    """
+    """InputError unless `path` is a regular file of 1 to 100 MB; `what` names its content."""
     try:
         if not path.is_file():
             raise InputError(f"there is no regular file {checks.shown(os.fspath(path))}.")
@@ -81,10 +78,7 @@ def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") 
 
 
 def table_text(text: str) -> str:
-    """A text for a cell of a CSV file that no spreadsheet takes for a formula.
-
-    Names are given by users; one that begins with =, +, - or @ gets an apostrophe in front.
-    """
+    """A text for a cell of a CSV file that no spreadsheet takes for a formula."""
     if text.lstrip()[:1] in FORMULA_STARTS:
         return f"'{text}"
     return text

@@ -150,10 +150,7 @@ def loading() -> Iterator[None]:
 
 
 def _give_home() -> None:
-    """Set HOME to a folder of this process if the user has none: packages fail to load without.
-
-    In a container the user may have neither HOME nor an entry in /etc/passwd.
-    """
+    """Set HOME to a folder of this process if the user has none: packages need one to load."""
     try:
         Path.home()
     except RuntimeError:
@@ -162,10 +159,6 @@ def _give_home() -> None:
 
 @cache
 def _home() -> str:
-    return own_folder()
-
-
-def own_folder() -> str:
     """A new folder that only this user may enter; it is removed when the process ends."""
     folder = tempfile.mkdtemp(prefix="antiosc-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)

@@ -67,10 +67,7 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def following(tell: Callable[[str], None]) -> Iterator[None]:
-    """Call `tell` with the text of this thread's work when it changes, and with "" at the end.
-
-    What `tell` raises ends the work.
-    """
+    """Call `tell` with the text of this thread's work when it changes, and with "" at the end."""
     _lines.told = tell
     try:
         yield
@@ -80,10 +77,7 @@ def following(tell: Callable[[str], None]) -> Iterator[None]:
 
 @contextmanager
 def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
-    """Show how many of `total` are done; yields a function of the number done.
-
-    Of a number that is estimated more may be done.
-    """
+    """Show how many of `total` are done; yields a function of the number done."""
     shown_time = time.monotonic()
     with doing(text, rank) as report:
 

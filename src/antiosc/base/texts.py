@@ -24,9 +24,7 @@ LINES = 4
 
 
 def printable(text: str) -> str:
-    """A text of a file or a path on one line, as it can be printed: escape characters and
-    surrogates become their codes.
-    """
+    """A text on one line, with codes in place of what cannot be printed."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
@@ -254,10 +252,7 @@ def restitution_text(e: float, digits: int = 3) -> str:
 
 
 def point_text(point: Iterable[float]) -> str:
-    """The coordinates [m] of a point as text: "(20, 40, 75) mm".
-
-    One that is below the last digit of the largest is 0.
-    """
+    """The coordinates [m] of a point as text: "(20, 40, 75) mm"."""
     coordinates = [float(x) for x in point]
     rounding = 1e-5 * max(map(abs, coordinates), default=0.0)
     return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in coordinates)}) mm"

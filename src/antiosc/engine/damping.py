@@ -123,9 +123,7 @@ class DampingMatrix(ReprMixin):
 
 
 def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) -> DampingMatrix:
-    """Damping of the matrix C = factor' factor, factor (r, n), and of Maxwell branches;
-    semidefinite.
-    """
+    """Damping C = factor' factor, factor (r, n), and Maxwell branches; semidefinite."""
     damping = object.__new__(DampingMatrix)
     _store_factors(damping, factor, branches)
     return damping
@@ -474,11 +472,7 @@ def _real_clusters(poles: Numbers) -> list[list[int]]:
 
 
 def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
-    """Poles and modes of a cluster from its invariant subspace, which is well conditioned.
-
-    In it Z' sign Z = Y'JAY is of one sign: the modes are those of a symmetric matrix. Otherwise
-    the poles and modes are returned as they are.
-    """
+    """Poles and modes of a cluster from its well-conditioned subspace, or as they are."""
     low = poles.real.min() * (1 + CLUSTERED / 2)
     high = poles.real.max() * (1 - CLUSTERED / 2)
 

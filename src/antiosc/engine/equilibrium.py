@@ -22,10 +22,7 @@ _ITERATIONS = 400
 
 
 def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
-    """Modal displacements (J,) and contact forces (p,) at rest under the loads at t = 0.
-
-    InputError where the loads have no equilibrium.
-    """
+    """Modal displacements (J,) and contact forces (p,) at rest under the loads at t = 0."""
     p = len(laws)
     states = [law.touch(0.0) for law in laws]
     beta = system.beta[:p]
@@ -93,10 +90,7 @@ def initial_forces(system: System, laws: list[ContactLaw]) -> Array:
 def _closed_contacts(
     laws: list[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
 ) -> tuple[float, Array, Array]:
-    """Potential, forces (p,) and their derivative (p, p) at unloaded indentations `free` (p,).
-
-    F = law(free - R F), by Gauss and Seidel's sweeps: R is a compliance, the laws are monotone.
-    """
+    """Potential, forces (p,), derivative (p, p) at unloaded indentations (p,), by sweeps."""
     p = len(laws)
     force = guess.copy() if np.any(R) else np.zeros(p)
     for _ in range(1000):

@@ -236,10 +236,7 @@ _LARGEST_KEPT = 1 << 23
 
 
 def take_space(packed: PackedSystem) -> Workspace:
-    """A workspace for a system, with stored step responses of its bodies if there are any.
-
-    It is taken out of the store, so that no other thread fills it meanwhile.
-    """
+    """A workspace for a system, with stored step responses of its bodies if there are any."""
     for entry in _kept.copy():
         if entry[0] == packed.key and _take_entry(entry):
             return entry[1]
@@ -350,49 +347,6 @@ class Converged:
     peak: float
     certain: float
 
-    @property
-    def worst(self) -> float:
-        """The larger of the two errors."""
-        return max(self.force, self.peak)
-
-
-def converge(
-    system: System,
-    contact_time_estimate: float,
-    duration: float,
-    tol: float,
-    max_contacts: int,
-    max_steps: int,
-) -> Converged:
-    """Refine a run until the forces of two runs agree to the tolerance, by `aom_solve`.
-
-    `contact_time_estimate`: the shortest expected duration of a contact [s].
-    """
-    first_step = contact_time_estimate / FINE
-    options = library.COptions(duration, tol, 0.0, 0.0, first_step, max_contacts, max_steps, 0)
-    run, solution = solve(system, options)
-    return Converged(run, solution.share, solution.force, solution.peak, solution.certain)
-
-
-#: Share of a run with a given step: what the step does not resolve is integrated with halvings.
-LOOSE = 0.05
-
-
-def with_step(
-    system: System, duration: float, step: float, max_contacts: int, max_steps: int
-) -> Converged:
-    """One run with steps of `step` [s] during contact, whose errors are not known (0)."""
-    marched = run(
-        system,
-        duration,
-        LOOSE,
-        step=step,
-        fine=step / 4,
-        max_contacts=max_contacts,
-        max_steps=max_steps,
-    )
-    return Converged(marched, step, 0.0, 0.0, duration)
-
 
 def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
     """Why the integration stopped at t before the end; "" if it did not."""
@@ -417,8 +371,5 @@ def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
 
 
 def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
-    """Relative differences of force (L2 norm, impulse) and peak; time to which they are <= `tol`.
-
-    Runs are compared up to the end of the shorter one.
-    """
+    """Relative differences of force (L2 norm, impulse) and peak; time to which within `tol`."""
     return library.compare(coarse.time, coarse.force, fine.time, fine.force, tol)

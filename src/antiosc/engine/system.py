@@ -25,7 +25,7 @@ from antiosc.engine.stretch import stretch_energy
 Array = NDArray[np.float64]
 
 #: A contact as the march takes it, `aom_contact`.
-CONTACT: np.dtype[np.void] = np.dtype(library.CContact)
+CONTACT = cast("np.dtype[np.void]", np.dtype(library.CContact))
 #: ctypes keeps this type as long as it is referred to; to make it anew takes 50 µs.
 _ONE = library.CContact * 1
 _AT_START = np.zeros(1)  # the one time of loads that are constant
@@ -229,10 +229,7 @@ class System:
         return PackedSystem(self)
 
     def expect_contact(self, mass: float, duration: float) -> float:
-        """Estimate indentation and closing speed of the only contact; returns its duration [s].
-
-        mass : inertia [kg] behind the contact, from the slowest motion of each body.
-        """
+        """Estimate indentation and closing speed of the only contact; returns its duration [s]."""
         packed = self.packed
         (contact,) = packed.contacts
         contact.mass = mass
@@ -295,9 +292,10 @@ def posed(
     block = np.zeros(places[-1][0].stop)
     numbers = [block[place].reshape(shape) for place, shape in places]
     omega, decay, beta, residual, times, loads, gaps, q, v = numbers
-    residual[...] = R
-    times[...] = breaks
-    gaps[...] = offsets
+    residual[:] = R
+    times[:] = breaks
+    gaps[:] = offsets
+
     for body, span in zip(bodies, spans, strict=True):
         omega[span] = body.omega
         beta[:, span] = body.beta
@@ -308,6 +306,7 @@ def posed(
             q[span] = body.q
         if body.loads is not None:
             loads[:, span] = body.loads
+
     contacts = np.zeros(len(laws), CONTACT)
     contacts["first_tangential"] = len(R)
     system = System(
@@ -363,11 +362,9 @@ class PackedSystem:
 
         self.laws = [packed(law) for law in s.laws]
         self.contacts = (library.CContact * p).from_buffer_copy(cast("bytes", s.contacts))
-        for contact, (law, _), slowest in zip(
-            self.contacts, self.laws, s.slowest.tolist(), strict=True
-        ):
+        for contact, (law, _) in zip(self.contacts, self.laws, strict=True):
             contact.law = law
-            contact.slowest = slowest
+            contact.slowest = max(SLOWEST * contact.expected_speed, s.least_speed)
 
         self.states = [] if s.contact_states is None else self._continued(s.contact_states, s.laws)
         self.tensors = [np.ascontiguousarray(x) for x in (s.quadratic, s.cubic) if x is not None]

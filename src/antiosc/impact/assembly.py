@@ -51,11 +51,7 @@ LEAST_COMPLIANCE = 0.1  # fraction of a tangential compliance left to the slider
 
 
 def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
-    """Estimate mass, speed, depth and friction of contacts from motion and loads at the start.
-
-    Returns the shortest expected contact time [s]. local : compliance [m/N] of the patches of each
-    contact.
-    """
+    """Estimate mass, speed, depth and friction of contacts from motion and loads at the start."""
     p = len(system.laws)
     gaps = system.offsets[0, :p]
     modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
@@ -135,11 +131,7 @@ def effective_mass(beta: Array, omega: Array) -> float:
 
 
 def _largest_component(beta: Array, modal: Array) -> Array:
-    """Largest |beta modal| (p,) over the rows of `modal` (K, J).
-
-    Where the terms cancel to rounding, it is a tenth of the sum of their magnitudes: the motion is
-    elsewhere in the body and reaches the contact later.
-    """
+    """Largest |beta modal| (p,) over rows (K, J); where terms cancel, a tenth of their sum."""
     direct = abs(modal @ beta.T)
     parts = abs(modal) @ abs(beta).T
     if len(modal) > 1:
@@ -250,10 +242,7 @@ class Assembly:
 
 
 def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) -> Assembly:
-    """Assemble a scene for integration; InputError for parts that do not fit together.
-
-    stretch : whether bodies may have second-order forces, which the assembly does not contain.
-    """
+    """Assemble a scene for integration; InputError for parts that do not fit together."""
     stretches = any(stretch_of(body) is not None for body in scene.bodies.values())
     if stretches and not stretch:
         refuse_stretch(scene.bodies)

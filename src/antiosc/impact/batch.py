@@ -21,13 +21,7 @@ from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
 from antiosc.impact.histories.energy import GAIN
-from antiosc.impact.histories.run_end import (
-    CheckResult,
-    RunEnd,
-    check_result,
-    several,
-    warn_batch,
-)
+from antiosc.impact.histories.run_end import CheckResult, RunEnd, check_result, several, warn_batch
 from antiosc.impact.many import Many
 from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
@@ -333,9 +327,7 @@ def _failed(error: AntioscError) -> _Row:
 def _impact(
     scene: Impact, step: float | None, n: int | str | None, settings: Settings
 ) -> tuple[History, CheckResult]:
-    """(history, check result) of one scene; AccuracyError if its force leaves the range of its
-    law.
-    """
+    """(history, check result) of one scene; AccuracyError if its force is out of range."""
     scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
     history, check = simulate_impact(scene, replace(settings, step=step), n)
     check_range(history, _doubts(scene))
@@ -359,9 +351,7 @@ def _row(hit: History, check: CheckResult) -> _Row:
 
 
 def _raise(rows: list[_Row]) -> None:
-    """Raise the first InputError among the rows, or, if every scene failed, the error of the one
-    that needs the largest patch, else of the first.
-    """
+    """Raise the first InputError or, if all failed, the error that needs the largest patch."""
     for i, row in enumerate(rows):
         if isinstance(row.failure, InputError):
             raise type(row.failure)(f"scene {i}: {row.failure}") from row.failure

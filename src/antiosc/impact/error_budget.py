@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -27,19 +28,9 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
-from antiosc.engine.contact.peak_error import (
-    error_of_law,
-    unknown_error,
-    weakest_and_strongest,
-)
+from antiosc.engine.contact.peak_error import error_of_law, unknown_error, weakest_and_strongest
 from antiosc.impact.histories import History, bars
-from antiosc.impact.histories.bars import (
-    DEFLECTION,
-    QUANTITIES,
-    UNITS,
-    ErrorBar,
-    ErrorBudget,
-)
+from antiosc.impact.histories.bars import DEFLECTION, QUANTITIES, UNITS, ErrorBar, ErrorBudget
 from antiosc.impact.stretching import (
     NEGLIGIBLE,
     before_peak,
@@ -49,14 +40,7 @@ from antiosc.impact.stretching import (
 )
 from antiosc.impact.truncation import WARN_SHARE, is_reduced, truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import (
-    LinearBody,
-    ModalModel,
-    choice_of,
-    coarse_at,
-    info_of,
-    wide_patch,
-)
+from antiosc.models.body import LinearBody, ModalModel, choice_of, coarse_at, info_of, wide_patch
 from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import energy_error
 
@@ -155,11 +139,7 @@ def low_band_message(hit: History) -> str:
 
 
 def pulse_time(hit: History) -> float:
-    """Duration [s] of the half-sine whose spectrum ends at the same frequency as that of the force.
-
-    The spectrum, from the first touch to the last parting, ends where `ENERGY` of its energy lies
-    below.
-    """
+    """Duration [s] of the half-sine whose spectrum ends where that of the force does."""
     start = hit.contacts[0][0]
     end = hit.contacts[-1][1]
     time = np.linspace(start, end, SAMPLES)
@@ -219,7 +199,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
     if hopeless := hit.assembly.hopeless:
-        bars_without = {name: _no_bar(getattr(hit, name)) for name in QUANTITIES}
+        no_bar = partial(ErrorBar, mesh=0.0, truncation=0.0, time=0.0, patch=0.0, without_mesh=True)
+        bars_without = {name: no_bar(getattr(hit, name)) for name in QUANTITIES}
         no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
         return ErrorBudget(bars_without, 0.0, unknown={"mesh": no_mesh})
 
@@ -285,10 +266,7 @@ def _proved(hit: History) -> Shares:
 def _unknown_mesh(
     hit: History, model: AntiOscillators, stretches: bool, of_mesh: MeshErrors, is_cut: bool
 ) -> dict[str, str]:
-    """Why the mesh's error is not known, and causes that are not known with it; {} where it is.
-
-    `is_cut`: whether an edge cuts the patch.
-    """
+    """Why the mesh's error is not known, and what is not known with it; {} where it is."""
     reason = model.info.no_estimate
     if reason and model.strain_error is None and not stretches:
         return {"mesh": f"{WITHOUT_MESH}{reason}"}
@@ -306,9 +284,7 @@ def _unknown_mesh(
 
 
 def restitution_of(hit: History) -> float | None:
-    """Restitution of a blow on a part at rest, whose impulse is m v (1 + e); None if other forces
-    act, the part moves before, or it is not defined or < 0.
-    """
+    """Restitution e of a blow on a part at rest, of impulse m v (1 + e); None of others."""
     scene = hit.assembly.scene
     part = hit.assembly.bodies["structure"]
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
@@ -347,11 +323,6 @@ def law_error(impact: RepeatedImpact) -> tuple[Shares | None, str]:
     return {name: share + max(change[name] for change in changes) for name in UNITS}, ""
 
 
-def _no_bar(value: float) -> ErrorBar:
-    """The bar of a quantity whose error is not known."""
-    return ErrorBar(value, 0.0, 0.0, 0.0, 0.0, without_mesh=True)
-
-
 THIRD_ORDER = "Not included: strain beyond third order, which an explicit FE program has."
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 #: Start of the note on parts whose mesh's error has no estimator, as those with joints.
@@ -370,9 +341,7 @@ COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscilla
 
 
 def _stretch(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> Shares:
-    """Error due to the truncated second-order modes: the change from m to m + 2 modes, or to small
-    second-order forces that are left out.
-    """
+    """Error due to second-order modes that are left out, by two more of them."""
     if model.stretch is None:
         energy = hit.assembly.stretch_left_out
         return dict.fromkeys(UNITS, energy and max(LEFT_OUT_SAFETY * energy, LEFT_OUT_LEAST))
@@ -454,12 +423,7 @@ def _mesh(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
 
 
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
-    """The safety factor of the mesh error, and a note if it is not the usual one.
-
-    Faces as large as the patch spread its load, and the recovery of strains does not detect the
-    strains that are missing then. As the compliance of a patch is inverse to its radius, this error
-    grows with the size of the faces over the radius.
-    """
+    """The safety factor of the mesh error, and notes if it is not the usual one."""
     safety = SAFETY
     doubts = []
     if share > COARSE:
@@ -491,9 +455,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
 
 
 def amplitudes(hit: History) -> Array:
-    """Matrix Σ a aᵀ (N + 1, N + 1) over the contact, where a are the amplitudes of psi_0 ...
-    psi_N.
-    """
+    """Matrix Σ a aᵀ (N + 1, N + 1) over the contact of the amplitudes a of psi_0 ... psi_N."""
     size = hit.model.n + 1
     total = np.zeros((size, size))
 
@@ -512,9 +474,7 @@ def _time_errors(hit: History) -> list[float]:
 
 
 def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
-    """Errors due to the time steps: the run's estimate, or its difference to a finer run if
-    larger.
-    """
+    """Errors due to the time steps: the run's estimate, or the change in a finer run if larger."""
     error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
     change = bars.NO_ERROR if finer is None else bars.all_changes(hit, finer)
@@ -556,9 +516,7 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
 
 
 def _unresolved(hit: History, model: AntiOscillators, is_cut: bool) -> str:
-    """Why the cells or the patch do not resolve a contact; "" where they do. `is_cut`: whether an
-    edge cuts the patch.
-    """
+    """Why the cells or the patch do not resolve a contact; "" where they do."""
     contact_time = hit.assembly.contact_time_estimate
     at_point = isinstance(hit.law, AT_POINT)
     radius, thickness = model.radius, model.info.thickness

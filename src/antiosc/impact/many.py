@@ -81,9 +81,7 @@ def quantile(sample: ArrayLike, q: float, confidence: float = CONFIDENCE) -> Qua
 
 
 def probability(count: int, size: int, confidence: float = CONFIDENCE) -> Quantile:
-    """The probability count/size with its interval (Clopper and Pearson, Biometrika 26 (1934)
-    404).
-    """
+    """The probability count/size with its interval (Clopper and Pearson, Biometrika 26, 404)."""
     from scipy.stats import binomtest
 
     level = _share("confidence", confidence)
@@ -192,11 +190,7 @@ class Many(Result):
         return int(np.nanargmax(self.largest(quantity)))
 
     def quantile(
-        self,
-        quantity: str,
-        q: float,
-        confidence: float = CONFIDENCE,
-        impact: int | None = None,
+        self, quantity: str, q: float, confidence: float = CONFIDENCE, impact: int | None = None
     ) -> Quantile:
         """The quantile `q` of a quantity with its confidence interval between order statistics; of
         falls, of the largest values or of one impact.

@@ -158,9 +158,7 @@ def fixed_steps(s: System, step: float, duration: float, settings: Settings) -> 
 
 
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """A run in the given step, or shorter and shorter ones until two runs agree to the tolerance:
-    the error is their difference.
-    """
+    """A run in the given step, or in shorter ones until two agree: they differ by the error."""
     s = assembly.system
     method, tol = settings.method, settings.tol
     top = float(s.omega.max(initial=0.0))

@@ -27,9 +27,10 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn, without_warnings
 from antiosc.base.process import within_memory
 from antiosc.base.texts import COMPLETED, INEXACT, STOPPED, TOUCHING, percent
+from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.equilibrium import initial_forces, settle
-from antiosc.engine.march import Converged, converge, with_step
+from antiosc.engine.march import FINE, Converged, solve
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle
@@ -50,14 +51,7 @@ from antiosc.impact.reference import (
 )
 from antiosc.impact.scene_parts import Contact, SceneParts
 from antiosc.impact.stretching import stretched
-from antiosc.impact.truncation import (
-    Run,
-    choose_n,
-    halved,
-    is_reduced,
-    too_few,
-    too_few_in,
-)
+from antiosc.impact.truncation import Run, choose_n, halved, is_reduced, too_few, too_few_in
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import AUTO, AnyLaw, LinearBody, coarse_cell, info_of, is_auto, law_of
@@ -329,6 +323,10 @@ def set_initial_forces(
 MOST_REFUSED = 0.1
 
 
+#: Share of a run with a given step: what the step does not resolve is integrated with halvings.
+LOOSE = 0.05
+
+
 def integrate_exact(
     assembly: Assembly,
     duration: float,
@@ -337,13 +335,17 @@ def integrate_exact(
     max_contacts: int,
     max_steps: int,
 ) -> Converged:
-    """Run the exact method; a given step [s] is taken as it is."""
-    system = assembly.system
-    if step is not None:
-        return with_step(system, duration, step, max_contacts, max_steps)
+    """The exact method, refined until the forces of two runs agree to the tolerance, or one run
+    with steps of `step` [s] during contact, whose errors are not known (0).
+    """
+    fine = assembly.contact_time_estimate / FINE if step is None else step / 4
+    steps = (tol, 0.0, 0.0, fine) if step is None else (LOOSE, 0.0, step, fine)
+    limits = max_contacts, max_steps, 0 if step is None else 1
+    run, found = solve(assembly.system, library.COptions(duration, *steps, *limits))
 
-    estimate = assembly.contact_time_estimate
-    return converge(system, estimate, duration, tol, max_contacts, max_steps)
+    if step is not None:
+        return Converged(run, step, 0.0, 0.0, duration)
+    return Converged(run, found.share, found.force, found.peak, found.certain)
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
@@ -387,9 +389,7 @@ def _warn_coarse_cells(scene: Scene, history: SceneHistory) -> None:
 def _warn_truncation(
     scene: Scene, history: SceneHistory, settings: Settings, duration: float
 ) -> None:
-    """Warn of bodies whose anti-oscillators are too few: the largest force of a contact of theirs
-    changes much with half as many.
-    """
+    """Warn of bodies of which half as many anti-oscillators change the largest force much."""
     touched = [c.contacts for c in history.contact_histories]
     ends = [{end.partition(":")[0] for end in (c.a, c.b)} for c in scene.contacts]
     struck = set().union(*(names for names, pulses in zip(ends, touched, strict=True) if pulses))

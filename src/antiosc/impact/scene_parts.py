@@ -258,9 +258,9 @@ def two_body_parts(
     """The scene "structure" and "impactor" of `simulate`, from checked arguments."""
     parts = SceneParts.__new__(SceneParts)
     contact = Contact.__new__(Contact)
-    checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
     bodies = {"structure": model, "impactor": impactor}
-    checks.store(parts, bodies=bodies, contacts=(contact,), gravity=gravity, motion={})
+    vars(contact).update(a="structure", b="impactor", law=law, gap=gap)
+    vars(parts).update(bodies=bodies, contacts=(contact,), gravity=gravity, motion={})
     return parts
 
 
@@ -315,11 +315,7 @@ def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
 def set_axes(
     scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, SceneBody]
 ) -> None:
-    """Give sites without a direction (`SceneBody.axes`) the direction of their contacts.
-
-    If two such sites touch each other, both get the direction of the first contact of either that
-    has one.
-    """
+    """Give sites without a direction (`SceneBody.axes`) the direction of their contacts."""
     open_ends = [
         [(body.name, at) for body, at in pair if body.columns_of(at) and body.directions is None]
         for pair in ends
@@ -488,11 +484,7 @@ def load_series(
 
 
 def gravity_load(body: SceneBody, gravity: Array | float) -> Array | None:
-    """Modal forces (J,) of gravity, a vector or along the body's one coordinate; None where it
-    moves nothing.
-
-    Displacements of a body that is supported at its sites are measured from its equilibrium.
-    """
+    """Modal forces (J,) of gravity, without those that a support takes; None: it moves nothing."""
     if not np.any(body.omega == 0):
         return None
     if np.ndim(gravity):

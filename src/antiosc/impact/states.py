@@ -37,11 +37,7 @@ def record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
 
 
 def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
-    """Intervals (`library.TOUCH`) in which contact c is closed, and whether it is closed at the
-    end.
-
-    Intervals of zero length do not count.
-    """
+    """Intervals (`library.TOUCH`) of contact c of some length, and whether it ends closed."""
     record, _ = record_of(run)
     touches = np.empty(len(run.events) + 1, library.TOUCH)
     goes_on = c_int()
@@ -122,20 +118,14 @@ def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
 def damping_states(
     run: Run, system: System, step: Index, since: Array
 ) -> tuple[Array, list[list[Array]]]:
-    """Effect of coupled damping on the motion of the free modes.
-
-    Decelerations (n, J); displacements (n, J) of the spring of each branch, body by body.
-    """
+    """Effect of coupled damping on the motion of the free modes."""
     assert system.first is not None
     integrated = integrated_states(run, system, step, since)
     return system.first.motion(*integrated)[2], system.first.springs(*integrated)
 
 
 def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at the starts of steps (n,) or the end of the run.
-
-    Stored states are returned; those between are integrated from the stored state before them.
-    """
+    """Modal displacements and velocities (n, J) at the starts of steps (n,) or the end."""
     return _free_modes(system, *integrated_starts(run, system, step))
 
 
@@ -167,16 +157,9 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
 
 
 def _advanced(
-    run: Run,
-    system: System,
-    step: Index,
-    since: Array,
-    q: Array,
-    v: Array,
+    run: Run, system: System, step: Index, since: Array, q: Array, v: Array
 ) -> tuple[Array, Array]:
-    """Modal displacements and velocities after the times `since`, from those at the starts of
-    steps.
-    """
+    """Modal displacements and velocities at times `since` the starts of steps."""
     full_system = system
     system = system.marched
     P, W, S, J0, J1, J2 = library.responses(system.omega, system.decay, since[:, None])
@@ -215,15 +198,9 @@ def _advanced(
 
 
 def node_states(
-    run: Run,
-    system: System,
-    first: int = 0,
-    last: int | None = None,
+    run: Run, system: System, first: int = 0, last: int | None = None
 ) -> tuple[Array, Array]:
-    """Modal states (n, J) at the nodes of the steps `first` to `last`.
-
-    They are computed in blocks of steps: the responses need several times their memory.
-    """
+    """Modal states (n, J) at the nodes of the steps `first` to `last`."""
     last = run.time.size // 2 if last is None else last
     size = system.omega.size
     nodes = 2 * (last - first) + 1
@@ -307,11 +284,7 @@ def free_steps(run: Run, system: System) -> Array:
 def largest_rotation(
     run: Run, system: System, bodies: Mapping[str, SceneBody], parts: Mapping[str, slice]
 ) -> tuple[str, float]:
-    """(name of the free body that rotated most, largest angle at a step's end [rad]); ("", 0) if
-    none.
-
-    Only bodies whose inertia in space is known are compared.
-    """
+    """(name of the free body that turned most, its angle [rad]), if known; ("", 0) of none."""
     q = free_steps(run, system)
     angles = [
         (name, float(np.linalg.norm(body.rotation(q[:, span]), axis=1).max()))

@@ -134,11 +134,7 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
 
 
 def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
-    """(run with second-order forces, warning or ""); the `linear` run itself if they are
-    negligible.
-
-    again : integrates another assembly.
-    """
+    """(run with second-order forces, or the linear one if they are small; warning or "")."""
     a = linear.assembly
     every_motion = {name: motion_of(linear, name) for name in a.bodies}
     motion_by_body = {name: motion for name, motion in every_motion.items() if motion is not None}
@@ -169,7 +165,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
             changes += [differences(before, run) for before in runs[-1:]]
             runs.append(run)
         last = largest(changes[-AGREE:])
-        unsettled = worst_of(last)
+        unsettled = max((last[name] / x for name, x in DECIDING.items() if last), default=np.inf)
         if (unsettled <= aim and len(changes) >= AGREE) or count >= most_modes:
             break
         count = min(count + 2, most_modes)
@@ -181,11 +177,6 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
         count = max(forces.size for forces in found.assembly.stretched.values())
         return found, _not_enough(count, shares_of(found))
     return found, ""
-
-
-def worst_of(changes: Mapping[str, float]) -> float:
-    """The largest of what decides, over how much more it may change; no end without changes."""
-    return max((changes[name] / x for name, x in DECIDING.items() if changes), default=np.inf)
 
 
 def before_peak(history: History) -> float:
@@ -224,9 +215,7 @@ def largest(changes: list[dict[str, float]]) -> dict[str, float]:
 
 
 def differences(first: History, second: History) -> dict[str, float]:
-    """Relative changes between two runs of the three quantities (largest contact) and the
-    deflection.
-    """
+    """Relative changes between two runs: the largest of a contact, and the deflection."""
     worst = dict.fromkeys(bars.QUANTITIES, 0.0)
     for a, b in zip(first.contact_histories, second.contact_histories, strict=True):
         if b.contacts:

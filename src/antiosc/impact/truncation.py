@@ -51,9 +51,7 @@ def is_reduced(model: object) -> TypeGuard[AntiOscillators]:
 
 
 def too_few(n: int, error: float) -> str:
-    """Warning that `n` anti-oscillators are too few for a contact, by the relative error of its
-    force; "" if they are enough.
-    """
+    """Warning that `n` anti-oscillators are too few for a contact, by its error; or ""."""
     if error <= WARN_SHARE:
         return ""
     return (
@@ -219,9 +217,7 @@ def softest_model(model: AntiOscillators) -> AntiOscillators:
 def _in_motions(
     model: AntiOscillators, modes: Array, momentum: Array | None, given: Mapping[str, Any]
 ) -> AntiOscillators:
-    """The model with `given` values in new motions: modes (n, k) of unit mass in those of the
-    model, the momentum of all its coordinates.
-    """
+    """The model with `given` values in new motions: modes (n, k) of unit mass in its own."""
     damping = model.damping
     if isinstance(damping, DampingMatrix):
         from scipy.linalg import block_diag  # takes as long to load as some impacts
@@ -277,10 +273,7 @@ def halved(model: AntiOscillators) -> AntiOscillators:
 
 
 def _krylov(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Array]:
-    """(modes (n, k) of a Krylov space in those of a model, their frequencies), k <= count.
-
-    Lanczos' recurrence of 1/(omega^2 + point) in motions of unit stiffness.
-    """
+    """(modes (n, k <= count) of a Krylov space, their frequencies), by Lanczos' recurrence."""
     highest = 1 / (omega[0] ** 2 + point)
     lam = (omega[0] ** 2 + point) / (omega**2 + point)
     basis = np.zeros((omega.size, 0))
@@ -316,9 +309,7 @@ def too_few_in(hit: History, rerun: Run | None, tol: float) -> str:
 
 
 def _unconverged(model: AntiOscillators) -> bool:
-    """Whether the highest anti-oscillators have not converged, but represent the truncated
-    modes.
-    """
+    """Whether the highest anti-oscillators stand for the truncated modes."""
     return model.info.method == "krylov" and (model.info.converged or 0) < model.n
 
 

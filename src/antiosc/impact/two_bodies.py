@@ -92,15 +92,14 @@ class Pair(NamedTuple):
 
 
 def check_span(system: System, duration: float) -> None:
-    """InputError if nothing can move, AccuracyError if rounding destroys the phase in a
-    `duration` [s]."""
-    omega = system.omega
-    if not omega.size:
+    """InputError if nothing moves, AccuracyError if a duration [s] destroys the phase."""
+    if not system.omega.size:
         raise InputError(
             "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0,"
             " or an impactor with a mass."
         )
-    fastest = float(omega[omega.argmax()])
+
+    fastest = float(system.omega.max())
     if fastest * duration > LARGEST_PHASE:
         raise AccuracyError(
             f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
@@ -281,7 +280,10 @@ class ImpactRows:
     def __init__(self, impacts: Sequence[Impact], settings: Settings) -> None:
         self.pair = modal_pair(impacts[0])
         count = len(impacts)
-        self.laws = _laws_without_patch([impact.contact for impact in impacts], self.pair.local)
+        laws = {id(impact.contact): impact.contact for impact in impacts}  # equal ones stay equal
+        local = self.pair.local
+        own = {k: without_patch(law, local, "structure", "impactor")[0] for k, law in laws.items()}
+        self.laws = [cast("Compiled", own[id(impact.contact)]) for impact in impacts]
         gaps = np.array([self.pair.gap(impact.gap) for impact in impacts])
         durations = [checks.positive("duration", impact.duration, "s") for impact in impacts]
         system = self.pair.posed(self.laws[0], gaps[0])
@@ -307,10 +309,7 @@ class ImpactRows:
         self._held = system, rows
 
     def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
-        """Modal displacements and velocities (S, J) by each of S rigid impactors, and inertia (S,).
-
-        The inertia [kg] is that behind the contact.
-        """
+        """Modal displacements and velocities (S, J) by S rigid impactors, masses (S,) behind."""
         count = len(impacts)
         strikers = [cast("RigidMass", striker.impactor) for striker in impacts]
         beta, v = (np.repeat(row.reshape(1, -1), count, axis=0) for row in (system.beta, system.v))
@@ -322,10 +321,7 @@ class ImpactRows:
     def solved(
         self, report: Callable[[int], None]
     ) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
-        """The outcomes (`aom_outcome`), and nodes [s] and forces [N] of the contacts of each.
-
-        `report` is called with the number of impacts solved so far, after every few.
-        """
+        """The outcomes (`aom_outcome`), and nodes [s] and forces [N] of the contacts of each."""
         rows = self.rows
         size = self._held[0].omega.size
         space = _Workspace(size)
@@ -347,12 +343,6 @@ class ImpactRows:
             pulses += space.take_pulses(outcomes["n_nodes"][len(pulses) : count.value])
             report(count.value)
         return outcomes, pulses
-
-
-def _laws_without_patch(contacts: Sequence[ContactLaw], local: float) -> list[Compiled]:
-    """The laws as the march takes them; equal objects stay equal."""
-    laws = {id(law): without_patch(law, local, "structure", "impactor")[0] for law in contacts}
-    return [cast("Compiled", laws[id(law)]) for law in contacts]
 
 
 class _Workspace:

@@ -134,10 +134,7 @@ def legend_beside(ax: Axes) -> Axes:
 
 
 def few_log_ticks(ax: Axes) -> Axes:
-    """Labels 1, 2, 5, 10, … on logarithmic axes of less than 1.5 decades, otherwise only decades.
-
-    matplotlib would label 2, 3, 4, …, which overlap.
-    """
+    """Labels 1, 2, 5, 10, … on logarithmic axes of less than 1.5 decades, else decades."""
     ticker = _matplotlib("ticker")
     for axis, (low, high) in ((ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim())):
         axis.set_minor_formatter(ticker.NullFormatter())
@@ -211,9 +208,7 @@ VISIBLE = 0.005
 
 
 def _error_of(hit: HistoryLike) -> tuple[float, str]:
-    """(relative error of the largest force, its words, with a place for the number): that of the
-    error budget once it is known, else of the run alone.
-    """
+    """(relative error of the largest force, its words), of the error budget if it is known."""
     budget = getattr(hit, "__dict__", {}).get("error_budget")
     if budget and not budget.no_bar and np.isfinite(total := max(budget.sides("peak_force"))):
         return total, f"error{{}}{budget.condition}"
@@ -325,9 +320,7 @@ def _names(hit: HistoryLike) -> tuple[str, str]:
 
 
 def _contact_span(hit: HistoryLike) -> tuple[float, float]:
-    """Time of the first touch, and of the release after which < LATE_IMPULSE of the impulse
-    remains.
-    """
+    """Times of the first touch and of the release after which little impulse remains."""
     contacts = np.reshape(hit.contacts, (-1, 2))
     impulse = hit.cumulative_impulse
     if not contacts.size or impulse[-1] <= 0:

@@ -70,9 +70,7 @@ def draw_faces(
 def draw_lines(
     figure: Figure, axes: Axes3D, corners: Array, value: Array, label: str, scale: ScalarMappable
 ) -> None:
-    """Lines (F, 2, 3) or points (F, 1, 3) coloured by `value` (F,), with the scale
-    if it has a label.
-    """
+    """Lines (F, 2, 3) or points (F, 1, 3) coloured by `value` (F,), with a scale if labelled."""
     from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
     colours = scale.to_rgba(value)

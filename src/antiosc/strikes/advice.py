@@ -190,13 +190,7 @@ def _measures(
 
 
 def _element(
-    family: str,
-    frequency: float,
-    length: float,
-    thickness: float,
-    E: float,
-    nu: float,
-    rho: float,
+    family: str, frequency: float, length: float, thickness: float, E: float, nu: float, rho: float
 ) -> tuple[float, str]:
     """(largest element size, the criterion that limits it)."""
     omega = 2 * pi * frequency

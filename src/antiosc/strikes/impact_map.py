@@ -28,12 +28,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import instance, positive, whole, within_range
-from antiosc.base.errors import (
-    AccuracyWarning,
-    InputError,
-    warn,
-    warnings_to,
-)
+from antiosc.base.errors import AccuracyWarning, InputError, warn, warnings_to
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting, doing
 from antiosc.base.texts import engineering, percent, point_text as placed
@@ -46,9 +41,7 @@ from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.impact.batch import simulate_many
 from antiosc.impact.bodies import Obstacle
 from antiosc.impact.from_rest import peak_deflections
-from antiosc.impact.histories.linear_theory import (
-    beyond_theory,
-)
+from antiosc.impact.histories.linear_theory import beyond_theory
 from antiosc.impact.histories.verdict import CONTACT_RADII
 from antiosc.impact.reference import Settings
 from antiosc.impact.scene import simulate_impact
@@ -282,11 +275,7 @@ def _laws(
                 pierced[i] = striker is not None and second_contact_of(of_site, striker) is not None
             ready(i + 1)
 
-    return laws, {
-        EDGE: sharp,
-        HOLLOW: hollow,
-        PIERCED: pierced,
-    }
+    return laws, {EDGE: sharp, HOLLOW: hollow, PIERCED: pierced}
 
 
 def _surface(structure: Structure, point: Array, direction: Array, radius: float) -> Surface | None:
@@ -338,9 +327,7 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
 
 
 def _tell_impacts(result: ImpactMap, thickness: float | None) -> None:
-    """Warn of doubtful sites, of impacts beyond the models' band, and of the largest deflection of
-    a supported sheet that stretches there.
-    """
+    """Warn of doubtful sites, of blows beyond the band, and of a sheet that stretches."""
     sentences = [left_out_text(result), low_band(result)]
     if (
         thickness is not None
@@ -412,14 +399,8 @@ def _struck(
     )
 
 
-def with_stresses(
-    structure: Structure,
-    struck: ImpactMap,
-    most: int | None,
-) -> ImpactMap:
-    """A map of impacts with the largest stress of those at no more than `most` sound sites that lie
-    apart; None: at all sites.
-    """
+def with_stresses(structure: Structure, struck: ImpactMap, most: int | None) -> ImpactMap:
+    """A map with the largest stresses at `most` sound sites that lie apart; None: at all."""
     assert struck.forces is not None
     assert struck.duration is not None
     assert struck.free_sites is not None
@@ -439,10 +420,7 @@ def with_stresses(
 
 
 def _yielding_radius(law: ContactLaw | None, force: float) -> float:
-    """Radius [m] of a contact of a sphere that yields under a force; 0 of others.
-
-    It is Hertz's, or that of a mean pressure of `FULLY_PLASTIC` times the strength if larger.
-    """
+    """Radius [m] of a sphere's contact that yields: Hertz's, or of full plasticity; else 0."""
     if not isinstance(law, ElasticPlastic) or not law.yield_force < force:
         return 0.0
     hertz = (force * law.radius**1.5 / law.stiffness) ** (1 / 3)

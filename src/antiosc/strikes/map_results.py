@@ -16,12 +16,7 @@ from antiosc.base import files
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import path as checked_path, store, whole
 from antiosc.base.errors import InputError
-from antiosc.base.texts import (
-    Completed,
-    engineering,
-    point_text,
-    range_text,
-)
+from antiosc.base.texts import Completed, engineering, point_text, range_text
 from antiosc.engine.contact import ContactLaw
 from antiosc.fields.pictures import plot_map
 from antiosc.impact.from_rest import Force
@@ -289,9 +284,7 @@ def hardest(
 
 
 def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
-    """Numbers, in order, of at most `most` reliable sites: that with the largest force, then each
-    time that farthest from those taken.
-    """
+    """At most `most` reliable sites: the hardest, then each time the farthest from those."""
     sites = trusted(impact_map)
     if len(sites) <= most:
         return sites

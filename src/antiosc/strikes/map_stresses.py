@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.base.progress import counting, doing
 from antiosc.base.stresses import DEVIATOR
 from antiosc.fem.assembly import with_parts
@@ -93,22 +93,13 @@ def largest_stresses(
 
             largest += on_root(structure.comm, work)
 
-    values, points, exposure = (
-        _at_sites(np.array(column), which, len(sites.b)) for column in zip(*largest, strict=True)
-    )
+    columns = [np.array(column) for column in zip(*largest, strict=True)]
+    at_all = [np.full((len(sites.b), *column.shape[1:]), np.nan) for column in columns]
+    for of_all, column in zip(at_all, columns, strict=True):
+        of_all[which] = column
+    values, points, exposure = at_all
+
     return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
-
-
-def _at_sites(values: Array, which: IntArray, count: int) -> Array:
-    """Values of some of `count` sites with NaN at the others."""
-    of_all = np.full((count, *values.shape[1:]), np.nan)
-    of_all[which] = values
-    return of_all
-
-
-def sample_count(highest: float, duration: float) -> int:
-    """Number of sample times of a run, for modes up to a frequency [rad/s]."""
-    return int(np.clip(np.ceil(duration * highest / PHASE), *TIMES))
 
 
 def sides(structure: Structure) -> list[Place]:
@@ -136,13 +127,9 @@ def _of_sites(
     duration: float,
     balls: Array,
 ) -> Iterator[tuple[float, Array, float]]:
-    """Yields (largest stress [Pa], worst point, exposure there) for the impacts at some sites,
-    whose displacements in the modes of frequencies `omega` (J,) are b (n, J).
-
-    The worst point has the largest exposure, or the largest stress if no strength is known.
-    """
+    """Yields (largest stress [Pa], worst point, exposure there) for the impacts at some sites."""
     count = len(site_forces)
-    steps = np.full(count, sample_count(omega[-1], duration))
+    steps = np.full(count, int(np.clip(np.ceil(duration * omega[-1] / PHASE), *TIMES)))
     durations = np.full(count, duration)
     omega = np.broadcast_to(omega, b.shape)
     run = list(motions(omega, b, np.zeros_like(b), site_forces, durations, steps))
@@ -151,18 +138,13 @@ def _of_sites(
     for i in range(count):
         columns[:, :, -1] = residual_stresses.modes[:, :, i]
         x = np.column_stack([q[:, i], F[:, i]])
-        outside = _outside(modes.points, balls[i : i + 1])
+        outside = ~is_within(modes.points, balls[i : i + 1])
+        outside |= not outside.any()
         stress, worst = _largest(columns, x, outside.astype(float))
         share = np.nan
         if np.isfinite(modes.strength[outside]).any():
             share, worst = _largest(columns, x, np.nan_to_num(outside / modes.strength))
         yield stress, modes.points[worst], share
-
-
-def _outside(points: Array, balls: Array) -> BoolArray:
-    """Mask (S,) of the points (S, 3) outside balls (n, 4); all if none is."""
-    outside = ~is_within(points, balls)
-    return np.asarray(outside | ~outside.any())
 
 
 def _largest(columns: Array, x: Array, weights: Array) -> tuple[float, int]:

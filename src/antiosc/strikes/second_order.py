@@ -124,9 +124,7 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
 
 
 def energy_of_second_order(structure: Structure, linear: History) -> float:
-    """Energy of second-order strain over the linear one, the larger one of the instants of the
-    largest force and of the largest deflection of a linear run; inf where it is not known.
-    """
+    """Energy of second-order strain over the linear one, at its largest; inf: not known."""
     body = linear.model.free_modes
     if body.shape is None or not linear.contacts:
         return inf

@@ -210,10 +210,7 @@ def struck(
     asked: float | None = None,
     stress_tol: float | None = None,
 ) -> History:
-    """The result of `strike`; `report` is called with the answer of every mesh and its site.
-
-    `asked`: the tolerance of the user, which status and message name; default: tol.
-    """
+    """The result of `strike`; `report` is called with the answer of every mesh and its site."""
     start_time = time.perf_counter()
     tol = checks.tolerance(tol)
     asked = tol if asked is None else asked
@@ -411,11 +408,7 @@ Seen: TypeAlias = Callable[[Answer, Site], None]
 
 
 def changed_since(answer: Answer, before: Answer | None) -> Answer:
-    """The answer on a mesh of lines, with errors of at least the change from the previous mesh.
-
-    The previous mesh had lines twice as long and fewer anti-oscillators. If the error decreases
-    with the size at all, this change exceeds the remaining error, whatever the estimates are.
-    """
+    """The answer on a mesh of lines, with errors of at least the change from the previous mesh."""
     if before is None:
         return answer
     change = with_floor(changes(before.hit, answer.hit))
@@ -426,11 +419,7 @@ def changed_since(answer: Answer, before: Answer | None) -> Answer:
 
 
 def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
-    """Truncation error below which no further anti-oscillators are extracted on this mesh.
-
-    If a finer mesh is needed anyway, the truncation error must only be below that of the mesh, so
-    that the model shows where the mesh should be finer.
-    """
+    """Truncation error below which this mesh needs no further anti-oscillators."""
     share = TRUNCATION_SHARE * tol
     if all(bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values()):
         return share
@@ -473,10 +462,7 @@ def _next(
     meshes: int,
     asked: float,
 ) -> tuple[Array, str]:
-    """(ratio of new to old cell sizes, or the reason for no further mesh).
-
-    `asked`: the tolerance that the reason names.
-    """
+    """(ratio of new to old cell sizes, or the reason for no further mesh)."""
     allowed = _room(answer.budget, tol)
     if min(allowed.values()) < LEAST_ROOM * tol:
         return np.ones(0), _no_room(answer, asked)
@@ -536,10 +522,7 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
 
 
 def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
-    """Share of the tolerance that is left for the mesh, for each quantity.
-
-    The next mesh takes more anti-oscillators if the truncation error requires it.
-    """
+    """Share of the tolerance that is left for the mesh, for each quantity."""
     return {
         name: AIM * (tol - bar.time - bar.patch - bar.stretch)
         - min(bar.truncation, TRUNCATION_SHARE * tol)
@@ -571,10 +554,7 @@ def _enough(budget: ErrorBudget) -> str:
 def _finished(
     answer: Answer, aim: float, tol: float, records: list[MeshRecord], reason: str
 ) -> History:
-    """The history, with its budget and the record of its meshes.
-
-    `reason`: why the last mesh misses `aim`, which is told if it also misses `tol`.
-    """
+    """The history, with its budget and the record of its meshes; `reason`: why none follows."""
     hit = answer.hit
     budget = answer.budget
     model = replace(hit.model, info=hit.model.info.having(strike=records))

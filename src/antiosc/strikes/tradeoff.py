@@ -453,9 +453,7 @@ def _one_mesh(source: object, finest: Made, goal: float) -> str:
 
 
 def _of_few(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
-    """The member of a mesh with n anti-oscillators; None, told, if its force exceeds its law: too
-    few move too little, so that their force is larger.
-    """
+    """The member of a mesh with n anti-oscillators; None if its force exceeds its law."""
     try:
         with without_warnings():  # it is tried: what it lacks is in its bar
             answer = of_number(mesh.answer.structure, mesh.site, run, accuracy, n)

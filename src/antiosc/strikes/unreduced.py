@@ -80,10 +80,7 @@ class Outcome(NamedTuple):
 
 
 def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> Blow:
-    """The impact that a history of the raw model has; InputError for one that is not linear.
-
-    The step is a share of the contact time.
-    """
+    """The impact that a history of the raw model has; InputError for one that is not linear."""
     assembly = hit.assembly
     system = assembly.system
     part, ball = assembly.spans["structure"], assembly.spans["impactor"]

@@ -11,13 +11,7 @@ import numpy as np
 from antiosc import ImpactMap, Many, simulate_many
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import (
-    AccuracyWarning,
-    AntioscError,
-    InputError,
-    warn,
-    without_warnings,
-)
+from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, without_warnings
 from antiosc.base.progress import counting
 from antiosc.extension import QUANTILES, checked_levels
 
@@ -80,9 +74,7 @@ def is_name(name: object) -> bool:
 
 
 def checked(inputs: object) -> dict[str, Any]:
-    """The inputs of a study by name, each a distribution or a sequence of values; InputError if
-    not.
-    """
+    """The inputs of a study by name, distributions or sequences; InputError if not."""
     kind = 'a dict, such as {"velocity": normal(2.0, 0.1)}'
     by_name = dict(checks.instance("inputs", inputs, Mapping, kind))
     if not by_name:
@@ -126,9 +118,7 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
 
 
 def quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
-    """Quantiles (n,) of an input at probabilities `shares`; InputError if `ppf` returns invalid
-    ones.
-    """
+    """Quantiles (n,) of an input at `shares`; InputError if `ppf` returns invalid ones."""
     try:
         values = distribution.ppf(shares)
     except Exception as error:  # of any package
@@ -228,9 +218,7 @@ def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> di
 
 
 def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> list[Row]:
-    """Results of some runs; impacts that `run` returns as arguments are simulated as one
-    batch.
-    """
+    """Results of some runs; impacts that `run` returns as arguments go in one batch."""
     rows: list[Row] = [""] * len(arguments)
     scenes: dict[int, tuple[object, ...]] = {}
     with without_warnings():

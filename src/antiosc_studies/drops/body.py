@@ -97,10 +97,7 @@ def _rigid(
 
 
 def _elastic(
-    structure: Structure,
-    count: int,
-    model_damping: Damping | None,
-    corner: float | None,
+    structure: Structure, count: int, model_damping: Damping | None, corner: float | None
 ) -> FreeBody:
     """The free body of a structure: its free modes and the vertices of its hull."""
     from scipy.spatial import cKDTree
@@ -214,10 +211,7 @@ def _residual(
     corner: float,
     which: tuple[int, ...],
 ) -> tuple[Array, Array, Array]:
-    """Shapes, residual compliances and radii of patches at some vertices of the hull.
-
-    `hull_points` are the numbers of the hull's vertices in the skin; `which` chooses among them.
-    """
+    """Shapes, residual compliances and radii of patches at some of the hull's vertices."""
     from antiosc.reduce.site import functionals
 
     skin_points = hull_points[list(which)]
@@ -259,9 +253,7 @@ def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple
 
 
 def _site(skin: Skin, which: int, corner: float) -> Site:
-    """The site of a vertex; on a solid a patch, with the edge's or corner's radius at sharp
-    vertices.
-    """
+    """The site of a vertex; on a solid a patch, at sharp vertices with the radius there."""
     from antiosc import Site
 
     normal = skin.normals[which]

@@ -79,10 +79,7 @@ def crushed(ball: ElasticPlastic, growth: float, tip: float, work: float) -> Con
 
 
 def cut_growth(edges: Array, up: Array) -> float | None:
-    """Area of the level cut of a corner over its depth squared; None if a side of it lies flat.
-
-    edges : (n, 2, 3) from the corner along the sides of its facets, which face outward.
-    """
+    """Area of the level cut of a corner with edges (n, 2, 3) over its depth²; None: flat."""
     heights = edges @ up
     if (heights < LEVEL * np.linalg.norm(edges, axis=2)).any():
         return None

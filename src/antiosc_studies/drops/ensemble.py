@@ -58,12 +58,7 @@ class Tilts(FieldsRepr):
 
 
 def tumbles(
-    body: FreeBody,
-    start: State,
-    setting: Setting,
-    ensemble: Tilts,
-    n: int,
-    seed: int,
+    body: FreeBody, start: State, setting: Setting, ensemble: Tilts, n: int, seed: int
 ) -> Many:
     """The falls of an ensemble, each drawn from a seed that depends on its number alone."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)

@@ -87,10 +87,7 @@ class Path(NamedTuple):
 
 
 def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
-    """The path of the body at times (n,) of a run, the first of which is 0.
-
-    The spin is linear in time between them.
-    """
+    """The path of the body at times (n,) of a run, the first of which is 0."""
     q, v = (motion[:, history.assembly.spans[BODY]] for motion in history.states(t))
     body, start, W, momentum = touch
     L = v[:, :6] @ momentum[:, 3:]
@@ -373,19 +370,15 @@ def _converged(
         path = path_of(touch, history, _times(base, history, end, tol))
         corrected, change = on_path(touch, which, base, history, path)
         changes.append(change)
-        if change <= CLOSE * tol or _stalls(changes):
+        count = len(changes)
+        stalls = count == MOST_RUNS or (count >= FEW and change > changes[-3] / 2)
+        if change <= CLOSE * tol or stalls:
             return Followed(history, path, change, end, touching)
         if history.status or len(changes) == 1:
             history, share = run(corrected, duration, tol)
         else:
             scale = float(history.run.force[:, : len(which)].max())
             history = run_once(corrected, duration, share, history.error, scale)
-
-
-def _stalls(changes: list[float]) -> bool:
-    """Whether the change has not halved in two runs, or the runs are used up."""
-    count = len(changes)
-    return count == MOST_RUNS or (count >= FEW and changes[-1] > changes[-3] / 2)
 
 
 def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
@@ -397,10 +390,7 @@ def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Arr
 
 
 def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -> IntArray:
-    """The points that may touch: low ones, apart from each other, the lowest first.
-
-    time : expected duration of the contact [s].
-    """
+    """The points that may touch in a time [s]: low ones, apart, the lowest first."""
     body, start, *_ = touch
     arms = start.arms(body)
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
@@ -440,9 +430,7 @@ def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool
 
 
 def _sinking(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:
-    """Number, as an array, of the point that sinks deepest without a contact; empty if there is
-    none. heights : (V,) of all points at the start [m].
-    """
+    """The point that sinks deepest without a contact, as an array; empty if there is none."""
     body = touch.body
     vertical = path.R[:, 2]
     lifts = np.einsum("nd,vjd,nj->nv", vertical, body.shapes, path.q[:, 6:], optimize=True)

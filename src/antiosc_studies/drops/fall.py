@@ -19,7 +19,6 @@ from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampl
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
 from antiosc.base.texts import Result, engineering, exceeds, percent, plain
-from antiosc_studies.drops import yielding
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.flight import Flight, ringing
 from antiosc_studies.drops.floor import Setting
@@ -27,6 +26,7 @@ from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.impacts import Impacts, Peak, impact_of
 from antiosc_studies.drops.touching import BODY, LIMITS
 from antiosc_studies.drops.trajectory import trajectory
+from antiosc_studies.drops.yielding import Landed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -124,6 +124,10 @@ class Fall(Result):
             raise InputError(NO_IMPACT)
         k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
         return [self.episodes[i] for i in self.groups[k]]
+
+    def _landed(self, impact: int) -> Landed:
+        """What the contacts of an impact tell."""
+        return Landed(self.setting.floor, self._episodes(impact))
 
     @property
     def status(self) -> int:
@@ -223,9 +227,7 @@ class Fall(Result):
 
     @property
     def _lasting(self) -> float:
-        """Time [s] up to which the motion is computed: the end of the fall plus the memory of the
-        filters.
-        """
+        """Time [s] up to which the motion is computed: its end plus the memory of the filters."""
         return self.end.time + max(map(memory_of, CLASSES))
 
     def _point(self, at: At) -> tuple[Array, Array]:
@@ -304,8 +306,7 @@ class Fall(Result):
         """Depth (n,) of the deepest dent of each impact [m]; NaN without one, and where it is not
         known.
         """
-        episodes = map(self._episodes, range(len(self.impacts)))
-        return np.array([yielding.deepest_dent(self.setting.floor, one) for one in episodes])
+        return np.array([self._landed(k).deepest_dent for k in range(len(self.impacts))])
 
     def srs(
         self,
@@ -351,7 +352,7 @@ class Fall(Result):
                 count = int(min(max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW), MANY))
                 motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
                 parts.append(replace(motion, time=motion.time + episode.start.time))
-            zones += yielding.yielding_zones(self.setting.floor, episodes)
+            zones += [one.zone for one in self._landed(k).contacts]
         merged = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
         }
@@ -366,16 +367,14 @@ class Fall(Result):
         if field._margin is not None:
             margin = field._margin
             k = int(np.searchsorted(starts, margin.time, side="right")) - 1
-            yields = margin.criterion == "yield" and any(map(self._contact_yield, impact_numbers))
+            yields = margin.criterion == "yield" and any(
+                self._landed(k).verdict for k in impact_numbers
+            )
             errors = [one.law_error or 0.0 for one in self.impacts]
             error = max((errors[j] for j in impact_numbers), default=0.0)
             margin = replace(margin, contact=yields, impact=k + 1, force_error=error)
             field = replace(field, _margin=margin)
         return WorstField(**vars(field), impact=impact)
-
-    def _contact_yield(self, impact: int) -> str:
-        """Sentence that the contact yields in an impact, from 0; "" if not, or if unknown."""
-        return yielding.contact_verdict(self.setting.floor, self._episodes(impact))
 
     @property
     def notes(self) -> list[str]:
@@ -388,8 +387,7 @@ class Fall(Result):
             self._shock,
             LATER * bool(self.hardest),
             self.contact_verdict,
-            yielding.of_elastic(self.setting.floor, self.episodes),
-            yielding.cracking(self.setting.floor, self.episodes),
+            *Landed(self.setting.floor, self.episodes).notes,
             self._breaking,
         )
         return [*self.body.notes, *filter(None, sentences)]
@@ -397,11 +395,7 @@ class Fall(Result):
     @property
     def flat(self) -> str:
         """Sentence that a face lands flat, which is outside of the method; "" if none does."""
-        flat = [
-            k
-            for k in range(len(self.groups))
-            if yielding.lands_flat(self.setting.floor, self._episodes(k))
-        ]
+        flat = [k for k in range(len(self.groups)) if self._landed(k).flat]
         if not flat:
             return ""
         numbers = ", ".join(str(k + 1) for k in flat[:3]) + (", …" if len(flat) > 3 else "")
@@ -441,7 +435,7 @@ class Fall(Result):
         """
         by_force = sorted(range(len(self.groups)), key=lambda k: -self.impacts[k].peak_force)
         for k in by_force:
-            if sentence := self._contact_yield(k):
+            if sentence := self._landed(k).verdict:
                 of_all = ", the hardest," * (k == self.hardest)
                 several = len(by_force) > 1
                 return f"in impact {k + 1}{of_all} {sentence}" if several else sentence
@@ -457,7 +451,7 @@ class Fall(Result):
 
     def no_bar(self, impact: int = 0) -> str:
         """Why an impact, from 0, has no error bar, and what helps; "" if it has one."""
-        return yielding.no_bar(self.setting.floor, self._episodes(impact))
+        return self._landed(impact).no_bar
 
     @property
     def contact_yields(self) -> bool:

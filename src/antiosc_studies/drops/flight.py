@@ -188,9 +188,7 @@ class Flight:
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
     def longest(self) -> float:
-        """Time [s] after which a point must have touched, since the centre of mass is below the
-        floor.
-        """
+        """Time [s] after which a point must have touched: the centre is below the floor."""
         v = float(self.start.velocity[2])
         z = max(float(self.start.centre[2]), 0.0)
         depth = SIDES * self.body.extent + float(self._sizes(np.zeros(1)).max())
@@ -242,9 +240,7 @@ class Flight:
         return next((t for t in touches if t is not None), None)
 
     def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
-        """Yield (start, end, points): intervals up to `end` in which these points may touch, in
-        order.
-        """
+        """Yield (start, end, points): intervals up to `end` in which these points may touch."""
         body = self.body
         points = np.arange(len(self.body.points))
         spin = float(np.linalg.norm(self.start.spin(body)))
@@ -266,10 +262,7 @@ class Flight:
                 yield float(t[k]), float(t[k + 1]), np.flatnonzero(may_touch[k])
 
     def _within(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
-        """Time [s] of the first touch of points in an interval; None if there is none.
-
-        `parted` marks points that have not left the floor since they parted; it is updated.
-        """
+        """Time [s] of the first touch of points in an interval; None: none. `parted` is updated."""
         count = max(int(np.ceil((end - start) * SAMPLES * self._fastest(start) / (2 * np.pi))), 2)
         tolerance = TOUCH * self.body.extent
         for first in range(0, count, AT_ONCE_ELASTIC):

@@ -14,7 +14,7 @@ from antiosc.extension import OF_ALL_CONTACTS
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.yielding import law_error
+from antiosc_studies.drops.yielding import Landed
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +148,7 @@ class Peak(FieldsRepr):
 
 def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> FallImpact:
     """The impact that consists of the given episodes."""
-    by_law = law_error(setting.floor, episodes)
+    by_law = Landed(setting.floor, episodes).law_error
     # a point above its dent begins an episode without force, which counts as flight
     episodes = [current for current in episodes if current.forces()[1].any()] or episodes
     impulses: dict[int, float] = {}

@@ -63,9 +63,7 @@ def onto(direction: Array, other: Array) -> Array:
 
 
 def _downward(body: FreeBody, kind: str, argument: object) -> Array:
-    """Unit vector (3,) in the body that points down when the named face, edge or corner is
-    lowest.
-    """
+    """Unit vector (3,) in the body that points down on the named face, edge or corner."""
     name = checks.text(kind, argument)
     components = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
     if not len(name) / 2 == len(components) == FACES[kind]:

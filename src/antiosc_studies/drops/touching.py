@@ -79,10 +79,7 @@ class OngoingContact(NamedTuple):
 def scene_of(
     touch: Touch, setting: Setting, which: IntArray, held: dict[int, OngoingContact]
 ) -> Assembly:
-    """The scene of body and floor from a state, ready to run.
-
-    `which`: numbers of the points that may touch; `held`: the ongoing contacts by point.
-    """
+    """The scene of body and floor from a state, ready to run."""
     body, start, modes, _ = touch
     floor = setting.floor
     bodies: dict[str, Any] = {BODY: _body_in_scene(touch, which), FLOOR: Obstacle()}
@@ -181,10 +178,7 @@ def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, 
 def run_once(
     assembly: Assembly, duration: float, share: float, error: dict[str, float], scale: float = 0.0
 ) -> SceneHistory:
-    """The history of one run with step error `share`; `scale` [N] of its forces if known.
-
-    `error`: the errors of an almost equal run with this share, which the history takes over.
-    """
+    """The history of one run with step error `share`; `scale` [N] of its forces if known."""
     record = march_once(
         assembly.system,
         duration,
@@ -203,8 +197,7 @@ def _history(assembly: Assembly, record: Run, error: dict[str, float]) -> SceneH
 
 
 def _wedge(system: System) -> tuple[float, float]:
-    """Coefficient of friction, and what sliding presses a point in over what its normal force lifts
-    it, per unit of that coefficient, of the contact where their product is largest."""
+    """Friction, and what sliding presses in over what the normal force lifts; the worst."""
     friction, wedge = 0.0, 0.0
     for k, sides in enumerate(system.sides):
         tangential = float(np.linalg.norm(system.R[k, sides]))

@@ -8,6 +8,7 @@ says what helps.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from math import inf, nan, pi, sqrt
 from typing import NamedTuple
 
@@ -71,10 +72,7 @@ class PointContact(NamedTuple):
 
     @property
     def _exceeds(self) -> float:
-        """Force over that from which the surfaces yield, for a law that does not; 0 if unknown.
-
-        A given law that is softer stands for something between them.
-        """
+        """Force over that of first yield, for a law that neither yields nor is softer; else 0."""
         law = None if self.choice is None else self.choice.law
         if isinstance(self.law, ElasticPlastic) or not isinstance(law, ElasticPlastic):
             return 0.0
@@ -191,87 +189,13 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
             start, end = max(history.contacts, key=lambda span: span[1] - span[0])
             place = body.centre + arms[k] @ episode.start.R
             dent = history.dent if yields else None
+            lines = np.delete(body.vertices, i, axis=0) - body.vertices[i]
+            apart = np.linalg.norm(lines, axis=1) > body.corner
             yield PointContact(
                 *(body, floor, i, place, law, peaks[k], times[k], depths[k], end - start, dent),
-                clearance=_clearance(body, i, episode.start.R[2]),
+                clearance=float((lines @ episode.start.R[2]).min(initial=inf, where=apart)),
                 crushed=crushed,
             )
-
-
-def _clearance(body: FreeBody, i: int, up: Array) -> float:
-    """Least height [m] of the other vertices over a point."""
-    lines = np.delete(body.vertices, i, axis=0) - body.vertices[i]
-    apart = np.linalg.norm(lines, axis=1) > body.corner
-    return float((lines @ up).min(initial=np.inf, where=apart))
-
-
-def strongest(floor: Floor, episodes: Sequence[Episode]) -> PointContact | None:
-    """The contact at a point with the largest force."""
-    return max(point_contacts(floor, episodes), key=lambda one: one.force, default=None)
-
-
-def law_error(floor: Floor, episodes: Sequence[Episode]) -> float | None:
-    """Relative error of the largest force of a contact by its law; None if unknown."""
-    if lands_flat(floor, episodes):
-        return None
-    contacts = list(point_contacts(floor, episodes))
-    largest = max((one.force for one in contacts), default=0.0)
-    errors = [(one.error, one.force) for one in contacts if one.force >= COUNTS * largest]
-    if not errors or any(error is None for error, _ in errors):
-        return None
-    return max((error or 0.0) * force for error, force in errors) / largest
-
-
-def no_bar(floor: Floor, episodes: Sequence[Episode]) -> str:
-    """Why `law_error` is unknown, and the remedy; "" if it is known."""
-    if lands_flat(floor, episodes):
-        return "a face lands flat, which is outside of this method: tilt it"
-    contacts = list(point_contacts(floor, episodes))
-    if not contacts:
-        return "the error of the contact's law is not known"
-    largest = max(one.force for one in contacts)
-    return next(
-        (one.no_bar for one in contacts if one.no_bar and one.force >= COUNTS * largest), ""
-    )
-
-
-def contact_verdict(floor: Floor, episodes: Sequence[Episode]) -> str:
-    """Sentence that a contact yields, with its deepest dent; "" if none does."""
-    contacts = list(point_contacts(floor, episodes))
-    dents = [one for one in contacts if one.dent is not None]
-    if not dents:
-        largest = max(contacts, key=lambda one: one.force, default=None)
-        return "" if largest is None else largest.verdict
-    deepest = max(dents, key=lambda one: one.depth)
-    if len({one.which for one in contacts}) == 1:
-        return deepest.verdict
-    own = engineering(deepest.force, "N")
-    return f"{deepest.verdict} (at one of the places that touch, under {own} of the force)"
-
-
-def of_elastic(floor: Floor, episodes: Sequence[Episode]) -> str:
-    """Sentence on the error of the largest force of an elastic contact; "" if it has none."""
-    largest = strongest(floor, episodes)
-    if largest is None or floor.law is not None or largest.dent is not None or largest.error == 0:
-        return ""
-    return f"the hardest contact is elastic: {largest.off}"
-
-
-def deepest_dent(floor: Floor, episodes: Sequence[Episode]) -> float:
-    """Depth of the deepest dent [m]; NaN without one, and where it is not known."""
-    dents = (one.dent for one in point_contacts(floor, episodes))
-    return max((dent.depth for dent in dents if dent is not None), default=nan)
-
-
-def yielding_zones(floor: Floor, episodes: Sequence[Episode]) -> list[ContactZone]:
-    """The zones about the points that yield, in the axes of the mesh."""
-    return [one.zone for one in point_contacts(floor, episodes)]
-
-
-def cracking(floor: Floor, episodes: Sequence[Episode]) -> str:
-    """Sentence that cracks of a brittle part are not computed; else ""."""
-    largest = strongest(floor, episodes)
-    return "" if largest is None else crack_note(largest.body.matters).rstrip(".")
 
 
 #: Least number of vertices of a face.
@@ -280,27 +204,81 @@ LEAST_OF_FACE = 3
 FLAT = 2.0
 
 
-def lands_flat(floor: Floor, episodes: Sequence[Episode]) -> bool:
-    """Whether a face lies flat on a stiff floor.
+class Landed:
+    """What the contacts at points of some episodes tell."""
 
-    The vertices that are as low as the contact is deep span more than a ball's contact would.
-    """
-    if floor.law is not None or floor.layer is not None:
-        return False
+    def __init__(self, floor: Floor, episodes: Sequence[Episode]) -> None:
+        self.floor = floor
+        self.episodes = episodes
+        self.contacts = list(point_contacts(floor, episodes))
+        self.hardest = max(self.contacts, key=lambda one: one.force, default=None)
+        largest = 0.0 if self.hardest is None else self.hardest.force
+        self.hard = [one for one in self.contacts if one.force >= COUNTS * largest]
 
-    for episode in episodes:
-        body, up = episode.body, episode.start.R[2]
-        if body.structure is None:  # a rigid part, which has no waves
+    @cached_property
+    def law_error(self) -> float | None:
+        """Relative error of the largest force of a contact by its law; None if unknown."""
+        errors = [(one.error, one.force) for one in self.hard]
+        if self.hardest is None or self.flat or any(error is None for error, _ in errors):
+            return None
+        return max((error or 0.0) * force for error, force in errors) / self.hardest.force
+
+    @property
+    def no_bar(self) -> str:
+        """Why `law_error` is unknown, and the remedy; "" if it is known."""
+        if self.flat:
+            return "a face lands flat, which is outside of this method: tilt it"
+        if self.hardest is None:
+            return "the error of the contact's law is not known"
+        return next((one.no_bar for one in self.hard if one.no_bar), "")
+
+    @property
+    def verdict(self) -> str:
+        """Sentence that a contact yields, with its deepest dent; "" if none does."""
+        dents = [one for one in self.contacts if one.dent is not None]
+        if not dents:
+            return "" if self.hardest is None else self.hardest.verdict
+        deepest = max(dents, key=lambda one: one.depth)
+        if len({one.which for one in self.contacts}) == 1:
+            return deepest.verdict
+        own = engineering(deepest.force, "N")
+        return f"{deepest.verdict} (at one of the places that touch, under {own} of the force)"
+
+    @property
+    def deepest_dent(self) -> float:
+        """Depth of the deepest dent [m]; NaN without one, and where it is not known."""
+        dents = (one.dent for one in self.contacts)
+        return max((dent.depth for dent in dents if dent is not None), default=nan)
+
+    @property
+    def notes(self) -> tuple[str, str]:
+        """Sentences on an elastic hardest contact, and that cracks are not computed; or ""."""
+        one = self.hardest
+        if one is None:
+            return "", ""
+        known = self.floor.law is not None or one.dent is not None or one.error == 0
+        elastic = "" if known else f"the hardest contact is elastic: {one.off}"
+        return elastic, crack_note(one.body.matters).rstrip(".")
+
+    @cached_property
+    def flat(self) -> bool:
+        """Whether a face lies flat on a stiff floor: its vertices span more than a ball would."""
+        if self.floor.law is not None or self.floor.layer is not None:
             return False
-        touched = list(point_contacts(floor, [episode]))
-        depth = max((one.depth for one in touched), default=0.0)
-        radius = max((float(body.radii[one.which].max()) for one in touched), default=0.0)
 
-        heights = body.vertices @ up
-        low = body.vertices[heights - heights.min() <= depth]
-        if len(low) < LEAST_OF_FACE:
-            continue
-        spread = np.linalg.svd(low - low.mean(axis=0), compute_uv=False)[1] / sqrt(len(low))
-        if spread > FLAT * sqrt(2 * radius * depth):
-            return True
-    return False
+        for episode in self.episodes:
+            body, up = episode.body, episode.start.R[2]
+            if body.structure is None:  # a rigid part, which has no waves
+                return False
+            touched = list(point_contacts(self.floor, [episode]))
+            depth = max((one.depth for one in touched), default=0.0)
+            radius = max((float(body.radii[one.which].max()) for one in touched), default=0.0)
+
+            heights = body.vertices @ up
+            low = body.vertices[heights - heights.min() <= depth]
+            if len(low) < LEAST_OF_FACE:
+                continue
+            spread = np.linalg.svd(low - low.mean(axis=0), compute_uv=False)[1] / sqrt(len(low))
+            if spread > FLAT * sqrt(2 * radius * depth):
+                return True
+        return False

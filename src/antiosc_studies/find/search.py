@@ -418,16 +418,11 @@ def most_probable(
             ready(count)
         best = min(fits, key=lambda fit: fit.cost)
         if best.chi2 > POOR and {"mass", "velocity"} <= set(unknown):
-            fits += [
-                search.refined(_heavier(best.blow, mass_factor), LAST_STEPS)
-                for mass_factor in HEAVIER
-            ]
+            for by in HEAVIER:  # of the same momentum, which may touch a second time
+                mass, velocity = by * best.blow.mass, best.blow.velocity / by
+                heavier = replace(best.blow, mass=mass, velocity=velocity)
+                fits.append(search.refined(heavier, LAST_STEPS))
     return sorted(fits, key=lambda fit: fit.cost)
-
-
-def _heavier(blow: Blow, by: float) -> Blow:
-    """The impact of a heavier impactor with the same momentum, which may touch a second time."""
-    return replace(blow, mass=by * blow.mass, velocity=blow.velocity / by)
 
 
 def _fits_to_continue(model: Struck, fits: list[ProbableImpact]) -> list[ProbableImpact]:

@@ -213,9 +213,7 @@ def gradient(
 
 
 def _turns(hit: History) -> list[Turn]:
-    """Changes of the model whose effect is its error: fewer anti-oscillators, the residual mass on
-    its softest spring, and the model corrected for its mesh.
-    """
+    """Changes of the model whose effects are its errors of truncation and of the mesh."""
     model = hit.assembly.scene.bodies.get("structure") if hit.rerun is not None else None
     if not isinstance(model, AntiOscillators) or not model.n:
         raise InputError(

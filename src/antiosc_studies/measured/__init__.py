@@ -12,13 +12,7 @@ from numpy.typing import ArrayLike
 from antiosc import AntiOscillators, Damping, from_free_modes
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import (
-    AccuracyError,
-    AccuracyWarning,
-    InputError,
-    warn,
-    without_warnings,
-)
+from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import percent
 from antiosc.models.body import MeasuredBand, ModelInfo
 from antiosc_studies.measured.fit import Fit, Measured, fitted, unclear, with_other_noise
@@ -132,10 +126,7 @@ def _data(frf: FRF) -> Measured:
 
 
 def _with_equal_directions(data: Measured) -> Measured:
-    """The measurement with equal directions of force and motion at driving points.
-
-    Power flows into a passive body: the real part of the mobility, -w Im H, is not negative.
-    """
+    """The measurement with equal directions at driving points: -w Im H is not negative."""
     if not np.any(_power(data)):
         raise InputError(
             "the FRF at the driving point has no imaginary part: magnitudes and real parts do not"

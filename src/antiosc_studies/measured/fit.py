@@ -72,10 +72,7 @@ def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
 
 
 def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
-    """Frequencies [rad/s] and damping ratios of the complex poles of H (W, M).
-
-    `weight` (W, M): one over the standard deviation of each value.
-    """
+    """Frequencies [rad/s] and damping ratios of the complex poles of H (W, M)."""
     top = float(w[-1])
     starts = starting_poles(w, H) / top
     for _ in range(RELOCATED):
@@ -183,10 +180,7 @@ class Measured:
 def refined(
     data: Measured, weight: Array, modes: FittedModes, steps: int, shift: Array | float = 0.0
 ) -> tuple[FittedModes, Array, float]:
-    """(most probable body near `modes`, its normal matrix, chi^2 over the degrees of freedom).
-
-    `shift` is added to all residuals: it represents other noise.
-    """
+    """(most probable body near `modes`, its normal matrix, chi^2 over the degrees of freedom)."""
     damping = 1e-6
     residual = residuals(data, weight, modes) + shift
     top = float(data.w[-1])
@@ -337,9 +331,7 @@ def covariance(normal: Array) -> Array:
 
 
 def lifted(data: Measured, modes: FittedModes) -> FittedModes:
-    """The body with small values instead of zero residual terms, at which the cost has no
-    gradient.
-    """
+    """The body with small values for zero residual terms, where the cost has no gradient."""
     low = slice(len(data.w) // 8 + 1)
     size = LIFTED * float(np.median(np.abs(data.H)))
     mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
@@ -364,9 +356,7 @@ def _not_zero(root: Array, least: float) -> Array:
 
 
 def noise(data: Measured, modes: FittedModes) -> Array:
-    """Most likely standard deviations (W, M): a share of |H| plus a floor of the measured
-    quantity.
-    """
+    """Most likely standard deviations (W, M): a share of |H| plus a floor."""
     fit = modes.receptance(data.w, data.pairs)
     squares = np.abs(data.H - fit) ** 2
     size = np.abs(fit) ** 2
@@ -381,11 +371,7 @@ def noise(data: Measured, modes: FittedModes) -> Array:
 
 
 def _variances(squares: Array, kinds: Array, start: tuple[float, float]) -> Array:
-    """Most likely variances of two kinds of noise by Fisher's scoring.
-
-    The expected values of `squares` (N,) are sums of the two variances times `kinds` (2,
-    N).
-    """
+    """Most likely variances of two kinds of noise by Fisher's scoring, from squares (N,)."""
     x = np.log(start)
     for _ in range(MOST_SCORES):
         parts = np.exp(x)[:, None] * kinds
@@ -453,11 +439,7 @@ class Fit:
 
 
 def fitted(data: Measured, free: bool | None, hysteretic: bool | None) -> Fit:
-    """The most probable body among forms of damping and of support.
-
-    `free`: with rigid-body motion (None: if the measurement shows it); `hysteretic`: form of the
-    damping (None: the more probable one).
-    """
+    """The most probable body among forms of damping and of support."""
     weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
     modes = _first(data, weight, free, bool(hysteretic))
     best_round = (modes, weight, np.zeros(0))

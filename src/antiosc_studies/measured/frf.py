@@ -222,10 +222,7 @@ def _lower(size: int) -> tuple[Index, Index]:
 
 
 def expected_tail(modes: FittedModes, top: float) -> Tail:
-    """Expected modes above `top` [rad/s], whose spacings grow from those of the last modes.
-
-    Where the spacings exceed those of the part, each mode stands for several.
-    """
+    """Expected modes above `top` [rad/s], whose spacings grow from those of the last modes."""
     in_band = modes.seen
     omega = modes.omega[:in_band]
     last = slice(max(in_band - GOING_ON, 0), in_band)
@@ -272,9 +269,7 @@ def with_tail(modes: FittedModes, tail: Tail) -> FittedModes:
 
 
 def random_tail(tail: Tail, top: float, random: np.random.Generator) -> Tail:
-    """A random tail of equal probability: one common factor on the spacings, then one for each
-    mode.
-    """
+    """A random tail: one common factor on the spacings, then one for each mode."""
     U = len(tail.omega)
     stretch = np.exp(STRETCH * random.standard_normal())
     omega = top + stretch * (tail.omega - top)

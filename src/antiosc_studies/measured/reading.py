@@ -17,13 +17,7 @@ from antiosc.base.archives import read_arrays
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.files import LARGEST_READ, check_readable
 from antiosc_studies.measured.frf import AVERAGES, FRF, Quantity, checked_quantity
-from antiosc_studies.measured.tables import (
-    FREQUENCIES,
-    by_name,
-    plain,
-    response_unit,
-    unknown_unit,
-)
+from antiosc_studies.measured.tables import FREQUENCIES, by_name, plain, response_unit, unknown_unit
 
 #: Function type of a frequency response in data set 58.
 RESPONSE = 4

@@ -121,7 +121,7 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
         )
     first, *other_elastic = elastic
     second = other_elastic[0] if other_elastic else RIGID
-    modulus = _modulus(first.E, first.nu, second.E, second.nu)
+    modulus = effective_modulus(first.E, first.nu, second.E, second.nu)
     A, B = relative_of_curvatures(one.curvatures, other.curvatures, _angle(one, other))
     uncertain = sum(surface.error for surface in (one, other) if any(surface.curvatures))
     doubt = _doubt(one, other)
@@ -178,11 +178,6 @@ def _in_a_hollow(one: Surface, other: Surface) -> str:
     return f"the surfaces fit into each other, which is no contact at a point: {remedy}."
 
 
-@lru_cache(maxsize=256)
-def _modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:
-    return effective_modulus(E1, nu1, E2, nu2)
-
-
 def _strength(matter: Matter) -> float:
     if matter.yield_strength is None:
         return inf
@@ -192,12 +187,7 @@ def _strength(matter: Matter) -> float:
 def _elastic_share(
     soft: Matter, other: Matter, modulus: float
 ) -> tuple[float, tuple[float, float] | None]:
-    """(share of 1/E* of the side that stays elastic, its interval or None where it is exact).
-
-    For equal strengths the share is 0: by symmetry the contact is that of a rigid ball. It grows
-    with the ratio of strengths, up to the whole flexibility of the stronger side at `APART`; from
-    `STRONGER` on it is exact.
-    """
+    """(share of 1/E* of the side that stays elastic, 0 for equal strengths; interval or None."""
     largest_share = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
     if largest_share == 0.0 or ratio >= STRONGER:
@@ -215,9 +205,7 @@ def _angle(first: Surface, second: Surface) -> float:
 
 
 def _doubt(first: Surface, second: Surface) -> str:
-    """The unknown properties on which the error of a law depends, as text; empty if there are
-    none.
-    """
+    """The unknown properties on which the error of a law depends, as text; "" without any."""
     for surface in (first, second):
         if surface.kind in SHARP:
             radius = 1e3 / surface.curvatures[1]
@@ -245,8 +233,6 @@ def _flat(first: Surface, second: Surface, modulus: float) -> Choice:
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:
-    """Largest pressure [Pa] of the elastic contact that absorbs the work of `law` up to `depth`
-    [m].
-    """
+    """Largest pressure [Pa] of the elastic contact that absorbs the work of `law` to a depth."""
     elastic = (2.5 * law.loading_work(depth) / law.stiffness) ** 0.4
     return 2 * law.modulus / pi * sqrt(elastic / law.radius)

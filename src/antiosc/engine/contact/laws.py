@@ -573,9 +573,7 @@ class Tabulated(Hysteretic):
 
 
 def _knots(x: Array, y: Array) -> list[float]:
-    """Data of an interpolant: knots, four rows of coefficients (padded by a 0), last value and
-    slope.
-    """
+    """Knots, four rows of coefficients (padded by a 0), last value and slope of an interpolant."""
     from scipy.interpolate import PchipInterpolator  # loaded where it is used
 
     cubic = PchipInterpolator(x, y)

@@ -49,12 +49,11 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
 
 
 def error_of_law(choice: Choice, peak: float) -> float:
-    """Relative error of a peak force [N] by its law with exact strengths: the measured error of the
-    law and of the equivalent circle of a contact that yields, the effect of large strains on an
-    elastic one, that of the uncertain curvature on both.
-    """
+    """Relative error of a peak force by its law with exact strengths, and by its curvature."""
     law = choice.law
-    error = choice.by_curvature + _elastic_error(choice, peak)
+    factors = by_strain(choice, _strain(choice, peak))
+    error = choice.by_curvature
+    error += max((abs(factor**HERTZ_POWER - 1) for factor in factors), default=0.0)
     if isinstance(law, ElasticPlastic) and choice.soft is not None and peak > law.yield_force:
         error += law.error_at(_depth(law, "force", peak))[0] + choice.error
     return error
@@ -74,11 +73,7 @@ def unknown_error(choice: Choice, peak: float) -> str:
 
 
 def weakest_and_strongest(choice: Choice, peak: float, contact_time: float) -> list[ElasticPlastic]:
-    """The law with the lowest yield strength, and with the highest at the rate of a contact.
-
-    A law is omitted if it equals that of the choice, or if the contact yields neither by it nor by
-    that.
-    """
+    """The law with the lowest yield strength, and with the highest at the rate of a contact."""
     law = choice.law
     soft = choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
@@ -91,13 +86,6 @@ def weakest_and_strongest(choice: Choice, peak: float, contact_time: float) -> l
         for other_law in changed_laws
         if other_law != law and peak > min(law.yield_force, other_law.yield_force)
     ]
-
-
-def elastic_strain(choice: Choice, peak: float, depth: float) -> float:
-    """Indentation `depth` over the relative radius of a contact at a point; 0 if it yields."""
-    law = choice.law
-    yields = isinstance(law, ElasticPlastic) and peak > law.yield_force
-    return 0.0 if yields else depth * choice.curvature
 
 
 def largest_strain(choice: Choice) -> float:
@@ -126,17 +114,12 @@ def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> 
 
 
 def _strain(choice: Choice, peak: float) -> float:
-    """Indentation over the relative radius at an elastic peak force [N]; 0 for other laws."""
+    """Indentation over the relative radius at a peak force [N]; 0 if it yields, of other laws."""
     law = choice.law
-    if not isinstance(law, ElasticPlastic | Hertz | Gonthier):
+    yields = isinstance(law, ElasticPlastic) and peak > law.yield_force
+    if yields or not isinstance(law, ElasticPlastic | Hertz | Gonthier):
         return 0.0
-    return elastic_strain(choice, peak, (peak / law.stiffness) ** (2 / 3))
-
-
-def _elastic_error(choice: Choice, peak: float) -> float:
-    """Relative error of an elastic peak force by large strains."""
-    factors = by_strain(choice, _strain(choice, peak))
-    return max((abs(factor**HERTZ_POWER - 1) for factor in factors), default=0.0)
+    return (peak / law.stiffness) ** (2 / 3) * choice.curvature
 
 
 def _force(law: ElasticPlastic, depth: float) -> float:

@@ -148,10 +148,7 @@ def matter_of(
     nu: float | None = None,
     yield_strength: float | None = None,
 ) -> Matter | None:
-    """The properties of a material, a name or an object; constants that are given replace its own.
-
-    They are None where neither a material nor E is given. InputError for a directional material.
-    """
+    """The properties of a material, a name or an object; given constants replace its own."""
     if material is None:
         if E is None:
             return None

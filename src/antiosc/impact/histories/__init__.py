@@ -373,12 +373,7 @@ def _bounded(history: History) -> bool:
 
 
 def error_text(history: History) -> str:
-    """Text: error of the force by the law of the strongest contact, and numerical error with its
-    causes.
-
-    The error of the law is that of the error budget where there may be one; else it is estimated
-    without another run.
-    """
+    """Text: error of the force by the law and numerical error, of the error budget if known."""
     budget = budget_of(history)
     if budget is not None:
         return budget.causes_text("peak_force")
@@ -389,10 +384,7 @@ def error_text(history: History) -> str:
 
 
 def history_sites(history: History) -> dict[str, tuple[float, ...]]:
-    """Points [m] of the sites of all bodies, by "body:site" or "body".
-
-    For histories of `simulate`: those of the structure, by site.
-    """
+    """Points [m] of the sites of all bodies, by "body:site" or "body"."""
     if not history.named:
         return site_points(history.model)
     return {

@@ -19,15 +19,7 @@ UNITS = {**QUANTITIES, DEFLECTION: "m"}
 #: What a cause adds that does not apply.
 NO_ERROR = dict.fromkeys(UNITS, 0.0)
 #: Causes of error, in the order in which they are told.
-CAUSES = (
-    "mesh",
-    "truncation",
-    "time",
-    "patch",
-    "noise",
-    "stretch",
-    "law",
-)
+CAUSES = ("mesh", "truncation", "time", "patch", "noise", "stretch", "law")
 #: Why a contact time has no bar.
 NO_BAR = "no error bar: the number of its contacts is uncertain"
 #: In place of a bar that would lack a cause, which may be the largest one.
@@ -297,10 +289,7 @@ def differences(first: object, second: object) -> dict[str, float]:
 
 
 def comparable(first: Any, second: Any) -> bool:
-    """Whether the main impacts of two results have the same number of contacts, as far as is known.
-
-    With one contact more or less the contact time jumps: of four in a row from 251 to 61 µs.
-    """
+    """Whether the main impacts of two results have, as far as is known, as many contacts."""
     return contacts_of_main(first) == contacts_of_main(second)
 
 
@@ -334,9 +323,7 @@ def contact_time_note(result: Any) -> str:
 
 
 def changes(first: Any, second: Any) -> dict[str, float]:
-    """`differences`, in which a contact time that is not comparable is no larger than the others,
-    that its jump is no floor of theirs.
-    """
+    """`differences`, with a contact time that is not comparable no larger than the others."""
     found = differences(first, second)
     if not comparable(first, second):
         found["contact_time"] = max(found["peak_force"], found["impulse"])

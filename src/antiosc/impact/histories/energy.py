@@ -99,12 +99,7 @@ def replay(
 
 
 def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
-    """(recoverable energy, loss at each node [J], (n,); final state) of one touch by a law with
-    memory.
-
-    The state changes only at nodes where the indentation exceeds the turning point and all earlier
-    indentations; there it does not depend on the nodes in between.
-    """
+    """(recoverable energy, loss at each node [J], (n,); final state) of one touch."""
     deepest_before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
     is_deeper = np.append(False, depth[1:] > deepest_before)
     stored = law.energies(depth, state)
@@ -224,11 +219,7 @@ def energy_gain(a: Assembly, run: Run) -> float:
 def _work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, losses: Array
 ) -> tuple[Array, Array]:
-    """Work (n,) of all modal loads since the start, and energy lost by damping.
-
-    `work`, `losses` (n - 1,): work and loss from one node to the next. In flight, where the steps
-    are long and the motion is exact, both follow from the energy balance instead.
-    """
+    """Work of all loads and losses by damping (n,), in flight from the energy balance."""
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = a.system.damped
@@ -282,11 +273,7 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
 
 
 def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
-    """Work (n - 1,) of the modal loads from node to node, at any step length.
-
-    Integration by parts: a load that is linear in time needs the integral of q, which the equation
-    of motion of an elastic mode gives.
-    """
+    """Work (n - 1,) of the modal loads from node to node, by parts, at any step length."""
     time = run.time
     force = run.force
     system = a.system

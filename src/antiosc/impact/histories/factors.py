@@ -71,9 +71,7 @@ def stretch_in(history: AnyHistory, body: str) -> Stretch | None:
 
 
 def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
-    """Second-order displacements (n_dofs, P) of the pairs of modes in which a body stretches, or
-    None.
-    """
+    """Second-order displacements (n_dofs, P) of the pairs of modes of a body, or None."""
     forces = stretch_in(history, body)
     of_body = history.placed.body if isinstance(history, BodyHistory) else history.of(body)[0]
     stretch = stretch_of(of_body)
@@ -126,10 +124,7 @@ def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Arra
 
 
 def unit_energy_factors(modes: ModalBody | SiteModes) -> tuple[Array, int]:
-    """Factors (2, B) that scale the shapes of each elastic mode to q'Kq = 1, and to q'Mq = 1.
-
-    The second result is the number of elastic modes.
-    """
+    """Factors (2, B) that scale the shapes of each elastic mode to q'Kq = 1, and to q'Mq = 1."""
     elastic = modes.omega > 0
     q = np.vstack([np.where(elastic, 1 / np.where(elastic, modes.omega, 1.0), 0.0), elastic])
     return _factors(modes, q, np.zeros((2, modes.B.shape[1]))), int(elastic.sum())

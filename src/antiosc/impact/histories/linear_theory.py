@@ -48,9 +48,7 @@ def deflects(name: str, deflection: float, thickness: float) -> str:
 
 
 def beyond_theory(name: str, deflection: float, thickness: float, stretches: bool) -> str:
-    """Warning that the deflection [m] of a supported sheet exceeds the theory of its run, of second
-    order if it `stretches`; "" if not.
-    """
+    """Warning of a deflection [m] of a sheet beyond the theory of its run; "" if within."""
     limit = QUARTIC if stretches else LINEAR
     if not deflection > limit * thickness:
         return ""
@@ -109,9 +107,7 @@ def may_stretch(history: RunHistory) -> bool:
 
 
 def sheets(history: RunHistory, held: bool = False) -> Iterator[tuple[str, float]]:
-    """Yield name and thickness [m] of each sheet or thin solid that is not a cantilever, or of
-    those alone that are `held`, and do not move as a whole.
-    """
+    """Yield name and thickness [m] of each sheet or thin solid, or of the `held` ones alone."""
     for name, body in history.assembly.bodies.items() if history.assembly.thin else ():
         h = info_of(body.body).thickness
         if h is not None and (body.omega.all() or not held):

@@ -204,11 +204,7 @@ class RunHistory(OneContact):
         return body
 
     def largest_rotation(self) -> tuple[str, float]:
-        """(name of the free body that rotated most, largest angle at a step's end [rad]); ("", 0.0)
-        if none.
-
-        Only bodies whose inertia in space is known are compared.
-        """
+        """(name of the free body that turned most, its angle [rad]); ("", 0.0) if unknown."""
         a = self.assembly
         if not a.may_rotate:
             return "", 0.0
@@ -218,11 +214,7 @@ class RunHistory(OneContact):
 
     @cached_property
     def _record(self) -> SceneRun:  # type: ignore[override]
-        """The record that its contacts share, without a reference to the history itself.
-
-        Between the contacts of a single impact there are additional nodes for smooth curves; in a
-        scene there may be too many intervals for that.
-        """
+        """The record that its contacts share; of one impact with nodes between its contacts."""
         return SceneRun(self.assembly, self.run, not self.named, self.enclosures)
 
     @property
@@ -239,7 +231,7 @@ class RunHistory(OneContact):
             )
         return 0
 
-    @property
+    @cached_property
     def _ends(self) -> list[SceneBody]:
         """The bodies of the only contact."""
         contact = self.assembly.scene.contacts[self._row]

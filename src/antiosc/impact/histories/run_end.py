@@ -75,9 +75,7 @@ def check_result(
     limits: tuple[int, int],
     gain: Callable[[], float] = lambda: 0.0,
 ) -> CheckResult:
-    """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: spurious gain of
-    energy.
-    """
+    """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: of energy."""
     if failure := stopped(ended.answer, ended.time, *limits):
         return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
 
@@ -182,10 +180,7 @@ def several(scenes: Sequence[int], size: int, worst: int) -> str:
 
 
 def warn_batch(results: Sequence[CheckResult], needed_radii: Sequence[float]) -> None:
-    """Warn once of each kind of failure in a batch, with the scenes in which it occurred.
-
-    Its message is that of the scene that needs the largest patch [m]; it suffices for all.
-    """
+    """Warn once of each kind of failure in a batch, with the scenes in which it occurred."""
     kinds: dict[tuple[int, bool], list[int]] = {}
     for i, result in enumerate(results):
         if result.status or result.unusual:

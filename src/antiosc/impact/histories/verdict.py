@@ -139,9 +139,7 @@ def _places(contact: OneContact, body: str) -> Iterator[tuple[Array, float]]:
 
 
 def _size(contact: OneContact) -> tuple[float, float] | None:
-    """Largest radius [m] of a contact, by its dent or by Hertz's law, and Poisson's ratio of what
-    yields or of the softer side; None: the surfaces are not known.
-    """
+    """Largest radius [m] of a contact, and Poisson's ratio of its softer side; None: unknown."""
     law = _law_with_yield(contact)
     if law is not None and contact.peak_force > law.yield_force:
         return rim_radius(law, contact.deepest), law.nu
@@ -165,9 +163,7 @@ def unknown_dent(contact: OneContact) -> str:
 
 
 def sentence(contact: OneContact) -> str:
-    """Sentence on whether the contact yields, with its permanent indentation, and that cracks are
-    not computed; empty if nothing is known.
-    """
+    """Sentence on whether the contact yields and its dent; "" if nothing is known."""
     return " ".join(filter(None, [_yielding(contact), crack_note(_sides(contact))]))
 
 
