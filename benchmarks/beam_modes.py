@@ -9,8 +9,30 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
 from antiosc.models.body import ModalModel
-from antiosc.models.closed_form import ACROSS, StruckBeam
+from antiosc.models.closed_form import Solved, StruckBeam
 from antiosc.models.modal import ModalBody
+from antiosc.models.motion import Inertia
+
+#: Direction of the impact, the beam on x.
+ACROSS = np.array([0.0, 1.0, 0.0])
+
+
+def inertia_of(struck: StruckBeam, solved: Solved, shapes: Array) -> Inertia | None:
+    """The inertia of a free beam along x that moves along y; None for a supported one."""
+    if not solved.rigid.shape[1]:
+        return None
+    beam, length = struck.beam, struck.beam.length
+    nodes, rule = np.polynomial.legendre.leggauss(300)
+    w, theta = solved.motions((nodes + 1) / 2)
+    rule = rule / 2
+    turning = (rule * nodes / 2) @ w + beam.alpha * (rule @ theta)
+    momentum = np.zeros((shapes.shape[1], 6))
+    momentum[:, 1] = beam.mass * solved.moved @ shapes
+    momentum[:, 5] = beam.mass * length * (turning @ shapes)
+    matrix = np.zeros((6, 6))
+    matrix[1, 1] = beam.mass
+    matrix[5, 5] = beam.mass * length**2 * (1 / 12 + beam.alpha)
+    return Inertia(np.array([length / 2, 0, 0]), matrix, momentum)
 
 
 def modes(
@@ -22,9 +44,9 @@ def modes(
     are the deflections at x [m]. With `static_correction` the static deflection of the
     truncated modes is included.
     """
-    points = struck._points_on(x)
-    rigid = min(struck.rigid_modes, 1)
-    solved, omega, phi, b = struck._observable(n - rigid, held=False)
+    points = np.atleast_1d(np.asarray(x, dtype=float))
+    rigid = min(struck.in_polynomials(0).rigid.shape[1], 1)
+    solved, omega, phi, b = struck.observable(n - rigid, held=False)
     if rigid:
         swing = solved.static / math.sqrt(solved.m_st)
         phi = np.column_stack((swing, phi))
@@ -44,18 +66,17 @@ def modes(
         residual = flexibility * solved.deflection - phi[:, elastic] @ modal
         r = max(float(solved.at_site @ residual), 0.0)
 
-    momenta = mass * solved.moved @ phi
     return ModalModel(
         ModalBody(
             omega,
             b,
             r,
-            weight=momenta[0],
+            weight=mass * solved.moved @ phi,
             shape=at_points @ phi,
             residual=at_points @ residual,
             basis=(np.eye(points.size),),
             direction=ACROSS,
-            inertia=struck._inertia_of(momenta),
+            inertia=inertia_of(struck, solved, phi),
         )
     )
 
@@ -64,4 +85,4 @@ def frequencies(struck: StruckBeam, n: int, *, held: bool = False) -> Array:
     """The first n frequencies > 0 in rad/s, with the site `held` the antiresonances, those that the
     site does not see included.
     """
-    return struck._in_polynomials(n).lowest(n, held=held)[0] * struck.beam.omega_unit
+    return struck.in_polynomials(n).lowest(n, held=held)[0] * struck.beam.omega_unit

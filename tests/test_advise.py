@@ -7,10 +7,10 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.models.closed_form import UniformBeam, free_free
+from antiosc.models.closed_form import UniformBeam
 from antiosc.strikes.advice import advise
 from plates import SupportedPlate
-from struck_beams import frequencies
+from struck_beams import free_free, frequencies
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 

@@ -15,10 +15,11 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.models.body import ModelInfo
-from antiosc.models.closed_form import StruckBeam, UniformBeam
+from antiosc.models.closed_form import UniformBeam
 from antiosc.strikes import strike as striking
 from mpi import one_and_several
 from parts import STEEL, line, plate
+from struck_beams import StruckBeam
 
 pytestmark = [
     pytest.mark.fem,

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.models.closed_form import (
-    StruckBeam,
-    UniformBeam,
-    cantilever,
-    free_free,
-    pinned_free,
-    pinned_pinned,
-)
+from antiosc.models.closed_form import UniformBeam
 from scenes import BEAM, finely
 from struck_beams import (
     ARTICLE,
@@ -21,10 +14,15 @@ from struck_beams import (
     SOME,
     THICK,
     UNIT,
+    StruckBeam,
+    cantilever,
     cutoff,
+    free_free,
     frequencies,
     hinged_roots,
     modes,
+    pinned_free,
+    pinned_pinned,
     struck,
 )
 

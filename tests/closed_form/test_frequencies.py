@@ -8,8 +8,18 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
-from struck_beams import SLENDER, THICK, UNIT, cutoff, frequencies, hinged_roots, struck
+from antiosc.models.closed_form import UniformBeam
+from struck_beams import (
+    SLENDER,
+    THICK,
+    UNIT,
+    cutoff,
+    free_free,
+    frequencies,
+    hinged_roots,
+    pinned_pinned,
+    struck,
+)
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
+from antiosc.models.closed_form import UniformBeam
 from antiosc.models.free_modes import error_bound, from_free_modes, site_models, stiffness_error
-from struck_beams import modes
+from struck_beams import free_free, modes, pinned_pinned
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 

@@ -9,10 +9,9 @@ import antiosc as ao
 from antiosc.base import progress
 from antiosc.impact.from_rest import peak_deflections
 from antiosc.impact.histories.factors import amplitudes, forces_of
-from antiosc.models.closed_form import free_free
 from marks import TURNS_FAR
 from scenes import finely
-from struck_beams import THICK
+from struck_beams import THICK, free_free
 
 pytestmark = TURNS_FAR
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.models.closed_form import UniformBeam, free_free
+from antiosc.models.closed_form import UniformBeam
+from struck_beams import free_free
 
 BAR = UniformBeam.euler_bernoulli(E=70e9, rho=2700.0, area=2e-4, inertia=1.7e-9, length=0.4)
 MODEL = free_free(BAR, 0.03).anti_oscillators(8)

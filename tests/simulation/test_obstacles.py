@@ -42,8 +42,8 @@ class TestObstacle:
 
     def test_article_case_one(self):
         """The falling pinned-free beam, Article eq. (24)-(27): it is thrown back, k0 = 0."""
-        from antiosc.models.closed_form import pinned_free
         from scenes import BEAM
+        from struck_beams import pinned_free
 
         model = pinned_free(BEAM).anti_oscillators(20)
         hit = ao.simulate(

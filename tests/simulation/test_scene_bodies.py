@@ -7,8 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.models.closed_form import UniformBeam, free_free
+from antiosc.models.closed_form import UniformBeam
 from scenes import hertz_impact
+from struck_beams import free_free
 
 
 def contact_steps(hit: ao.SceneHistory, contact: ao.ContactHistory) -> float:

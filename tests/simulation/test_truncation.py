@@ -20,8 +20,8 @@ from antiosc.impact.truncation import (
     softest_model,
     truncation_error,
 )
-from antiosc.models.closed_form import cantilever, free_free, pinned_free, pinned_pinned
 from scenes import BEAM, HERTZ, case_two
+from struck_beams import cantilever, free_free, pinned_free, pinned_pinned
 
 QUANTITIES = ("peak_force", "impulse", "contact_time")
 

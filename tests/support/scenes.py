@@ -9,7 +9,8 @@ import numpy as np
 from scipy.special import beta
 
 import antiosc as ao
-from antiosc.models.closed_form import UniformBeam, pinned_pinned
+from antiosc.models.closed_form import UniformBeam
+from struck_beams import pinned_pinned
 
 HERTZ = 1.55e10
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)

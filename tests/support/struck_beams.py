@@ -3,15 +3,56 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
-from antiosc.models.closed_form import StruckBeam, UniformBeam
+from antiosc import AntiOscillators
+from antiosc.models import closed_form
+from antiosc.models.closed_form import UniformBeam
 from paths import BENCHMARKS
 
 sys.path.append(str(BENCHMARKS))
-from beam_modes import frequencies as frequencies, modes as modes
+from beam_modes import ACROSS, frequencies as frequencies, inertia_of, modes as modes
+
+
+class StruckBeam(closed_form.StruckBeam):
+    """A beam whose models have their shapes at points `x`, and all rigid-body motions."""
+
+    def anti_oscillators(self, n: int, x: ArrayLike = ()) -> AntiOscillators:
+        model = super().anti_oscillators(n)
+        solved, _, phi, c = self.observable(n)
+        psi = np.column_stack((solved.static, c * phi))
+        hidden = solved.hidden / np.sqrt(self.beam.mass)
+        inertia = inertia_of(self, solved, np.column_stack((psi, hidden)))
+        places = np.asarray(x, dtype=float)
+        w = solved.motions(np.atleast_1d(places) / self.beam.length)[0]
+        return replace(
+            model,
+            shapes=w @ psi if places.size else None,
+            hidden=w @ hidden if places.size and inertia else None,
+            direction=ACROSS,
+            inertia=inertia,
+        )
+
+
+def free_free(beam: UniformBeam, site: float) -> StruckBeam:
+    return StruckBeam(beam, "free", "free", site)
+
+
+def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    return StruckBeam(*vars(closed_form.pinned_free(beam, site)).values())
+
+
+def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    return StruckBeam(*vars(closed_form.pinned_pinned(beam, site)).values())
+
+
+def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    return StruckBeam(*vars(closed_form.cantilever(beam, site)).values())
+
 
 ARTICLE = {"E": 67e9, "rho": 2400.0, "area": 2e-4, "inertia": 0.33e-8, "length": 1.0}
 SLENDER = UniformBeam.timoshenko(**ARTICLE, nu=0.3)

@@ -529,7 +529,8 @@ def reactions(
 
     released = Released(matrices, structure.supports)
     _check_reactions(structure, history, body)
-    support_motions = statics(structure, released.pulled)
+    solver = structure.factorize(released.pulled.shape[1])
+    support_motions = statics(structure, solver, released.pulled)
     support_motions[structure.fixed[structure.fixed < structure.rows]] = 0.0
     rigid = released.rigid()
     support_inertia, rigid_inertia = released.inertia(support_motions, rigid)

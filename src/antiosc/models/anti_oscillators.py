@@ -54,8 +54,7 @@ from antiosc.models.modal import Damping, ModalBody, SiteModes
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import (
     Parameters,
-    checked_at_one_site,
-    checked_at_sites,
+    checked,
     sorted_damping,
 )
 from antiosc.models.recurrence import Recurrence
@@ -352,12 +351,11 @@ class AntiOscillators(ReprMixin, Parameters):
         Displacements u of several sites in the rigid-body modes of unit mass that move them;
         default: from the null vectors of k0.
     strain_error : array_like, shape (N + 1, N + 1), optional
-        One site: energies [N/m] of the errors of the strains of psi_0 ... psi_N that the mesh
-        leaves, by `extract(..., error="estimate")`; see `corrected`.
-    strain_misfit : array_like, shape (N + 1, N + 1), optional
+        Energies [N/m] of the errors of the strains of psi_0 ... psi_N that the mesh leaves, by
+        `extract(..., error="estimate")`; see `corrected`. Several: (p + N, p + N), of the shapes.
+    strain_misfit : array_like, of the same shape, optional
         For shells with `strain_error`: work [N/m] of the section forces of one shape on the change
         of the strains of the other by the interpolation of the elements, of either sign.
-
     stretch : Stretch, optional
         Second-order forces of some free modes, by `extract(..., stretch=...)`.
     recurrence : Recurrence, optional
@@ -376,14 +374,9 @@ class AntiOscillators(ReprMixin, Parameters):
         if self.stretch is not None:
             checks.instance("stretch", self.stretch, Stretch, "a Stretch, as extract makes it")
         checks.store(self, info=ModelInfo.of(self.info))
+        checks.instance("sites", self.sites, (list, tuple), "names")
         as_passed = self.omega
-        if self.P is not None or len(checks.instance("sites", self.sites, (list, tuple), "names")):
-            for name in ("strain_error", "strain_misfit"):
-                if getattr(self, name) is not None:
-                    raise InputError(f"{name} belongs to a model of one site.")
-            checks.store(self, **checked_at_sites(self))
-        else:
-            checks.store(self, **checked_at_one_site(self))
+        checks.store(self, **checked(self))
         if isinstance(self.damping, DampingMatrix):
             checks.store(self, damping=sorted_damping(self, self.damping, as_passed))
 
@@ -439,15 +432,14 @@ class AntiOscillators(ReprMixin, Parameters):
         if isinstance(damping, DampingMatrix):
             remaining = np.delete(np.arange(damping.n), left_out)
             damping = in_coordinates(damping, np.eye(damping.n)[:, remaining])
-        p = self.participation
-        shapes = self.shapes
-        inertia = self.inertia
-        E = self.strain_error
-        misfit = self.strain_misfit
-        if p is not None:
-            lumped_mass = 0.0 if self.sites else p[left_out].sum()
-            p = np.delete(p, left_out, axis=0)
-            p[0] += lumped_mass
+        inertia, weights = self.inertia, self.weights
+        if weights is not None:
+            weights = self.having_weights(np.delete(weights, left_out, axis=0))
+        kept = slice(n_sites + n)
+        errors: dict[str, Any] = {
+            name: None if (E := getattr(self, name)) is None else E[kept, kept]
+            for name in ("strain_error", "strain_misfit")
+        }
         return replace(
             self,
             m0=self.m0 + self.m[n:].sum(axis=0),
@@ -455,11 +447,10 @@ class AntiOscillators(ReprMixin, Parameters):
             P=None if self.P is None else self.P[:, :n],
             omega=self.omega[:n],
             damping=damping,
-            participation=p,
-            shapes=None if shapes is None else shapes[:, : n_sites + n],
+            participation=weights,
+            shapes=None if self.shapes is None else self.shapes[:, kept],
             inertia=inertia and inertia.along(np.delete(inertia.momentum, left_out, axis=0)),
-            strain_error=None if E is None else E[: n + 1, : n + 1],
-            strain_misfit=None if misfit is None else misfit[: n + 1, : n + 1],
+            **errors,
         )
 
     def corrected(self) -> AntiOscillators:
@@ -481,7 +472,9 @@ class AntiOscillators(ReprMixin, Parameters):
 
     def _stretch_of_corrected(self, stretch: Stretch) -> Stretch:
         """The second-order forces for the free modes of the corrected model: the same motions."""
-        shapes = np.eye(self.n + 1)  # the motions are expressed in the shapes of this model
+        shapes = np.eye(
+            self.n_sites + self.n
+        )  # the motions are expressed in the shapes of this model
         raw = replace(self, stretch=None, inertia=None, hidden=None, shapes=shapes)
         before = raw.free_modes
         after = parameters.corrected(raw).free_modes
@@ -572,9 +565,7 @@ class AntiOscillators(ReprMixin, Parameters):
     @cached_property
     def free_modes(self) -> ModalBody | SiteModes:
         """The model in its free modes: `modal()` of one site, `site_modes()` of several."""
-        if self.sites:
-            return reduced_modes.site_modes(self)
-        return reduced_modes.modal(self)
+        return reduced_modes.free_modes(self)
 
     def to_matrices(
         self,
@@ -604,10 +595,8 @@ class AntiOscillators(ReprMixin, Parameters):
             raise InputError(
                 "some sites follow from others: extract a model without them for its matrices."
             )
-        P = np.sqrt(self.m)[None, :] if self.P is None else self.P
-        k0 = np.atleast_2d(self.k0)
         m_st = np.atleast_2d(self.m_st)
-        return reduced_matrices(k0, m_st, P, self.omega, nodes, dofs)
+        return reduced_matrices(self.k0_matrix, m_st, self.inertias, self.omega, nodes, dofs)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to one NumPy .npz file with a header in JSON.

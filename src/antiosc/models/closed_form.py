@@ -16,38 +16,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.linalg
 from numpy.polynomial import legendre
-from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.motion import Inertia
 
-__all__ = [
-    "StruckBeam",
-    "UniformBeam",
-    "cantilever",
-    "free_free",
-    "pinned_free",
-    "pinned_pinned",
-]
+__all__ = ["StruckBeam", "UniformBeam", "cantilever", "pinned_free", "pinned_pinned"]
 
 #: End supports: which of the motions w (0) and θ (1) they hold.
 ENDS: dict[str, tuple[int, ...]] = {"free": (), "pinned": (0,), "clamped": (0, 1), "guided": (1,)}
-#: Direction of the impact in the axes of `inertia`, the beam on x.
-ACROSS = np.array([0.0, 1.0, 0.0])
-#: Most frequencies that are sought at once.
-MOST_FREQUENCIES = 1000
 #: Polynomials for each half wave on a segment, π/2 at least, and for its ends.
 EACH, ENDING = 1.7, 30
-#: Share of a mode at the site (in mass) below which it is rounding: the mode has a node there.
+#: Share of a mode at the site (in mass) below which it is rounding.
 UNOBSERVABLE = 1e-14
 
 
@@ -63,9 +49,7 @@ class UniformBeam:
 
     Attributes
     ----------
-    EI : bending stiffness in N m².
-    rhoA : mass per length in kg/m.
-    length : in m.
+    EI, rhoA, length : bending stiffness in N m², mass per length in kg/m, length in m.
     kGA : shear stiffness k'GS in N; ``math.inf`` for a beam that is rigid in shear.
     rhoI : rotary inertia per length in kg m; 0 leaves it out.
     """
@@ -98,8 +82,8 @@ class UniformBeam:
         """With shear and rotary inertia; G = E/2(1 + nu), kGA = shear_coefficient·G·area (SI)."""
         slender = cls.euler_bernoulli(E=E, rho=rho, area=area, inertia=inertia, length=length)
         G = E / (2 * (1 + checks.poisson(nu)))
-        k = checks.positive("shear_coefficient", shear_coefficient)
-        return cls(slender.EI, slender.rhoA, length, k * G * area, rho * inertia)
+        kGA = checks.positive("shear_coefficient", shear_coefficient) * G * area
+        return cls(slender.EI, slender.rhoA, length, kGA, rho * inertia)
 
     @classmethod
     def euler_bernoulli(
@@ -141,10 +125,6 @@ class StruckBeam:
     beam : the uniform beam.
     left, right : "free", "pinned" (w = 0), "clamped" (w = θ = 0) or "guided" (θ = 0).
     site : distance of the impact site from the left end in m.
-
-    Raises
-    ------
-    InputError : unknown support, site off the beam or on a support.
     """
 
     beam: UniformBeam
@@ -156,8 +136,7 @@ class StruckBeam:
         checks.instance("beam", self.beam, UniformBeam, "a UniformBeam")
         for name in ("left", "right"):
             checks.choice(name, getattr(self, name), tuple(ENDS))
-        site = checks.number("site", self.site, "m")
-        length = self.beam.length
+        site, length = checks.number("site", self.site, "m"), self.beam.length
         if not 0 <= site <= length:
             raise InputError(f"site must lie on the beam, 0 to {length:g} m; got {site:g} m.")
         if (site == 0 and 0 in ENDS[self.left]) or (site == length and 0 in ENDS[self.right]):
@@ -165,99 +144,49 @@ class StruckBeam:
         checks.store(self, site=site)
 
     @property
-    def rigid_modes(self) -> int:
-        """Number of rigid-body modes."""
-        return self._few.rigid.shape[1]
-
-    @property
     @checks.within_range
     def static_stiffness(self) -> float:
         """k0 in N/m, Article (20): force per deflection at the site; 0 with a rigid-body mode."""
-        return self._few.k0 * self.beam.EI / self.beam.length**3
+        return self.in_polynomials(0).k0 * self.beam.EI / self.beam.length**3
 
     @property
     @checks.within_range
     def static_mass(self) -> float:
-        """m_st = M(φ_st, φ_st) in kg; with rigid-body modes φ_st is the one that moves the site and
-        is M-orthogonal to those that leave it at rest.
-        """
-        return self._few.m_st * self.beam.mass
+        """m_st = M(φ_st, φ_st) in kg, with a rigid-body mode M(φ_CR, φ_CR)."""
+        return self.in_polynomials(0).m_st * self.beam.mass
 
     @checks.within_range
-    def anti_oscillators(self, n: int, x: ArrayLike = ()) -> AntiOscillators:
-        """The first n anti-oscillators, Article (12), (15), (20), (23).
-
-        Constraint modes that carry no mass are not counted. The model's `field` gives the
-        deflections at the points `x` (m), Article (8).
-        """
-        points = self._points_on(x)
-        solved, omega, phi, c = self._observable(
-            checks.whole("n", n, most=MOST_FREQUENCIES), held=True
-        )
-        mass = self.beam.mass
-        m = c**2 * mass
-        shapes = np.column_stack((solved.static, c * phi, solved.hidden / math.sqrt(mass)))
-
-        momenta = mass * solved.moved @ shapes
-        inertia = self._inertia_of(momenta)
-        moved = momenta[0, : n + 1].copy()
+    def anti_oscillators(self, n: int) -> AntiOscillators:
+        """The first n anti-oscillators that carry mass, Article (12), (15), (20), (23)."""
+        solved, omega, phi, c = self.observable(checks.whole("n", n, most=1000))
+        m = c**2 * self.beam.mass
+        moved = self.beam.mass * (solved.moved @ np.column_stack((solved.static, c * phi)))
         moved[0] -= moved[1:].sum()
-        at_points = solved.motions(points / self.beam.length)[0] @ shapes
         return AntiOscillators(
             m0=self.static_mass - m.sum(),
             k0=self.static_stiffness,
             m=m,
             omega=omega * self.beam.omega_unit,
             participation=moved,
-            shapes=at_points[:, : n + 1] if points.size else None,
-            direction=ACROSS,
-            inertia=inertia,
-            hidden=at_points[:, n + 1 :] if points.size and inertia else None,
         )
 
-    @cached_property
-    def _few(self) -> Solved:
-        """The static shapes: cubic deflections are enough."""
-        return self._in_polynomials(0)
-
-    def _in_polynomials(self, count: int) -> Solved:
+    def in_polynomials(self, count: int) -> Solved:
         """The beam with as many polynomials as its lowest `count` modes need."""
         site = self.site / self.beam.length
         degrees = [math.ceil(EACH * count * share) + ENDING for share in (site, 1 - site)]
         return Solved(self, (degrees[0], degrees[1]))
 
-    def _observable(self, n: int, *, held: bool) -> tuple[Solved, Array, Array, Array]:
+    def observable(self, n: int, *, held: bool = True) -> tuple[Solved, Array, Array, Array]:
         """(the beam, √Ω, shapes of unit mass, b or c) of the first n modes that the site sees."""
         count = n + 2
         while True:
-            solved = self._in_polynomials(count)
+            solved = self.in_polynomials(count)
             omega, phi = solved.lowest(count, held=held)
             share = (solved.mass @ solved.static if held else solved.at_site) @ phi
             seen = np.flatnonzero(share**2 > UNOBSERVABLE * (solved.m_st if held else 1.0))[:n]
             if len(seen) == n:
                 return solved, omega[seen], phi[:, seen], share[seen]
             count *= 2
-
-    def _points_on(self, x: ArrayLike) -> Array:
-        points = checks.floats("x", x, (None,))
-        if points.size and not (points.min() >= 0 and points.max() <= self.beam.length):
-            raise InputError(f"x must lie on the beam, 0 to {self.beam.length:g} m.")
-        return points
-
-    def _inertia_of(self, moved: Array) -> Inertia | None:
-        """The inertia of a free beam along x that moves along y; None for a supported one.
-
-        moved : (2, C) momentum of each shape, and its moment over the length [kg].
-        """
-        if not self.rigid_modes:
-            return None
-        length = self.beam.length
-        momentum = np.zeros((moved.shape[1], 6))
-        momentum[:, [1, 5]] = moved.T * [1, length]
-        matrix = np.zeros((6, 6))
-        matrix[1, 1] = self.beam.mass
-        matrix[5, 5] = self.beam.mass * length**2 * (1 / 12 + self.beam.alpha)
-        return Inertia(np.array([length / 2, 0, 0]), matrix, momentum)
 
 
 class Solved:
@@ -267,9 +196,8 @@ class Solved:
 
     Attributes
     ----------
-    at_site : (size,) deflection of the site.
-    rigid : (size, r) M-orthonormal rigid-body modes; hidden : (size, h) those that leave the site
-        at rest.
+    at_site, moved : (size,) deflection of the site, momentum across the beam.
+    rigid, hidden : (size, r) M-orthonormal rigid-body modes, and those that leave the site at rest.
     static : (size,) φ_st, or with rigid-body modes the one that moves the site by 1.
     deflection : (size,) under a unit force at the site, without rigid-body modes.
     k0, m_st : stiffness and mass of `static`.
@@ -280,8 +208,7 @@ class Solved:
         self._eta = beam.eta
         parts = zip((0.0, site), (site, 1 - site), degrees, strict=True)
         self._segments = [part for part in parts if part[1] > 0]
-        each = [degree + 1 for _, _, degree in self._segments]
-        self.size = 2 + sum(each) * (2 if beam.eta else 1)
+        self.size = 2 + sum(part[2] + 1 for part in self._segments) * (2 if beam.eta else 1)
 
         points, weights = [], []
         for start, length, degree in self._segments:
@@ -292,10 +219,7 @@ class Solved:
         w, theta = self.motions(x)
         self.stiffness = np.diag(np.append([0.0, 0.0], np.ones(self.size - 2)))
         self.mass = (w.T * rule) @ w + beam.alpha * (theta.T * rule) @ theta
-
-        #: rows of the momentum and of the angular momentum about mid-span
-        turning = (rule * (x - 0.5)) @ w + beam.alpha * (rule @ theta)
-        self.moved = np.vstack((rule @ w, turning))
+        self.moved = rule @ w
 
         self.at_site = self.motions(np.array([site]))[0][0]
         ends = np.array(self.motions(np.array([0.0, 1.0])))
@@ -352,43 +276,25 @@ class Solved:
         # the rounding of 1/(Ω + s) is small at both ends of the spectrum with s between them
         shift = 3 * (max(n, 1) * math.pi) ** 2 / (1 + self._eta)
         M = N.T @ self.mass @ N
+        A = N.T @ self.stiffness @ N + shift * M
         most = len(M) - rigid
-        index = [most - n, most - 1]
-        if n == 0:
-            return np.zeros(0), np.zeros((self.size, 0))
-        theta, phi = scipy.linalg.eigh(
-            M, N.T @ self.stiffness @ N + shift * M, subset_by_index=index
-        )
+        theta, phi = scipy.linalg.eigh(M, A, subset_by_index=[most - n, most - 1])
         phi = N @ (phi / np.sqrt(theta))[:, ::-1]
         return np.sqrt(1 / theta - shift)[::-1], phi
 
 
 def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
-    """Pinned at x = 0, free at x = L, struck at `site` (m), the free tip unless given.
-
-    At the tip k0 = 0, φ_st = x/L and the constraint modes are the hinged beam's: Article (24)-(27).
+    """Pinned at x = 0, free at x = L, struck at `site` (m), the free tip unless given: Article (24)
+    to (27).
     """
-    return _struck(beam, "pinned", "free", 1.0, site)
+    return StruckBeam(beam, "pinned", "free", beam.length if site is None else site)
 
 
 def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     """Pinned at both ends, struck at `site` (m), mid-span unless given."""
-    return _struck(beam, "pinned", "pinned", 0.5, site)
+    return StruckBeam(beam, "pinned", "pinned", beam.length / 2 if site is None else site)
 
 
 def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     """Clamped at x = 0, struck at `site` (m), the free tip unless given: 1/k0 = a³/3EI + a/kGA."""
-    return _struck(beam, "clamped", "free", 1.0, site)
-
-
-def free_free(beam: UniformBeam, site: float) -> StruckBeam:
-    """Free at both ends, struck at `site` (m): k0 = 0."""
-    return StruckBeam(beam, "free", "free", site)
-
-
-def _struck(
-    beam: UniformBeam, left: str, right: str, share: float, site: float | None
-) -> StruckBeam:
-    """A beam struck at `site`, or at this share of its length."""
-    checks.instance("beam", beam, UniformBeam, "a UniformBeam")
-    return StruckBeam(beam, left, right, share * beam.length if site is None else site)
+    return StruckBeam(beam, "clamped", "free", beam.length if site is None else site)

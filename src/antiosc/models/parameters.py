@@ -18,12 +18,13 @@ strains changed by the interpolation: this `strain_misfit`, of either sign, is a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Index
@@ -37,7 +38,7 @@ from antiosc.models.recurrence import Recurrence
 from antiosc.models.stretch import Stretch
 
 #: Parameters by name, as they are stored.
-ParameterDict = dict[str, object]
+ParameterDict = dict[str, Any]
 #: Parameters that only a model of several sites has.
 OF_SEVERAL = ("columns", "dependence", "rigid")
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
@@ -83,9 +84,7 @@ class Parameters(Body):
     @property
     def n_sites(self) -> int:
         """Number of leading shapes, those of unit displacements of sites."""
-        if self.sites:
-            return len(self.k0)
-        return 1
+        return len(self.k0_matrix)
 
     @property
     def hidden_count(self) -> int:
@@ -104,17 +103,68 @@ class Parameters(Body):
         """Static mass m0 + sum(m_i) [kg], also of free bodies. Article eq. (15)."""
         return self.m0 + self.m.sum(axis=0)
 
+    # -- of any number of sites p >= 1, in motions of unit mass
+
+    @property
+    def k0_matrix(self) -> Array:
+        """k0 (p, p)."""
+        return np.atleast_2d(self.k0)
+
+    @property
+    def m0_matrix(self) -> Array:
+        """m0 (p, p)."""
+        return np.atleast_2d(self.m0)
+
+    @property
+    def inertias(self) -> Array:
+        """P (p, N): the roots of the masses of one site."""
+        if self.P is None:
+            return np.sqrt(self.m)[None]
+        return self.P
+
+    @property
+    def rigid_modes(self) -> Array:
+        """Displacements (p, q) of the sites in the rigid-body modes of unit mass that move them."""
+        if self.rigid is not None:
+            return self.rigid
+        return np.full((1, int(self.k0 == 0)), max(self.m_st, np.finfo(float).tiny) ** -0.5)
+
+    @property
+    def unit(self) -> Array:
+        """Amplitudes (p + N,) of the `shapes` in the motions that move the sites by 1 or have unit
+        mass.
+        """
+        if self.P is None:
+            return np.append(1.0, 1 / self.inertias[0])
+        return np.ones(self.n_sites + self.n)
+
+    @property
+    def stiffness(self) -> Array:
+        """Stiffness (p + N, p + N) of the `shapes` [N/m]: block_diag(k0, k)."""
+        K = np.diag(np.append(np.zeros(self.n_sites), self.omega**2) / self.unit**2)
+        K[: self.n_sites, : self.n_sites] = self.k0_matrix
+        return K
+
+    @property
+    def weights(self) -> Array | None:
+        """Generalised masses of the `shapes` for unit accelerations, from the participation."""
+        return with_sums(self.participation, self.sites, 1.0)
+
+    def having_weights(self, weights: Array | None) -> Array | None:
+        """The participation from generalised masses of the `shapes`."""
+        return with_sums(weights, self.sites, -1.0)
+
     @property
     def mass_shares(self) -> Array:
         """Shares (N,) of the anti-oscillators in the static mass, m_i/m_st.
 
         Several sites: tr(m_st^-1 m_i)/p, whatever combinations of the sites are taken.
         """
-        if not self.sites:
-            return np.asarray(self.m / self.m_st)
-        scale = 1 / np.sqrt(np.maximum(self.m_st.diagonal(), np.finfo(float).tiny))
-        unit = self.m_st * scale[:, None] * scale
-        P = scale[:, None] * self.P
+        P = self.inertias
+        static = self.m0_matrix + P @ P.T
+        scale = 1 / np.sqrt(np.maximum(static.diagonal(), np.finfo(float).tiny))
+        unit = static * scale[:, None] * scale
+        P = scale[:, None] * P
         return np.asarray(np.sum(P * (np.linalg.pinv(unit, hermitian=True) @ P), axis=0) / len(P))
 
     @property
@@ -135,24 +185,76 @@ class Parameters(Body):
         return tuple(labels)
 
 
-def checked_at_one_site(model: Parameters) -> ParameterDict:
-    """Check the parameters of one site and sort them by frequency; else InputError."""
+def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
+    """Values of psi_0, psi_i from those of lambda_0, lambda_i of one site (Article eq. (8), `sign`
+    1), or the reverse (-1); those of several sites as they are.
+    """
+    if values is None or sites:
+        return values
+    values = np.array(values)
+    values[0] += sign * values[1:].sum()
+    return values
+
+
+def squeezed(k0: Array, m0: Array, P: Array, sites: Sequence[str]) -> ParameterDict:
+    """k0, m0 and P, or for one site without a name the numbers k0, m0 and the masses m."""
+    if sites:
+        return {"k0": k0, "m0": m0, "P": P}
+    return {"k0": float(k0[0, 0]), "m0": float(m0[0, 0]), "m": P[0] ** 2}
+
+
+def checked(model: Parameters) -> ParameterDict:
+    """Check the parameters and sort them by frequency; else InputError."""
+    omega = checks.positives("omega", model.omega, "rad/s")
+    order = np.argsort(omega, kind="stable")
+    several = model.P is not None or len(model.sites) > 0
+    stored = (_checked_at_sites if several else _checked_at_one_site)(model, omega, order)
+    p = np.atleast_2d(stored["k0"]).shape[0]
+    rows = np.concatenate((np.arange(p), p + order))
+
+    # errors of the strains
+    if model.strain_misfit is not None and model.strain_error is None:
+        raise InputError("strain_misfit belongs to a strain_error, which is missing.")
+    for name in ("strain_error", "strain_misfit"):
+        value = getattr(model, name)
+        if value is not None:
+            E = checks.floats(name, value, (rows.size, rows.size))
+            sizes, least = np.sqrt(np.abs(E.diagonal())), -ENERGY_ROUNDING * rows.size
+            if name == "strain_misfit":  # of either sign
+                sizes, least = np.full_like(sizes, np.sqrt(np.abs(E).max())), -np.inf
+            E = _symmetric(name, E, sizes, ENERGY_ROUNDING, least)
+            stored[name] = checks.read_only(E[np.ix_(rows, rows)])
+
+    # directions, and weights of the shapes along them
+    columns = np.shape(stored["dependence"])[:1] if several else ()
+    if model.direction is not None:
+        directions = checks.floats("direction", model.direction, (*columns, 3))
+        unit = unit_vectors if columns else unit_vector
+        stored["direction"] = checks.read_only(unit("direction", directions))
+    if model.participation is not None:
+        axes = (3,) if several else ()
+        weight = checks.floats("participation", model.participation, (rows.size, *axes))
+        stored["participation"] = checks.read_only(weight[rows])
+
+    return {"omega": checks.read_only(omega[order]), **stored, **_spatial(model, rows)}
+
+
+def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> ParameterDict:
+    """The parameters that have another form at one site without a name."""
     for name in OF_SEVERAL:
         value = getattr(model, name)
-        empty = name == "columns" and isinstance(value, dict) and not value
-        if not (value is None or empty):
+        if not (value is None or (isinstance(value, dict) and not value)):
             raise InputError(
                 f"{name} belongs to a model of several sites: give its P and the names of its "
                 "sites too."
             )
     m = checks.positives("m", model.m, "kg")
-    omega = checks.positives("omega", model.omega, "rad/s")
     if m.shape != omega.shape:
         raise InputError(
             f"m and omega must have one entry per anti-oscillator;"
             f" got {m.size} masses and {omega.size} frequencies."
         )
-    order = np.argsort(omega, kind="stable")
+
     m0 = checks.number("m0", model.m0, "kg")
     total = float(m.sum()) + max(m0, 0.0)
     if m0 < 0 and -m0 <= ROUNDING * total:
@@ -164,46 +266,19 @@ def checked_at_one_site(model: Parameters) -> ParameterDict:
             "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor "
             "stiffness; give it one."
         )
-    columns = np.concatenate(([0], 1 + order))
-    stored: ParameterDict = {
+
+    radius = None if model.radius is None else checks.positive("radius", model.radius, "m")
+    return {
         "m0": m0,
         "k0": k0,
         "m": checks.read_only(m[order]),
-        "omega": checks.read_only(omega[order]),
         "local_compliance": checks.nonnegative("local_compliance", model.local_compliance),
+        "radius": radius,
     }
-    if model.radius is not None:
-        stored["radius"] = checks.positive("radius", model.radius, "m")
-    if model.strain_error is not None:
-        energies = checked_energies("strain_error", model.strain_error, columns.size)
-        stored["strain_error"] = checks.read_only(energies[np.ix_(columns, columns)])
-    if model.strain_misfit is not None:
-        if model.strain_error is None:
-            raise InputError("strain_misfit belongs to a strain_error, which is missing.")
-        work = checked_energies("strain_misfit", model.strain_misfit, columns.size, False)
-        stored["strain_misfit"] = checks.read_only(work[np.ix_(columns, columns)])
-    return (
-        stored | _direction_parameters(model, columns, (), ()) | spatial_parameters(model, columns)
-    )
 
 
-def checked_energies(name: str, energies: Array, size: int, semidefinite: bool = True) -> Array:
-    """`energies` (size, size), symmetric, and positive semidefinite if asked; else InputError."""
-    E = checks.floats(name, energies, (size, size))
-    if semidefinite:
-        unit, uneven = checks.scaled_symmetric(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
-        smallest_eigenvalue = np.linalg.eigvalsh(unit).min(initial=0.0)
-        if uneven > ENERGY_ROUNDING or smallest_eigenvalue < -ENERGY_ROUNDING * size:
-            raise InputError(
-                f"{name} must be symmetric and positive semidefinite: it holds energies."
-            )
-    elif np.abs(E - E.T).max(initial=0.0) > ENERGY_ROUNDING * np.abs(E).max(initial=0.0):
-        raise InputError(f"{name} must be symmetric.")
-    return checks.read_only((E + E.T) / 2)
-
-
-def checked_at_sites(model: Parameters) -> ParameterDict:
-    """Check the parameters of several sites and sort them by frequency; else InputError."""
+def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> ParameterDict:
+    """The same of sites with names."""
     if model.m is not None and np.ndim(model.m) != 3:
         raise InputError("with several sites the inertias are given as P, not as m.")
     if model.P is None:
@@ -213,15 +288,16 @@ def checked_at_sites(model: Parameters) -> ParameterDict:
     if k0.shape != (p, p):
         raise InputError(f"k0 must be square (p, p); got shape {k0.shape}.")
     m0 = checks.floats("m0", model.m0, (p, p))
-    omega = checks.positives("omega", model.omega, "rad/s")
-    P = checks.floats("P", model.P, (p, omega.size))
-    order = np.argsort(omega, kind="stable")
+    P = checks.floats("P", model.P, (p, omega.size))[:, order]
     omega = omega[order]
-    P = P[:, order]
-    m0 = _semidefinite("m0", m0, np.sqrt(np.abs(m0.diagonal()) + np.sum(P**2, axis=1)))
-    k0 = _semidefinite("k0", k0, 1 / stiffness_scale(k0, m0 + P @ P.T, omega))
+    sizes = np.sqrt(np.abs(m0.diagonal()) + np.sum(P**2, axis=1))
+    m0 = _symmetric("m0", m0, sizes, ASYMMETRY, -ASYMMETRY)
+    sizes = 1 / stiffness_scale(k0, m0 + P @ P.T, omega)
+    k0 = _symmetric("k0", k0, sizes, ASYMMETRY, -ASYMMETRY)
     if p == 0 or np.any((k0.diagonal() == 0) & (m0.diagonal() == 0) & ~P.any(axis=1)):
         raise InputError("each of the sites needs stiffness or mass, in k0, m0 or P.")
+
+    # names
     dependence = np.eye(p) if model.dependence is None else model.dependence
     dependence = checks.floats("dependence", dependence, (None, p))
     if not model.columns and len(model.sites) != len(dependence):
@@ -235,34 +311,32 @@ def checked_at_sites(model: Parameters) -> ParameterDict:
             f"sites and columns must name the same sites; got {checks.shown(model.sites)} and "
             f"{checks.shown(list(columns))}."
         )
-    rows = np.concatenate((np.arange(p), p + order))
+
     rigid = rigid_motions(k0, m0 + P @ P.T, omega) if model.rigid is None else model.rigid
-    rigid = checks.floats("rigid", rigid, (p, None))
     return {
         "k0": checks.read_only(k0),
         "m0": checks.read_only(m0),
         "m": checks.read_only(P.T[:, :, None] * P.T[:, None, :]),
-        "omega": checks.read_only(omega),
         "P": checks.read_only(P),
         "sites": tuple(columns),
         "columns": columns,
         "dependence": checks.read_only(dependence),
-        "rigid": checks.read_only(rigid),
+        "rigid": checks.read_only(checks.floats("rigid", rigid, (p, None))),
         **_patch_parameters(model, len(columns)),
-        **_direction_parameters(model, rows, (len(dependence),), (3,)),
-        **spatial_parameters(model, rows),
     }
 
 
-def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
-    """Symmetrise `matrix`; InputError unless it is symmetric and positive semidefinite.
+def _symmetric(name: str, matrix: Array, sizes: Array, asymmetry: float, least: float) -> Array:
+    """Symmetrise `matrix`; InputError unless it is symmetric and has no eigenvalue below `least`.
 
-    The square roots `size` (p,) of its usual diagonal scale the rounding that is accepted.
+    The square roots `sizes` (p,) of its usual diagonal scale the rounding that is accepted.
     """
-    unit, uneven = checks.scaled_symmetric(matrix, size)
-    if uneven > ASYMMETRY or np.linalg.eigvalsh(unit).min(initial=0.0) < -ASYMMETRY:
+    unit, uneven = checks.scaled_symmetric(matrix, sizes)
+    if uneven > asymmetry:
+        raise InputError(f"{name} must be symmetric.")
+    if np.linalg.eigvalsh(unit).min(initial=0.0) < least:
         raise InputError(f"{name} must be symmetric and positive semidefinite.")
-    free = matrix.diagonal() <= 0  # but for rounding
+    free = (matrix.diagonal() <= 0) & (least > -np.inf)  # but for rounding
     return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))
 
 
@@ -277,21 +351,6 @@ def _patch_parameters(model: Parameters, count: int) -> ParameterDict:
         raise InputError(f"radius needs one entry for each of {count} sites; got {len(radii)}.")
     radius = tuple(None if r is None else checks.positive("radius", r, "m") for r in radii)
     return {"local_compliance": checks.read_only(local), "radius": radius}
-
-
-def _direction_parameters(
-    model: Parameters, rows: Index, columns: tuple[int, ...], axes: tuple[int, ...]
-) -> ParameterDict:
-    """Directions (*columns, 3) and sorted weights (rows, *axes) of the shapes."""
-    stored: ParameterDict = {}
-    if model.direction is not None:
-        directions = checks.floats("direction", model.direction, (*columns, 3))
-        unit = unit_vectors if columns else unit_vector
-        stored["direction"] = checks.read_only(unit("direction", directions))
-    if model.participation is not None:
-        weight = checks.floats("participation", model.participation, (rows.size, *axes))
-        stored["participation"] = checks.read_only(weight[rows])
-    return stored
 
 
 def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
@@ -315,7 +374,7 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
     return np.asarray(1 / np.sqrt(np.maximum(stiffness + s * mass, np.finfo(float).tiny)))
 
 
-def spatial_parameters(model: Parameters, rows: Index) -> ParameterDict:
+def _spatial(model: Parameters, rows: Index) -> ParameterDict:
     """Check shapes, momenta and hidden motions and sort the shapes by `rows`; else InputError.
 
     The momenta of the hidden motions follow those of the shapes.
@@ -412,32 +471,34 @@ def corrected(model: ModelType) -> ModelType:
         raise InputError(no_estimate(model))
     if model.strain_misfit is not None:
         E = E + model.strain_misfit
-    k0, static, omega, Q = _softened(model.k0, model.m, model.omega, E)
-    # amplitudes of the modes of unit mass, and their inertia against the static mode; they span the
-    # same shapes, and so the residual mass stays
-    unit = Q / np.sqrt(model.m)[:, None]
-    c = unit.T @ (model.m * static)
-    transform = np.zeros((model.n + 1, model.n + 1))  # the new shapes in terms of the old ones
-    transform[0, 0] = 1.0
-    transform[1:, 0] = static - 1
-    transform[1:, 1:] = unit * c
-    massive = c**2 > MASSLESS_SHARE * (model.m0 + model.m.sum())
-    transform = transform[:, np.append(True, massive)]
-    p = model.participation
-    inertia = model.inertia
-    if p is not None:  # psi_0 is what moves with m0 and all psi_i
-        p = transform.T @ np.append(p.sum(), p[1:])
-        p[0] -= p[1:].sum()
+
+    # new motions in terms of the old ones; they span the same shapes, so the residual mass stays
+    p, unit, P = model.n_sites, model.unit, model.inertias
+    E = unit[:, None] * E * unit
+    k0, static, omega, Q = _softened(model.k0_matrix, model.rigid_modes.shape[1], model.omega, E)
+    static_mass = (model.m0_matrix + P @ P.T).diagonal()
+    P = (P + static.T) @ Q
+    massive = (MASSLESS_SHARE * static_mass[:, None] < P**2).any(axis=0)
+    left_out, P = P[:, ~massive], P[:, massive]
+    m0 = model.m0_matrix + left_out @ left_out.T
+    motions = np.eye(p + model.n, p + len(P.T))
+    motions[p:] = np.hstack([static, Q[:, massive]])
+
+    # the same of the shapes
+    transform = unit[:, None] * motions
+    if not model.sites:
+        transform[:, 1:] *= P[0]
+    weights, inertia = model.weights, model.inertia
+    if weights is not None:
+        weights = model.having_weights(transform.T @ weights)
     if inertia is not None:
-        of_model, hidden = np.split(inertia.momentum, [model.n + 1])
+        of_model, hidden = np.split(inertia.momentum, [p + model.n])
         inertia = inertia.along(np.vstack((transform.T @ of_model, hidden)))
     return replace(
         model,
-        m0=model.m0 + float(np.sum(c[~massive] ** 2)),
-        k0=k0,
-        m=c[massive] ** 2,
+        **squeezed(k0, m0, P, model.sites),
         omega=omega[massive],
-        participation=p,
+        participation=weights,
         shapes=None if model.shapes is None else model.shapes @ transform,
         inertia=inertia,
         strain_error=None,
@@ -446,36 +507,31 @@ def corrected(model: ModelType) -> ModelType:
     )
 
 
-def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array, Array, Array]:
-    """(k0, 1 + amplitudes of psi_i in the static mode (N,), omega (N,), modes (N, N)) after
-    softening.
-
-    The modes are columns of unit length, of amplitudes times sqrt(m_i).
+def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Array, Array, Array]:
+    """(k0 (p, p), amplitudes of the modes in the static shapes (N, p), omega (N,), modes (N, N))
+    after softening, in modes of unit mass; `rigid`: number of motions of the sites without strain.
     """
-    scale = np.append(0.0, 1 / (omega * np.sqrt(m)))
-    if k0 > 0:
-        scale[0] = k0**-0.5
-    values, vectors = np.linalg.eigh(scale[:, None] * E * scale)
+    p = len(k0)
+    values, vectors = np.linalg.eigh(k0)
+    V = vectors[:, rigid:]
+    root = block_diag(V / np.sqrt(values[rigid:]), np.diag(1 / omega))
+
     # the error relative to the energy
+    values, vectors = np.linalg.eigh(root.T @ E @ root)
     softened = (vectors * np.maximum(values, LEAST_CHANGE)) @ vectors.T
-    F = scale[:, None] * (np.eye(len(scale)) + softened) * scale
-    static = np.zeros(len(m))
-    constrained = F[1:, 1:]
-    if k0 > 0:
-        static = F[1:, 0] / F[0, 0]
-        constrained = constrained - np.outer(F[1:, 0], static)
-        k0 = 1 / float(F[0, 0])
-    root = np.sqrt(m)
-    theta, Q = np.linalg.eigh(root[:, None] * constrained * root)
-    return k0, 1 + static, theta[::-1] ** -0.5, Q[:, ::-1]
+    F = root @ (np.eye(len(softened)) + softened) @ root.T
+    at_sites = V @ np.linalg.inv(V.T @ F[:p, :p] @ V) @ V.T
+    static = F[p:, :p] @ at_sites
+    theta, Q = np.linalg.eigh(F[p:, p:] - static @ F[:p, p:])
+    return (at_sites + at_sites.T) / 2, static, theta[::-1] ** -0.5, Q[:, ::-1]
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Share of the strain energy that is due to the strain errors E (N + 1, N + 1).
+    """Share of the strain energy that is due to the strain errors E (p + N, p + N).
 
-    weights : (N + 1, N + 1), sum of a aᵀ of the amplitudes a of psi_0 ... psi_N.
+    weights : (p + N, p + N), sum of a aᵀ of the amplitudes a of the shapes.
     """
-    energy = float(np.diag(weights) @ np.append(model.k0, model.k))
+    energy = float(np.sum(weights * model.stiffness))
     if energy > 0:
         return float(np.sum(weights * E)) / energy
     return 0.0

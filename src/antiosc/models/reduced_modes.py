@@ -13,7 +13,8 @@ modes become a residual compliance without inertia, as they should.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -23,7 +24,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
-from antiosc.models.motion import arrow_modes, unit_vector
+from antiosc.models.motion import arrow_modes
 from antiosc.models.parameters import Parameters
 
 #: theta over the largest, below which a mode has no inertia.
@@ -36,10 +37,89 @@ LEAST_MASS = 1e-8
 MASSLESS_SITE = 1e-15
 
 
-def modal(model: Parameters) -> ModalBody:
-    """The free modes of a model of one site, hidden rigid motions first."""
-    if isinstance(model.damping, DampingMatrix):
-        return _coupled_modes(model)
+def free_modes(model: Parameters) -> ModalBody | SiteModes:
+    """The free modes of a model, hidden rigid-body motions first, so that frequencies ascend.
+
+    The coordinates of one site without a name are lambda, those of several u and eta; the hidden
+    motions follow.
+    """
+    p, hidden = model.n_sites, model.hidden_count
+    of_lambda, to_shapes = _coordinates(model)
+    coupled = isinstance(model.damping, DampingMatrix)
+    if model.sites or coupled:
+        found = _damped_modes(model)
+        in_space = np.roll(block_diag(found.shape, np.eye(hidden)), hidden, axis=1)
+        shape, residual = of_lambda @ found.shape, of_lambda @ found.residual
+    else:
+        found = _modes_at_one_site(model)
+        in_space, shape, residual = None, found.shape, found.residual
+
+    # with the hidden motions
+    shape = np.roll(block_diag(shape, np.eye(hidden)), hidden, axis=1)
+    residual = np.vstack((residual, np.zeros((hidden, p))))
+    omega = np.concatenate((np.zeros(hidden), found.omega))
+    decay, damping = _damping_of(model, omega, in_space)
+
+    # what the body carries
+    to_shapes = block_diag(to_shapes, np.eye(hidden))
+    inertia = weight = None
+    if model.inertia is not None:
+        inertia = model.inertia.along((to_shapes @ shape).T @ model.inertia.momentum)
+    if model.participation is not None and (inertia is None or not model.sites):
+        weight = shape[: len(model.participation)].T @ model.participation
+    if inertia is not None and model.direction is not None and not model.sites:
+        weight = inertia.momentum[:, :3] @ model.direction
+
+    known: dict[str, Any] = {
+        "omega": omega,
+        "decay": decay,
+        "damping": damping,
+        "weight": weight,
+        "shape": shape,
+        "inertia": inertia,
+        "basis": _basis(model),
+    }
+    if not model.sites:
+        return unchecked_body(
+            b=shape[0],
+            r=float(residual[0, 0]),
+            residual=residual[:, 0],
+            amplitude=to_shapes,
+            direction=model.direction,
+            **known,
+        )
+
+    assert model.dependence is not None
+    residual = residual @ model.dependence.T
+    r = model.dependence @ residual[:p]
+    local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))
+    return SiteModes(
+        b=shape[:p].T @ model.dependence.T,
+        sites=model.columns,
+        r=(r + r.T) / 2,
+        residual=residual,
+        directions=model.direction,
+        local_compliance={name: value for name, value in local.items() if value},
+        **known,
+    )
+
+
+def _coordinates(model: Parameters) -> tuple[Array, Array]:
+    """Matrices of the coordinates of u and eta, and of the amplitudes of the shapes in coordinates.
+
+    One site without a name has lambda_i = lambda_0 + eta_i/sqrt(m_i), and the amplitudes lambda_0
+    and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8).
+    """
+    of_lambda = np.diag(model.unit)
+    to_shapes = np.eye(len(of_lambda))
+    if not model.sites:
+        of_lambda[1:, 0] = 1.0
+        to_shapes[1:, 0] = -1.0
+    return of_lambda, to_shapes
+
+
+def _modes_at_one_site(model: Parameters) -> ReducedModes:
+    """The free modes of an undamped model of one site, in lambda."""
     poles = model.omega**2
     mass = model.m
     group = None
@@ -47,80 +127,18 @@ def modal(model: Parameters) -> ModalBody:
     massless = model.m0 == 0
     if model.n:
         massless = model.m0 * float(model.omega[-1]) ** 2 <= MASSLESS_SITE * stiffness
+
     is_distinct = poles[1:] > poles[:-1]
     if not is_distinct.all():  # equal frequencies act at the site as one mode
         group = np.append([0, 1], 1 + np.cumsum(is_distinct))
         mass = np.asarray(np.bincount(group[1:], weights=mass)[1:], dtype=float)
         poles = np.append(poles[0], poles[1:][is_distinct])
+
     x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, poles)
-    if group is not None:
-        shape = shape[group]
-    residual = np.zeros(model.n + 1)
+    residual = np.zeros((model.n + 1, 1))
     if massless:
         residual[0] = 1.0 / stiffness
-    return _in_free_modes(model, np.sqrt(x), shape, residual)
-
-
-def _coupled_modes(model: Parameters) -> ModalBody:
-    """The free modes of a model with coupled damping; none of them are merged."""
-    k0 = np.array([[model.k0]])
-    m0 = np.array([[model.m0]])
-    root = np.sqrt(model.m)
-    rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
-    damped = damped_modes(model, k0, m0, root[None], rigid)
-    transform = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
-    transform[1:, 0] = 1.0
-    transform[1:, 1:] = np.diag(1 / root)
-    size = len(transform)
-    hidden = model.hidden_count
-    shapes = np.zeros((size + hidden, hidden + damped.omega.size))
-    shapes[:size, hidden:] = damped.shape
-    shapes[size:, :hidden] = np.eye(hidden)
-    omega = np.concatenate((np.zeros(hidden), damped.omega))
-    shape = transform @ damped.shape
-    residual = transform @ damped.residual[:, 0]
-    body = _in_free_modes(model, damped.omega, shape, residual)
-    decay, damping = damping_of(model, omega, shapes)
-    return replace(body, decay=decay, damping=damping)
-
-
-def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Array) -> ModalBody:
-    """The free modes (N + 1, J) with the hidden motions first, so that frequencies ascend.
-
-    Their coordinates follow lambda.
-    """
-    weight = None if model.participation is None else shape.T @ model.participation
-    b = shape[0]
-    amplitude = _relative(model.n)
-    hidden = model.hidden_count
-    if hidden:
-        zeros = np.zeros(hidden)
-        identity = np.eye(hidden)
-        omega = np.concatenate((zeros, omega))
-        b = np.concatenate((zeros, b))
-        residual = np.concatenate((residual, zeros))
-        shape = np.roll(block_diag(shape, identity), hidden, axis=1)
-        amplitude = block_diag(amplitude, identity)
-    inertia = model.inertia
-    if inertia is not None:
-        inertia = inertia.along((amplitude @ shape).T @ inertia.momentum)
-        if model.direction is not None:
-            momentum = inertia.momentum[:, :3] @ model.direction
-            weight = momentum if weight is None else np.concatenate((momentum[:hidden], weight))
-    direction = None if model.direction is None else unit_vector("direction", model.direction)
-    return unchecked_body(
-        omega=omega,
-        b=b,
-        r=float(residual[0]),
-        decay=damping_of(model, omega, None)[0],
-        weight=weight,
-        shape=shape,
-        residual=residual,
-        basis=_basis(model),
-        amplitude=amplitude,
-        direction=direction,
-        inertia=inertia,
-    )
+    return ReducedModes(np.sqrt(x), shape if group is None else shape[group], residual)
 
 
 def _basis(model: Parameters) -> tuple[Array, ...] | None:
@@ -132,66 +150,21 @@ def _basis(model: Parameters) -> tuple[Array, ...] | None:
     return None
 
 
-def _relative(n: int) -> Array:
-    """Matrix of the amplitudes of psi_0 (lambda_0) and psi_i (lambda_i - lambda_0), Article eq.
-    (8).
-    """
-    transform = np.zeros((n + 1, n + 1))
-    transform.flat[:: n + 2] = 1.0
-    transform[1:, 0] = -1.0
-    return transform
-
-
-def site_modes(model: Parameters) -> SiteModes:
-    """The free modes of a model of several sites, hidden rigid motions first."""
-    assert model.dependence is not None
-    assert model.rigid is not None
-    assert model.P is not None
-    p, hidden = model.n_sites, model.hidden_count
-    damped = damped_modes(model, model.k0, model.m0, model.P, model.rigid)
-    omega = np.concatenate((np.zeros(hidden), damped.omega))
-    shape = np.roll(block_diag(damped.shape, np.eye(hidden)), hidden, axis=1)
-    b = shape[:p].T @ model.dependence.T
-    residual = np.vstack((damped.residual, np.zeros((hidden, p)))) @ model.dependence.T
-    r = model.dependence @ residual[:p]
-    inertia = weight = None
-    if model.inertia is not None:
-        inertia = model.inertia.along(shape.T @ model.inertia.momentum)
-    elif model.participation is not None:
-        weight = shape[: len(model.participation)].T @ model.participation
-    local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))
-    decay, damping = damping_of(model, omega, shape)
-    return SiteModes(
-        omega=omega,
-        b=b,
-        sites=model.columns,
-        r=(r + r.T) / 2,
-        directions=model.direction,
-        decay=decay,
-        damping=damping,
-        inertia=inertia,
-        weight=weight,
-        shape=shape,
-        residual=residual,
-        basis=_basis(model),
-        local_compliance={name: value for name, value in local.items() if value},
-    )
-
-
-def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array) -> ReducedModes:
+def _damped_modes(model: Parameters) -> ReducedModes:
     """As `reduced_modes`; a damped massless site gets a little mass."""
+    m0, P = model.m0_matrix, model.inertias
     if isinstance(model.damping, DampingMatrix):
-        p = len(k0)
+        p = len(m0)
         floor = LEAST_MASS * (m0 + P @ P.T).diagonal()
         acted = sum(
             (np.sum(L[:, :p] ** 2, axis=0) for L, _ in model.damping.factors),
             np.sum(model.damping.factor[:, :p] ** 2, axis=0),
         )
         m0 = m0 + np.diag(np.where((acted > 0) & (m0.diagonal() < floor), floor, 0.0))
-    return reduced_modes(k0, m0, P, model.omega, rigid)
+    return reduced_modes(model.k0_matrix, m0, P, model.omega, model.rigid_modes)
 
 
-def damping_of(
+def _damping_of(
     model: Parameters, omega: Array, shape: Array | None
 ) -> tuple[Array | None, DampingMatrix | None]:
     """(decays, damping matrix) of modes (size, J) in u, eta, hidden motions; at most one known."""

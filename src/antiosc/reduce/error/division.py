@@ -30,7 +30,6 @@ from dataclasses import replace
 from functools import cached_property
 from math import exp
 from pathlib import Path
-from typing import cast
 from weakref import WeakKeyDictionary
 
 import basix
@@ -69,8 +68,9 @@ from antiosc.io.isolation import GRADING as USUAL, Refinement
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.io.reading import read
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import site_points
 from antiosc.reduce.extraction import statics
-from antiosc.reduce.site import functional
+from antiosc.reduce.site import functionals
 from antiosc.reduce.site.site import Site
 
 #: Most dofs of a divided mesh: 767 000 took 50 s of one core.
@@ -124,12 +124,13 @@ class Division:
         self._matrices = with_parts(structure)
 
     def energies(self, model: AntiOscillators) -> tuple[Array, Array | None]:
-        """(energies and products (N + 1, N + 1) that the mesh lacks in the shapes of a model, those
+        """(energies and products (p + N, p + N) that the mesh lacks in the shapes of a model, those
         that it has in excess, or None).
         """
         fine, _motions, forces = self._loaded(model)
-        flexibility = forces.T @ statics(fine, forces)
-        lack, surplus = lacking(np.append(model.k0, model.k), flexibility)
+        flexibility = forces.T @ statics(fine, fine.factorize(forces.shape[1]), forces)
+        lack, surplus = lacking(model.stiffness, flexibility)
+
         struck = self._matrices.members()[0].part
         order = struck.form.degree if struck.mesh.tdim == 1 else 1
         remaining = 1 / (1 - 4.0**-order)
@@ -137,9 +138,10 @@ class Division:
         return remaining * lack, None if is_rounding else remaining * surplus
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
-        """Energy (cells,) of the errors of the shapes times `weights` (N + 1, k), of one mesh."""
+        """Energy (cells,) of the errors of the shapes times `weights` (p + N, k), of one mesh."""
         fine, motions, forces = self._loaded(model)
-        errors = statics(fine, forces @ weights) - motions @ weights
+        solver = fine.factorize(weights.shape[1])
+        errors = statics(fine, solver, forces @ weights) - motions @ weights
         part = on_mesh(fine)
         energies = compat.quadratic(
             part.form.stiffness, part.form.space, errors, np.ones(errors.shape[1]), 4
@@ -150,24 +152,39 @@ class Division:
         return np.asarray(of_input[coarse.original_cell_index])
 
     def _loaded(self, model: AntiOscillators) -> tuple[Structure, Array, Array]:
-        """(the divided structure, the shapes of a model as its displacements (rows, N + 1), their
+        """(the divided structure, the shapes of a model as its displacements (rows, p + N), their
         loads).
         """
-        point, direction = model.info.point, model.info.direction
-        if point is None or direction is None:
-            raise InputError(
-                "the error 'estimate' of beams and shells needs a Site with point and direction."
-            )
         fine = divided(self._matrices)
-        place = Site(point, direction, radius=cast("float | None", model.radius))
         parts = self._matrices.members()[0].part, with_parts(fine).members()[0].part
         motions = np.asarray(interpolation(*parts) @ np.asarray(model.shapes))
-        load = functional(fine, place).b[:, None]
-        masses, squares = np.append(0.0, model.m), np.append(0.0, np.square(model.omega))
-        forces = squares * (multiply(fine.M, motions) - masses * load)
-        forces[:, :1] = model.k0 * load
+
+        # k0 at the sites, and inertia forces with their reactions
+        p = model.n_sites
+        load = np.hstack([site.B for site in functionals(fine, _sites_of(model))])
+        load = load[:, model.info.get("independent", [0])]
+        squares = np.square(model.omega)
+        inertia = model.inertias / model.unit[p:]
+        forces = np.empty_like(motions)
+        forces[:, :p] = load @ model.k0_matrix
+        forces[:, p:] = squares * (multiply(fine.M, motions[:, p:]) - load @ inertia)
         forces[fine.fixed] = 0.0
         return fine, motions, forces
+
+
+def _sites_of(model: AntiOscillators) -> list[Site]:
+    """The sites of a model; InputError for one without point and direction."""
+    points, columns = site_points(model), model.columns or {"": (0,)}
+    if model.direction is None or set(points) != set(columns):
+        raise InputError(
+            "the error 'estimate' of beams and shells needs a Site with point and direction."
+        )
+    directions = np.atleast_2d(model.direction)
+    radii = model.radius if model.sites else (model.radius,)
+    return [
+        Site(points[name], directions[i[0]], radius=radius, tangential=len(i) > 1)
+        for (name, i), radius in zip(columns.items(), radii, strict=True)
+    ]
 
 
 def divided(matrices: MeshedParts) -> Structure:
@@ -200,12 +217,12 @@ def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
 
     The latter come from few integration points, which make a mesh too flexible for some loads.
 
-    stiffness : (k,) energies of the shapes on the mesh.
+    stiffness : (k, k) energies and products of the shapes on the mesh.
     flexibility : (k, k) energies and products of what their loads cause on the divided mesh.
     """
-    size = np.sqrt(stiffness)
+    size = np.sqrt(stiffness.diagonal())
     inverse_size = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    relative = inverse_size[:, None] * (flexibility - np.diag(stiffness)) * inverse_size
+    relative = inverse_size[:, None] * (flexibility - stiffness) * inverse_size
     values, vectors = np.linalg.eigh((relative + relative.T) / 2)
     vectors = size[:, None] * vectors
     lack, surplus = (

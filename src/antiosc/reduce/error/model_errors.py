@@ -18,7 +18,7 @@ diagonal, whose condition number does not depend on the mesh (Wathen, IMA J. Num
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -78,13 +78,13 @@ class Recovery:
             _refuse(member.part)
 
     def energies(self, model: AntiOscillators) -> tuple[Array, None]:
-        """Energies and products (N + 1, N + 1) of the errors of the shapes of a model."""
+        """Energies and products (p + N, p + N) of the errors of the shapes of a model."""
         fields = self._matrices.fields(np.asarray(model.shapes))
         grams = [gram(member.part, u) for member, u in fields]
         return np.sum(grams, axis=0), None
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
-        """Energy (cells of this rank,) of the errors of the shapes times `weights` (N + 1, k)."""
+        """Energy (cells of this rank,) of the errors of the shapes times `weights` (p + N, k)."""
         ((member, shapes),) = self._matrices.fields(np.asarray(model.shapes) @ weights)
         energies = np.zeros(compat.cell_map(member.part.mesh.dolfinx).size_local)
         for cells, errors in strain_errors(member.part, shapes):
@@ -283,11 +283,7 @@ class ModelErrors:
     skipped : why the models get no estimate, which their bars tell; "" if they get one.
     """
 
-    def __init__(self, structure: Structure, named_sites: int = 0) -> None:
-        if named_sites:
-            raise InputError(
-                "the error 'estimate' is for models of one site: extract each site by itself."
-            )
+    def __init__(self, structure: Structure) -> None:
         self._structure = structure
         self._matrices = with_parts(structure, NO_MESH)
         self.skipped = refusal(self._matrices)
@@ -297,27 +293,35 @@ class ModelErrors:
             estimator = Recovery if _solids(self._matrices) else Division
             self._estimator: Recovery | Division = estimator(structure)
 
-    def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
+    def added_to(self, model: AntiOscillators, sites: Mapping[str, Functional]) -> AntiOscillators:
         """The model with its `strain_error`, and with the data of the error budget in `info`."""
         if self.skipped:
             return replace(model, info=replace(model.info, no_estimate=self.skipped))
         start_time = time.perf_counter()
         energies, misfit = self._estimator.energies(model)
-        struck = self._matrices.members()[0] if site.place is None else site.place.member
-        part = struck.part
+
+        first = self._matrices.members()[0]
+        struck = [site.place.member if site.place else first for site in sites.values()]
+        parts = list(dict.fromkeys(member.part for member in struck))
+        inside = (_is_inside(m.part, s) for m, s in zip(struck, sites.values(), strict=True))
+        left_out = " ".join(filter(None, map(_left_out, parts)))
+        patch = None
+        if not (model.sites or self._estimator.divided):
+            (site,) = sites.values()
+            patch = patch_of(self._structure, site)
         spent = model.info.get("seconds", {})
         info = model.info.having(
-            divided=part.mesh.cell if self._estimator.divided else None,
-            patch=None if self._estimator.divided else patch_of(self._structure, site),
-            inside_element=part.mesh.tdim == 1 and _is_inside(part, site),
-            not_included=_left_out(part) or None,
+            divided=parts[0].mesh.cell if self._estimator.divided else None,
+            patch=patch,
+            inside_element=any(inside),
+            not_included=left_out or None,
             no_estimate=None,
             seconds={**spent, "error": time.perf_counter() - start_time},
         )
         return replace(model, strain_error=energies, strain_misfit=misfit, info=info)
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
-        """Energy (cells of this rank,) of the errors of the shapes times `weights` (N + 1, k)."""
+        """Energy (cells of this rank,) of the errors of the shapes times `weights` (p + N, k)."""
         return self._estimator.of_cells(model, weights)
 
 
@@ -330,7 +334,8 @@ def _left_out(part: MeshedStructure) -> str:
 
 def _is_inside(part: MeshedStructure, site: Functional) -> bool:
     """Whether a site lies within an element of a beam and not at a node."""
-    assert site.point is not None  # lines have no other sites
+    if part.mesh.tdim > 1 or site.point is None:
+        return False
 
     ends = part.mesh.geometry.nodes[:, :2]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)

@@ -3,9 +3,8 @@
 With B (n, p) the loads of the sites, A = K + sM and C = BᵀA⁻¹B, the limit s → 0 of A⁻¹B C⁻¹ is
 φ_st, φ_CR, or a mixture of both, whatever the supports. It is computed in the basis of loads
 B W = B L⁻ᵀU, with C = L Lᵀ and the singular value decomposition RᵀB L⁻ᵀ/√s = V Σ Uᵀ of the
-M-orthonormal rigid-body modes R. In this basis C is the identity (a single site keeps its own unit,
-W = ±1), and every load moves at most one rigid-body mode of its own, with the share σ² of its
-compliance:
+M-orthonormal rigid-body modes R. In this basis C is the identity, and every
+load moves at most one rigid-body mode of its own, with the share σ² of its compliance:
 
     Φ_r = R V₁/(√s Σ₁)                        the q loads that move one, without a solve;
     K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the others, self-equilibrated;
@@ -119,36 +118,32 @@ class SiteShapes:
 
 def site_shapes(structure: Structure, B: Array) -> SiteShapes:
     """The shapes of the sites whose loads are the columns of B (rows of this rank, c)."""
-    solver = structure.factorize()
-    return _shapes(structure, solver, B, solver.solve_checked(B))
-
-
-def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteShapes:
-    """The `SiteShapes` of loads B (rows, c), from their static solutions Y = A⁻¹B."""
     comm = structure.comm
-    columns, dependence, W, Y, V, sigma = _basis(structure, solver, B, Y)
+    solver = structure.factorize()
+    columns, dependence, W, Y, V, sigma = _basis(structure, solver, B)
     B = B[:, columns] @ W
+
+    # rigid-body modes: those that move the sites, and others
     R = structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
     q = int(np.sum(sigma**2 > RIGID_SHARE))
-    unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(columns) == 1 else 1.0
-    rigid_displacements = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
-    strong = R[:, :q]
-    nodal = R[:, q:]
+    moved = np.where(np.arange(len(sigma)) < q, root * sigma, 0.0)
+    strong, nodal = R[:, :q], R[:, q:]
     slides = dot(comm, nodal, B)
     load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
     y = Y - nodal @ (slides / root**2)
-    phi = strong / rigid_displacements[:q]
+
+    # unit displacements
+    phi = strong / moved[:q]
     k0 = np.zeros_like(W)
     if q < len(columns):
-        y0 = y[:, q:]
-        if R.shape[1]:
-            y0 = statics(structure, B[:, q:])
+        y0 = statics(structure, solver, B[:, q:]) if R.shape[1] else y[:, q:]
         C0 = dot(comm, B[:, q:], y0)
         k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
-        elastic = y0 @ k0[q:, q:] if len(columns) > 1 else y0 / C0
+        elastic = y0 @ k0[q:, q:]
         elastic = elastic - phi @ dot(comm, B[:, :q], elastic)
         phi = np.hstack([phi, elastic])
+
     m_phi = multiply(structure.M, phi)
     return SiteShapes(
         kept=columns,
@@ -159,7 +154,7 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
         m_phi=m_phi,
         k0=(k0 + k0.T) / 2,
         mass=dot(comm, phi, m_phi),
-        moved=rigid_displacements,
+        moved=moved,
         nodal=nodal,
         missed=slides,
         y=y,
@@ -184,31 +179,28 @@ def expanded_at(structure: Structure, static: SiteShapes, shift: float) -> SiteS
 
 
 def _basis(
-    structure: Structure, solver: Solver, B: Array, Y: Array
+    structure: Structure, solver: Solver, B: Array
 ) -> tuple[IntArray, Array, Array, Array, Array, Array]:
-    """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) of `SiteShapes`, Y = A⁻¹B."""
+    """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) of `SiteShapes`."""
     comm = structure.comm
     R = structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0
+    Y = solver.solve_checked(B)
     C = dot(comm, B, Y)
     columns, dependence = independent((C + C.T) / 2)
     B = B[:, columns]
     Y = Y[:, columns]
+
     W = np.eye(len(columns))
-    for reorthogonalised in (False, True):
-        if (
-            reorthogonalised and len(columns) > 1
-        ):  # differences of nearly equal loads are solved for anew
+    for again in range(min(len(columns), 2)):
+        if again:  # differences of nearly equal loads are solved for anew
             Y = solver.solve_block(B @ W)
         C = dot(comm, B @ W, Y)
         L = np.linalg.cholesky((C + C.T) / 2)
-        rigid_coupling = scipy.linalg.solve_triangular(
-            L, dot(comm, R, B @ W).T / root, lower=True
-        ).T
-        V, sigma, U = np.linalg.svd(rigid_coupling)
+        coupling = dot(comm, R, B @ W).T / root
+        coupling = scipy.linalg.solve_triangular(L, coupling, lower=True).T
+        V, sigma, U = np.linalg.svd(coupling)
         inverse_LT = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
-        if len(columns) == 1:  # a single site keeps its own unit, and no rounding is added
-            inverse_LT = U.T
         W = W @ inverse_LT
         Y = Y @ inverse_LT
     sigma = np.append(sigma, np.zeros(len(columns) - len(sigma)))
@@ -241,14 +233,13 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     return columns, dependence
 
 
-def statics(structure: Structure, loads: Array) -> Array:
+def statics(structure: Structure, solver: Solver, loads: Array) -> Array:
     """Displacements (rows, k) under loads (rows, k), M-orthogonal to the rigid motions.
 
     With rigid-body modes these are K⁺ of the loads without their part on them, by conjugate
-    gradients with the factor of A = K + sM, which is close to K on the elastic space.
+    gradients with the `solver` of A = K + sM, which is close to K on the elastic space.
     """
     comm = structure.comm
-    solver = structure.factorize(loads.shape[1])
     R = structure.rigid_modes
     if not R.shape[1]:
         return solver.solve_checked(loads)

@@ -136,7 +136,7 @@ def _model(
     model = model_of(structure, sites, static, selected, info)
     model = replace(model, recurrence=recurrence)
     if errors is not None:
-        model = errors.added_to(model, sites[UNNAMED])
+        model = errors.added_to(model, sites)
     if terms or structure.matrices.lossy:
         model = with_damping(structure, model, static, terms)
     on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
@@ -251,10 +251,10 @@ def extract(
         Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
     error : "estimate", optional
         Estimate the error of the mesh: the model gets its `strain_error`, so that `corrected()`
-        and the `error_budget` of a `simulate` are available. Solids, joined too, beams and shells;
-        no named sites. It takes at most one further solve (of beams, and of shells of
-        quadrilaterals, one on a mesh of half the size; a mesh that is too large for it, and other
-        assemblies, have a model without, whose bars hold the other causes and say so).
+        and the `error_budget` of a `simulate` are available. Solids, joined too, beams and shells.
+        It takes at most one further solve (of beams, and of shells of quadrilaterals, one on a mesh
+        of half the size; a mesh that is too large for it, and other assemblies, have a model
+        without, whose bars hold the other causes and say so).
     stretch : int, "auto" or False
         Number of modes with second-order forces: a sheet or a beam with fixed edges stretches as it
         bends, which stiffens it; a curved sheet is softer where it is pushed toward flat. "auto":
@@ -295,7 +295,7 @@ def extract(
     `antiosc.reduce.extraction.krylov`.
     """
     instance("structure", structure, Structure, "a Structure")
-    names, sites = _checked_sites(site)
+    asked = _checked_sites(site)
     flag("shapes", shapes)
     choice("error", error, (None, "estimate"))
     if proof is not False:
@@ -310,15 +310,14 @@ def extract(
     if error is not None:
         with finite_element_packages():
             from antiosc.reduce.error.model_errors import ModelErrors  # needs dolfinx
-        errors = ModelErrors(structure, len(names))
+        errors = ModelErrors(structure)
     start_time = time.perf_counter()
-    targets = functionals(structure, sites)
+    targets = iter(functionals(structure, [one for group in asked for one in group.values()]))
+    groups = [{name: next(targets) for name in group} for group in asked]
     factored = "factorization" in structure.seconds
-    groups: list[Sites] = [{UNNAMED: target} for target in targets]
-    solves = float(len(targets))
-    if names:  # one model has as many anti-oscillators, and a static shape of each site
-        groups = [dict(zip(names, targets, strict=True))]
-        solves = 1 + (sum(target.B.shape[1] for target in targets) - 1) / SOLVES
+    # a model has as many anti-oscillators, and a static shape of each site
+    columns = [sum(target.B.shape[1] for target in group.values()) for group in groups]
+    solves = sum(1 + (count - 1) / SOLVES for count in columns)
     structure.factorize(max(solves, AS_SITES) if method == "modes" else solves)
     spent = time.perf_counter() - start_time
     if not factored:
@@ -397,22 +396,22 @@ def _checked_options(
     return ExtractOptions(n, method, tol, band, accuracy, expansion)
 
 
-def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
-    """(names, sites) of the argument `site` of `extract`; no names for a site or a sequence."""
-    names: list[str] = []
+def _checked_sites(site: object) -> list[dict[str, Site]]:
+    """The sites by name of each model that the argument `site` of `extract` asks for."""
     if isinstance(site, Mapping):
-        names = list(site)
-        site = list(site.values())
-        if not names:
+        if not site:
             raise InputError("site names no site: give a Site for each name.")
-        for name in names:
+        for name in site:
             if ":" in checks.name("the name of a site", name):
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
-    sites: list[Site] = []
-    for item in site if isinstance(site, list | tuple) else [site]:
-        sites.append(instance("site", item, Site, "a Site(point, direction)"))
-        if sites[-1].tangential and not names:
+        groups = [dict(site)]
+    else:
+        groups = [{UNNAMED: one} for one in (site if isinstance(site, list | tuple) else [site])]
+
+    for name, one in (item for group in groups for item in group.items()):
+        instance("site", one, Site, "a Site(point, direction)")
+        if one.tangential and name == UNNAMED:
             raise InputError(
                 "tangential directions belong to a model of named sites: give the site a name."
             )
-    return names, sites
+    return groups

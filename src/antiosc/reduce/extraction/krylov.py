@@ -76,13 +76,8 @@ def with_damping(
     """The model with the structure's damping; InputError for damping outside the model's
     motions.
     """
-    shapes = model.shapes
-    assert shapes is not None
-    V = (
-        shapes
-        if model.sites
-        else np.column_stack([shapes[:, :1], shapes[:, 1:] / np.sqrt(model.m)])
-    )
+    assert model.shapes is not None
+    V = model.shapes * model.unit
     if model.hidden is not None:
         V = np.column_stack([V, model.hidden])
     elif static.nodal.size:
@@ -118,8 +113,7 @@ def _with_losses(
         return replace(model, damping=Damping(ratio=ratio.tolist()))
     # in the coordinates of the matrix: q of what moves, by the inverse of the modes
     amplitude = phi.T.copy()
-    if not model.sites:
-        amplitude[1 : 1 + model.n] *= np.sqrt(model.m)[:, None]
+    amplitude[: model.unit.size] /= model.unit[:, None]
     modes = np.linalg.pinv(amplitude)[elastic]
     by_losses = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
     factor = np.vstack([damping.factor, by_losses])

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import UNKNOWN, ModelInfo
 from antiosc.models.free_modes import DAMPING, MASSLESS, samples
 from antiosc.models.motion import Inertia
+from antiosc.models.parameters import squeezed, with_sums
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver, allowed, residuals
 from antiosc.reduce.site import surfaces
@@ -215,10 +216,10 @@ def every_mode(known: ConstraintModes, n: int) -> Selection:
     """A selection of the n lowest modes, also of those that move dampers but no site."""
     order = np.argsort(known.poles, kind="stable")
     order = order[known.poles[order] > 0][:n]
-    P = known.P[order].copy()
-    if P.shape[1] == 1:
-        threshold = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
-        P = np.where(np.abs(P) < threshold, threshold, P)
+    P = known.P[order]
+    if P.shape[1] == 1:  # of which the masses must be > 0
+        least = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
+        P = np.where(np.abs(P) < least, least, P)
     lumped_rows = np.delete(known.P, order, axis=0)
     return Selection(
         m0=semidefinite(known.m0 + lumped_rows.T @ lumped_rows),
@@ -331,8 +332,6 @@ def spectral_norms(matrices: Numbers) -> Array:
     """2-norms (W,) of matrices (W, m, n); 0 of empty ones."""
     if 0 in matrices.shape:
         return np.zeros(len(matrices))
-    if 1 in matrices.shape[1:]:
-        return np.sqrt(np.sum(np.abs(matrices) ** 2, axis=(1, 2)))
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
 
 
@@ -410,44 +409,51 @@ def model_of(
     info: ModelInfo,
 ) -> AntiOscillators:
     """The model of p >= 1 sites; the shapes of `selected` are changed in place."""
-    directions = [site.directions for site in sites.values() if site.directions is not None]
-    has_directions = len(directions) == len(sites)
+    found = list(sites.values())
+    names = () if UNNAMED in sites else tuple(sites)
+    directions = [site.directions for site in found if site.directions is not None]
+    has_directions = len(directions) == len(found)
     points = {name: x.point.tolist() for name, x in sites.items() if x.point is not None}
 
     P = static.W @ selected.P.T
-    if UNNAMED in sites:  # m_i moves with its site: lambda_i = lambda_0 + an amplitude
+    if not names:  # m_i moves with its site: lambda_i = lambda_0 + an amplitude
         phi = selected.phi
         phi *= P[0]  # in place: as large as the shapes
     shapes = np.hstack([static.phi @ static.W.T, selected.phi])
-    weights = weights_of(structure, shapes) if has_directions else None
-    parameters: dict[str, Any] = {
-        "m0": _in_site_basis(static.W, selected.m0),
-        "k0": _in_site_basis(static.W, static.k0),
-        "omega": selected.omega,
-        "participation": weights,
-        "direction": np.vstack(directions) if has_directions else None,
-    }
+    k0, m0 = (semidefinite(static.W @ one @ static.W.T) for one in (static.k0, selected.m0))
+    parameters = squeezed(k0, m0, P, names)
 
-    if UNNAMED in sites:
-        (first,) = sites.values()
-        parameters |= {name: float(parameters[name][0, 0]) for name in ("m0", "k0")}
-        parameters |= {"m": P[0] ** 2, "local_compliance": first.local_compliance}
-        parameters |= {"radius": first.radius, "direction": first.direction}
-        if weights is not None:
-            assert first.direction is not None
-            along = weights @ first.direction
-            along[0] -= along[1:].sum()
-            parameters["participation"] = along
-        info = info.having(meshed=structure.matrices.meshed)
-        if points and first.direction is not None:
-            info = replace(info, point=points[UNNAMED], direction=first.direction.tolist())
-    else:
-        parameters |= _of_sites(sites, static) | {"P": P}
+    # along the directions of the sites
+    weights = weights_of(structure, shapes) if has_directions else None
+    direction = np.vstack(directions) if has_directions else None
+    local, radii = [site.local_compliance for site in found], tuple(site.radius for site in found)
+    if names:
+        ends = np.cumsum([site.B.shape[1] for site in found]).tolist()
+        columns = map(range, [0, *ends[:-1]], ends)
+        parameters |= {
+            "sites": names,
+            "columns": dict(zip(names, map(tuple, columns), strict=True)),
+            "dependence": static.dependence,
+            "rigid": static.rigid,
+            "local_compliance": np.array(local),
+            "radius": radii,
+        }
         info = info.having(independent=static.kept.tolist())
         info = replace(info, points=points) if has_directions else info
+    else:
+        parameters |= {"local_compliance": local[0], "radius": radii[0]}
+        info = info.having(meshed=structure.matrices.meshed)
+        if direction is not None:
+            direction = direction[0]
+            weights = None if weights is None else with_sums(weights @ direction, names, -1.0)
+            along = direction.tolist()
+            info = replace(info, point=points.get(UNNAMED), direction=along) if points else info
 
     model = AntiOscillators(
         **parameters,
+        omega=selected.omega,
+        participation=weights,
+        direction=direction,
         shapes=shapes,
         inertia=inertia_of(structure, shapes, static.nodal),
         hidden=None if structure.rigid_inertia is None else static.nodal,
@@ -456,30 +462,14 @@ def model_of(
     return _with_second_order(structure, model)
 
 
-def _of_sites(sites: Sites, static: SiteShapes) -> dict[str, Any]:
-    """Parameters that only a model of named sites has."""
-    counts = [site.B.shape[1] for site in sites.values()]
-    ends = np.cumsum(counts).tolist()
-    return {
-        "sites": tuple(sites),
-        "columns": {
-            name: tuple(range(end - count, end))
-            for name, count, end in zip(sites, counts, ends, strict=True)
-        },
-        "dependence": static.dependence,
-        "rigid": static.rigid,
-        "local_compliance": np.array([site.local_compliance for site in sites.values()]),
-        "radius": tuple(site.radius for site in sites.values()),
-    }
-
-
 def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscillators:
     """The model with the relative change of its force per metre, for supported curved sheets."""
     single_mesh = structure.matrices.meshed and not structure.matrices.assembled
     supported = structure.rigid_modes.shape[1] == 0
     sites = model.sites or (UNNAMED,)
-    k0 = np.atleast_2d(model.k0)
-    if model.info.thickness is None or not (single_mesh and supported) or len(sites) != len(k0):
+    if model.info.thickness is None or not (single_mesh and supported):
+        return model
+    if len(sites) != model.n_sites:
         return model
     part = cast("MeshedStructure", structure.matrices)
     if not part.kind.sheet:
@@ -487,7 +477,7 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
     from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
 
     assert model.shapes is not None
-    C = np.linalg.inv(k0)
+    C = np.linalg.inv(model.k0_matrix)
     deflections = model.shapes[:, : len(C)] @ C / C.diagonal()
     by_site = {
         site: quadratic_share(part, deflections[:, i], 1 / C[i, i]) for i, site in enumerate(sites)
@@ -495,13 +485,6 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
     if not any(by_site.values()):
         return model
     return replace(model, info=model.info.having(second_order=by_site))
-
-
-def _in_site_basis(W: Array, matrix: Array) -> Array:
-    """W matrix Wᵀ, without negative eigenvalues that are due to rounding."""
-    values, vectors = np.linalg.eigh(matrix)
-    factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    return np.asarray(factor @ factor.T)
 
 
 def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:

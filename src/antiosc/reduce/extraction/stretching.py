@@ -198,7 +198,7 @@ def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
 def _static(structure: Structure, g: Array, phi: Array) -> Array:
     """K⁻¹g minus its components along the motions φ: φᵀK of the result is 0."""
     k_phi = multiply(structure.K, phi)
-    displacement = statics(structure, g)
+    displacement = statics(structure, structure.factorize(g.shape[1]), g)
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 
 

@@ -434,7 +434,7 @@ def _left_out(
     """
     elastic = static.y[:, 0] / static.W[0, 0]
     if structure.rigid_modes.shape[1]:
-        elastic = statics(structure, where.B)[:, 0]
+        elastic = statics(structure, structure.factorize(), where.B)[:, 0]
     compliance = float(dot(structure.comm, where.b, elastic))
     modal_force = np.zeros_like(b)
     is_elastic = modes.omega > 0
