@@ -24,6 +24,7 @@ from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn,
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import von_mises
 from antiosc.base.texts import engineering, percent
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements import Section
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
@@ -234,9 +235,11 @@ def probed_point(
     if not (structure.matrices.meshed or structure.matrices.assembled):
         source(structure).at_point(structure, np.zeros((structure.rows, 1)), x, part, reach)
         return None
-    from antiosc.recovery.mesh_fields import nearest_point  # needs dolfinx
+    from antiosc.fem.assembly.place import places_at  # needs dolfinx
 
-    return nearest_point(structure, x, part, reach)
+    (place,) = places_at(with_parts(structure).members(part), x[None], np.zeros((1, 3)))
+    reach.check_at(x, place)
+    return place.placed
 
 
 def _on_outline(structure: Structure, part: str | None, position: Place) -> list[Place]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -19,9 +18,10 @@ from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.stresses import PAIRS, equivalent, length, tensors_of
 from antiosc.fem.assembly import with_parts
+from antiosc.fem.assembly.place import places_at
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import ClosestPoints, closest_many, kind_of_cells, measures, size_at
+from antiosc.fem.mesh.surface import kind_of_cells, measures
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.prestress.state import initial_strain
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
@@ -236,13 +236,6 @@ def at_point(
     return np.asarray(moved[: max(map(len, names))])
 
 
-def nearest_point(structure: Structure, x: Array, part: str | None, reach: Reach) -> Array:
-    """The point (3,) [m] of a structure that is nearest to x (3,), as `at_point` takes it."""
-    parts = with_parts(structure).fields(np.zeros((structure.rows, 1)), part)
-    number, found = _nearest(parts, x[None], reach)
-    return np.asarray(parts[number][0].at.placed(found[0].x[None])[0])
-
-
 def recovered(
     structure: Structure,
     shapes: Array,
@@ -265,8 +258,12 @@ def recovered(
         parts = _stiffeners(parts, place.stiffener)
     if second_order:
         parts = _whole(parts)
-    number, closest = _nearest(parts, points, reach)
-    member, shapes_of_part = parts[number]
+    members = [member for member, _ in parts]
+    (middle,) = places_at(members, points.mean(axis=0)[None], np.zeros((1, 3)))
+    member, shapes_of_part = parts[members.index(middle.member)]
+    closest = member.closest(points)
+    farthest = int(np.argmax(closest.distance))
+    reach.check_at(points[farthest], replace(middle, nearest=closest[farthest]))
 
     # each point on the rank that has its cell
     mesh = member.part.mesh
@@ -318,22 +315,6 @@ def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Memb
             f"{name_list(name, groups, 'its stiffeners')}."
         )
     return beams
-
-
-def _nearest(
-    candidates: Sequence[tuple[Member, Array]], points: Array, reach: Reach
-) -> tuple[int, ClosestPoints]:
-    """(number of the part nearest to each of the points (P, 3), nearest points of this part)."""
-    nearest = [closest_many(m.part.mesh, m.at.own(points)) for m, _ in candidates]
-    number = min(range(len(nearest)), key=lambda i: float(nearest[i].distance.sum()))
-    member = candidates[number][0]
-    closest = nearest[number]
-    farthest = int(np.argmax(closest.distance))
-    mesh = member.part.mesh
-    position = member.at.placed(closest.x[farthest][None])[0]
-    element = partial(size_at, mesh, closest[farthest])
-    reach.check(points[farthest], position, mesh.extent(), element)
-    return number, closest
 
 
 def _rotated(R: Array, values: Array, quantity: str) -> Array:

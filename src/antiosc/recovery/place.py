@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from antiosc.base.checks import point_text
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths, Tensile
 from antiosc.fem.elements import Layer, Section
+
+if TYPE_CHECKING:
+    from antiosc.fem.assembly import place as fem_place
 
 #: Without a length a point is moved by at most this share of the part's size, or by one element.
 SNAP_SHARE = 0.02
@@ -63,6 +66,11 @@ class Reach:
             f"point is {point_text(nearest)}: farther than {limit:.3g} m, {rule}"
             f"{units if distance > size else ''}; {self.remedy}."
         )
+
+    def check_at(self, point: Array, place: fem_place.Place) -> None:
+        """`check` for a point (3,) and its place on a part, in the axes of the structure."""
+        extent = place.member.part.mesh.extent()
+        self.check(point, place.placed, extent, lambda: place.cell_size)
 
 
 def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None:

@@ -7,11 +7,12 @@ import pytest
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.joint import UNIT, motion
+from antiosc.fem.assembly.joint import motion
 from antiosc.fem.assembly.layout import Layout, checked_parts, checked_places, checked_points
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.structure import Placement, skew
+from antiosc.fem.structure.loads import UNIT
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from refusals import refused
 from sheets import sheet

@@ -39,7 +39,7 @@ def forgotten():
 
 @pytest.mark.slow
 def test_arrays_of_the_factor_last_as_long_as_they_are_used():
-    factor = Cholesky(chain(2000), 1)
+    factor = Cholesky(chain(2000), 1).factorized()
     memory = weakref.ref(factor._memory)
     values, permutation = factor.supernodes.values[10:], factor.permutation
     before = values.copy()
@@ -106,7 +106,7 @@ def many_loads(size: int, count: int, entries: int = 5) -> scipy.sparse.csr_matr
 @pytest.mark.parametrize("block", [1, 3])
 def test_solves_and_factor(block):
     A = grid(8, block)
-    factor = Cholesky(A, block)
+    factor = Cholesky(A, block).factorized()
     x = np.random.default_rng(0).standard_normal((A.shape[0], 7))
     np.testing.assert_allclose(factor.solve(A @ x), x, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(factor.solve(A @ x[:, 0]), x[:, 0], rtol=1e-10, atol=1e-12)
@@ -128,7 +128,7 @@ def test_compliances_are_those_of_solves(count):
     B = (B @ scipy.sparse.diags((np.arange(count) != count // 2) * 1.0)).tocsr()  # one sees nothing
     Y = scipy.sparse.linalg.splu(A.tocsc()).solve(B.toarray())
     exact = np.sum(B.toarray() * Y, axis=0)
-    found = solver_choice.compliances(Cholesky(A, 2), B)
+    found = solver_choice.compliances(Cholesky(A, 2).factorized(), B)
     np.testing.assert_allclose(found, exact, rtol=1e-12, atol=1e-14)
 
 

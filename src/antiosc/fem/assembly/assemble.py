@@ -34,10 +34,8 @@ from antiosc.fem.assembly.assembled import (
     stacked,
 )
 from antiosc.fem.assembly.joint import (
-    UNIT,
     Constraints,
     Eliminated,
-    EndMotion,
     Joint,
     Rows,
     group_end,
@@ -58,6 +56,7 @@ from antiosc.fem.mesh.surface import largest as largest_piece
 from antiosc.fem.platform import collective
 from antiosc.fem.structure import TURN, Placement, in_space
 from antiosc.fem.structure.attachments import Attachment, ElasticTerm, attachments_of, terms_of
+from antiosc.fem.structure.loads import UNIT, PointMotion
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.structure import Structure, holding
 from antiosc.fem.structure.support import NumberedNodes, Support
@@ -601,7 +600,7 @@ def superelement(layout: Layout, part: Superelement) -> ElasticTerm:
     return ElasticTerm(functionals, part.K, part.M, rigid=part.rigid)
 
 
-def _places(layout: Layout, where: str | Sequence[float]) -> list[EndMotion]:
+def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
     """Motions of the points at which an attachment acts."""
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
@@ -609,12 +608,10 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[EndMotion]:
                 f"the point {shown(where)} of a mass, spring or damper has {len(where)} coordinates"
                 " in an assembly in space: give x, y and z."
             )
-        x = in_space(where)
-        name = min(
-            layout.members,
-            key=lambda name: float(layout.members[name].closest(x[None]).distance[0]),
-        )
-        return [motion(layout, (name, tuple(x)))]
+        x = in_space(where)[None]
+        members = layout.members.values()
+        nearest = min(members, key=lambda member: float(member.closest(x).distance[0]))
+        return [motion(layout, (nearest.name, tuple(x[0])))]
     part, _, group = where.partition(":")
     if group and part in layout.members:
         member = layout.members[part]

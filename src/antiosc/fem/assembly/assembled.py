@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
 from antiosc.base.checks import floats
-from antiosc.base.errors import AccuracyError, InputError, name_list
+from antiosc.base.errors import AccuracyError, InputError
 from antiosc.fem.assembly.joint import Constraints, Eliminated
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded
 from antiosc.fem.linalg.algebra import by_strains, dot, force_ratios, multiply
@@ -381,17 +381,7 @@ class AssembledMatrices(StructureMatrices):
     # -- from u to the parts
 
     def members(self, name: str | None = None) -> list[Member]:
-        if name is None:
-            return list(self.layout.members.values())
-        if name in self.layout.condensed:
-            raise InputError(
-                f"the part {name!r} is a superelement without a mesh: its sites are struck by "
-                "name, and its fields are those of its own structure."
-            )
-        if name not in self.layout.members:
-            parts = name_list(name, self.layout.names, "its parts")
-            raise InputError(f"the assembly has no part {name!r}; {parts}.")
-        return [self.layout.members[name]]
+        return list(self.layout.members.values()) if name is None else [self.layout.member(name)]
 
     @property
     def places(self) -> DofPlaces:

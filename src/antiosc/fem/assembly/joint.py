@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 from typing import ClassVar, TypeAlias
 
 import numpy as np
@@ -24,87 +23,27 @@ from antiosc.base.errors import InputError, name_list
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.surface import WeightedPoints, quadrature
 from antiosc.fem.structure import in_space, skew
-from antiosc.fem.structure.attachments import NEAR, UNIT, ElasticTerm
+from antiosc.fem.structure.attachments import ElasticTerm
+from antiosc.fem.structure.loads import (
+    MISSING_SHARE,
+    NEAR,
+    PointMotion,
+    motion_at,
+    motions_of,
+    stacked,
+)
 from antiosc.fem.structure.meshed import Member
-from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
+from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import SIDES
 
 #: Fraction of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12
-
-#: Fraction of a direction that may be missing in what an end has of it: rounding.
-MISSING_SHARE = 1e-6
 
 #: Degree of the rule on faces that the ball of an end cuts, and its least number of points in it.
 CUT_DEGREE, CUT_POINTS = 16, 12
 
 #: "part:group" or the name of a reference point, ("part", point) or ("part", point, radius)
 End: TypeAlias = str | tuple[str, tuple[float, ...]] | tuple[str, tuple[float, ...], float]
-
-
-def stacked(displacements: Sparse, rotations: Sparse) -> Sparse:
-    """Functionals of displacements, then of rotations."""
-    return scipy.sparse.vstack([displacements, rotations]).tocsr()
-
-
-@dataclass(frozen=True, eq=False)
-class EndMotion:
-    """Displacement and rotation of an end at a point, in the axes of the assembly.
-
-    Attributes
-    ----------
-    six : (6, n) functionals of the displacement, then of the rotation.
-    space : (6, 6) projection on those that the end has: a point of a solid has no rotation, a site
-        of a superelement may have one displacement alone.
-    point : (3,) coordinates, m.
-    """
-
-    six: Sparse
-    space: Array
-    point: Array
-
-    @cached_property
-    def displacements(self) -> Sparse:
-        """(3, n) functionals of the displacement."""
-        return self.six[:3]
-
-    @cached_property
-    def rotations(self) -> Sparse:
-        """(3, n) functionals of the rotation."""
-        return self.six[3:]
-
-    def has(self, direction: Array) -> bool:
-        """Whether the end can move along a unit direction (6,) of displacements and rotations."""
-        return bool(direction @ self.space @ direction > 1 - MISSING_SHARE)
-
-    def components(self, names: Sequence[str]) -> Sparse:
-        """Functionals of the named displacements and rotations."""
-        return self.six[[COMPONENTS.index(name) for name in names]]
-
-    def lacking(self, names: Sequence[str]) -> list[str]:
-        """The components among `names` without a dof at this end."""
-        empty = np.diff(self.components(names).indptr) == 0
-        return [
-            name
-            for name, is_empty in zip(names, empty, strict=True)
-            if is_empty or (name in DISPLACEMENTS and not self.has(UNIT[name]))
-        ]
-
-    def turns(self, all_of: Array) -> bool:
-        """Whether the end has every rotation in the image of the projection `all_of` (3, 3)."""
-        missing_rotations = all_of - all_of @ self.space[3:, 3:] @ all_of
-        return bool(np.abs(missing_rotations).max() <= MISSING_SHARE)
-
-    def at(self, point: Array) -> EndMotion:
-        """The motion of a point that is rigidly connected to this end."""
-        displacements = self.displacements_at(point[None])
-        return replace(self, six=stacked(displacements, self.rotations), point=point)
-
-    def displacements_at(self, points: Array) -> Sparse:
-        """Displacements (3P, n) of points (P, 3) that are rigidly connected to this end."""
-        arms = scipy.sparse.csr_matrix(skew(points - self.point).reshape(-1, 3))
-        repeated = scipy.sparse.vstack([self.displacements] * len(points))
-        return (repeated - arms @ self.rotations).tocsr()
 
 
 def checked_end(name: str, end: object) -> End:
@@ -146,7 +85,7 @@ def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
 def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
     """The part and the group of an end; InputError if they do not exist."""
     part, group = end.split(":", 1)
-    member = _member(layout, part, end)
+    member = layout.member(part, f"{end_text(end)}: ")
     if group not in member.part.mesh.groups and group not in SIDES:
         names = [f"{part}:{name}" for name in member.part.mesh.groups]
         groups = name_list(end, names, "its groups")
@@ -154,20 +93,7 @@ def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
     return member, group
 
 
-def _member(layout: Layout, part: str, end: End) -> Member:
-    """A meshed part by name; InputError if there is none."""
-    if part in layout.condensed:
-        raise InputError(
-            f"{end_text(end)}: the part {part!r} has no mesh; its sites and nodes are joined by "
-            "Ball, Weld, Hinge, Slider, Bushing or Equation."
-        )
-    if part not in layout.members:
-        parts = name_list(part, layout.names, "its parts")
-        raise InputError(f"{end_text(end)}: the assembly has no part {part!r}; {parts}.")
-    return layout.members[part]
-
-
-def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> EndMotion:
+def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> PointMotion:
     """The motion of an end at its reference point.
 
     `allow_partial`: accept ends without some displacements, such as sites of superelements.
@@ -188,10 +114,10 @@ def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> EndMotio
     if len(nodes) != 1:
         return mean(layout, member, member.points_of(group))
     rows = stacked(*(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
-    return EndMotion(rows, _space(layout, member), member.nodes[nodes[0]])
+    return PointMotion(rows, motions_of(member.part.form), member.nodes[nodes[0]])
 
 
-def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> EndMotion | None:
+def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> PointMotion | None:
     """The motion of a reference point, or at a superelement; None for other ends."""
     part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
     if part in layout.condensed:
@@ -199,10 +125,10 @@ def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> EndMot
     if not isinstance(end, str) or end not in layout.points:
         return None
     space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
-    return EndMotion(layout.units(layout.of_point(end)), space, layout.points[end])
+    return PointMotion(layout.units(layout.of_point(end)), space, layout.points[end])
 
 
-def _superelement_motion(layout: Layout, part: str, end: End, allow_partial: bool) -> EndMotion:
+def _superelement_motion(layout: Layout, part: str, end: End, allow_partial: bool) -> PointMotion:
     """The motion of a site or node of a superelement, by its name or its coordinates."""
     member = layout.condensed[part]
     if isinstance(end, str):
@@ -216,40 +142,36 @@ def _superelement_motion(layout: Layout, part: str, end: End, allow_partial: boo
         sites = name_list(end_text(end), names, "its sites and nodes")
         raise InputError(f"the part {part!r} has no site or node {end_text(end)}; {sites}.")
 
-    interface = member.ends[name]
+    motion = member.ends[name]
     required = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
-    missing = required - required @ interface.space[:3, :3] @ required
+    missing = required - required @ motion.space[:3, :3] @ required
     if not allow_partial and np.abs(missing).max() > MISSING_SHARE:
         raise InputError(
             f"{end_text(end)} does not have all displacements: extract its model with "
             "Site(..., tangential=True), or join it along its direction by an Equation or a "
             "Bushing."
         )
-    six = scipy.sparse.coo_matrix(interface.six)
-    functionals = layout.matrix(six.row, six.col + member.first, six.data, 6)
-    return EndMotion(functionals, interface.space, interface.point)
+    return layout.of_all(motion, member.first)
 
 
 def _point_motion(
     layout: Layout, part: str, point: tuple[float, ...], radius: float | None = None
-) -> EndMotion:
+) -> PointMotion:
     """The motion of a part at a point, or of its surface within a radius."""
     end = (part, point)
-    member = _member(layout, part, end)
-    nearest = member.closest(in_space(point)[None])
-    place = member.at.placed(nearest.x)[0]
-    if nearest.distance[0] > NEAR * member.part.mesh.extent():
+    member = layout.member(part, f"{end_text(end)}: ")
+    nearest = member.closest(in_space(point)[None])[0]
+    place = member.at.placed(nearest.x[None])[0]
+    if nearest.distance > NEAR * member.part.mesh.extent():
         raise InputError(
-            f"the point {end_text(end)} is {nearest.distance[0]:.3g} m off the part; its nearest "
+            f"the point {end_text(end)} is {nearest.distance:.3g} m off the part; its nearest "
             f"point is {point_text(place)}."
         )
     if radius is not None:
         return mean(layout, member, _points_around(member, end, place, radius)).at(place)
-    location = member, nearest.cell, nearest.X
-    functionals = stacked(
-        *(layout.at_points(*location, kind) for kind in (DISPLACEMENTS, ROTATIONS))
-    )
-    return EndMotion(functionals, _space(layout, member), place)
+
+    own = motion_at(member.part.comm, member.part.form, nearest)
+    return layout.of_all(own.placed(member.at), member.first)
 
 
 def _points_around(member: Member, end: End, place: Array, radius: float) -> WeightedPoints:
@@ -269,12 +191,7 @@ def _points_around(member: Member, end: End, place: Array, radius: float) -> Wei
     return replace(selected, x=member.at.placed(selected.x))
 
 
-def _space(layout: Layout, member: Member) -> Array:
-    """Projection (6, 6) onto the displacements and rotations that the nodes of a part have."""
-    return scipy.linalg.block_diag(np.eye(3), member.has_rotations * layout.rotations)
-
-
-def mean(layout: Layout, member: Member, points: WeightedPoints) -> EndMotion:
+def mean(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
     """Weighted mean motion of points of a part at their centroid.
 
     With r from the centroid the mean rotation θ satisfies J θ = Σ w r × u, J = Σ w (r² 1 − r rᵀ).
@@ -299,13 +216,14 @@ def mean(layout: Layout, member: Member, points: WeightedPoints) -> EndMotion:
     inverse = axes[:, is_regular] @ np.diag(1 / values[is_regular]) @ axes[:, is_regular].T
     rotations = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
     projection = axes[:, is_regular] @ axes[:, is_regular].T
-    undetermined = _space(layout, member)[3:, 3:] @ (np.eye(3) - projection)
+    of_nodes = motions_of(member.part.form)
+    undetermined = of_nodes[3:, 3:] @ (np.eye(3) - projection)
     if np.abs(undetermined).max() > 1e-9:
-        of_nodes = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
-        rotations = (rotations + scipy.sparse.csr_matrix(undetermined) @ of_nodes).tocsr()
+        turned = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
+        rotations = (rotations + scipy.sparse.csr_matrix(undetermined) @ turned).tocsr()
         projection = projection + undetermined
-    space = scipy.linalg.block_diag(np.eye(3), projection)
-    return EndMotion(stacked(displacements, rotations), space, centre)
+    space = scipy.linalg.block_diag(of_nodes[:3, :3], projection)
+    return PointMotion(stacked(displacements, rotations), space, centre)
 
 
 # -- joints: rows of constraints C u = 0, and terms Gᵀ k G of springs and masses

@@ -19,7 +19,6 @@ from antiosc.fem.assembly.joint import (
     NAME,
     Constraints,
     End,
-    EndMotion,
     Joint,
     Rows,
     TwoEnds,
@@ -33,7 +32,8 @@ from antiosc.fem.assembly.joint import (
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.structure import checked_axis, in_space
-from antiosc.fem.structure.attachments import UNIT, ElasticTerm, by_components
+from antiosc.fem.structure.attachments import ElasticTerm, by_components
+from antiosc.fem.structure.loads import UNIT, PointMotion
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 
@@ -163,7 +163,7 @@ class Slider(_Axis):
 
 
 #: An end of a joint and its motion.
-Moving: TypeAlias = tuple[End, EndMotion]
+Moving: TypeAlias = tuple[End, PointMotion]
 
 
 def carried(
@@ -466,7 +466,7 @@ class Mean(Joint):
         return [Rows.free(rows, label)]
 
 
-def _undetermined(member: Member, nodes: IntArray, leader: EndMotion) -> list[Rows]:
+def _undetermined(member: Member, nodes: IntArray, leader: PointMotion) -> list[Rows]:
     """Rows that fix the rotations of a leading point that would move none of its followers."""
     if member.has_rotations:
         return []

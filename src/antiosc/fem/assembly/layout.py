@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -36,6 +35,7 @@ from antiosc.fem.structure import (
     in_space,
     placement,
 )
+from antiosc.fem.structure.loads import ROUNDED_VALUE, PointMotion, Sparse
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
 from antiosc.io.matrices import DISPLACEMENTS
@@ -45,24 +45,6 @@ from antiosc.models.anti_oscillators import AntiOscillators, reduced_matrices
 MOST_SIZE = 2000
 #: Fraction of the largest stiffness below which rounding, or the digits of coordinates, made it.
 STIFFNESS_ROUNDING = 1e-7
-Sparse: TypeAlias = scipy.sparse.csr_matrix
-
-
-@dataclass(frozen=True, eq=False)
-class Interface:
-    """A site or node of a superelement: its point, its motion, its patch."""
-
-    point: Array  # (3,) [m]
-    six: Array  # (6, n) functionals of the displacement, then of the rotation
-    space: Array  # (6, 6) projection on those that it has
-    radius: float | None = None  # of its patch [m]; None: a point
-    local_compliance: float = 0.0  # half-space compliance of the patch [m/N]
-
-    def placed(self, at: Placement) -> Interface:
-        """The same in the axes of the assembly."""
-        R = scipy.linalg.block_diag(at.rotation, at.rotation)
-        point = at.placed(self.point[None])[0]
-        return replace(self, point=point, six=R @ self.six, space=R @ self.space @ R.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +54,9 @@ class Superelement:
     K: Array
     M: Array
     places: DofPlaces  # where and what its n dofs are
-    ends: Mapping[str, Interface]  # name of a site, or number of a node -> its motion
+    ends: Mapping[str, PointMotion]  # of its sites by name, or of its nodes by number
     fixed: BoolArray  # (n,) dofs that are zero
+    patches: Mapping[str, tuple[float | None, float]]  # radius [m], half-space compliance [m/N]
     rigid: Array | None = None  # (n, r) orthonormal rigid motions, on which K is exactly zero
     first: int = 0  # number of its first dof in u
 
@@ -109,15 +92,15 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
     size, count = len(reduced.K), len(model.k0)
     dependence = np.eye(count) if model.dependence is None else np.asarray(model.dependence)
     is_dof = (dependence == 1.0).any(axis=1) & (np.count_nonzero(dependence, axis=1) == 1)
-    ends = {}
+    ends, patches = {}, {}
     positions, axes = np.zeros((2, size, 3))
     for k, (site, columns) in enumerate(model.columns.items()):
         own = np.array(columns)
         d = direction[own]
         six, space = np.zeros((6, size)), np.zeros((6, 6))
         six[:3, :count], space[:3, :3] = d.T @ dependence[own], d.T @ d
-        patch = model.radius[k], float(model.local_compliance[k])
-        ends[site] = Interface(np.array(points[site]), six, space, *patch)
+        ends[site] = PointMotion(Sparse(six), space, np.array(points[site]))
+        patches[site] = model.radius[k], float(model.local_compliance[k])
 
         dofs = dependence[own[is_dof[own]]].argmax(axis=1)
         positions[dofs], axes[dofs] = points[site], d[is_dof[own]]
@@ -125,7 +108,7 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
     kind = np.where(np.arange(size) < count, MOVE, AMPLITUDE)
     places = DofPlaces(positions, np.arange(size), axes, kind)
     fixed = np.zeros(size, dtype=bool)
-    return _without_rigid_strain(Superelement(reduced.K, reduced.M, places, ends, fixed))
+    return _without_rigid_strain(Superelement(reduced.K, reduced.M, places, ends, fixed, patches))
 
 
 def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
@@ -143,13 +126,14 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
         kinds = [(node == number) & (places.kind == kind) for kind in (MOVE, TURN)]
         six = np.vstack([np.where(at_node, places.axes.T, 0.0) for at_node in kinds])
         space = np.diag(six.any(axis=1).astype(float))
-        ends[str(number)] = Interface(matrices.map.points[node == number][0], six, space)
+        ends[str(number)] = PointMotion(Sparse(six), space, matrices.map.points[node == number][0])
 
     fixed = np.zeros(size, dtype=bool)
     fixed[matrices.fixed] = True
     whole = (algebra.gathered(matrix, 0) for matrix in (matrices.K, matrices.M))
     K, M = (np.asarray(scipy.sparse.csr_matrix(matrix).toarray()) for matrix in whole)
-    return _without_rigid_strain(Superelement(K, M, places, ends, fixed))
+    patches = dict.fromkeys(ends, (None, 0.0))
+    return _without_rigid_strain(Superelement(K, M, places, ends, fixed, patches))
 
 
 def _without_rigid_strain(part: Superelement) -> Superelement:
@@ -257,6 +241,23 @@ class Layout:
             return np.diag([0.0, 0.0, 1.0])
         return np.eye(3)
 
+    def member(self, name: str, prefix: str = "") -> Member:
+        """A part with a mesh by its name; InputError, after `prefix`, if there is none."""
+        if name in self.condensed:
+            raise InputError(
+                f"{prefix}the part {name!r} is a superelement without a mesh: its sites and nodes "
+                "are struck and joined (by Ball, Weld, Hinge, Slider, Bushing, Equation) by name."
+            )
+        if name not in self.members:
+            parts = name_list(name, self.names, "its parts")
+            raise InputError(f"{prefix}the assembly has no part {name!r}; {parts}.")
+        return self.members[name]
+
+    def of_all(self, motion: PointMotion, first: int) -> PointMotion:
+        """The motion of a part, whose dofs begin at `first`, by functionals of u."""
+        six = motion.six.tocoo()
+        return replace(motion, six=self.matrix(six.row, six.col + first, six.data, 6))
+
     def of_point(self, name: str) -> IntArray:
         """Dofs (6,) in u of the reference point `name`."""
         start = self._first_point + POINT_DOFS * list(self.points).index(name)
@@ -301,7 +302,7 @@ class Layout:
             path = member.part.form.components.get(name)
             if path is not None and len(cell):
                 weights = compat.tabulate(space, path, X)
-                weights = np.where(np.abs(weights) > 1e-13, weights, 0.0)
+                weights = np.where(np.abs(weights) > ROUNDED_VALUE, weights, 0.0)
                 dofs = member.first + compat.cell_dofs(space, path, cell)
                 entries.append((dofs, weights[..., None] * member.at.rotation[:, axis]))
         return self._stacked(entries, len(cell))

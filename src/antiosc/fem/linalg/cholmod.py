@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_void_p
 from functools import cache, cached_property
@@ -126,17 +126,13 @@ class Factor(ctypes.Structure):
     ]
 
 
-def _of_wheel() -> Path | None:
-    """CHOLMOD in the wheel of sparsax, where it is installed beside PyPI's PETSc."""
-    packages = Path(PETSc.__file__).parents[2]
-    return next(packages.glob("sparsax.libs/libcholmod-*.so*"), None)
-
-
 @cache
 def loaded_cholmod() -> ctypes.CDLL:
     """The library with CHOLMOD's functions; MissingDependencyError without them."""
-    lib = ctypes.CDLL(str(_of_wheel() or PETSc.__file__))  # and in what PETSc links, too
-    if not hasattr(lib, "cholmod_l_analyze_p") or not hasattr(lib, "cholmod_l_version"):
+    # in the wheel of sparsax beside PyPI's PETSc, or in what PETSc links
+    wheel = Path(PETSc.__file__).parents[2].glob("sparsax.libs/libcholmod-*.so*")
+    lib = ctypes.CDLL(str(next(wheel, PETSc.__file__)))
+    if not hasattr(lib, "cholmod_l_analyze_p"):
         raise MissingDependencyError(
             "this PETSc is built without CHOLMOD (SuiteSparse), as PyPI's is."
         )
@@ -173,13 +169,12 @@ def without_openmp() -> Iterator[None]:
     of the time of a factorization on two cores was lost. BLAS keeps its threads, unless it is built
     on OpenMP.
     """
-    openmp = _loaded("libgomp.so.1")
-    blas = _loaded("libopenblas.so.0")
-    if openmp is None or blas is None or blas.openblas_get_parallel() == ON_OPENMP:
-        yield
-        return
-    levels = openmp.omp_get_max_active_levels()
-    if not levels:  # another thread has set it, and puts it back
+    openmp, blas = _loaded("libgomp.so.1"), _loaded("libopenblas.so.0")
+    levels = 0
+    if openmp and blas and blas.openblas_get_parallel() != ON_OPENMP:
+        levels = openmp.omp_get_max_active_levels()
+
+    if openmp is None or not levels:  # of 0, another thread has set it, and puts it back
         yield
         return
     openmp.omp_set_max_active_levels(0)
@@ -216,9 +211,9 @@ class Supernodes(NamedTuple):
 
     start: IntArray
     row: IntArray
-    rows: IntArray
     value: IntArray
-    values: NDArray[Any]
+    rows: IntArray
+    values: Array
 
 
 class _Memory:
@@ -241,21 +236,17 @@ class _Memory:
             self.lib.cholmod_l_free_factor(byref(self.factor), byref(self.common))
         self.lib.cholmod_l_finish(byref(self.common))
 
-    def reals(self, pointer: int, count: int) -> Array:
-        """`count` real numbers at `pointer`, read-only."""
-        return np.frombuffer(self._kept((c_double * count).from_address(pointer)), np.float64)
-
-    def integers(self, pointer: int, count: int) -> IntArray:
-        """`count` integers at `pointer`, read-only."""
-        return np.frombuffer(self._kept((c_int64 * count).from_address(pointer)), np.int64)
-
-    def _kept(self, block: ctypes.Array[Any]) -> memoryview:
-        block.memory = self  # type: ignore[attr-defined]  # it lives as long as arrays of it
-        return memoryview(block).toreadonly()
+    def array(self, pointer: int, count: int, kind: Any = c_int64) -> NDArray[Any]:
+        """`count` numbers of a kind at `pointer`, read-only."""
+        block = (kind * count).from_address(pointer)
+        block.memory = self  # it lives as long as arrays of it
+        return np.frombuffer(memoryview(block).toreadonly(), np.dtype(kind))
 
 
-class Analysis:
-    """The symbolic factor of a sparse symmetric matrix: its ordering, and the size of L.
+class Cholesky:
+    """P A Pᵀ = L Lᵀ of a sparse symmetric positive definite matrix.
+
+    It is analysed at once, which gives its ordering and the size of L; `factorized` makes L.
 
     Parameters
     ----------
@@ -277,89 +268,68 @@ class Analysis:
     def __init__(
         self, A: scipy.sparse.csr_matrix, block: int = 1, permutation: IntArray | None = None
     ) -> None:
-        self.memory = _Memory()
-        common = self.memory.common
+        self._memory = _Memory()
+        common = self._memory.common
         common.supernodal = SUPERNODAL
         common.quick_return_if_not_posdef = 1
         common.print_level = 0
-        if permutation is None and block > 1:
-            permutation = self._of_nodes(A, block)
-        self.matrix, self._arrays = _sparse(A)
-        self.memory.factor = self._analysed(self.matrix, permutation)
 
-    @property
-    def entries(self) -> int:
-        """Number of entries of the factor."""
-        return int(self.memory.factor.contents.xsize)
-
-    def fronts(self) -> Array:
-        """Operations of the factorization of each supernode: Σ c² of its columns' entries c."""
-        factor = self.memory.factor.contents
-        starts = (self.memory.integers(p, factor.nsuper + 1) for p in (factor.super, factor.pi))
-        width, height = (np.diff(start).astype(float) for start in starts)
-        squares = (width - 1) * width * (2 * width - 1) / 6
-        return np.asarray(width * height**2 - height * width * (width - 1) + squares)
-
-    def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int) -> IntArray:
-        """An ordering of A's rows from one of its nodes, whose graph is far smaller."""
-        matrix, _arrays = _sparse(A[::block, ::block])
-        nodes = self._analysed(matrix, None)
-        order = np.array(self.memory.integers(nodes.contents.Perm, nodes.contents.n))
-        self.memory.lib.cholmod_l_free_factor(byref(nodes), byref(self.memory.common))
-        return np.asarray(block * order[:, None] + np.arange(block)).ravel()
+        if permutation is None and block > 1:  # of the nodes, whose graph is far smaller
+            nodes = Cholesky(A[::block, ::block]).permutation
+            permutation = np.asarray(block * nodes[:, None] + np.arange(block)).ravel()
+        matrix, self._arrays = _sparse(A)
+        self._memory.factor = self._analysed(matrix, permutation)
+        self._matrix: Sparse | None = matrix
 
     def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> ctypes._Pointer[Factor]:
         """Symbolic factor for a given permutation, or by the better of AMD and METIS."""
-        lib = self.memory.lib
-        common = self.memory.common
+        common = self._memory.common
         common.nmethods = int(permutation is not None)
         common.method[0].ordering = GIVEN
-        ordering = None
+        pointer = None
         if permutation is not None:
-            ordering = np.ascontiguousarray(permutation, dtype=np.int64).ctypes
-        pointer = None if ordering is None else ordering.data
-        factor = lib.cholmod_l_analyze_p(byref(matrix), pointer, None, 0, byref(common))
+            ordering = np.ascontiguousarray(permutation, dtype=np.int64)
+            pointer = ordering.ctypes.data
+
+        analyse = self._memory.lib.cholmod_l_analyze_p
+        factor = analyse(byref(matrix), pointer, None, 0, byref(common))
         if not factor:
             raise failure(common, f"the ordering of {matrix.nrow} rows")
         return factor
 
+    @property
+    def entries(self) -> int:
+        """Number of entries of the factor."""
+        return int(self._memory.factor.contents.xsize)
 
-class Cholesky:
-    """P A Pᵀ = L Lᵀ of a sparse symmetric positive definite matrix.
+    def _fronts(self) -> Array:
+        """Operations of the factorization of each supernode: Σ c² of its columns' entries c."""
+        factor = self._memory.factor.contents
+        count = factor.nsuper + 1
+        starts = (self._memory.array(p, count) for p in (factor.super, factor.pi))
+        width, height = (np.diff(start).astype(float) for start in starts)
+        squares = (width - 1) * width * (2 * width - 1) / 6
+        return np.asarray(width * height**2 - height * width * (width - 1) + squares)
 
-    Parameters
-    ----------
-    A : csr_matrix (n, n) or Analysis
-        The matrix, or its analysis, which becomes this factor and serves no second one.
-    block, permutation
-        As for `Analysis`, if A is a matrix.
-
-    NotPositiveDefiniteError where A has no such factor; other errors as for `Analysis`.
-    """
-
-    def __init__(
-        self,
-        A: scipy.sparse.csr_matrix | Analysis,
-        block: int = 1,
-        permutation: IntArray | None = None,
-    ) -> None:
-        analysis = A if isinstance(A, Analysis) else Analysis(A, block, permutation)
-        memory = self._memory = analysis.memory
-        common = memory.common
-        factor = memory.factor
-        with without_openmp(), blas_threads(analysis.fronts()):
+    def factorized(self) -> Cholesky:
+        """The same with L, without its copy of A; NotPositiveDefiniteError if there is none."""
+        memory, common = self._memory, self._memory.common
+        assert self._matrix is not None
+        with without_openmp(), blas_threads(self._fronts()):
             succeeded = memory.lib.cholmod_l_factorize(
-                byref(analysis.matrix), factor, byref(common)
+                byref(self._matrix), memory.factor, byref(common)
             )
-        factor_data = factor.contents
-        if not succeeded or not factor_data.is_super or not factor_data.x:
-            raise failure(
-                common, f"the Cholesky factor of {factor_data.n} rows", 8.0 * factor_data.xsize
-            )
-        if factor_data.minor < factor_data.n:
+
+        factor = memory.factor.contents
+        if not succeeded or not factor.is_super or not factor.x:
+            what = f"the Cholesky factor of {factor.n} rows"
+            raise failure(common, what, 8.0 * factor.xsize)
+        if factor.minor < factor.n:
             raise NotPositiveDefiniteError(
-                f"column {factor_data.minor} of {factor_data.n} is not positive definite"
+                f"column {factor.minor} of {factor.n} is not positive definite"
             )
+        self._matrix, self._arrays = None, ()
+        return self
 
     def solve(self, B: Array) -> Array:
         """A⁻¹B for a vector (n,) or a block of vectors (n, k)."""
@@ -378,14 +348,14 @@ class Cholesky:
             )
         if not succeeded:
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
-        X = memory.reals(ctypes.cast(x, POINTER(Dense)).contents.x, B.size)
+        X = memory.array(ctypes.cast(x, POINTER(Dense)).contents.x, B.size, c_double)
         return np.array(X.reshape(B.shape, order="F"), order="F")
 
     @cached_property
     def permutation(self) -> IntArray:
         """Permutation (n,): row i of P A Pᵀ is row permutation[i] of A."""
         factor = self._memory.factor.contents
-        return self._memory.integers(factor.Perm, factor.n)
+        return self._memory.array(factor.Perm, factor.n)
 
     @cached_property
     def supernodes(self) -> Supernodes:
@@ -393,14 +363,13 @@ class Cholesky:
         memory = self._memory
         factor = memory.factor.contents
         count = factor.nsuper + 1
-        start, row, value = (
-            memory.integers(p, count) for p in (factor.super, factor.pi, factor.px)
-        )
-        rows = memory.integers(factor.s, factor.ssize)
-        return Supernodes(start, row, rows, value, memory.reals(factor.x, factor.xsize))
+        start, row, value = (memory.array(p, count) for p in (factor.super, factor.pi, factor.px))
+        rows = memory.array(factor.s, factor.ssize)
+        values = memory.array(factor.x, factor.xsize, c_double)
+        return Supernodes(start, row, value, rows, values)
 
 
-def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[IntArray, IntArray, Array]]:
+def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, Sequence[Array]]:
     """(A as CHOLMOD's structure of an upper triangle, the arrays to which it points).
 
     CHOLMOD stores columns: the rows of A's lower triangle are the columns of the upper one.
@@ -420,7 +389,7 @@ def refusal() -> str:
     """
     A = np.array([[4.0, 1.0, 0.5, 0.2], [1.0, 5.0, 0.3, 2.0], [0.5, 0.3, 3.0, 1.0], [0.2, 2, 1, 6]])
     try:
-        factor = Cholesky(scipy.sparse.csr_matrix(A))
+        factor = Cholesky(scipy.sparse.csr_matrix(A)).factorized()
         L = np.tril(factor.supernodes.values.reshape(A.shape).T)
         product = A @ factor.solve(np.eye(4))
     except AntioscError as error:

@@ -51,7 +51,7 @@ from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.base.progress import counting
 from antiosc.fem.linalg import algebra, cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient, sum_of
-from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
+from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.iterative import (
     FACTORED,
     Levels,
@@ -200,13 +200,13 @@ class OnOneRank(Factorization):
     analysis : analysis of A from `analysed`, if there is one; it becomes the factor.
     """
 
-    def __init__(self, A: PETSc.Mat, analysis: Analysis | None = None) -> None:
+    def __init__(self, A: PETSc.Mat, analysis: Cholesky | None = None) -> None:
         self._analysis = analysis
         super().__init__(A)
 
     def _set_up(self) -> None:
         try:
-            self.cholesky = Cholesky(self._analysis or analysed(self.A))
+            self.cholesky = (self._analysis or analysed(self.A)).factorized()
         except NotPositiveDefiniteError as error:
             raise NotConvergedError(SINGULAR.format(error)) from error
         finally:
@@ -215,16 +215,16 @@ class OnOneRank(Factorization):
     @property
     def entries(self) -> float:
         """Number of entries of the factor."""
-        return float(self.cholesky.supernodes.values.size)
+        return float(self.cholesky.entries)
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k); a block costs far less than single vectors."""
         return self.cholesky.solve(R)
 
 
-def analysed(A: PETSc.Mat) -> Analysis:
+def analysed(A: PETSc.Mat) -> Cholesky:
     """The symbolic factor of a matrix on one rank."""
-    return Analysis(lower(csr(A)), A.getBlockSize())
+    return Cholesky(lower(csr(A)), A.getBlockSize())
 
 
 class Distributed(PetscSolver, Factorization):
@@ -409,9 +409,9 @@ class Forecast:
 
     entries: float  # of the factor on all ranks
     matrix: PETSc.Mat  # that is analysed: the given one, or that of linear elements
-    analysis: Analysis | None = None  # of that matrix, on one rank
+    analysis: Cholesky | None = None  # of that matrix, on one rank
 
-    def taken(self, matrix: PETSc.Mat) -> Analysis | None:
+    def taken(self, matrix: PETSc.Mat) -> Cholesky | None:
         """The analysis of `matrix`, handed over, since a factor consumes it; None without one."""
         if matrix is not self.matrix:
             return None
@@ -433,7 +433,7 @@ def forecast_of(A: PETSc.Mat, coarser: PETSc.Mat | None = None) -> Forecast:
     return Forecast(finer * float(analysis.entries), matrix, analysis)
 
 
-def factorize(A: PETSc.Mat, analysis: Analysis | None = None) -> Factorization:
+def factorize(A: PETSc.Mat, analysis: Cholesky | None = None) -> Factorization:
     """The Cholesky factor of A: by CHOLMOD on one rank, by MUMPS on several.
 
     `analysis`: the symbolic factor of A, if it is known, on one rank.
@@ -497,7 +497,7 @@ def _twice(
     A = sum_of(structure.K, structure.shift + step, structure.M)
     if isinstance(solver, OnOneRank):
         first = solver.cholesky
-        second = Cholesky(lower(csr(A)), permutation=first.permutation)
+        second = Cholesky(lower(csr(A)), permutation=first.permutation).factorized()
         return compliances(first, loads), compliances(second, loads)
 
     results = np.zeros((2, loads.shape[1]))

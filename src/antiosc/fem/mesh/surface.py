@@ -5,7 +5,7 @@ The faces that an impactor can strike are the outer facets of a solid and the ce
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from math import factorial, inf
@@ -133,6 +133,12 @@ class ClosestPoints:
     X: Array
     x: Array
     distance: Array
+
+    @classmethod
+    def of(cls, several: Sequence[ClosestPoint]) -> ClosestPoints:
+        """The arrays of several points."""
+        columns = ([getattr(one, field.name) for one in several] for field in fields(cls))
+        return cls(*map(np.array, columns))
 
     def __len__(self) -> int:
         return len(self.rank)

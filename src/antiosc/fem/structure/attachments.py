@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, TypeAlias
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -36,17 +36,11 @@ from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import ClosestPoint, closest
+from antiosc.fem.mesh.surface import closest
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.structure import Dissipation, in_space
+from antiosc.fem.structure.loads import NEAR, PointMotion, Sparse, motion_at
 from antiosc.io.matrices import COMPONENTS
-
-Sparse: TypeAlias = scipy.sparse.csr_matrix
-
-#: Unit motions (6,) by the names of the components.
-UNIT = dict(zip(COMPONENTS, np.eye(6), strict=True))
-#: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
-NEAR = 1e-3
 
 
 def _checked_where(_: str, where: object) -> str | tuple[float, ...]:
@@ -225,23 +219,6 @@ class ElasticTerm:
         return [Dissipation(G, c, tau) for c, tau in [*constants, *self.branches]]
 
 
-class PointMotion(Protocol):
-    """The motion of the point at which an attachment acts."""
-
-    @property
-    def point(self) -> Array:
-        """Coordinates (3,), m."""
-        ...
-
-    def components(self, names: Sequence[str]) -> Sparse:
-        """Functionals of the named displacements and rotations."""
-        ...
-
-    def lacking(self, names: Sequence[str]) -> list[str]:
-        """The components among `names` that the point does not have."""
-        ...
-
-
 def _values(attached: Attachment) -> dict[str, float]:
     """Component -> mass, moment of inertia, stiffness or damping."""
     if isinstance(attached, Spring):
@@ -303,44 +280,6 @@ def terms_of(
     return terms
 
 
-@dataclass(frozen=True)
-class MeshPoint:
-    """The motion of a point of a mesh, by functionals of the rows of this rank."""
-
-    mesh: Mesh
-    form: WeakForm
-    #: dofs of this rank, ghosts included, that the supports hold
-    fixed: IntArray
-    nearest: ClosestPoint
-
-    @property
-    def point(self) -> Array:
-        """Coordinates (3,), m."""
-        return self.nearest.x
-
-    def lacking(self, names: Sequence[str]) -> list[str]:
-        """The components among `names` that the mesh does not have."""
-        return [name for name in names if name not in self.form.components]
-
-    def components(self, names: Sequence[str]) -> Sparse:
-        """Functionals of the named displacements and rotations; 0 at fixed dofs."""
-        space = self.form.space
-        rows = compat.local_size(space)
-        functionals = []
-        for name in names:
-            path = self.form.components[name]
-            b = PETSc.Vec().createMPI((rows, None), comm=self.mesh.comm)
-            if self.mesh.comm.rank == self.nearest.rank:
-                dofs = compat.subspace(space, path).dofmap.cell_dofs(self.nearest.cell)
-                weights = compat.tabulate(space, path, self.nearest.X.reshape(1, -1))[0]
-                weights = np.where(np.isin(dofs, self.fixed), 0.0, weights)
-                b.setValues(compat.global_dofs(space, dofs), weights)
-            b.assemble()
-            functionals.append(b.array_r.copy())
-            b.destroy()
-        return Sparse(np.array(functionals).reshape(len(names), rows))
-
-
 def add(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
     """Add Gᵀ diag(values) G to the entries of a matrix over ranks. Collective."""
     if not values.any():
@@ -359,8 +298,8 @@ def add(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
 
 def mesh_points(
     mesh: Mesh, form: WeakForm, fixed: IntArray, where: str | Sequence[float]
-) -> list[MeshPoint]:
-    """The points of a mesh at which an attachment acts."""
+) -> list[PointMotion]:
+    """The motions of the points of a mesh at which an attachment acts; 0 at fixed dofs."""
     if isinstance(where, str):
         group = mesh.group(where)
         if set(group) != {0}:
@@ -371,21 +310,27 @@ def mesh_points(
         owned_nodes = group[0][group[0] < mesh.dolfinx.topology.index_map(0).size_local]
         x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[owned_nodes, 0]]
         points = np.vstack(mesh.comm.allgather(x))
-        return [MeshPoint(mesh, form, fixed, closest(mesh, point)) for point in points]
-
-    if len(where) < mesh.gdim:
+    elif len(where) < mesh.gdim:
         raise InputError(
             f"the point {point_text(np.array(where))} of a mass, spring or damper has"
             f" {len(where)} coordinates, and {mesh.name} lives in space: give x, y and z."
         )
-    nearest = closest(mesh, in_space(where))
-    if nearest.distance > NEAR * mesh.extent():
-        raise InputError(
-            f"the point {point_text(where)} of a mass, spring or damper is "
-            f"{nearest.distance:.3g} m off the structure; its nearest point is "
-            f"{point_text(nearest.x)}."
-        )
-    return [MeshPoint(mesh, form, fixed, nearest)]
+    else:
+        points = in_space(where)[None]
+
+    nearest = [closest(mesh, point) for point in points]
+    for point, place in zip(points, nearest, strict=True):
+        if place.distance > NEAR * mesh.extent():
+            raise InputError(
+                f"the point {point_text(point)} of a mass, spring or damper is "
+                f"{place.distance:.3g} m off the structure; its nearest point is "
+                f"{point_text(place.x)}."
+            )
+
+    free = np.ones(compat.local_size(form.space))
+    free[fixed[fixed < len(free)]] = 0.0
+    motions = [motion_at(mesh.comm, form, place) for place in nearest]
+    return [replace(one, six=one.six @ scipy.sparse.diags(free)) for one in motions]
 
 
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.

@@ -41,6 +41,7 @@ from antiosc.fem.mesh.surface import (
     ClosestPoint,
     ClosestPoints,
     Faces,
+    SurfaceAtSites,
     WeightedPoints,
     closest_many,
     largest,
@@ -57,7 +58,6 @@ from antiosc.fem.structure import (
     support,
 )
 from antiosc.fem.structure.attachments import (
-    UNIT,
     Attachment,
     Stiffener,
     add,
@@ -66,6 +66,7 @@ from antiosc.fem.structure.attachments import (
     mesh_points,
     terms_of,
 )
+from antiosc.fem.structure.loads import UNIT
 from antiosc.fem.structure.support import (
     NO_DOFS,
     NumberedNodes,
@@ -76,6 +77,9 @@ from antiosc.fem.structure.support import (
 from antiosc.models.motion import Inertia
 
 T = TypeVar("T")
+
+#: Largest distance of a point on a surface from it, over the size of the part.
+ON_SURFACE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,6 +314,11 @@ class MeshedStructure(StructureMatrices):
             free_loads[owned_fixed] = 0.0
             loads += multiply(mass, motions) - free_loads
         return loads
+
+    def surface_below(self, points: Array, directions: Array, radii: Array) -> SurfaceAtSites:
+        """The surface of a solid at points (P, 3); `radii` (P,) of patches, NaN of points."""
+        reach = np.where(np.isfinite(radii), radii, ON_SURFACE * self.mesh.extent())
+        return self.faces.contact(points, directions, reach, np.zeros(len(self.faces), dtype=int))
 
     def unsupported(self) -> MeshedStructure:
         """The matrices without supports."""

@@ -384,10 +384,8 @@ def _thickness_at(structure: Structure, sites: Sites, least: float | None) -> fl
     """The thickness of a sheet at its sites, whose deflection it judges; of others the `least`."""
     if least is None:
         return None
-    from antiosc.reduce.site.surface import material_of  # given matrices do without meshes
-
     places = [site.place for site in sites.values()]
-    materials = [material_of(place) for place in places if place is not None]
+    materials = [place.material for place in places if place is not None]
     found = [getattr(getattr(one, "section", None), "thickness", least) for one in materials]
     return min(found, default=least)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
-from functools import partial
 from math import sqrt
 from typing import cast
 
@@ -19,36 +18,44 @@ from antiosc.base.texts import engineering, point_text
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.joint import EndMotion
+from antiosc.fem.assembly.place import (
+    Place,
+    group_of,
+    middle_of,
+    motion_of,
+    node_of,
+    place_at,
+    places_at,
+)
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
-from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import ClosestPoint, closest_many, corners_at, size_at
+from antiosc.fem.mesh.surface import (
+    ClosestPoint,
+    ClosestPoints,
+    corners_at,
+    struck_point,
+)
 from antiosc.fem.platform import warn
 from antiosc.fem.structure import Dissipation, in_space
+from antiosc.fem.structure.loads import PointMotion, loads
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import Support, fixed_dofs
 from antiosc.recovery.place import Reach
 from antiosc.reduce.site.site import (
     LEAST_FREE_SHARE,
+    NAMED_PART,
     Functional,
-    Place,
     Site,
     algebraic,
     constrained,
-    motion_of,
-    place_at,
-    place_of,
     tangents,
 )
 from antiosc.reduce.site.sites import (
     ALONG_SURFACE,
     Sites,
-    loads,
     located,
     on_free_dofs,
     sums,
-    surface_below,
     warn_of_doubts,
 )
 
@@ -83,31 +90,74 @@ def before_joining(
     `part_of` returns the structure of a part, with or without its supports.
     """
     by_site: dict[int, Functional] = {}
-    by_part: dict[str, dict[int, Place]] = {}
+    on_parts: list[int] = []
     for k, site in enumerate(sites):
         named = isinstance(site.point, str) and site.face is None
         end = motion_of(structure, str(site.point)) if named else None
         if end is not None and site.part is None:
             by_site[k] = _without_mesh(cast(AssembledMatrices, structure), site, end)
         else:
-            place = place_of(structure, site)
-            by_part.setdefault(place.member.name, {})[k] = place
+            on_parts.append(k)
 
-    for places in by_part.values():
-        member = next(iter(places.values())).member
-        part = part_of(member)
-        struck = [sites[k] for k in places]
-        found = _on_mesh(part, struck, list(places.values()))
+    places = places_of(structure, [sites[k] for k in on_parts])
+    by_part: dict[str, dict[int, Place]] = {}
+    for k, place in zip(on_parts, places, strict=True):
+        by_part.setdefault(place.member.name, {})[k] = place
+
+    for of_part in by_part.values():
+        part = part_of(next(iter(of_part.values())).member)
+        struck = [sites[k] for k in of_part]
+        found = _on_mesh(part, struck, list(of_part.values()))
         warn_of_doubts(part, found)
-        for k, functional in zip(places, _site_functionals(part, struck, found), strict=True):
-            by_site[k] = _on_whole(structure, member, functional)
+        functionals = _site_functionals(part, struck, list(of_part.values()), found)
+        for (k, place), functional in zip(of_part.items(), functionals, strict=True):
+            by_site[k] = _on_whole(structure, place, functional)
     return [by_site[k] for k in range(len(sites))]
 
 
-def _on_whole(structure: MeshedParts, member: Member, functional: Functional) -> Functional:
+def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place]:
+    """The places of sites at a point, a group, a face or a node."""
+    by_part: dict[str | None, list[tuple[int, Array, Array]]] = {}
+    for k, site in enumerate(sites):
+        part, point, direction = _aimed(matrices, site)
+        by_part.setdefault(part, []).append((k, point, direction))
+
+    places: dict[int, Place] = {}
+    for part, aimed in by_part.items():
+        numbers, points, directions = zip(*aimed, strict=True)
+        found = places_at(matrices.members(part), np.array(points), np.array(directions))
+        places.update(zip(numbers, found, strict=True))
+    return [places[k] for k in range(len(sites))]
+
+
+def _aimed(matrices: MeshedParts, site: Site) -> tuple[str | None, Array, Array]:
+    """(part or None, point (3,) [m], direction (3,)) of a site, in the axes of the structure."""
+    direction = None if site.direction is None else in_space(site.direction)
+    if site.face is not None:
+        member, group = group_of(matrices, site.face)
+        x, along = struck_point(member.part.mesh, group)
+        point = member.at.placed(x[None])[0]
+        direction = member.at.rotation @ along if direction is None else direction
+    elif site.node is not None:
+        member, point = node_of(matrices, site.node, site.part)
+    elif isinstance(site.point, str):
+        if site.part is not None and matrices.assembled:
+            raise InputError(NAMED_PART.format(site.point, site.part))
+        matrices.members(site.part)
+        member, point = middle_of(matrices, site.point)
+    else:
+        assert site.point is not None
+        assert direction is not None
+        return site.part, in_space(site.point), direction
+    assert direction is not None
+    return member.name or None, point, direction
+
+
+def _on_whole(structure: MeshedParts, place: Place, functional: Functional) -> Functional:
     """The functional of a part with its load vectors on all dofs of the structure."""
     assert functional.point is not None
     assert functional.directions is not None
+    member = place.member
     B = functional.B
     if structure.assembled:
         B = np.zeros((algebra.size(structure.K), B.shape[1]))  # u and q have as many dofs
@@ -115,13 +165,13 @@ def _on_whole(structure: MeshedParts, member: Member, functional: Functional) ->
     return replace(
         functional,
         B=B,
-        point=member.at.placed(functional.point[None])[0],
+        point=place.placed,
         directions=functional.directions @ member.at.rotation.T,
-        place=Place(member, functional.point, functional.directions[0]),
+        place=replace(place, direction=functional.directions[0]),
     )
 
 
-def _without_mesh(structure: AssembledMatrices, site: Site, end: EndMotion) -> Functional:
+def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) -> Functional:
     """The functional on u of a superelement's site or of a reference point."""
     layout = structure.layout
     part, _, name = str(site.point).partition(":")
@@ -145,12 +195,11 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: EndMotion) -> F
             "impact: extract its model with a tangential site."
         )
     b = np.asarray(end.displacements.T @ direction)
-    place = place_at(structure, end.point, direction) if structure.members() else None
+    place = place_at(structure, end.point, direction)
     functional = Functional(b[:, None], point=end.point, directions=direction[None], place=place)
     if not name:
         return functional
-    interface = layout.condensed[part].ends[name]
-    radius, compliance = interface.radius, interface.local_compliance
+    radius, compliance = layout.condensed[part].patches[name]
     return replace(functional, radius=radius, local_compliance=compliance)
 
 
@@ -161,18 +210,16 @@ def _on_mesh(structure: MeshedStructure, sites: Sequence[Site], places: Sequence
     """Sites at places of a mesh."""
     mesh = structure.mesh
     placed = places[0].member.at.placed
-    points = np.array([place.point for place in places])
+    nearest = ClosestPoints.of([place.nearest for place in places])
     directions = np.array([place.direction for place in places])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     if "z" not in structure.form.components and np.any(np.abs(directions[:, 2]) > 1e-12):
         raise InputError(f"a direction of impact leaves the plane of {mesh.name}, which is 2-D.")
 
-    nearest = closest_many(mesh, points)
     extent = mesh.extent()
-    for i, (site, place) in enumerate(zip(sites, places, strict=True)):
-        if place.exact:
-            both = placed(np.array([points[i], nearest[i].x]))
-            _check_distance(mesh, extent, site, both, nearest[i])
+    for site, place in zip(sites, places, strict=True):
+        if site.node is None and not isinstance(site.point, str):
+            _check_distance(site, place)
     radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
     plausible.warn_each(
         plausible.patch_doubt(site.radius, extent) for site in sites if site.radius is not None
@@ -182,6 +229,7 @@ def _on_mesh(structure: MeshedStructure, sites: Sequence[Site], places: Sequence
     directions[leaving] *= -1.0
     for x in placed(nearest.x[leaving]):
         warn(structure.comm, TURNED.format(point_text(x)), ChoiceWarning)
+
     sites_found = located(structure, nearest.x, directions, radii, nearest)
     _check(sites_found, placed)
     return sites_found
@@ -197,30 +245,29 @@ def _leaving(
     """Mask (P,) of the sites on solids whose direction of impact leaves the material."""
     if not structure.kind.outside:
         return np.zeros(len(points), dtype=bool)
-    contact = surface_below(structure, points, directions, radii)
+    contact = structure.surface_below(points, directions, radii)
     cosines = np.einsum("pd,pd->p", directions, contact.normals)
     return np.isfinite(contact.depth) & (cosines > ALONG_SURFACE)
 
 
 def _site_functionals(
-    structure: MeshedStructure, sites: Sequence[Site], found: Sites
+    structure: MeshedStructure, sites: Sequence[Site], places: Sequence[Place], found: Sites
 ) -> list[Functional]:
     """The load vectors and patch data of each site."""
     columns, axes = [found.loads], [found.directions]
     if found.weighted is not None and any(site.tangential for site in sites):
         for across in tangents(found.directions, "z" not in structure.form.components):
-            B = loads(structure, found.weighted, across)
+            B = loads(structure.comm, structure.form, found.weighted, across)
             free = on_free_dofs(structure, B)
             is_movable = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, B)
             columns.append((free @ scipy.sparse.diags(is_movable.astype(float))).tocsr())
             axes.append(across)
 
-    nearest = closest_many(structure.mesh, found.points)
     # computed here, since all ranks must take part
     low, high = structure.mesh.box
     thickness = structure.dimensions[2]
     functionals = []
-    for i, site in enumerate(sites):
+    for i, (site, place) in enumerate(zip(sites, places, strict=True)):
         count = len(columns) if site.tangential else 1
         directions = np.array([of_sites[i] for of_sites in axes[:count]])
         functionals.append(
@@ -230,7 +277,7 @@ def _site_functionals(
                 float(found.local[i]),
                 found.points[i],
                 directions,
-                cell_and_waves(structure, nearest[i], directions[0], high - low, thickness),
+                cell_and_waves(structure, place.nearest, directions[0], high - low, thickness),
             )
         )
     return functionals
@@ -290,20 +337,21 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
             raise SiteError(constrained(f"the site at {text(points[i])}"))
 
 
-def _check_distance(
-    mesh: Mesh, extent: float, site: Site, points: Array, nearest: ClosestPoint
-) -> None:
-    """InputError for a site far from the mesh; `points` (2, 3): the site and the nearest point."""
-    tolerance = ON_STRUCTURE * extent
+def _check_distance(site: Site, place: Place) -> None:
+    """InputError for a site far from its place."""
+    assert site.point is not None
+    point, nearest = in_space(site.point), place.nearest  # type: ignore[arg-type]
+    mesh = place.member.part.mesh
+    tolerance = ON_STRUCTURE * mesh.extent()
     if site.snap is False and nearest.distance <= tolerance:
         return
     free = isinstance(site.snap, bool)
     reach = Reach("the point of the site", None if free else max(site.snap, tolerance))
-    reach.check(points[0], points[1], extent, partial(size_at, mesh, nearest))
+    reach.check_at(point, place)
     if site.snap is False:
         raise InputError(
-            f"the point {text(points[0, : mesh.gdim])} is {nearest.distance:.3g} m off the "
-            f"structure; its nearest point is {text(points[1])}: use that, or a site with snap."
+            f"the point {text(point[: mesh.gdim])} is {nearest.distance:.3g} m off the "
+            f"structure; its nearest point is {text(place.placed)}: use that, or a site with snap."
         )
 
 

@@ -15,18 +15,16 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, floats, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.joint import group_end
-from antiosc.fem.mesh.surface import Faces, SurfaceAtSites, closest_many
+from antiosc.fem.assembly.place import group_of, places_at
+from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.reduce.site.at_points import ON_STRUCTURE
-from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site, nearest_parts, place_of
+from antiosc.reduce.site.at_points import ON_STRUCTURE, places_of
+from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
 from antiosc.reduce.site.sites import (
     MOST_RINGS_OF_MAP,
     Sites,
     located,
-    surface_below,
     warn_of_doubts,
 )
 
@@ -145,7 +143,12 @@ def sites_of(
     if names is None:
         places = [(member, None, member.name) for member in structure.members()]
     else:
-        places = [(*_part_and_group(structure, name), name) for name in names]
+        places = [
+            (*group_of(structure, name, "where"), name)
+            if ":" in name or not structure.assembled
+            else (structure.members(name)[0], None, name)
+            for name in names
+        ]
 
     surfaces = []
     for member, group, name in places:
@@ -167,17 +170,6 @@ def movable(sites: MapSites, where: object) -> MapSites:
     return sites
 
 
-def _part_and_group(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
-    """(part, group) for the name of a group of one mesh, "part:group", or "part"."""
-    if not isinstance(structure, AssembledMatrices):
-        return structure.members()[0], name
-    return (
-        group_end(structure.layout, "where", name)
-        if ":" in name
-        else (structure.members(name)[0], None)
-    )
-
-
 def _at_points(
     structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
@@ -185,23 +177,24 @@ def _at_points(
     points = checked_points(where, direction)
     assert direction is not None  # checked_points has seen to that
     members = structure.members()
-    nearest = nearest_parts(structure, points, _in_space(direction))
-    distance = np.min([member.closest(points).distance for member in members], axis=0)
-    size = structure.layout.size if isinstance(structure, AssembledMatrices) else None
+    found = places_at(members, points, np.tile(_in_space(direction), (len(points), 1)))
+    size = float(np.linalg.norm(structure.dimensions)) if structure.assembled else None
+    distance = np.array([place.nearest.distance for place in found])
     _on_structure(points, distance, size or members[0].part.mesh.extent())
 
     of_parts = []
     order = []
     for member in members:
-        of_part = np.flatnonzero([struck_part.name == member.name for struck_part in nearest])
+        of_part = np.flatnonzero([place.member.name == member.name for place in found])
         if len(of_part):
-            x = closest_many(member.part.mesh, member.at.own(points[of_part])).x
+            x = np.array([found[k].point for k in of_part])
             sample = SurfaceSample(x, np.zeros_like(x), np.zeros((0, 3), dtype=int))
             on_part, is_movable = _on_part(
                 structure, member, sample, direction, radius, member.name
             )
             of_parts.append(on_part.only(is_movable))
             order.append(of_part[is_movable])
+
     all_sites = movable(concatenated(of_parts), None)
     return all_sites.taken(np.argsort(np.concatenate(order)))
 
@@ -285,15 +278,15 @@ def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
     It begins with the facets that touch the point, or the nearest ones: a point between the corners
     of a curved facet lies within the solid.
     """
-    place = place_of(structure, site)
+    (place,) = places_of(structure, [site])
     part = place.member.part
     if not part.kind.outside:
         return None
-    point = closest_many(part.mesh, place.point[None])[0].x[None]
+    point = place.point[None]
     direction = (place.direction / np.linalg.norm(place.direction))[None]
 
     def contact(reach: float) -> SurfaceAtSites:
-        return surface_below(part, point, direction, np.array([reach]))
+        return part.surface_below(point, direction, np.array([reach]))
 
     extent = part.mesh.extent()
     largest = float(contact(TOUCHING * extent).largest[0])

@@ -26,8 +26,9 @@ from antiosc.fem.mesh.surface import (
     closest_many,
     size_at,
 )
-from antiosc.fem.platform import compat, warn
-from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.platform import warn
+from antiosc.fem.structure.loads import Points, loads
+from antiosc.fem.structure.meshed import ON_SURFACE, MeshedStructure
 from antiosc.models.body import CUT, NEAR
 
 #: Rings of a disc's quadrature in addition to those that the size of the cells requires. With too
@@ -45,29 +46,6 @@ MOST_RISE = 0.5
 #: Points of patches that are processed at once: 132 000 around the holes of a plate had 32 million
 #: pairs with faces, and took 5.8 GB.
 POINTS_AT_ONCE = 20_000
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """n weighted points in cells of this rank.
-
-    Attributes
-    ----------
-    site : (n,) number of the site of each point.
-    cell, X : (n,) cell of this rank and (n, tdim) reference coordinates in it.
-    weight : (n,) share of the site's unit force.
-    """
-
-    site: IntArray
-    cell: IntArray
-    X: Array
-    weight: Array
-
-    @classmethod
-    def joined(cls, parts: Sequence[Points]) -> Points:
-        """All points of several sets."""
-        columns = [[p.site, p.cell, p.X, p.weight] for p in parts]
-        return cls(*(np.concatenate(arrays) for arrays in zip(*columns, strict=True)))
 
 
 def disc(rings: int) -> tuple[Array, Array]:
@@ -164,64 +142,6 @@ def _rule_on_faces(
     return Points(part[site_index], faces.cells[face[owned_points]], reference, weight), share
 
 
-def loads(structure: MeshedStructure, points: Points, directions: Array) -> scipy.sparse.csr_matrix:
-    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included: Σ w φ(X)·d.
-
-    `directions` (P, 3) are the unit directions of the forces.
-    """
-    mesh = structure.mesh
-    form = structure.form
-    rows = []
-    sites = []
-    values = []
-    # one entry for each site and cell: the moments of its points with each basis function
-    key, pair = np.unique(points.site * mesh.n_cells + points.cell, return_inverse=True)
-    site = key // mesh.n_cells
-    cell = key % mesh.n_cells
-    gather = scipy.sparse.csr_matrix(
-        (points.weight, (pair.ravel(), np.arange(len(points.weight)))),
-        shape=(len(key), len(points.weight)),
-    )
-    cells, index = np.unique(cell, return_inverse=True)
-    for axis, name in enumerate("xyz"):
-        force = directions[site, axis]
-        if name not in form.components or not force.any():
-            continue
-        path = form.components[name]
-        moments = gather @ compat.tabulate(form.space, path, points.X)
-        rows.append(compat.cell_dofs(form.space, path, cells)[index.ravel()].ravel())
-        sites.append(np.repeat(site, moments.shape[1]))
-        values.append((moments * force[:, None]).ravel())
-    return _columns(structure, rows, sites, values, len(directions))
-
-
-def _columns(
-    structure: MeshedStructure,
-    rows: list[IntArray],
-    sites: list[IntArray],
-    values: list[Array],
-    count: int,
-) -> scipy.sparse.csr_matrix:
-    """Sparse matrix from entries at dofs of this rank; entries at ghosts go to their owners."""
-    size = structure.rows
-    row = np.concatenate([np.zeros(0, dtype=np.int32), *rows]).astype(np.int64)
-    site = np.concatenate([np.zeros(0, dtype=int), *sites])
-    value = np.concatenate([np.zeros(0), *values])
-    ghost = row >= size
-    sent = (compat.global_dofs(structure.form.space, row[ghost]), site[ghost], value[ghost])
-    first = structure.form.space.dofmap.index_map.local_range[0] * structure.block
-    entries = [(row[~ghost], site[~ghost], value[~ghost])]
-    for number, sites_sent, values_sent in structure.comm.allgather(sent):
-        is_owned = (number >= first) & (number < first + size)
-        entries.append((number[is_owned] - first, sites_sent[is_owned], values_sent[is_owned]))
-    row, site, value = (np.concatenate(part) for part in zip(*entries, strict=True))
-    return scipy.sparse.csr_matrix((value, (row, site)), shape=(size, count))
-
-
-#: Largest distance of a point on a sheet from it, over the structure's size.
-ON_SHEET = 1e-6
-
-
 @dataclass(frozen=True, eq=False)
 class Sites:
     """P sites with their load vectors; all data except `loads` are equal on all ranks.
@@ -309,7 +229,7 @@ def located(
         faces = structure.faces
         labels = structure.part_of_cells()[faces.cells]
         if not has_radius[patch].all():
-            reach = np.full(count, ON_SHEET * mesh.extent())
+            reach = np.full(count, ON_SURFACE * mesh.extent())
             part = faces.contact(points, directions, reach, labels).label
             radii = np.where(has_radius, radii, default_radii[part])
         contact = faces.contact(points[patch], directions[patch], radii[patch], labels)
@@ -332,7 +252,7 @@ def located(
     if not patch.all():
         point_sets.append(_points(structure, points, np.flatnonzero(~patch), nearest))
     weighted = Points.joined(point_sets)
-    B = loads(structure, weighted, directions)
+    B = loads(structure.comm, structure.form, weighted, directions)
     weight = sums(structure, B)
     B = on_free_dofs(structure, B)
     free_share = sums(structure, B) / np.where(weight > 0, weight, 1.0)
@@ -406,15 +326,6 @@ def doubtful_patches(sites: Sites) -> dict[str, BoolArray]:
     if sites.clear is not None:
         near = np.asarray((sites.clear < NEAR_RADII * sites.radii) & (sites.local > 0))
     return {CUT: _cut(sites), NEAR: near}
-
-
-def surface_below(
-    structure: MeshedStructure, points: Array, directions: Array, radii: Array
-) -> SurfaceAtSites:
-    """The surface of a solid at points (P, 3); `radii` (P,) of patches, NaN of points."""
-    reach = np.where(np.isfinite(radii), radii, ON_SHEET * structure.mesh.extent())
-    labels = np.zeros(len(structure.faces), dtype=int)
-    return structure.faces.contact(points, directions, reach, labels)
 
 
 def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:

@@ -24,15 +24,15 @@ from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, SHARP, Curvature
 from antiosc.engine.contact.surfaces import Matter, Surface, matter_of
 from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.assembly.place import Place, place_at
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import Faces, clamped, closest, projected
+from antiosc.fem.mesh.surface import Faces, clamped, projected
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.neutral import connected
 from antiosc.models.body import Body
-from antiosc.reduce.site.site import Place, place_at
 
 #: Least angle between the normals of two faces whose common edge is a sharp edge of the part
 #: [degree].
@@ -351,7 +351,7 @@ def surface_of(structure: Structure, place: Place, radius: float | None) -> Surf
     InputError
         The surface is unknown: plane parts, anisotropic materials, too few nodes.
     """
-    material = material_of(place)
+    material = place.material
     matter = _contact_material(material)
     if matter is None:
         raise InputError("a plane part has no surface in space.")
@@ -401,13 +401,7 @@ def curvature_at(
 
 def material_at(structure: Structure, point: Array, direction: Array | None = None) -> Any:
     """The material of a meshed structure at its point nearest to `point` [m]."""
-    return material_of(place_at(with_parts(structure, NO_SURFACE), point, direction))
-
-
-def material_of(place: Place) -> Any:
-    """The material of the part at the place."""
-    part = place.member.part
-    return part.material_at(closest(part.mesh, place.point))
+    return place_at(with_parts(structure, NO_SURFACE), point, direction).material
 
 
 def _curvature(place: Place) -> Curvature:
@@ -420,7 +414,7 @@ def _curvature(place: Place) -> Curvature:
     else:
         curved = curvature(part.mesh, part.faces, place.point, along)
     if part.kind.sheet:
-        curved = curved.beyond(material_of(place).section.thickness / 2)
+        curved = curved.beyond(place.material.section.thickness / 2)
     return curved.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
 
 
