@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-import threading
+import time
 import webbrowser
 from collections.abc import Iterator
 from html import escape
@@ -114,7 +114,8 @@ def until_interrupted(path: str, browser: bool, **options: Any) -> None:
         with _redirection(page.address) as entrance:
             if browser:
                 webbrowser.open(entrance.as_uri())
-            threading.Event().wait()
+            while True:  # libraries let a longer wait go on after a signal
+                time.sleep(1)
     except KeyboardInterrupt:
         print_text("closed.")
     finally:

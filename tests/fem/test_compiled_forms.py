@@ -89,10 +89,11 @@ def test_no_configuration_is_read(place):
 
 
 SCRIPT = """
+import antiosc as ao
+import antiosc.fem  # before dolfinx, as packages of PyPI ask for it
 import dolfinx
 import numpy as np
 from mpi4py import MPI
-import antiosc as ao
 
 box = dolfinx.mesh.create_box(MPI.COMM_WORLD, [np.zeros(3), np.ones(3)], [1, 1, 1])
 try:

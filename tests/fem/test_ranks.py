@@ -352,7 +352,7 @@ for name, (mesh, material, supports, sites) in cases.items():
     structure = ao.Structure(mesh, material, supports)
     models = ao.extract(structure, sites, n=20)
     top = 1.2 * models[0].omega[0]
-    models += ao.extract(structure, sites, band=top / (2 * np.pi), accuracy=1e-6)
+    models += ao.extract(structure, sites, band=top / (2 * np.pi), accuracy=2e-6)
     at = np.linspace(0.05 * top, top, 40) * (1 + 0.01j)
     found[name] = {
         "fixed": [[m.k0, m.m_st, m.n] for m in models],

@@ -125,7 +125,8 @@ def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
     assert two["result"]["peak_force"] == pytest.approx(one["result"]["peak_force"], rel=1e-8)
     assert two["model"]["k0"] == pytest.approx(one["model"]["k0"], rel=1e-8)
     error = one["probes"]["corner"]["error"]
-    assert two["probes"]["corner"]["error"] == pytest.approx(error, rel=1e-6)
+    # None where a mesh has no bar there
+    assert two["probes"]["corner"]["error"] == (error and pytest.approx(error, rel=1e-6))
     pages = [(tmp_path / name).read_text(encoding="utf-8") for name in ("one.html", "two.html")]
     drawn = [page.count("<img ") for page in pages]
     assert drawn[0] == drawn[1] > 3

@@ -142,6 +142,7 @@ def test_solids_are_joined_where_they_touch_or_the_largest_is_taken(tmp_path, ga
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*piece 1 of 2 is read")
 def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsys):
     path = deck(tmp_path / "a.inp", "mm", pieces=2)
     sets = "*ELSET, ELSET=LEFT\n1, 2\n*ELSET, ELSET=RIGHT\n3, 4\n*ELSET, ELSET=A1\n1\n"

@@ -68,7 +68,7 @@ def test_a_size_is_that_of_the_cells_and_of_the_scene(part, size, tmp_path):
         assert inspect_part(path, size=asked).size == asked
         x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
         longest = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1).max()
-        assert longest <= (asked if part.endswith("vtu") else 2 * asked)  # gmsh aims at a size
+        assert longest <= (asked if part.endswith("vtu") else 2.1 * asked)  # gmsh aims at a size
         counts.append(mesh.n_cells)
         finest.append(longest)
     assert counts[1] > 4 * counts[0]
