@@ -5,23 +5,21 @@
  * 2 d gamma) J', J the displacement that a modal force of this history causes, J' its rate. */
 #include "internal.h"
 
-/* Add what the rates of the modes do to the rows of a slot. */
-void add_rates(aom_stepper *st, slot *s) {
+/* Add what the rates of the modes do to a row of a slot. */
+void add_rates(const aom_stepper *st, slot *s, int i) {
     int J = st->system.n_modes;
     const double *omega = st->system.omega, *decay = st->system.decay;
     const double *W = s->response + J, *S = W + J;
-    for (int i = 0; i < st->system.n_rows; i++) {
-        const double *beta = beta_row(st, i), *gamma = gamma_row(st, i);
-        for (int part = 0; part < 2; part++)
-            for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
-                double *at = row_of(st, s, i, j) + (j & 1);
-                double pull = omega[j] * omega[j] * S[j];
-                at[0] -= gamma[j] * pull;
-                at[2] += gamma[j] * W[j];
-                at[4] = -omega[j] * omega[j] * at[2];
-                at[6] = beta[j] * W[j] - gamma[j] * (pull + 2.0 * decay[j] * W[j]);
-            }
-    }
+    const double *beta = beta_row(st, i), *gamma = gamma_row(st, i);
+    for (int part = 0; part < 2; part++)
+        for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
+            double *at = row_of(st, s, i, j) + (j & 1);
+            double pull = omega[j] * omega[j] * S[j];
+            at[0] -= gamma[j] * pull;
+            at[2] += gamma[j] * W[j];
+            at[4] = -omega[j] * omega[j] * at[2];
+            at[6] = beta[j] * W[j] - gamma[j] * (pull + 2.0 * decay[j] * W[j]);
+        }
 }
 
 /* Add what the forces 1, t, t^2/2 on b do to a row, or a, after the time of the responses: the rate by
@@ -131,21 +129,64 @@ void move_modes(const aom_stepper *st, const double *response, double *x) {
         apply_force(st, response, &all, load_rate, (double[]){0.0, -1.0, 0.0}, q, v);
 }
 
+/* What a row sees of displacements q of the modes, or of their rates. */
+double seen_by_row(const aom_stepper *st, int i, const double *q) {
+    const row_span *span = st->spans + i;
+    double total = 0.0;
+    for (int part = 0; part < 2; part++) {
+        int begin = span->begin[part];
+        total += sum_of_products(beta_row(st, i) + begin, q + begin, span->end[part] - begin);
+    }
+    return total;
+}
+
 motion row_of_modes(const aom_stepper *st, int i, const double *x) {
     const aom_system *s = &st->system;
-    const double *beta = beta_row(st, i), *q = x, *v = x + s->n_modes;
-    motion out = {0.0, 0.0};
-    for (int part = 0; part < 2; part++)
-        for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
-            out.depth += beta[j] * q[j];
-            out.rate += beta[j] * v[j];
-        }
+    const double *q = x, *v = x + s->n_modes;
+    motion out = {seen_by_row(st, i, q), seen_by_row(st, i, v)};
     for (int j = 0; j < s->n_modes && s->gamma != NULL; j++) {
         double gamma = gamma_at(st, i, j), w = s->omega[j];
         out.depth += gamma * v[j];
         out.rate -= gamma * (w * w * q[j] + 2.0 * s->decay[j] * v[j]);
     }
     return out;
+}
+
+/* The modes at a stage of the attempt, into work.ahead: q and v, q' = v and v' without forces. */
+void modes_ahead(aom_stepper *st, const double *response, int stage) {
+    const aom_system *s = &st->system;
+    int J = s->n_modes;
+    double *x = st->work.modal, *out = st->work.ahead;
+    memcpy(x, st->x, 2 * (size_t)J * sizeof *x);
+    move_modes(st, response, x);
+    for (int j = 0; j < J; j++) {
+        double w = s->omega[j], q = x[j], v = x[J + j];
+        out[4 * j + stage] = q;
+        out[4 * j + 2 + stage] = v;
+        out[4 * (J + j) + stage] = v;
+        out[4 * (J + j) + 2 + stage] = -(w * w * q + 2.0 * s->decay[j] * v);
+    }
+}
+
+/* Add what a factor of each mode from `begin` to `end` makes of four numbers of each. */
+static void add_products(int begin, int end, const double *factor, const double *of, double sum[4]) {
+    for (int j = begin; j < end; j++)
+        for (int k = 0; k < 4; k++)
+            sum[k] += factor[j] * of[4 * j + k];
+}
+
+/* Indentations and rates of a row at both stages by the modes of modes_ahead. */
+void seen_ahead(const aom_stepper *st, int i, stages *out) {
+    const row_span *span = st->spans + i;
+    const double *ahead = st->work.ahead;
+    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+    for (int part = 0; part < 2; part++) {
+        int begin = span->begin[part], end = span->end[part];
+        add_products(begin, end, beta_row(st, i), ahead, sum);
+        if (st->system.gamma != NULL)
+            add_products(begin, end, gamma_row(st, i), ahead + 4 * st->system.n_modes, sum);
+    }
+    *out = (stages){{sum[0], sum[1]}, {sum[2], sum[3]}};
 }
 
 /* The energy that the contacts have given the bodies grows by that of a step: of modes whose rate

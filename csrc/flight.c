@@ -4,16 +4,6 @@
 #define OVERDAMPED 1.25 /* of the frequency: a decay beyond it */
 #define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
 
-/* Two numbers at once, which compilers other than GCC and Clang take one by one, to the same bits. */
-#if defined(__GNUC__)
-typedef double lanes __attribute__((vector_size(16), may_alias));
-typedef lanes anywhere __attribute__((aligned(8)));
-enum { LANES = 1 };
-#else
-typedef double lanes, anywhere;
-enum { LANES = 2 };
-#endif
-
 /* What n pairs of modes add to a row at `count` times, of which rows[k] are its responses. Two sums
  * of each, so that additions need not wait for each other. */
 static inline void add_modes(int n, const double *const *rows, int count, const double *from_q,
@@ -51,11 +41,13 @@ static void add_loads(const aom_stepper *st, int i, const slot *s, motion *out) 
 }
 
 /* Indentation and rate of a row without contact forces after the times of `count` slots. */
-static inline void free_row(const aom_stepper *st, int i, const slot *const *slots, const double *t,
-                            int count, motion *out) {
+static inline void free_row(aom_stepper *st, int i, slot *const *slots, const double *t, int count,
+                            motion *out) {
     const row_span *span = st->spans + i;
-    for (int k = 0; k < count; k++)
+    for (int k = 0; k < count; k++) {
+        ready_row(st, slots[k], i);
         out[k] = (motion){0.0, 0.0};
+    }
     for (int part = 0; part < 2; part++) {
         const double *rows[2], *q = st->x + (span->begin[part] & ~1);
         int pairs = (span->end[part] + 1) / 2 - span->begin[part] / 2;
@@ -76,14 +68,16 @@ static inline void free_row(const aom_stepper *st, int i, const slot *const *slo
 /* What the slopes with which the last step ended add to the rate of row i at h/2 (ready_local). */
 static double slopes_before(const aom_stepper *st, int i) {
     double total = 0.0;
-    for (int r = 0; r < st->system.n_rows; r++)
+    for (int n = 0; n < st->n_closed; n++) {
+        int r = st->work.closed[n];
         total += st->system.residual[(ptrdiff_t)i * st->system.n_rows + r] * st->rows[r].slope;
+    }
     return 0.25 * total;
 }
 
 /* Indentations and rates at h/2 and h without contact forces; under contact of rows that touch. */
 void free_step(aom_stepper *st, int index, double h, stages *to) {
-    const slot *const slots[2] = {st->slots + index + 1, st->slots + index};
+    slot *const slots[2] = {st->slots + index + 1, st->slots + index};
     const double t[2] = {0.5 * h, h};
     for (int i = 0; i < st->system.n_rows; i++) {
         motion out[2];

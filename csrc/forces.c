@@ -104,32 +104,43 @@ bool long_force(aom_stepper *st, double h, const influence *local) {
 /* Whether a row is alone in its group: its coupling with itself is then that of the group. */
 static bool alone(const aom_stepper *st, int g) { return st->first[g] == st->second[g]; }
 
-/* What the forces at a node of all rows take from the indentation and rate of row i at a stage:
+/* What the forces at `count` nodes of all rows take from the indentation and rate of row i at a stage:
  * those of the groups, and what its own coupling is beyond its group's. */
-static void subtract_coupled(const aom_stepper *st, const influence *local, int stage, int i,
-                             int node, double *delta, double *rate) {
-    int g = st->group[i];
-    const influence *by = local + pair_of(st, g, 0);
-    double d = 0.0, v = 0.0, own = st->work.force[i].f[node];
-    for (int n = 0; n < st->n_touching; n++) {
-        int h = st->work.touching[n];
-        d += by[h].depth[stage][node] * st->work.sum[h].f[node];
-        v += by[h].rate[stage][node] * st->work.sum[h].f[node];
+static inline void subtract_coupled(const aom_stepper *st, const influence *local, int stage,
+                                    int i, int first, int count, double *delta, double *rate) {
+    int g = st->group[i], at = st->work.place[g];
+    const influence *by = local + st->system.n_rows + (ptrdiff_t)at * st->n_touching;
+    const nodes *sum = st->work.sum;
+    double d[2] = {0.0, 0.0}, v[2] = {0.0, 0.0};
+    for (int h = 0; h < st->n_touching; h++) {
+        const double *depth = by[h].depth[stage] + first, *pace = by[h].rate[stage] + first;
+        for (int k = 0; k < count; k++) {
+            d[k] += depth[k] * sum[h].f[first + k];
+            v[k] += pace[k] * sum[h].f[first + k];
+        }
     }
-    if (!alone(st, g) && own != 0.0) { /* of a row that does not touch it is not known */
-        d += (local[i].depth[stage][node] - by[g].depth[stage][node]) * own;
-        v += (local[i].rate[stage][node] - by[g].rate[stage][node]) * own;
+    for (int node = first, k = 0; k < count; node++, k++) {
+        double own = st->work.force[i].f[node];
+        if (!alone(st, g)) {
+            d[k] += (local[i].depth[stage][node] - by[at].depth[stage][node]) * own;
+            v[k] += (local[i].rate[stage][node] - by[at].rate[stage][node]) * own;
+        }
+        *delta -= d[k];
+        *rate -= v[k];
     }
-    *delta -= d;
-    *rate -= v;
 }
 
-/* Sums of the forces of each group. */
+/* The sum of the forces of the group of a row. */
+static nodes *sum_of(const aom_stepper *st, int i) {
+    return st->work.sum + st->work.place[st->group[i]];
+}
+
+/* Sums of the forces of each group that touches. */
 static void add_up(aom_stepper *st) {
-    memset(st->work.sum, 0, (size_t)st->n_groups * sizeof *st->work.sum);
-    for (int i = 0; i < st->system.n_rows; i++)
-        for (int node = 0; node < 3; node++)
-            st->work.sum[st->group[i]].f[node] += st->work.force[i].f[node];
+    memset(st->work.sum, 0, (size_t)st->n_touching * sizeof *st->work.sum);
+    for (int n = 0; n < st->n_closed; n++)
+        for (int i = st->work.closed[n], node = 0; node < 3; node++)
+            sum_of(st, i)->f[node] += st->work.force[i].f[node];
 }
 
 /* Take from the free motion of the step what the forces at its start hold back, of rows that touch. */
@@ -138,16 +149,16 @@ static void start_forces(aom_stepper *st, const influence *local) {
     for (int c = 0; c < st->system.n_contacts; c++)
         for (int node = 1; node < 3; node++)
             memcpy(st->contacts[c].anchor[node], st->contacts[c].anchor[0], sizeof(double[2]));
-    for (int i = 0; i < st->system.n_rows; i++)
-        for (int stage = 0; stage < 2 && touches(st, i); stage++)
-            subtract_coupled(st, local, stage, i, 0, st->work.base[i].depth + stage,
+    for (int n = 0; n < st->n_closed; n++)
+        for (int i = st->work.closed[n], stage = 0; stage < 2; stage++)
+            subtract_coupled(st, local, stage, i, 0, 1, st->work.base[i].depth + stage,
                              st->work.base[i].rate + stage);
 }
 
 /* Change the force of a row at a stage. */
 static void set_force(aom_stepper *st, int stage, int i, double value) {
     int g = st->group[i], node = stage + 1;
-    double *f = st->work.force[i].f + node, *sum = st->work.sum[g].f + node;
+    double *f = st->work.force[i].f + node, *sum = sum_of(st, i)->f + node;
     *sum = alone(st, g) ? value : *sum + (value - *f);
     *f = value;
 }
@@ -157,46 +168,50 @@ static void row_motion(const aom_stepper *st, const influence *local, int stage,
                  double *rate) {
     *delta = st->work.base[i].depth[stage];
     *rate = st->work.base[i].rate[stage];
-    subtract_coupled(st, local, stage, i, 1, delta, rate);
-    subtract_coupled(st, local, stage, i, 2, delta, rate);
+    subtract_coupled(st, local, stage, i, 1, 2, delta, rate);
 }
 
 /* Take from the motion of a row at a stage that of what has no mass, of groups that touch. */
-static void subtract_massless(const aom_stepper *st, int i, int stage, double h, motion *from) {
+static void subtract_massless(const aom_stepper *st, int i, int stage, double h, double *depth,
+                              double *rate) {
     const double *compliance = st->system.residual + (ptrdiff_t)i * st->system.n_rows;
     for (int n = 0; n < st->n_touching; n++) {
-        int g = st->work.touching[n];
-        const double *f = st->work.sum[g].f, r = compliance[st->first[g]];
+        const double *f = st->work.sum[n].f, r = compliance[st->first[st->work.touching[n]]];
         double change = stage == 0 ? f[2] - f[0] : f[0] - 4.0 * f[1] + 3.0 * f[2];
-        from->depth -= r * f[stage + 1];
-        from->rate -= r * change / h;
+        *depth -= r * f[stage + 1];
+        *rate -= r * change / h;
     }
 }
 
-/* Indentations and rates of all rows under the forces of the attempt, at h/2 and h: where contacts
- * touch by their coupling, else by the modes. */
-void move_rows(aom_stepper *st, int index, double h) {
-    const slot *whole = st->slots + index;
-    double *ahead = st->work.ahead;
+/* Indentations and rates of the rows that touch under the forces of the attempt, at h/2 and h. */
+void move_rows(aom_stepper *st, int index) {
+    for (int n = 0; n < st->n_closed; n++) {
+        int i = st->work.closed[n];
+        stages *to = st->work.motion + i;
+        for (int stage = 0; stage < 2; stage++)
+            row_motion(st, st->slots[index].local, stage, i, to->depth + stage, to->rate + stage);
+    }
+}
+
+/* The same of the other rows, by the modes; of one row alone if it is given, else -1. */
+void move_open(aom_stepper *st, int index, double h, int only) {
+    if (only < 0 ? st->n_closed == st->system.n_rows : touches(st, only))
+        return;
+
     parabolas(st, h);
-    for (int stage = 0; stage < 2; stage++) {
-        if (st->n_touching < st->n_groups) {
-            memcpy(ahead, st->x, 2 * (size_t)st->system.n_modes * sizeof *ahead);
-            move_modes(st, stage == 0 ? whole[1].response : whole->response, ahead);
-        }
-        for (int i = 0; i < st->system.n_rows; i++) {
-            motion at;
-            if (touches(st, i))
-                row_motion(st, whole->local, stage, i, &at.depth, &at.rate);
-            else {
-                double t = 0.5 * (stage + 1) * h, drift = st->work.drift[i];
-                at = row_of_modes(st, i, ahead);
-                at.depth -= st->work.offset[i] + drift * t;
-                at.rate -= drift;
-                subtract_massless(st, i, stage, h, &at);
-            }
-            st->work.motion[i].depth[stage] = at.depth;
-            st->work.motion[i].rate[stage] = at.rate;
+    for (int stage = 0; stage < 2; stage++)
+        modes_ahead(st, st->slots[index + 1 - stage].response, stage);
+    for (int i = 0; i < st->system.n_rows; i++) {
+        stages *to = st->work.motion + i;
+        if (touches(st, i) || (only >= 0 && i != only))
+            continue;
+        seen_ahead(st, i, to);
+        for (int stage = 0; stage < 2; stage++) {
+            double t = 0.5 * (stage + 1) * h;
+            to->depth[stage] -= st->work.offset[i] + st->work.drift[i] * t;
+            to->rate[stage] -= st->work.drift[i];
+            if (st->softens[i])
+                subtract_massless(st, i, stage, h, to->depth + stage, to->rate + stage);
         }
     }
 }
@@ -372,27 +387,11 @@ static void find_shares(const aom_stepper *st, int c, newton_row *row) {
         }
 }
 
-/* The groups of the rows of n pressing contacts, numbered in work.place (-1: none); their number. */
-static int pressing_groups(aom_stepper *st, int n) {
-    int found = 0;
-    for (int g = 0; g < st->n_groups; g++)
-        st->work.place[g] = -1;
-    for (int i = 0; i < n; i++) {
-        int c = st->work.active[i];
-        for (int k = 0; k <= st->system.contacts[c].n_tangential; k++) {
-            int *place = st->work.place + st->group[row_of_contact(st->system.contacts + c, c, k)];
-            if (*place < 0)
-                *place = found++;
-        }
-    }
-    return found;
-}
-
 /* The corrections of Newton's method for all normal forces of both stages. The matrix is that of
  * each contact by itself and one of the rank of the groups, so that the sums of the corrections over
  * the groups are found first (Woodbury). */
 static bool corrections(aom_stepper *st, const influence *local, int n) {
-    int K = pressing_groups(st, n), size = 2 * K;
+    int size = 2 * st->n_touching;
     double *A = st->work.matrix, *E = st->work.rest;
     memset(A, 0, (size_t)size * (size_t)size * sizeof *A);
     memset(E, 0, (size_t)size * sizeof *E);
@@ -410,11 +409,10 @@ static bool corrections(aom_stepper *st, const influence *local, int n) {
             for (int s = 0; s < 2; s++) {
                 const double *inverse = row->inverse[s], share = row->share[k][s];
                 E[at + s] += share * (inverse[0] * row->rest[0] + inverse[1] * row->rest[1]);
-                for (int h = 0; h < st->n_groups && share != 0.0; h++) {
-                    const influence *by = local + pair_of(st, st->group[c], h);
-                    int to = 2 * st->work.place[h];
-                    for (int t = 0; t < 2 && to >= 0; t++)
-                        A[(ptrdiff_t)(at + s) * size + to + t] +=
+                for (int h = 0; h < st->n_touching && share != 0.0; h++) {
+                    const influence *by = local + pair_of(st, st->group[c], st->work.touching[h]);
+                    for (int t = 0; t < 2; t++)
+                        A[(ptrdiff_t)(at + s) * size + 2 * h + t] +=
                             share * (inverse[0] * slope_by(row, by, 0, t + 1) +
                                      inverse[1] * slope_by(row, by, 1, t + 1));
                 }
@@ -426,12 +424,12 @@ static bool corrections(aom_stepper *st, const influence *local, int n) {
     for (int i = 0; i < n; i++) {
         newton_row *row = st->work.newton + i;
         double left[2] = {row->rest[0], row->rest[1]};
-        for (int h = 0; h < st->n_groups; h++) {
-            const influence *by = local + pair_of(st, st->group[st->work.active[i]], h);
-            int to = 2 * st->work.place[h];
-            for (int t = 0; t < 2 && to >= 0; t++)
+        int g = st->group[st->work.active[i]];
+        for (int h = 0; h < st->n_touching; h++) {
+            const influence *by = local + pair_of(st, g, st->work.touching[h]);
+            for (int t = 0; t < 2; t++)
                 for (int s = 0; s < 2; s++)
-                    left[s] -= slope_by(row, by, s, t + 1) * E[to + t];
+                    left[s] -= slope_by(row, by, s, t + 1) * E[2 * h + t];
         }
         for (int s = 0; s < 2; s++)
             row->step[s] = row->inverse[s][0] * left[0] + row->inverse[s][1] * left[1];
@@ -512,28 +510,31 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
  * and first guesses, from the motion work.base without forces: Gauss and Seidel's sweeps; the whole
  * system by Newton's method where they do not converge, or where the rate of what has no mass couples
  * the stages. */
-bool all_forces(aom_stepper *st, int index, double h) {
-    int m = st->system.n_rows;
+bool all_forces(aom_stepper *st, int index) {
     const influence *local = st->slots[index].local;
     nodes *force = st->work.force;
     start_forces(st, local);
     for (int tries = st->rated ? SWEEPS : 0; tries < SWEEPS + NEWTON; tries++) {
         double found[3] = {0.0, 1e-3 * st->now.force_scale, 0.0}, total = 0.0, far = 0.0;
         if (tries == SWEEPS && !st->rated) { /* the sweeps may have led away */
-            for (int i = 0; i < m; i++)
+            for (int n = 0, i; n < st->n_closed; n++) {
+                i = st->work.closed[n];
                 force[i].f[1] = force[i].f[2] = force[i].f[0];
+            }
             add_up(st);
         }
         if (tries >= SWEEPS && !together(st, local, &far))
             return false;
         sweep(st, local, tries < SWEEPS, found);
-        for (int i = 0; i < m; i++)
-            total += fabs(force[i].f[1]) + fabs(force[i].f[2]);
+        for (int n = 0; n < st->n_closed; n++) {
+            const double *f = force[st->work.closed[n]].f;
+            total += fabs(f[1]) + fabs(f[2]);
+        }
         if (!(total + found[0] < 1e300) || st->law_failed)
             return false;
         if (found[0] > SETTLED * found[1] + found[2] || far > SQUARED * found[1])
             continue;
-        move_rows(st, index, h);
+        move_rows(st, index);
         return true;
     }
     return false;

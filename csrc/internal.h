@@ -21,13 +21,23 @@
 #error "antiosc computes with infinity and NaN: compile without -Ofast, -ffast-math, /fp:fast."
 #endif
 
+/* Two numbers at once, which compilers other than GCC and Clang take one by one, to the same bits. */
+#if defined(__GNUC__)
+typedef double lanes __attribute__((vector_size(16), may_alias));
+typedef lanes anywhere __attribute__((aligned(8)));
+enum { LANES = 1 };
+#else
+typedef double lanes, anywhere;
+enum { LANES = 2 };
+#endif
+
 enum {
     LEVELS = 64,          /* steps H, H/2, H/4 ... */
     SCRATCH = LEVELS,     /* slot of a step of any length; its half stands in the next */
     SLOTS = LEVELS + 2
 };
 
-/* What the `local` of a slot holds of a group's forces: nothing, or the rate of what has no mass as
+/* What the `local` of a slot holds of the forces: nothing, or the rate of what has no mass as
  * ready_local says. */
 enum { NO_LOCAL, PLAIN, WITH_SLOPE };
 
@@ -81,13 +91,13 @@ typedef struct nodes {
 /* Responses after a time `span`, for the length of a step. */
 typedef struct slot {
     double span; /* [s], NaN: none */
-    bool has_rows;
-    bool *has_coupling; /* [G] of a group with all others that have it */
-    int *local_kind;    /* [G] the same */
     double *response; /* [6][J]: P, W, S, J0, J1, J2 */
     double *rows;     /* [m][(J + 1)/2][4][2]: depth by q, by v; rate by q, by v, of two modes */
-    double *coupling; /* [4][pairs]: beta S beta^T, beta J0 beta^T, ... */
+    bool *has_row;    /* [m] */
+    double *coupling; /* [pairs][4]: beta S beta^T, beta J0 beta^T, ... */
     influence *local; /* [pairs]; of this step and the slot of its half */
+    int *held;        /* [n_held] groups that they are of */
+    int n_held, local_kind;
 } slot;
 
 /* The modes that a row moves: two stretches, for a row has at most two bodies. All others are 0. */
@@ -159,11 +169,16 @@ typedef struct workspace {
     double *offset, *drift;         /* [m] */
     double *matrix, *rest;          /* [n][n], [n], n = 2 G; of stretching 2 (p + s) if that is more */
     newton_row *newton;   /* [p] */
-    int *place;           /* [G] of a group among those that press */
-    nodes *sum;           /* [G] of the forces of a group */
-    double *ahead;        /* [2][J]: q and v of the modes at h/2, or h */
+    int *place;           /* [G] of a group among those that touch */
+    nodes *sum;           /* [n_touching] of the forces of a group */
+    double *modal;        /* [2][J]: q and v of the modes at h/2, or h */
+    double *ahead;        /* [2][J][4]: q, v at h/2 and h; their rates without forces */
+    double *kicks;        /* [J][4]: S, J0, J1, J2 of the modes */
     bool *touches;        /* [G] a contact of the group does, or it stretches: others have no force */
-    int *touching;        /* [G] these groups */
+    int *touching;        /* [n_touching] these groups */
+    int *closed;          /* [n_closed] their rows */
+    int *kept;            /* [n_touching] where a slot holds these groups, or -1 */
+    double *coupling;     /* [pairs][4] into which that of a slot is brought */
     nodes *before;        /* [m] */
     int *active;          /* [p] */
     int *unknown;         /* [p + s] rows, s those of stretching */
@@ -185,7 +200,8 @@ struct aom_stepper {
      * between two rows the coupling is that of their groups. A pair is a row by itself (m of them),
      * or two groups (G G). A group of one row has its own coupling. */
     row_span *spans;     /* [m] */
-    int n_groups, n_touching;
+    bool *softens;       /* [m] what has no mass couples the row with others */
+    int n_groups, n_touching, n_closed;
     int *group;          /* [m] */
     int *owner;          /* [m] the contact of a row */
     int *first, *second; /* [G] two rows of a group, the same of a group of one */
@@ -206,8 +222,9 @@ struct aom_stepper {
 };
 
 /* ---- responses.c */
-static void ready_rows(aom_stepper *st, int slot, double t);
 static void ready_step(aom_stepper *st, int slot, double h);
+static void ready_row(aom_stepper *st, slot *s, int i);
+static void empty_slot(aom_stepper *st, int slot);
 static void find_touching(aom_stepper *st);
 static void ready_local(aom_stepper *st, int slot, double h);
 static int count_groups(const aom_system *system);
@@ -215,7 +232,7 @@ static void find_groups(aom_stepper *st);
 static void find_spans(aom_stepper *st);
 
 /* ---- coupled.c */
-static void add_rates(aom_stepper *st, slot *s);
+static void add_rates(const aom_stepper *st, slot *s, int i);
 static void couple(const aom_stepper *st, const double *response, const row_span *span,
                    modal_vector a, modal_vector b, double total[4]);
 static void apply_force(const aom_stepper *st, const double *response, const row_span *span,
@@ -224,8 +241,11 @@ static void apply_force(const aom_stepper *st, const double *response, const row
 static void parabolas(aom_stepper *st, double h);
 /* The modal state x [2][J] after the time of the responses, under these forces and the loads. */
 static void move_modes(const aom_stepper *st, const double *response, double *x);
+static void modes_ahead(aom_stepper *st, const double *response, int stage);
+static void seen_ahead(const aom_stepper *st, int i, stages *out);
 /* Indentation and rate of a row by the modal state x [2][J]. */
 static motion row_of_modes(const aom_stepper *st, int i, const double *x);
+static double seen_by_row(const aom_stepper *st, int i, const double *q);
 static void add_contact_work(aom_stepper *st, double h);
 
 /* ---- laws.c */
@@ -256,8 +276,9 @@ static aom_expected scale_contact(const aom_system *s, aom_contact *only, double
 static bool eliminate(double *A, double *b, int n);
 static bool one_force(aom_stepper *st, double h, const influence *local);
 static bool long_force(aom_stepper *st, double h, const influence *local);
-static void move_rows(aom_stepper *st, int slot, double h);
-static bool all_forces(aom_stepper *st, int slot, double h);
+static void move_rows(aom_stepper *st, int slot);
+static void move_open(aom_stepper *st, int slot, double h, int only);
+static bool all_forces(aom_stepper *st, int slot);
 
 static bool clear_of_touches(aom_stepper *st, int slot);
 static void amplitudes(aom_stepper *st);
@@ -276,7 +297,7 @@ static void start_stretch(aom_stepper *st);
 /* clear_of_touches where forces of stretching act on the motion. */
 static bool stretched_clear(aom_stepper *st, int slot);
 /* all_forces with those of stretching, by Newton's method for all of them together. */
-static bool stretched_forces(aom_stepper *st, int slot, double h);
+static bool stretched_forces(aom_stepper *st, int slot);
 
 /* ---- steps.c */
 static int try_step(aom_stepper *st);
@@ -366,12 +387,24 @@ static inline double scale_of(const aom_stepper *st, int c) {
     double own = c < st->system.n_contacts ? st->contacts[c].force_scale : st->now.stretch_scale;
     return larger(own, LIGHT * st->now.force_scale);
 }
-/* The pair of two groups. */
+/* The pair of two groups that touch. */
 static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {
-    return st->system.n_rows + (ptrdiff_t)g * st->n_groups + h;
+    const int *place = st->work.place;
+    return st->system.n_rows + (ptrdiff_t)place[g] * st->n_touching + place[h];
 }
-static inline ptrdiff_t n_pairs(const aom_stepper *st) {
-    return st->system.n_rows + (ptrdiff_t)st->n_groups * st->n_groups;
+/* Products of n numbers, in sums that do not wait for each other. */
+static inline double sum_of_products(const double *x, const double *y, int n) {
+    enum { SUMS = 8 };
+    double part[SUMS] = {0.0}, total = 0.0;
+    int k = 0;
+    for (; k + SUMS <= n; k += SUMS)
+        for (int i = 0; i < SUMS; i++)
+            part[i] += x[k + i] * y[k + i];
+    for (; k < n; k++)
+        total += x[k] * y[k];
+    for (int i = 0; i < SUMS; i++)
+        total += part[i];
+    return total;
 }
 /* Whether the step takes the slopes with which the last one ended (ready_local). */
 static inline bool with_slope(const aom_stepper *st) { return st->rated && st->now.smooth; }

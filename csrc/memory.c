@@ -34,16 +34,16 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
         slot *s = st == NULL ? NULL : st->slots + k;
         double *response = take(a, 6 * J, sizeof(double));
         double *rows = take(a, 8 * m * ((J + 1) / 2), sizeof(double));
+        bool *has_row = take(a, m, sizeof(bool));
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
-        bool *has_coupling = take(a, G, sizeof(bool));
-        int *local_kind = take(a, G, sizeof(int));
+        int *held = take(a, G, sizeof(int));
         if (s != NULL)
-            *s = (slot){NAN, false, has_coupling, local_kind, response, rows, coupling, local};
+            *s = (slot){NAN, response, rows, has_row, coupling, local, held, 0, NO_LOCAL};
     }
 }
 
-static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, size_t G,
+static void lay_out_work(workspace *w, arena *a, size_t J, size_t L, size_t m, size_t p, size_t G,
                          size_t s) {
     size_t n = s > 0 && p + s > G ? p + s : G; /* rows of Newton's method */
     w->force = take(a, m, sizeof(nodes));
@@ -62,9 +62,14 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->newton = take(a, p, sizeof(newton_row));
     w->place = take(a, G, sizeof(int));
     w->sum = take(a, G, sizeof *w->sum);
-    w->ahead = take(a, 2 * L, sizeof(double));
+    w->modal = take(a, 2 * J, sizeof(double));
+    w->ahead = take(a, 8 * J, sizeof(double));
+    w->kicks = take(a, 4 * J, sizeof(double));
     w->touches = take(a, G, sizeof(bool));
     w->touching = take(a, G, sizeof(int));
+    w->closed = take(a, m, sizeof(int));
+    w->kept = take(a, G, sizeof(int));
+    w->coupling = take(a, 4 * (m + G * G), sizeof(double));
     w->active = take(a, p, sizeof(int));
     w->unknown = take(a, p + s, sizeof(int));
     w->correction = take(a, 2 * (p + s), sizeof(double));
@@ -82,8 +87,9 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     arena a = {memory, 0};
     aom_stepper *st = take(&a, 1, sizeof *st), unused;
     aom_stepper *to = st == NULL ? &unused : st;
-    lay_out_work(&to->work, &a, (size_t)load_width(system), m, p, G, (size_t)system->n_stretch);
+    lay_out_work(&to->work, &a, J, (size_t)load_width(system), m, p, G, (size_t)system->n_stretch);
     to->spans = take(&a, m, sizeof(row_span));
+    to->softens = take(&a, m, sizeof(bool));
     to->group = take(&a, m, sizeof(int));
     to->owner = take(&a, m, sizeof(int));
     to->first = take(&a, G, sizeof(int));

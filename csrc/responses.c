@@ -147,47 +147,37 @@ static void responses_twice(int n, const double *omega, const double *decay, dou
 
 /* ---- slots */
 
-/* The rows of a slot that give indentation and rate from (q, v), from its responses. */
-static void fill_rows(aom_stepper *st, slot *s, double t) {
-    int J = st->system.n_modes;
-    const double *omega = st->system.omega;
-    const double *P = s->response, *W = P + J, *S = W + J;
-    for (int i = 0; i < st->system.n_rows; i++) {
-        const double *beta = beta_row(st, i);
-        for (int part = 0; part < 2; part++)
-            for (int j = st->spans[i].begin[part] & ~1; j < st->spans[i].end[part]; j += 2) {
-                double *at = row_of(st, s, i, j);
-                for (int k = 0; k < 2; k++) {
-                    bool there = j + k < J; /* beyond the span beta is 0 */
-                    double b = there ? beta[j + k] : 0.0, w = there ? omega[j + k] : 0.0;
-                    double by_v = there ? b * S[j + k] : 0.0;
-                    at[k] = there ? b * P[j + k] : 0.0;
-                    at[2 + k] = by_v;
-                    at[4 + k] = -w * w * by_v;
-                    at[6 + k] = there ? b * W[j + k] : 0.0;
-                }
-            }
-    }
-    if (st->system.gamma != NULL)
-        add_rates(st, s);
-    s->span = t;
-    s->has_rows = true;
-    for (int g = 0; g < st->n_groups; g++) {
-        s->has_coupling[g] = false;
-        s->local_kind[g] = NO_LOCAL;
-        if (s > st->slots)
-            s[-1].local_kind[g] = NO_LOCAL; /* of the step whose half this is */
-    }
+/* Have a slot hold nothing but responses. */
+void empty_slot(aom_stepper *st, int index) {
+    slot *s = st->slots + index;
+    memset(s->has_row, 0, (size_t)st->system.n_rows * sizeof *s->has_row);
+    s->n_held = 0;
 }
 
-/* See to it that a slot holds the responses after t. */
-void ready_rows(aom_stepper *st, int index, double t) {
-    slot *s = st->slots + index;
-    if (s->span == t && s->has_rows)
+/* See to it that a slot holds what gives indentation and rate of row i from (q, v). */
+void ready_row(aom_stepper *st, slot *s, int i) {
+    int J = st->system.n_modes;
+    const double *omega = st->system.omega, *beta = beta_row(st, i);
+    const double *P = s->response, *W = P + J, *S = W + J;
+    if (s->has_row[i])
         return;
-    if (s->span != t)
-        aom_responses(st->system.n_modes, st->system.omega, st->system.decay, &t, 0, s->response);
-    fill_rows(st, s, t);
+
+    s->has_row[i] = true;
+    for (int part = 0; part < 2; part++)
+        for (int j = st->spans[i].begin[part] & ~1; j < st->spans[i].end[part]; j += 2) {
+            double *at = row_of(st, s, i, j);
+            for (int k = 0; k < 2; k++) {
+                bool there = j + k < J; /* beyond the span beta is 0 */
+                double b = there ? beta[j + k] : 0.0, w = there ? omega[j + k] : 0.0;
+                double by_v = there ? b * S[j + k] : 0.0;
+                at[k] = there ? b * P[j + k] : 0.0;
+                at[2 + k] = by_v;
+                at[4 + k] = -w * w * by_v;
+                at[6 + k] = there ? b * W[j + k] : 0.0;
+            }
+        }
+    if (st->system.gamma != NULL)
+        add_rates(st, s, i);
 }
 
 /* See to it that a slot holds the responses after h, and the next one those after h/2.
@@ -195,16 +185,21 @@ void ready_rows(aom_stepper *st, int index, double t) {
  * They are found together for a step that is used once; those of the levels each by itself, so that
  * a run does not depend on which of them earlier runs left. */
 void ready_step(aom_stepper *st, int index, double h) {
-    slot *whole = st->slots + index, *half = whole + 1;
-    if (index < LEVELS || whole->span == h || half->span == 0.5 * h) {
-        ready_rows(st, index, h);
-        ready_rows(st, index + 1, 0.5 * h);
-        return;
+    const aom_system *system = &st->system;
+    slot *whole = st->slots + index;
+    bool once = index >= LEVELS && whole[0].span != h && whole[1].span != 0.5 * h;
+    if (once)
+        responses_twice(system->n_modes, system->omega, system->decay, h, whole[0].response,
+                        whole[1].response);
+    for (int k = 0; k < 2; k++) {
+        double t = k == 0 ? h : 0.5 * h;
+        if (whole[k].span == t)
+            continue;
+        if (!once)
+            aom_responses(system->n_modes, system->omega, system->decay, &t, 0, whole[k].response);
+        whole[k].span = t;
+        empty_slot(st, index + k);
     }
-    responses_twice(st->system.n_modes, st->system.omega, st->system.decay, h, whole->response,
-                    half->response);
-    fill_rows(st, whole, h);
-    fill_rows(st, half, 0.5 * h);
 }
 
 /* ---- groups of rows */
@@ -256,6 +251,14 @@ void find_groups(aom_stepper *st) {
     }
 }
 
+/* Whether what has no mass couples a row with others. */
+static bool softens(const aom_system *s, int i) {
+    for (int k = 0; k < s->n_rows; k++)
+        if (k != i && s->residual[(ptrdiff_t)i * s->n_rows + k] != 0.0)
+            return true;
+    return false;
+}
+
 /* The modes that each row moves: from the first to the last that is not 0, less the longest gap. */
 void find_spans(aom_stepper *st) {
     for (int i = 0; i < st->system.n_rows; i++) {
@@ -273,54 +276,100 @@ void find_spans(aom_stepper *st) {
         }
         if (resume == cut) /* no gap */
             cut = resume = end;
+        st->softens[i] = softens(&st->system, i);
         st->spans[i] = (row_span){{first < 0 ? 0 : first, resume}, {cut, end}};
     }
 }
 
-/* The groups of contacts that touch, and of stretching. */
+/* The groups of contacts that touch, and of stretching, and their rows. */
 void find_touching(aom_stepper *st) {
     const aom_system *system = &st->system;
-    bool *touches = st->work.touches;
+    workspace *w = &st->work;
     int first = system->n_rows - system->n_stretch;
-    memset(touches, 0, (size_t)st->n_groups * sizeof *touches);
+    memset(w->touches, 0, (size_t)st->n_groups * sizeof *w->touches);
     for (int i = 0; i < system->n_rows; i++)
         if (i >= first || st->contacts[st->owner[i]].branch != AOM_APART)
-            touches[st->group[i]] = true;
+            w->touches[st->group[i]] = true;
 
-    st->n_touching = 0;
-    for (int g = 0; g < st->n_groups; g++)
-        if (touches[g])
-            st->work.touching[st->n_touching++] = g;
-}
-
-/* beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T of two rows into a pair. */
-static void couple_rows(aom_stepper *st, slot *s, ptrdiff_t pair, int a, int b) {
-    double total[4] = {0.0, 0.0, 0.0, 0.0};
-    couple(st, s->response, st->spans + a, row_vector(st, a), row_vector(st, b), total);
-    for (int k = 0; k < 4; k++)
-        s->coupling[k * n_pairs(st) + pair] = total[k];
-}
-
-/* See to it that a slot holds the coupling of a group with itself, its rows, and all groups that it
- * holds already. */
-static void ready_coupling(aom_stepper *st, slot *s, int h) {
-    ptrdiff_t pairs = n_pairs(st), own = pair_of(st, h, h);
-    if (s->has_coupling[h])
-        return;
-    s->has_coupling[h] = true;
-    for (int i = 0; i < st->system.n_rows; i++)
-        if (st->group[i] == h)
-            couple_rows(st, s, i, i, i);
-    couple_rows(st, s, own, st->first[h], st->second[h]);
-
+    st->n_touching = st->n_closed = 0;
     for (int g = 0; g < st->n_groups; g++) {
-        ptrdiff_t pair = pair_of(st, g, h), mirrored = pair_of(st, h, g);
-        if (g == h || !s->has_coupling[g])
-            continue;
-        couple_rows(st, s, pair, st->first[g], st->first[h]);
-        for (int k = 0; k < 4; k++)
-            s->coupling[k * pairs + mirrored] = s->coupling[k * pairs + pair];
+        w->place[g] = w->touches[g] ? st->n_touching : -1;
+        if (w->touches[g])
+            w->touching[st->n_touching++] = g;
     }
+    for (int i = 0; i < system->n_rows; i++)
+        if (touches(st, i))
+            w->closed[st->n_closed++] = i;
+}
+
+/* Add what the forces 1, t, t^2/2 on a row do to another, by work.kicks; without rates. */
+static void couple_modes(const aom_stepper *st, const row_span *span, const double *a,
+                         const double *b, double *total) {
+    lanes sum[2 * LANES];
+    memset(sum, 0, sizeof sum);
+    for (int part = 0; part < 2; part++)
+        for (int j = span->begin[part]; j < span->end[part]; j++) {
+            const anywhere *kick = (const anywhere *)(st->work.kicks + 4 * j);
+            double way = a[j] * b[j];
+            for (int k = 0; k < 2 * LANES; k++)
+                sum[k] += way * kick[k];
+        }
+    memcpy(total, sum, sizeof sum);
+}
+
+/* beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T of two rows; those `before`, if any. */
+static void couple_rows(const aom_stepper *st, const slot *s, int a, int b, const double *before,
+                        double *to) {
+    if (before != NULL)
+        memcpy(to, before, 4 * sizeof *to);
+    else if (st->system.gamma == NULL)
+        couple_modes(st, st->spans + a, beta_row(st, a), beta_row(st, b), to);
+    else {
+        memset(to, 0, 4 * sizeof *to);
+        couple(st, s->response, st->spans + a, row_vector(st, a), row_vector(st, b), to);
+    }
+}
+
+/* See to it that a slot holds the coupling of the groups that touch, and of their rows. */
+static void ready_coupling(aom_stepper *st, slot *s) {
+    int n = st->n_touching, held = s->n_held, *kept = st->work.kept;
+    const int *touching = st->work.touching;
+    size_t m = (size_t)st->system.n_rows, size = (size_t)n * sizeof *touching;
+    double *from = s->coupling, *to = st->work.coupling, *pairs = to + 4 * m;
+    if (n == held && memcmp(s->held, touching, size) == 0)
+        return;
+
+    for (int j = 0, J = st->system.n_modes; j < J; j++)
+        for (int k = 0; k < 4; k++)
+            st->work.kicks[4 * j + k] = s->response[(2 + k) * (ptrdiff_t)J + j];
+    for (int g = 0, k = 0; g < n; g++) {
+        while (k < held && s->held[k] < touching[g])
+            k++;
+        kept[g] = k < held && s->held[k] == touching[g] ? k : -1;
+    }
+
+    for (int k = 0; k < st->n_closed; k++) {
+        int i = st->work.closed[k];
+        bool there = kept[st->work.place[st->group[i]]] >= 0;
+        couple_rows(st, s, i, i, there ? from + 4 * i : NULL, to + 4 * i);
+    }
+
+    for (int g = 0; g < n; g++)
+        for (int k = 0; k <= g; k++) {
+            int a = st->first[touching[g]], b = (k == g ? st->second : st->first)[touching[k]];
+            double *pair = pairs + 4 * (g * n + k);
+            bool there = kept[g] >= 0 && kept[k] >= 0;
+            const double *before = from + 4 * ((ptrdiff_t)m + kept[g] * held + kept[k]);
+            couple_rows(st, s, a, b, there ? before : NULL, pair);
+            memcpy(pairs + 4 * (k * n + g), pair, 4 * sizeof *pair);
+        }
+    st->work.coupling = from;
+    s->coupling = to;
+    s->n_held = n;
+    memcpy(s->held, touching, size);
+    s->local_kind = NO_LOCAL;
+    if (s > st->slots)
+        s[-1].local_kind = NO_LOCAL; /* of the step whose half this is */
 }
 
 /* How the forces of row b at the nodes of a step h hold back row a, from the coupling of their pair. */
@@ -328,13 +377,11 @@ static void fill_local(aom_stepper *st, int index, double h, ptrdiff_t pair, int
                        double quarter) {
     slot *whole = st->slots + index;
     influence *to = whole->local + pair;
-    ptrdiff_t pairs = n_pairs(st);
     for (int stage = 0; stage < 2; stage++) {
-        const double *K = (stage == 0 ? whole + 1 : whole)->coupling + pair;
+        const double *K = (stage == 0 ? whole + 1 : whole)->coupling + 4 * pair;
         for (int k = 0; k < 2; k++) {
             double *out = k == 0 ? to->depth[stage] : to->rate[stage];
-            double zero = K[(1 - k) * pairs], one = K[(2 - k) * pairs] / h;
-            double two = K[(3 - k) * pairs] / (h * h);
+            double zero = K[1 - k], one = K[2 - k] / h, two = K[3 - k] / (h * h);
             out[0] = zero - 3.0 * one + 4.0 * two;
             out[1] = 4.0 * one - 8.0 * two;
             out[2] = 4.0 * two - one;
@@ -365,24 +412,22 @@ void ready_local(aom_stepper *st, int index, double h) {
     slot *whole = st->slots + index;
     int kind = with_slope(st) ? WITH_SLOPE : PLAIN;
     double quarter = kind == WITH_SLOPE ? 0.25 : 0.0;
-    for (int n = 0; n < st->n_touching; n++) {
-        int acting = st->work.touching[n];
-        if (whole->local_kind[acting] == kind)
-            continue;
-        ready_coupling(st, whole, acting);
-        ready_coupling(st, whole + 1, acting);
+    ready_coupling(st, whole);
+    ready_coupling(st, whole + 1);
+    if (whole->local_kind == kind)
+        return;
 
-        for (int i = 0; i < st->system.n_rows; i++)
-            if (st->group[i] == acting)
-                fill_local(st, index, h, i, i, i, quarter);
-        whole->local_kind[acting] = kind;
-        for (int g = 0; g < st->n_groups; g++) {
-            int row = g == acting ? st->second[acting] : st->first[acting];
-            if (whole->local_kind[g] != kind)
-                continue;
-            fill_local(st, index, h, pair_of(st, g, acting), st->first[g], row, quarter);
-            if (g != acting)
-                fill_local(st, index, h, pair_of(st, acting, g), row, st->first[g], quarter);
-        }
+    whole->local_kind = kind;
+    for (int k = 0; k < st->n_closed; k++) {
+        int i = st->work.closed[k];
+        fill_local(st, index, h, i, i, i, quarter);
     }
+    for (int a = 0; a < st->n_touching; a++)
+        for (int b = 0; b <= a; b++) {
+            int g = st->work.touching[a], k = st->work.touching[b];
+            int row = (a == b ? st->second : st->first)[k];
+            ptrdiff_t pair = pair_of(st, g, k);
+            fill_local(st, index, h, pair, st->first[g], row, quarter);
+            whole->local[pair_of(st, k, g)] = whole->local[pair];
+        }
 }

@@ -45,13 +45,16 @@ static bool attempt(aom_stepper *st, int index, double h) {
     if (m == 1 && one_force(st, h, local))
         return true;
     memset(st->work.force, 0, (size_t)m * sizeof *st->work.force);
-    for (int i = 0; i < m; i++)
-        for (int node = 0; node < 3 && acts(st, i); node++) { /* a first guess on the last parabola */
-            const row_state *row = st->rows + i;
+    for (int n = 0; n < st->n_closed; n++)
+        for (int i = st->work.closed[n], node = 0; node < 3 && acts(st, i); node++) {
+            const row_state *row = st->rows + i; /* a first guess on the last parabola */
             double u = 0.5 * h * node;
             st->work.force[i].f[node] = row->force + u * (row->slope + 0.5 * u * row->bend);
         }
-    return st->system.n_stretch > 0 ? stretched_forces(st, index, h) : all_forces(st, index, h);
+    bool found = st->system.n_stretch > 0 ? stretched_forces(st, index) : all_forces(st, index);
+    if (found)
+        move_open(st, index, h, st->exit_contact);
+    return found;
 }
 
 /* Where a branch is left between the start and a stage of the step: the time after the start of
@@ -266,6 +269,8 @@ static bool end_at_exits(aom_stepper *st, double first) {
         }
         first = st->now.flying ? first_exit(st) : INFINITY;
     }
+    if (!st->now.flying)
+        move_open(st, SCRATCH, st->now.step, -1);
     return true;
 }
 
@@ -283,10 +288,12 @@ static double misfit(double earlier, const double f[3], double before, double h,
 /* Largest error of the parabolas of the step, over the scales of their contacts. */
 static double worst_misfit(const aom_stepper *st) {
     double worst = st->now.lacking > 0.0 ? st->now.lacking / scale_of(st, 0) : 0.0;
-    for (int i = 0; i < st->system.n_rows; i++)
+    for (int n = 0; n < st->n_closed; n++) {
+        int i = st->work.closed[n];
         worst = larger(worst, misfit(st->rows[i].middle, st->work.force[i].f, st->now.last_step,
                                      st->now.step, st->rows[i].fresh) /
                                   scale_of(st, st->owner[i]));
+    }
     return worst;
 }
 
