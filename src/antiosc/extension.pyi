@@ -69,7 +69,6 @@ from antiosc.impact.scene import (
     check_range as check_range,
     integrate as integrate,
     integrate_exact as integrate_exact,
-    set_initial_forces as set_initial_forces,
     simulate_impact as simulate_impact,
 )
 from antiosc.impact.scene_parts import SceneParts as SceneParts

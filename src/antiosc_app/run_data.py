@@ -16,6 +16,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.engine import library
 from antiosc.engine.contact.base import is_compiled
+from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import FINE
 from antiosc.engine.system import BodyModes, PackedSystem, System, posed
 from antiosc.extension import (
@@ -28,7 +29,6 @@ from antiosc.extension import (
     integrate_exact,
     open_contacts,
     scene_body,
-    set_initial_forces,
 )
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.models.stretch import stretch_of
@@ -268,7 +268,7 @@ def _assembled(scene: SceneParts, span: float, tol: float) -> Assembly:
     """The scene for a run of `span` seconds, with the second-order forces that `simulate` uses."""
     assembly = assemble_scene(scene, span, stretch=True)
     _refuse_coupled(assembly.bodies)
-    set_initial_forces(assembly)
+    set_initial_forces(assembly.system, assembly.scene.preload)
     if all(stretch_of(body.body) is None for body in assembly.bodies.values()):
         return assembly
     history, _ = integrate(SceneHistory, assembly, span, Settings(tol))

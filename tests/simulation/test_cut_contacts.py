@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
+from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.impact.scene import integrate_exact, set_initial_forces
+from antiosc.impact.scene import integrate_exact
 from antiosc.impact.states import forces, locate, states
 from audited_scenes import Own
 
@@ -80,7 +81,7 @@ def scene(law: ao.ContactLaw, compliance: float = 0.0, bounces: bool = False) ->
         ao.Scene({"part": body, "stop": ao.Obstacle()}, [contact], motion=motion), DURATION
     )
     made.system.loads[:, 0] = -1500.0 * bounces
-    set_initial_forces(made)
+    set_initial_forces(made.system, made.scene.preload)
     return made
 
 
@@ -97,7 +98,7 @@ def cut(made: Assembly, whole: Run, t: float) -> Assembly:
     (q,), (v,) = at(made, whole, np.array([t]))
     rest = replace(made, system=replace(made.system, q=q, v=v))
     force = forces(whole, *locate(whole, np.array([t])))[0, :1]
-    set_initial_forces(rest, (whole.contact_states(made.system, t), force))
+    set_initial_forces(rest.system, cut=(whole.contact_states(made.system, t), force))
     return rest
 
 

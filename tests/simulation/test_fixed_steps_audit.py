@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from antiosc.engine import library
 from antiosc.engine.contact import State
+from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.reference import Settings, fixed_steps
-from antiosc.impact.scene import set_initial_forces
 from audited_scenes import SCENES
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def nodes(name: str, method: str) -> Nodes:
     """A run of `STEPS` steps; `free`: indentations (n + 1, m) without what has no mass."""
     scene, duration = SCENES[name]
     made = assemble_scene(scene(), duration)
-    set_initial_forces(made)
+    set_initial_forces(made.system, made.scene.preload)
     s = made.system
     found = fixed_steps(s, duration / STEPS, duration, Settings(method=method, max_steps=1000))
     assert found.answer == library.DONE

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.engine import library, march
+from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.system import CONTACT, System
 from antiosc.impact.assembly import assemble_scene
-from antiosc.impact.scene import set_initial_forces
 from march_audit import motion
 from march_builds import built
 from scenes import case_two
@@ -68,7 +68,7 @@ def test_the_march_is_a_collocation_of_order_four() -> None:
     made = assemble_scene(
         ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Linear(1e6))]), 1e-4
     )
-    set_initial_forces(made)
+    set_initial_forces(made.system, made.scene.preload)
     s = made.system
     found = march.run(s, 1e-4, 1e-7, fine=made.contact_time_estimate / 200)
     errors = []

@@ -7,9 +7,9 @@ import pytest
 
 import antiosc as ao
 from antiosc.engine import library
+from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.impact.assembly import assemble_scene
 from antiosc.impact.reference import Settings, integrate_reference
-from antiosc.impact.scene import set_initial_forces
 from antiosc.impact.states import forces, locate
 from audited_scenes import SCENES, checked
 
@@ -34,7 +34,7 @@ def test_forces_and_motion_are_those_of_solve_ivp(name: str) -> None:
     """Which shares the bodies with the march, and neither its laws nor its events."""
     (scene, duration), found = SCENES[name], checked(name)
     made = assemble_scene(scene(), duration)
-    set_initial_forces(made)
+    set_initial_forces(made.system, made.scene.preload)
     longest = min(made.contact_time_estimate, duration) / 4
     other = integrate_reference(made, duration, Settings(1e-5, "DOP853", longest)).run
     assert other.answer == library.DONE

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.engine import library
+from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import Run, run
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.impact.scene import set_initial_forces
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def audited(
 ) -> Audit:
     """A run of the scene, each of whose steps keeps the equations of motion and the laws."""
     made = assemble_scene(scene, duration)
-    set_initial_forces(made)
+    set_initial_forces(made.system, made.scene.preload)
     found = run(made.system, duration, share, fine=made.contact_time_estimate / 200, step=step)
     assert found.answer == library.DONE
     _check_times(made.system, found, duration, step or 1.0)

@@ -16,7 +16,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
 import antiosc as ao
-from antiosc.engine.march import Converged, converge
+from antiosc.engine import library
+from antiosc.engine.march import FINE, Converged, solve
 from antiosc.engine.system import BodyModes, System, posed
 
 Array = NDArray[np.float64]
@@ -270,4 +271,6 @@ def errors(truth: Truth, found: Converged) -> Errors:
 def run_scene(scene: Scene, tol: float) -> Converged:
     """The engine's run."""
     period = np.pi * np.sqrt(scene.mass / scene.normal)
-    return converge(system_of(scene), period, scene.duration, tol, 10_000, 2_000_000)
+    options = library.COptions(scene.duration, tol, 0.0, 0.0, period / FINE, 10_000, 2_000_000, 0)
+    run, found = solve(system_of(scene), options)
+    return Converged(run, found.share, found.force, found.peak, found.certain)

@@ -25,8 +25,6 @@ COMMON = (
 class MaterialRecord:
     """A material as the table has it, SI units.
 
-    Attributes
-    ----------
     E, nu, G : Young's modulus [Pa] and Poisson's ratio; for wood those of `orthotropic`, with G.
     rho : density [kg/m^3].
     yield_strength : yield strength [Pa]; None for a material that does not yield (`brittle`).

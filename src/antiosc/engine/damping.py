@@ -186,8 +186,6 @@ DAMPING_CHANGE = 1e-7
 class FirstOrder:
     """The first-order modes of a body.
 
-    Attributes
-    ----------
     omega, decay : (I,) w [rad/s] and d [1/s] of the modes.
     at_q, at_v : (J, 2 I) displacements and rates of the free modes by (a, b).
     deceleration : (J, 2 I) decelerations of the free modes by the damping.
@@ -222,8 +220,6 @@ class FirstOrder:
 class StackedModes:
     """The modes of several bodies side by side, some of which have first-order modes.
 
-    Attributes
-    ----------
     parts : omega and decay of the free modes of each body, its first-order modes, and their states
         (2, I) at the start, where known.
     omega, decay : (I,) w [rad/s] and d [1/s] of the integrated modes, body by body.

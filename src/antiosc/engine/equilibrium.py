@@ -10,19 +10,22 @@ regularisation that vanishes (Levenberg) finds it, or diverges where there is no
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine.contact import ContactLaw, State
-from antiosc.engine.system import System
+from antiosc.engine.system import ContactState, System
 
 #: Steps of the search for rest: the scenes of the quick tests need 10 at most.
 _ITERATIONS = 400
 
 
-def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
+def settle(system: System) -> tuple[Array, Array]:
     """Modal displacements (J,) and contact forces (p,) at rest under the loads at t = 0."""
+    laws = system.laws
     p = len(laws)
     states = [law.touch(0.0) for law in laws]
     beta = system.beta[:p]
@@ -78,17 +81,52 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
     )
 
 
-def initial_forces(system: System, laws: list[ContactLaw]) -> Array:
-    """Contact forces (p,) [N] at the start, with all masses at rest in their initial positions."""
+def set_initial_forces(
+    system: System,
+    preload: bool = False,
+    cut: tuple[Sequence[ContactState | None], Array] | None = None,
+) -> None:
+    """Set the forces of the contacts that are closed at the start.
+
+    Without preload, a contact is closed at the start only by a load on a site without mass, or by
+    an earlier run. cut : states of contacts at the end of that run (`Run.contact_states`), and
+    their forces (p,) [N].
+    """
+    laws = system.laws
     p = len(laws)
+    R = system.R[:p, :p]
+    system.contact_states = None if cut is None else cut[0]
+    if preload:
+        system.q[:], system.pressed[:] = settle(system)
+
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
-    if not (free > 0).any():
-        return np.zeros(p)
-    return _closed_contacts(laws, system.begun(), free, system.R[:p, :p], np.zeros(p))[1]
+    if not preload and (free > 0).any():
+        system.pressed[:] = _closed_contacts(laws, system.begun(), free, R, np.zeros(p))[1]
+    if cut is not None:
+        goes_on = [contact is not None and contact.closed for contact in cut[0]]
+        system.pressed[:] = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
+    if not system.pressed.any():
+        return
+
+    delta = np.maximum(free - R @ system.pressed, 0.0)
+    system.depth[:] = np.maximum(system.depth, delta)
+    if cut is not None:  # it may lie between two nodes
+        rate = system.free_rows(system.q, system.v)[1].tolist()
+        contacts = list(cut[0])
+        for c, contact in enumerate(contacts):
+            if contact is not None and contact.closed:
+                state = laws[c].advance(float(delta[c]), rate[c], contact.state)
+                contacts[c] = contact._replace(state=state)
+        system.contact_states = contacts
+
+    energy = 0.5 * float(system.pressed @ R @ system.pressed)
+    for law, d, state in zip(laws, delta.tolist(), system.begun(), strict=True):
+        energy += law.energy(d, state) if cut is not None else law.potential(d, state)
+    system.contact_energy = energy
 
 
 def _closed_contacts(
-    laws: list[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
+    laws: Sequence[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
 ) -> tuple[float, Array, Array]:
     """Potential, forces (p,), derivative (p, p) at unloaded indentations (p,), by sweeps."""
     p = len(laws)

@@ -32,8 +32,6 @@ SHORTER = "shorten the duration, or use fewer contacts or anti-oscillators"
 class Run:
     """One run: values at 0, h/2 and h of every step, and the events.
 
-    Attributes
-    ----------
     time : (2 n + 1,); force, depth : (2 n + 1, m).
     states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
         kept. `antiosc.impact.states` finds those in between.

@@ -20,7 +20,6 @@ from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.engine.damping import StackedModes
 from antiosc.engine.law_tables import packed, raise_error
-from antiosc.engine.stretch import stretch_energy
 
 Array = NDArray[np.float64]
 
@@ -30,6 +29,20 @@ CONTACT = cast("np.dtype[np.void]", np.dtype(library.CContact))
 _ONE = library.CContact * 1
 _AT_START = np.zeros(1)  # the one time of loads that are constant
 SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
+
+
+def stretch_energy(quadratic: Array, cubic: Array, a: Array) -> Array:
+    """Energies (n,) [J] of the forces at amplitudes (n, m)."""
+    quadratic_force, cubic_force = stretch_forces(quadratic, cubic, a)
+    return np.asarray(np.sum((quadratic_force / 3 + cubic_force / 4) * a, axis=1))
+
+
+def stretch_forces(quadratic: Array, cubic: Array, a: Array) -> tuple[Array, Array]:
+    """The quadratic and the cubic forces (n, m) at amplitudes (n, m)."""
+    n, m = a.shape
+    products = (a[:, :, None] * a[:, None, :]).reshape(n, m * m)
+    stiffness = (products @ cubic.reshape(m * m, m * m).T).reshape(n, m, m)
+    return products @ quadratic.reshape(m, m * m).T, (stiffness @ a[:, :, None])[:, :, 0]
 
 
 class ContactState(NamedTuple):
@@ -46,8 +59,6 @@ class System:
 
     It must not be changed after its first run.
 
-    Attributes
-    ----------
     omega, decay : (J,) frequencies [rad/s] and decay constants [1/s] of all bodies in turn.
     beta : (m, J), the p contacts first, then the tangential rows of their friction.
     R : (m, m) residual compliance.
@@ -252,8 +263,6 @@ class System:
 class BodyModes(NamedTuple):
     """The J modes of one body in a system; None stands for zeros.
 
-    Attributes
-    ----------
     omega, decay : (J,) [rad/s], [1/s].
     beta : (m, J) displacements in the rows of the system, or (J,) in its only row.
     v, q : (J,) modal velocities and displacements at the start.

@@ -166,8 +166,6 @@ class Assembly:
 
     Properties that the march does not use are computed when first used.
 
-    Attributes
-    ----------
     scene, bodies : bodies and contacts as given by the user; the placed bodies by name.
     G : (m, P) the rows: contacts, then the tangential rows of their friction.
     laws : contact laws, without the compliance of patches; `notes` say so.

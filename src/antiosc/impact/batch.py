@@ -313,7 +313,20 @@ def _solve_single(
     sentences: list[str] = []
     try:
         with warnings_to(sentences.append):
-            return replace(_row(*_impact(scene, step, n, settings)), told=" ".join(sentences))
+            hit, check = _impact(scene, step, n, settings)
+            e = hit.restitution
+            return _Row(
+                result=check,
+                peak_force=hit.peak_force,
+                impulse=hit.impulse,
+                contact_time=hit.contact_time,
+                restitution=np.nan if e is None else e,
+                contacts=len(hit.contacts),
+                step=hit.step,
+                error=hit.error.get("force", np.nan),
+                force=hit.contact_histories[0].pulses(),
+                told=" ".join(sentences),
+            )
     except AntioscError as error:
         return _failed(error)
 
@@ -332,22 +345,6 @@ def _impact(
     history, check = simulate_impact(scene, replace(settings, step=step), n)
     check_range(history, _doubts(scene))
     return history, check
-
-
-def _row(hit: History, check: CheckResult) -> _Row:
-    """The row of a history."""
-    e = hit.restitution
-    return _Row(
-        result=check,
-        peak_force=hit.peak_force,
-        impulse=hit.impulse,
-        contact_time=hit.contact_time,
-        restitution=np.nan if e is None else e,
-        contacts=len(hit.contacts),
-        step=hit.step,
-        error=hit.error.get("force", np.nan),
-        force=hit.contact_histories[0].pulses(),
-    )
 
 
 def _raise(rows: list[_Row]) -> None:

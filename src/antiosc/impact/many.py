@@ -7,19 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil, log
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr, Result
 from antiosc.plot.charts import figure_or_path, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Share of the samples within a confidence interval.
 CONFIDENCE = 0.95

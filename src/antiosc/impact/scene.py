@@ -23,15 +23,13 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from antiosc.base import checks, plausible
-from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn, without_warnings
 from antiosc.base.process import within_memory
 from antiosc.base.texts import COMPLETED, INEXACT, STOPPED, TOUCHING, percent
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.equilibrium import initial_forces, settle
+from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import FINE, Converged, solve
-from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle
 from antiosc.impact.enclosure import enclosures, width_of_peaks
@@ -156,7 +154,7 @@ def _run_scene(
 ) -> tuple[SceneHistory, CheckResult]:
     """Integrate a scene; returns its history and the result of its check before warnings."""
     assembly = assemble_scene(scene, duration, stretch=True)
-    set_initial_forces(assembly)
+    set_initial_forces(assembly.system, scene.preload)
     kind = partial(SceneHistory, source=SceneSource(scene, settings, duration))
     return integrate(kind, assembly, duration, settings)
 
@@ -278,45 +276,6 @@ def _integrate(
     error = {"force": converged.force, "peak": converged.peak} if bounded else {}
 
     return kind(assembly, run, error, check.status, check.message, given=step), check
-
-
-def set_initial_forces(
-    assembly: Assembly, cut: tuple[list[ContactState | None], Array] | None = None
-) -> None:
-    """Set the forces of the contacts that are closed at the start.
-
-    Without preload, a contact is closed at the start only by a load on a site without mass, or by
-    an earlier run. cut : states of contacts at the end of that run (`Run.contact_states`), and
-    their forces (p,) [N].
-    """
-    system = assembly.system
-    laws = assembly.laws
-    system.contact_states = None if cut is None else cut[0]
-    if assembly.scene.preload:
-        system.q[:], system.pressed[:] = settle(system, laws)
-    else:
-        system.pressed[:] = initial_forces(system, laws)
-    if cut is not None:
-        goes_on = [contact is not None and contact.closed for contact in cut[0]]
-        system.pressed[:] = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
-    if system.pressed.any():
-        p = len(laws)
-        delta = system.beta[:p] @ system.q - system.offsets[0, :p]
-        delta = np.maximum(delta - system.R[:p, :p] @ system.pressed, 0.0)
-        system.depth[:] = np.maximum(system.depth, delta)
-        if system.contact_states is not None:  # the cut may lie between two nodes
-            rate = system.free_rows(system.q, system.v)[1].tolist()
-            contacts = list(system.contact_states)
-            for c, contact in enumerate(contacts):
-                if contact is not None and contact.closed:
-                    state = laws[c].advance(float(delta[c]), rate[c], contact.state)
-                    contacts[c] = contact._replace(state=state)
-            system.contact_states = contacts
-        energy = 0.0
-        for law, d, state in zip(laws, delta.tolist(), system.begun(), strict=True):
-            energy += law.energy(d, state) if cut is not None else law.potential(d, state)
-        system.contact_energy = energy
-        system.contact_energy += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
 
 
 #: Share of the steps of a run from which so many that were refused put a given step in doubt.

@@ -226,15 +226,6 @@ def blocks(run: Run, size: int) -> list[tuple[int, int]]:
     return [(k, min(k + block_size, steps)) for k in range(0, max(steps, 1), block_size)]
 
 
-def run_slice(run: Run, first: int, last: int) -> Run:
-    """Return the steps `first` to `last` of a run, without states and events."""
-    nodes = slice(2 * first, 2 * last + 1)
-    time = run.time[nodes]
-    force = run.force[nodes]
-    depth = run.depth[nodes]
-    return replace(run, time=time, force=force, depth=depth, states=None)
-
-
 def with_flight_nodes(run: Run, system: System) -> Run:
     """Return the run with more nodes in its flights, for pictures."""
     if run.time.size < 3:

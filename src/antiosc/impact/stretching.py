@@ -16,7 +16,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, percent
-from antiosc.engine.stretch import stretch_forces
+from antiosc.engine.system import stretch_forces
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.linear_theory import deflection, sampled_motion
@@ -82,8 +82,6 @@ def with_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
 class StretchedMotion:
     """The motion of a body with second-order forces in a run.
 
-    Attributes
-    ----------
     forces : its second-order forces.
     omega : (J,) rad/s, of the free modes.
     amplitude : (m, m) triangular factor of the amplitudes (n, m) of its modes.

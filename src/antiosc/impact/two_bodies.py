@@ -46,8 +46,6 @@ _ROW = np.array([[-1.0, -1.0]])
 class Pair(NamedTuple):
     """Two bodies side by side in their modes, without the contact between them.
 
-    Attributes
-    ----------
     structure, impactor : the bodies as a scene has them, with their motion at the start.
     pull : modal forces of gravity on each; None without gravity.
     """
@@ -270,8 +268,6 @@ def _copies(structure: object, kind: np.dtype[np.void], count: int) -> NDArray[n
 class ImpactRows:
     """Impacts of one group, which differ in their rigid impactors alone, as rows for the C library.
 
-    Attributes
-    ----------
     pair : the bodies of the first impact.
     laws : without the half-space compliance of the patches.
     rows : (S,) `aom_impact`.

@@ -21,7 +21,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
-from antiosc.engine.stretch import stretch_energy, stretch_forces
+from antiosc.engine.system import stretch_energy, stretch_forces
 
 Count = int | Literal["auto"]
 

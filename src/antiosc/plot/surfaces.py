@@ -119,8 +119,6 @@ ENLARGED = 0.08
 class Deformed:
     """A deformed surface at one time.
 
-    Attributes
-    ----------
     points, moved : (P, 3) [m], at rest and with displacements drawn larger.
     faces : (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points.
     values : (P,) magnitude of the displacements, in the unit that `label` states.

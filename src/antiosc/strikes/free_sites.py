@@ -34,8 +34,6 @@ log = logging.getLogger(__name__)
 class FreeSites:
     """P sites with J free modes of the structure, rigid-body modes first.
 
-    Attributes
-    ----------
     map_sites : the sites, with their points and directions.
     omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
     b : (P, J) displacement of each site in each mode [kg^-1/2].

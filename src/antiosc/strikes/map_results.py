@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base import files
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, BoolArray, Figure, IntArray
 from antiosc.base.checks import path as checked_path, store, whole
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Completed, engineering, point_text, range_text
@@ -26,8 +26,6 @@ from antiosc.models.body import EDGE, REMEDIES, LinearBody, ModelInfo
 from antiosc.models.free_modes import SiteModels
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from antiosc.strikes.free_sites import FreeSites
 
 

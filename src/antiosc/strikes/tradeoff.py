@@ -21,6 +21,7 @@ import antiosc.fem.prestress.state
 import antiosc.reduce.site.at_points
 import antiosc.reduce.site.surface  # noqa: F401
 from antiosc.base import checks
+from antiosc.base._types import Figure
 from antiosc.base.clock import uncounted_seconds
 from antiosc.base.errors import InputError, RangeError, warn, without_warnings
 from antiosc.base.progress import doing
@@ -53,7 +54,6 @@ from antiosc.strikes.unreduced import UNREDUCED, Outcome, blow_of, figures, outc
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from antiosc.fem.structure.meshed import MeshedStructure
 

@@ -68,11 +68,6 @@ def uniform(low: float, high: float) -> Any:
     return between(low, high - low)
 
 
-def is_name(name: object) -> bool:
-    """Whether `name` can name an argument: "mass", "impactor.mass"."""
-    return isinstance(name, str) and all(part.isidentifier() for part in name.split("."))
-
-
 def checked(inputs: object) -> dict[str, Any]:
     """The inputs of a study by name, distributions or sequences; InputError if not."""
     kind = 'a dict, such as {"velocity": normal(2.0, 0.1)}'
@@ -80,12 +75,11 @@ def checked(inputs: object) -> dict[str, Any]:
     if not by_name:
         raise InputError("inputs is empty: name at least one input and its distribution.")
     for name, distribution in by_name.items():
-        if not is_name(name):
+        if not isinstance(name, str) or not all(map(str.isidentifier, name.split("."))):
             raise InputError(f"{checks.shown(name)} is no name of an argument.")
-        is_sequence = isinstance(
-            distribution, Sequence | np.ndarray | ImpactMap
-        ) and not isinstance(distribution, str)
-        if not (is_sequence and len(distribution)) and not hasattr(distribution, "ppf"):
+        is_text = isinstance(distribution, str)
+        listed = not is_text and isinstance(distribution, Sequence | np.ndarray | ImpactMap)
+        if not (listed and len(distribution)) and not hasattr(distribution, "ppf"):
             raise InputError(
                 f"{name} must be a distribution with `ppf`, such as normal(2.0, 0.1) or one of"
                 " scipy.stats, a sequence of values, or an ImpactMap; got"
@@ -107,11 +101,8 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
         if hasattr(distribution, "ppf"):
             draws_by_name[name] = quantiles(name, distribution, shares)
         else:
-            weights = (
-                distribution.areas
-                if isinstance(distribution, ImpactMap)
-                else np.ones(len(distribution))
-            )
+            of_map = isinstance(distribution, ImpactMap)
+            weights = distribution.areas if of_map else np.ones(len(distribution))
             ends = np.cumsum(weights) / np.sum(weights)
             draws_by_name[name] = np.searchsorted(ends[:-1], shares, side="right")
     return draws_by_name

@@ -109,10 +109,8 @@ def _random_fall(
     if np.isinf(tilts.sigma):
         R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
     else:
-        R = (
-            rotation_matrices(np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0))
-            @ start.R
-        )
+        turn = np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)
+        R = rotation_matrices(turn) @ start.R
     height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
     friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
     spin = start.spin(body) + tilts.spin * rng.standard_normal(3)

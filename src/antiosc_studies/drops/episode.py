@@ -200,8 +200,6 @@ def handed_over(
 class Episode:
     """One episode of contact.
 
-    Attributes
-    ----------
     touch : the body as it touches. The scene is linear about this start.
     end : state of the body.
     history : history of the scene; its time counts from the start and continues beyond `end`.

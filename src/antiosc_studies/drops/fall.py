@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc import PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, Figure, IntArray
 from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampled
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
@@ -27,10 +27,6 @@ from antiosc_studies.drops.impacts import Impacts, Peak, impact_of
 from antiosc_studies.drops.touching import BODY, LIMITS
 from antiosc_studies.drops.trajectory import trajectory
 from antiosc_studies.drops.yielding import Landed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 #: Samples of a signal in a period of the highest mode: they miss its peak by at most 3.4 %.
 SAMPLES = 12
@@ -59,8 +55,6 @@ At: TypeAlias = Sequence[float] | str | None
 class WorstField(PeakField):
     """A `PeakField` over the impacts of a fall; its times are those of the fall.
 
-    Attributes
-    ----------
     impact : (P,) number of the impact, from 0, in which each node has its largest value.
     """
 

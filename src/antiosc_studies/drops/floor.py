@@ -150,8 +150,6 @@ def as_floor(floor: object) -> Floor:
 class Setting:
     """The conditions of a fall: floor, gravity, height, tolerances and limits.
 
-    Attributes
-    ----------
     floor, gravity [m/s^2], height [m] of the lowest point at the start.
     impacts, duration [s] : the fall ends at this number of impacts or this time at the latest.
     tol : relative error of the contact forces.

@@ -30,8 +30,6 @@ Patch: TypeAlias = tuple[Array, Array, Array]
 class FreeBody:
     """A free body with the points that may touch, V of them.
 
-    Attributes
-    ----------
     mass : mass of the body [kg]; tensor : (3, 3) inertia about the centre of mass [kg m^2].
     points : (V, 3) relative to the centre [m]; if `balls` > 0, the centre of a ball of that
         radius [m] whose surface is that of the body there.
@@ -165,8 +163,6 @@ class FreeBody:
 class State:
     """The motion of a free body at one time.
 
-    Attributes
-    ----------
     time : [s].
     centre, velocity : (3,) position and velocity of the centre of mass in the axes of the floor
         [m], [m/s].

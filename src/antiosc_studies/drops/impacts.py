@@ -21,8 +21,6 @@ from antiosc_studies.drops.yielding import Landed
 class FallImpact:
     """One impact: contacts that follow within the longest modal period or the first's duration.
 
-    Attributes
-    ----------
     time : time of the first touch [s]; contact_time : from there to the last release [s].
     touches : number of times that the part touches in the contact time, with flights in between.
     hardest_touch : duration [s] of the touch with the largest force.

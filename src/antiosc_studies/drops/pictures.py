@@ -5,21 +5,14 @@ from __future__ import annotations
 import os
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, Figure, IntArray
 from antiosc.plot.charts import figure_or_path, new_figure
 from antiosc.plot.surfaces import LIGHT
-from antiosc_studies.drops.episode import Episode
-from antiosc_studies.drops.flight import Flight
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.impacts import Impacts
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 #: Number of times at which heights are drawn.
 DRAWN = 500
@@ -29,23 +22,7 @@ TRIANGLES = 6000
 COLOUR = (0.35, 0.55, 0.8)
 
 
-class FallLike(Protocol):
-    """The attributes of a `Fall` that its picture uses."""
-
-    @property
-    def body(self) -> FreeBody: ...
-    @property
-    def end(self) -> State: ...
-    @property
-    def episodes(self) -> list[Episode]: ...
-    @property
-    def flights(self) -> list[Flight]: ...
-    @property
-    def impacts(self) -> Impacts: ...
-    def energy(self) -> tuple[Array, Array]: ...
-
-
-def overview(fall: FallLike, path: str | os.PathLike[str] | None) -> Figure | Path:
+def overview(fall: Any, path: str | os.PathLike[str] | None) -> Figure | Path:
     """The part as it first hits, its height, the energies, and the forces of the impacts."""
     figure = new_figure((9.0, 6.0), shown=path is None)
     grid = figure.add_gridspec(2, 2)
@@ -121,14 +98,9 @@ def _posed(axes: Any, body: FreeBody, state: State) -> None:
     axes.set_axis_off()
 
 
-def at(fall: FallLike, time: float) -> State:
+def at(fall: Any, time: float) -> State:
     """The state at a time [s] of the fall; during a contact, the state at its start."""
     flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
-    since = [
-        episode.start
-        for episode in fall.episodes
-        if flight.start.time <= episode.start.time <= time
-    ]
-    if since:
-        return since[-1]
-    return flight.at(time - flight.start.time)
+    starts = [one.start for one in fall.episodes if flight.start.time <= one.start.time <= time]
+    state: State = starts[-1] if starts else flight.at(time - flight.start.time)
+    return state

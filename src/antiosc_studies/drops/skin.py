@@ -34,8 +34,6 @@ THIN = 1e-9
 class Skin:
     """The vertices of a surface, P of them.
 
-    Attributes
-    ----------
     points, normals : (P, 3) coordinates [m] and outward unit normals (zero if unknown).
     curvatures : (P, 2) principal curvatures [1/m], > 0 where the surface is convex.
     sharp : (P,) whether the vertex lies on an edge or a corner.

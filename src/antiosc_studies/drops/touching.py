@@ -25,9 +25,10 @@ from antiosc import (
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.base.texts import COMPLETED, STOPPED
+from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import FINE, Run, run as march_once
 from antiosc.engine.system import ContactState, System
-from antiosc.extension import check_range, integrate_exact, set_initial_forces
+from antiosc.extension import check_range, integrate_exact
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc_studies.drops.crushed import law_in
 from antiosc_studies.drops.floor import Setting
@@ -119,7 +120,7 @@ def scene_of(
     extension[p:] += system.R[p:, :p] @ force[:p]
     system.offsets[:, :p] += extension[:p]
     states = [None if one is None else one.contact for one in ongoing]
-    set_initial_forces(assembly, (states, force[:p]) if held else None)
+    set_initial_forces(system, cut=(states, force[:p]) if held else None)
     if extension.any():
         system = replace(
             system,

@@ -14,14 +14,13 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc import ContactLaw, Damping, Hertz, History, RigidMass, Structure
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, Figure
 from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Result
@@ -35,10 +34,6 @@ from antiosc.strikes.free_sites import ABOVE, FreeSites, Where, free_sites
 from antiosc_studies.find.forward import MapSurface, Struck, has_stiffness
 from antiosc_studies.find.recording import Recording, Sensor, recording, sensor_shapes
 from antiosc_studies.find.search import POOR, ProbableImpact, Scan, most_probable, scan
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 #: Values of `FoundImpact.status`.
 FOUND = 0
@@ -126,9 +121,7 @@ class FoundImpact(Result):
             if value is None:
                 continue
             bar = self.bars[name]
-            bar_text = (
-                "known" if bar == 0 else "not told" if np.isinf(bar) else f"± {100 * bar:.2f} %"
-            )
+            bar_text = "not told" if np.isinf(bar) else f"± {100 * bar:.2f} %" if bar else "known"
             unit = {"peak_force": " N", "impulse": " N s", "mass": " kg", "velocity": " m/s"}
             rows.append((name, f"{value:.5g}{unit.get(name, '')}  {bar_text}"))
         return [*rows, ("chi2", f"{self.chi2:.3g}")]
@@ -193,8 +186,6 @@ AS_PROBABLE = 9.0
 class Monitored:
     """A structure with sensors: the data that many impacts share.
 
-    Attributes
-    ----------
     seen : its sites in free modes.
     rows, orders : (m, J) mode shapes at the sensors; (m,) orders of their time derivatives.
     r : (P,) residual compliances of the sites; mass : mass of the structure [kg].
@@ -475,9 +466,8 @@ def _bars(fit: ProbableImpact, scale: float) -> dict[str, float]:
     bars = {"place": 0.0}
     if d:
         interpolation = (INTERPOLATION * fit.chart.size) ** 2
-        bars["place"] = HALF_WIDTH[d] * float(
-            np.sqrt(np.linalg.eigvalsh(place)[-1] + interpolation)
-        )
+        widest = float(np.sqrt(np.linalg.eigvalsh(place)[-1] + interpolation))
+        bars["place"] = HALF_WIDTH[d] * widest
     for name, variance_of in zip(fit.names[d:], variance[d:], strict=True):
         deviation = float(np.sqrt(variance_of + scale**2 * (name == "velocity")))
         determined = name == "start" or deviation < DETERMINED
@@ -507,9 +497,7 @@ def _verdict(
         )
     if rank < count:
         deviations = np.sqrt(np.diag(fit.covariance))
-        free = [
-            n for n, s, largest in zip(fit.names, deviations, limits, strict=True) if s > largest
-        ]
+        free = [name for name, out in zip(fit.names, deviations > limits, strict=True) if out]
         params = ", ".join(dict.fromkeys(free)) or "a combination of them"
         return UNDETERMINED, (
             f"the signals determine {rank} of {count} unknowns; not told: {params}. Give what is"

@@ -26,8 +26,6 @@ FIRM = 1e4
 class Chart:
     """Local coordinates around a place, and the sites from which values are interpolated.
 
-    Attributes
-    ----------
     origin : (3,) [m]; axes : (d, 3) unit tangents, d = 0 among given points.
     near : (K,) numbers of the sites; local : (K, d) their coordinates over `size` [m].
     """
@@ -67,8 +65,6 @@ def _quadratics(y: Array) -> Array:
 class MapSurface:
     """The sites of a map and the elements between them.
 
-    Parameters
-    ----------
     points, directions : (P, 3); elements : (T, 3) triangles, (T, 2) segments, or empty.
     """
 
@@ -150,8 +146,6 @@ CONTACTS = 1000
 class Blow:
     """A candidate impact.
 
-    Attributes
-    ----------
     place : (3,) [m]; site : the nearest site of the map.
     mass, velocity, stiffness : mass [kg] and velocity [m/s] of the impactor; stiffness of the law,
         in its unit.
@@ -178,8 +172,6 @@ class Blow:
 class Seen:
     """The computed signals of an impact, filtered and divided by the noise.
 
-    Attributes
-    ----------
     parts : (n', m, J) contribution of each mode, without `Blow.share`.
     signals : (n', m) the sum; hit : the impact.
     """
@@ -193,8 +185,6 @@ class Seen:
 class Struck:
     """The model of all candidate impacts: free modes, sites, sensors.
 
-    Attributes
-    ----------
     omega, decay : (J,) frequencies [rad/s] and decay constants [1/s].
     rows, orders : (m, J) mode shapes at the sensors; (m,) orders of their time derivatives.
     table : (P, J + 2) b, residual compliance and local compliance of the sites.

@@ -130,8 +130,6 @@ LEAST_NOISE = 1e-3
 class Recording:
     """Signals of m sensors, prepared for comparison with a model.
 
-    Attributes
-    ----------
     values : (n, m); dt : sampling interval [s].
     sigma : (m,) standard deviation of the noise of a sample.
     band : circular frequency (rad/s) up to which they are compared.

@@ -41,8 +41,6 @@ AT_ONCE = 512
 class Scan:
     """The half-sine pulse that fits the signals best, at each of P sites.
 
-    Attributes
-    ----------
     explained : (P,) share of the signals' weighted power that it explains.
     duration, start, amplitude : (P,) those of the pulse [s], [s], [N].
     """
@@ -152,8 +150,6 @@ ENOUGH = 1e-6
 class ProbableImpact:
     """The most probable impact near a start.
 
-    Attributes
-    ----------
     cost : sum of squares of weighted residuals and of model errors over their expected sizes.
     covariance : covariance of the unknowns `names`: coordinates along `chart.axes` [m],
         logarithms, start [s].
@@ -176,8 +172,6 @@ class ProbableImpact:
 class Search:
     """Gauss–Newton iteration on the unknowns of a model.
 
-    Parameters
-    ----------
     unknown : names among mass, velocity, stiffness, E, whose logarithms are found.
     spread, doubt : expected relative errors of the natural frequencies, and of the modes' shares.
     """
@@ -234,14 +228,10 @@ class Search:
             if lowered_step is None:
                 break
             trial, new = lowered_step
-            contact_time_estimate = float(
-                np.clip(
-                    computed.hit.contact_time,
-                    0.2 * blow.contact_time_estimate,
-                    5 * blow.contact_time_estimate,
-                )
-            )
-            blow = replace(trial, contact_time_estimate=contact_time_estimate)
+            former = blow.contact_time_estimate
+            estimate = min(max(computed.hit.contact_time, former / 5), 5 * former)
+            blow = replace(trial, contact_time_estimate=estimate)
+
             cost_before = float(np.sum((factor * residual) ** 2))
             if cost_before - float(new @ new) < max(CONVERGED, ENOUGH * cost_before):
                 steps = step + 1
@@ -255,17 +245,15 @@ class Search:
         place = blow.place
         site = blow.site
         if d:
-            place, site = self.model.surface.nearest(
-                chart.origin + chart.size * x @ chart.axes, blow.site
-            )
+            moved = chart.origin + chart.size * x @ chart.axes
+            place, site = self.model.surface.nearest(moved, blow.site)
         logs = np.clip(change[d : d + k], -LONGEST, LONGEST)
         values = {
             name: getattr(blow, name) * float(np.exp(c))
             for name, c in zip(self.logs, logs, strict=True)
         }
-        start = blow.start + blow.contact_time_estimate * float(
-            np.clip(change[d + k], -LONGEST_START, LONGEST_START)
-        )
+        later = float(np.clip(change[d + k], -LONGEST_START, LONGEST_START))
+        start = blow.start + blow.contact_time_estimate * later
         T = self.model.data.duration
         J = len(blow.frequency)
         model_changes = change[d + k + 1 :]
@@ -300,9 +288,8 @@ class Search:
             change = CHANGE_FREQUENCY if name == "E" else CHANGE
             value = {name: getattr(blow, name) * float(np.exp(change))}
             add_difference(replace(blow, **value), site_data, change)
-        add_difference(
-            replace(blow, start=blow.start + CHANGE * blow.contact_time_estimate), site_data, CHANGE
-        )
+        later = replace(blow, start=blow.start + CHANGE * blow.contact_time_estimate)
+        add_difference(later, site_data, CHANGE)
         n, m, J = computed.parts.shape
         p = len(columns)
         jacobian = np.zeros((n * m + J + m * J, p + J + m * J))
@@ -389,8 +376,6 @@ def most_probable(
 ) -> list[ProbableImpact]:
     """Impacts of least cost, the best first, at different places if there are several.
 
-    Parameters
-    ----------
     unknown : names among mass, velocity, stiffness, E.
     known : values of those that are not.
     weight : mass of the structure [kg].
@@ -411,11 +396,9 @@ def most_probable(
             ready(count)
         starting_impacts.sort(key=lambda fit: fit.cost)
         fits = []
-        for count, fit in enumerate(
-            _fits_to_continue(model, starting_impacts), start=MOST_STARTS + 1
-        ):
+        for fit in _fits_to_continue(model, starting_impacts):
             fits.append(search.refined(fit.blow, LAST_STEPS))
-            ready(count)
+            ready(MOST_STARTS + len(fits))
         best = min(fits, key=lambda fit: fit.cost)
         if best.chi2 > POOR and {"mass", "velocity"} <= set(unknown):
             for by in HEAVIER:  # of the same momentum, which may touch a second time
@@ -427,14 +410,13 @@ def most_probable(
 
 def _fits_to_continue(model: Struck, fits: list[ProbableImpact]) -> list[ProbableImpact]:
     """The fits to continue: the best one, and the best at another place or else the second best."""
-    first, *other_fits = fits
+    first, *others = fits
     least_distance = APART * model.surface.spacing(first.blow.site)
-    elsewhere = [
-        fit
-        for fit in other_fits
-        if np.linalg.norm(fit.blow.place - first.blow.place) > least_distance
-    ]
-    promising = [fit for fit in (*elsewhere, *other_fits) if fit.cost < HOPELESS * first.cost]
+    lines = [fit.blow.place - first.blow.place for fit in others]
+    apart = [np.linalg.norm(line) > least_distance for line in lines]
+    elsewhere = [fit for fit, is_apart in zip(others, apart, strict=True) if is_apart]
+
+    promising = [fit for fit in (*elsewhere, *others) if fit.cost < HOPELESS * first.cost]
     return [first, *promising][:MOST_FITS]
 
 

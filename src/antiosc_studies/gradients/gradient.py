@@ -10,13 +10,14 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc import AntiOscillators, History
 from antiosc.base import checks
+from antiosc.base._types import Figure
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.base.texts import Completed, value_text
 from antiosc.extension import SAFETY, TRUNCATION_SAFETY, softest_model
@@ -24,9 +25,6 @@ from antiosc.impact.assembly import Assembly
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc_studies.gradients.goals import TOL, Goal, Values, goal_of, values_of
 from antiosc_studies.gradients.numbers import Number, Struck, Turn, mapped, of_body, of_contact
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Relative step of a number, and what it becomes where a touch appears or vanishes within it.
 STEPS = (1e-4, 1e-5)

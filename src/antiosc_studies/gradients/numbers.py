@@ -22,7 +22,8 @@ from antiosc import (
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.engine.damping import from_factors
-from antiosc.extension import Impact, assemble_pair, set_initial_forces
+from antiosc.engine.equilibrium import set_initial_forces
+from antiosc.extension import Impact, assemble_pair
 from antiosc.impact.assembly import Assembly, assemble_scene
 
 Turn = Callable[[AntiOscillators], AntiOscillators]
@@ -112,7 +113,7 @@ class Struck:
                 model, impactor, contact.law, self.end, start, self._pair.gravity, contact.gap
             )
             assembly = assemble_pair(pair)
-        set_initial_forces(assembly)
+        set_initial_forces(assembly.system, assembly.scene.preload)
         return assembly
 
     def start(self, name: str) -> float:

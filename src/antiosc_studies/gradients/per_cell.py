@@ -11,14 +11,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import ufl
 
 from antiosc import AntiOscillators, DampingMatrix, Structure
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Completed, percent
@@ -27,9 +27,6 @@ from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc_studies.gradients.gradient import gradient
 from antiosc_studies.gradients.of_part import model_name, values_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Relative step of a thickness for the change of K and M.
 CHANGE = 1e-3

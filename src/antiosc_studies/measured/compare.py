@@ -6,22 +6,19 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import Completed
 from antiosc.plot.charts import figure_or_path, legend, panels
 from antiosc_studies.measured.tables import FORCES, TIMES, by_name
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Number of shifts in time that are tried first.
 SHIFTS = 801

@@ -69,8 +69,6 @@ class Tail:
 class FittedModes:
     """The parameters of the fit.
 
-    Attributes
-    ----------
     omega, zeta : (J,) frequencies [rad/s] and damping ratios; the last U modes are the tail.
     b : (J, p) displacements of the sites in modes of unit mass [kg^-1/2].
     tail : prior expectations of the last U modes; their damping ratios are fixed.

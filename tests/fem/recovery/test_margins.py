@@ -13,7 +13,7 @@ import parts
 import sheets
 from antiosc.base.stresses import extreme_principal
 from antiosc.base.texts import engineering
-from antiosc.engine.contact.half_space import hertz_stresses, von_mises
+from antiosc.engine.contact.geometry import hertz_stresses, von_mises
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh

@@ -64,8 +64,6 @@ RADIUS_POWER = 0.1
 class Choice:
     """A contact law, and the reason for its choice.
 
-    Attributes
-    ----------
     law : the contact law.
     kind : kind of contact, in words.
     soft : the material that yields first; None if neither yields.

@@ -24,8 +24,6 @@ SHARP = EDGE, CORNER
 class Curvature(ReprMixin):
     """Principal curvatures of a surface at a point.
 
-    Attributes
-    ----------
     kind : "plane"; "line", curved in one direction (a cylinder or a groove); "curved", in both;
         "edge" or "corner", which have no curvature: their radius must be given.
     values : (2,) principal curvatures [1/m], ascending; > 0 where the surface is convex, exactly 0

@@ -210,8 +210,6 @@ HERTZIAN = 1.5
 class _Damped(Patched):
     """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
-    Parameters
-    ----------
     stiffness : float
         [N/m^exponent], > 0.
     restitution : float

@@ -21,8 +21,6 @@ RUBBER_E, RUBBER_NU = 60e6, 0.45
 class Matter:
     """The material of a surface in contact, SI units.
 
-    Attributes
-    ----------
     E, nu : Young's modulus [Pa], inf if rigid; Poisson's ratio.
     yield_strength : [Pa]; None: not known, or the material is `brittle`.
     yield_range : lowest and highest yield strength [Pa]; None: it is exact.

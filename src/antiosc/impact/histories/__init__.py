@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base._types import Array
+from antiosc.base._types import Array, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, engineering, percent, point_text, restitution_text
 from antiosc.impact.histories import verdict
@@ -28,8 +28,6 @@ from antiosc.plot.charts import plot_history
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from matplotlib.figure import Figure
 
     from antiosc.models.body import LinearBody
 

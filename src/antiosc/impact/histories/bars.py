@@ -40,8 +40,6 @@ ALWAYS_TOLD = ("law", *RARE)
 class ErrorBar:
     """The bar of one quantity: bounds on its relative errors, by cause.
 
-    Attributes
-    ----------
     value : value of the quantity, SI units.
     mesh : bound for displacements that the mesh cannot represent.
     truncation : bound for the anti-oscillators that the model leaves out.

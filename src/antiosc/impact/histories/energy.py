@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.march import Run
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import blocks, contact_intervals, node_states, run_slice
+from antiosc.impact.states import blocks, contact_intervals, node_states
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -173,7 +173,8 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
         kinetic[nodes] = 0.5 * np.sum(v**2, axis=1)
         modal[nodes] = 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
         modal[nodes] += a.system.stretch_energy(q)
-        part = run_slice(run, first, last)
+        arrays = {name: getattr(run, name)[nodes] for name in ("time", "force", "depth")}
+        part = replace(run, **arrays, states=None)
         if np.any(a.system.loads):
             work[inner_nodes] = _work(a, part, q, v)
         if a.system.first is not None:

@@ -13,7 +13,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, percent, restitution_text
 from antiosc.engine.contact.choice import Choice, elastic_pressure, lacks_strength
 from antiosc.engine.contact.dent import rim_radius
-from antiosc.engine.contact.half_space import hertz_stresses, von_mises
+from antiosc.engine.contact.geometry import hertz_stresses, von_mises
 from antiosc.engine.contact.laws import ElasticPlastic, Hertz
 from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.engine.contact.surfaces import Matter, crack_note
