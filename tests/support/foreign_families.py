@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 import antiosc as ao
+import antiosc.fem  # before dolfinx, as packages of PyPI ask for it
 import parts
 
 SOLID = ao.Solid(**parts.STEEL)
