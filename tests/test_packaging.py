@@ -89,7 +89,7 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
     run(str(fresh / "python"), *install, "--force-reinstall", str(wheel))
     (tmp_path / "program.py").write_text(PROGRAM, encoding="utf-8")
     assert "peak force" in run(str(fresh / "python"), "program.py")
-    assert "antiosc" in run(str(fresh / "antiosc"), "info")
+    assert "antiosc" in run(str(fresh / "antiosc"), "--help")
 
 
 @pytest.mark.slow
