@@ -336,7 +336,10 @@ static void ready_coupling(aom_stepper *st, slot *s) {
     const int *touching = st->work.touching;
     size_t m = (size_t)st->system.n_rows, size = (size_t)n * sizeof *touching;
     double *from = s->coupling, *to = st->work.coupling, *pairs = to + 4 * m;
-    if (n == held && memcmp(s->held, touching, size) == 0)
+    bool same = n == held;
+    for (int g = 0; same && g < n; g++)
+        same = s->held[g] == touching[g];
+    if (same)
         return;
 
     for (int j = 0, J = st->system.n_modes; j < J; j++)
