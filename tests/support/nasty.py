@@ -24,13 +24,11 @@ import numpy as np
 
 import antiosc as ao
 from antiosc import closed_form, plotting
-from antiosc.engine import contact
 from paths import DECKS
 
 MODULES = {
     "": (ao, [*ao._MODULES]),
     "closed_form.": (closed_form, closed_form.__all__),
-    "contact.": (contact, contact.__all__),
     "plotting.": (plotting, [name for name in plotting.__all__ if name[:4] in ("plot", "runn")]),
 }
 

@@ -285,10 +285,7 @@ def text(name: str, value: object) -> str:
 
 
 def name(what: str, value: object) -> str:
-    """`value` as the name of a body, a site or a part, or InputError.
-
-    Names come into tables, files of other programs and terminals: they are short, and printable.
-    """
+    """`value` as a short, printable name of a body, a site or a part, or InputError."""
     result = text(what, value)
     if not result.isprintable():
         raise InputError(f"{what} must be printable, on one line; got {ascii(result)[:60]}.")
@@ -406,11 +403,7 @@ def shown(value: object) -> str:
 
 
 def nests_deeper(text: str, deepest: int) -> bool:
-    """Whether brackets of a text in JSON or TOML nest deeper than `deepest`.
-
-    Asked before a parser recurses into them: where a parser meets the limit of recursion, the
-    finalizers that the garbage collector calls there fail too.
-    """
+    """Whether brackets of a text in JSON or TOML nest too deep for a parser that recurses."""
     brackets = _NO_BRACKETS.sub("", text)
     depths = accumulate(1 if bracket in "[{" else -1 for bracket in brackets)
     return max(depths, default=0) > deepest

@@ -121,10 +121,7 @@ _receiver: ContextVar[Callable[[str], None] | None] = ContextVar("antiosc_warnin
 
 
 def warn(message: str, category: type[Warning] | None = None) -> None:
-    """Warn at the line of the caller's own code, however deep in the library this is called.
-
-    `category`: None: that of a message that was collected, else AntioscWarning.
-    """
+    """Warn at the line of the caller's own code; `category` of a collected message by default."""
     kind: type[Warning] = getattr(message, "category", AntioscWarning)
     kind = kind if category is None else category
     taker = _receiver.get()
@@ -154,11 +151,7 @@ def _frames_to_caller() -> int:
 
 @contextmanager
 def warnings_to(take: Callable[[str], None]) -> Iterator[None]:
-    """Give antiosc's warnings of this thread to `take`.
-
-    `warnings.catch_warnings` changes the filters of all threads, and leaves those of another thread
-    if two blocks overlap.
-    """
+    """Give antiosc's warnings of this thread to `take`: Python's filters are of all threads."""
     token = _receiver.set(take)
     try:
         yield

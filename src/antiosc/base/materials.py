@@ -73,7 +73,7 @@ def record(name: object) -> MaterialRecord:
     all_names = names()
     wanted = checks.text("material", name)
     words = _words(wanted)
-    matches = [name for name in all_names if all(_begins(word, _words(name)) for word in words)]
+    matches = [n for n in all_names if all(any(x.startswith(w) for x in _words(n)) for w in words)]
     exact = [name for name in all_names if _words(name) == words]
     for candidates in (exact, matches):
         if len(candidates) == 1:
@@ -110,10 +110,6 @@ def strength_at(rate: tuple[float, ...], strength: float, strain_rate: float) ->
 
 def _words(name: str) -> list[str]:
     return re.findall(r"[\w.%]+", name.lower())
-
-
-def _begins(word: str, words: list[str]) -> bool:
-    return any(known_word.startswith(word) for known_word in words)
 
 
 @cache

@@ -57,10 +57,7 @@ RANGES = {
 
 
 def doubt(quantity: str, value: float, what: str, low: float = 0.0, high: float = inf) -> str:
-    """Sentence on an implausible value of a quantity of `RANGES`, "" if it is plausible.
-
-    `low`, `high`: ends that narrow the usual ones, as the size of a part narrows its thickness.
-    """
+    """Sentence on a value outside its range in `RANGES` within `low` and `high`, or ""."""
     usual = RANGES[quantity]
     low, high = max(low, usual.low), min(high, usual.high)
     if low <= value <= high:
@@ -105,10 +102,7 @@ def material_doubt(material: ExaminedMaterial) -> str:
 
 
 def size_doubt(extent: float, stated: bool = False, lines: bool = False) -> str:
-    """Why the diagonal [m] of the box around a part is implausible; "" if it is not.
-
-    `stated`: whether its unit is known, so that it may be long. `lines`: of a frame or truss.
-    """
+    """Why the diagonal [m] of a part's box is implausible, unless `stated` or of `lines`; or ""."""
     long = RANGES["length"].high < extent
     if long and (stated or (lines and extent <= LONGEST_OF_LINES)):
         return ""
@@ -142,11 +136,7 @@ def patch_doubt(radius: float, extent: float) -> str:
 
 
 def impact_doubt(model: object, movers: Iterable[object], *velocities: object) -> str:
-    """Why an impact on a model is implausible, "" if it is not; InputError for impossible values.
-
-    `model` is struck; its `info` has √(E/ρ) of the material where it was extracted. `movers` have a
-    velocity; `velocities` are further ones [m/s]: numbers, arrays or a `Motion`.
-    """
+    """Why a blow of movers, or velocities, on a model is implausible, or ""; else InputError."""
     all_velocities = [*velocities, *[getattr(mover, "velocity", 0.0) for mover in movers]]
     speed = max(map(_fastest, all_velocities), default=0.0)
     notes = getattr(getattr(model, "info", None), "notes", {})

@@ -59,11 +59,7 @@ _lock = threading.RLock()
 
 @contextmanager
 def restored() -> Iterator[None]:
-    """Restore logging, warnings, environment, paths, loader flags and locale at the end.
-
-    One thread at a time. Changes that other threads make to the environment and the module path
-    meanwhile stay.
-    """
+    """Restore logging, warnings, environment, paths, loader flags and locale at the end."""
     with _lock:
         root = logging.getLogger()
         handlers = list(root.handlers)
@@ -130,10 +126,7 @@ class _BelowWarning(logging.Filter):
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Context for imports of packages: outside the working folder, with a home folder.
-
-    It changes the working folder of the whole process, and is meant for imports only.
-    """
+    """Context for imports of packages: in `/` and with a home folder, for the whole process."""
     _give_home()
     with _lock:
         try:
@@ -166,11 +159,7 @@ def _home() -> str:
 
 
 def start_mpi() -> None:
-    """Load MPI, before all libraries that need it.
-
-    MissingDependencyError in a process that the mpirun of another MPI has started: each would work
-    alone (MPICH in place of Open MPI ends the process).
-    """
+    """Load MPI before what needs it; MissingDependencyError under another MPI's mpirun."""
     refusal = (
         "this process was started by the mpirun of another MPI than that of its mpi4py: use the "
         "mpirun of that MPI, which of PyPI's packages stands beside python."
@@ -187,11 +176,7 @@ def start_mpi() -> None:
 
 
 def start_petsc() -> None:
-    """Initialise PETSc once, without its signal handlers and its configuration files.
-
-    By default these handlers abort all ranks on a broken pipe, a hang-up and other signals; the
-    files are `.petscrc` of the home and of the working folder. Options in PETSC_OPTIONS are taken.
-    """
+    """Initialise PETSc once, without signal handlers that abort and without `.petscrc`."""
     if "petsc4py.PETSc" not in sys.modules:
         import petsc4py
 
@@ -308,11 +293,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def blas_threads(fronts: Array) -> Iterator[int | None]:
-    """Use the useful number of BLAS threads for dense fronts with these operation counts.
-
-    Never more than at the start of the process, and one if another calculation of this process is
-    running. Yields the number, or None if the user has chosen it.
-    """
+    """Use as many BLAS threads as help fronts of these operations; yields them, or None."""
     blas = None if user_threads() else _blas()
     if blas is None:
         yield None

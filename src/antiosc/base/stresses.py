@@ -149,10 +149,7 @@ def tension(components: Array) -> Array:
 
 
 def principal_ends(components: Array) -> tuple[Array, Array]:
-    """Highest and lowest principal value (...,) of components (..., 6).
-
-    The trigonometric solution of the cubic (O. K. Smith, Commun. ACM 4 (1961) 168).
-    """
+    """Highest and lowest principal value (...,) of components (..., 6) (Smith, CACM 4, 168)."""
     normal = components[..., :3]
     s23, s13, s12 = np.moveaxis(components[..., 3:], -1, 0)
     mean = normal.mean(axis=-1)

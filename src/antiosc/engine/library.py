@@ -315,10 +315,7 @@ def energies(states: Array, omega: Array) -> Array:
 
 
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
-    """Time integral [N s] and peak [N], (C, 2), for the force (n, m) of a row over C spans.
-
-    Each of `spans` (C, 2) is a first step and the step behind the last one.
-    """
+    """Time integral [N s] and peak [N], (C, 2), of a row of forces (n, m) over C spans of steps."""
     time, force = _doubles(time, force)
     steps = np.ascontiguousarray(spans, dtype=np.int64)
     peaks_out = np.empty((len(spans), 2))

@@ -187,11 +187,7 @@ class System:
 
     @cached_property
     def marched(self) -> System:
-        """The system in the I modes that the C library integrates, instead of the J free modes.
-
-        They are first-order modes if damping couples the modes of a body; `loads` (K, 2 I) then act
-        on displacements and velocities.
-        """
+        """The system in the I modes that are integrated: first-order ones if damping couples it."""
         first = self.first
         if first is None:
             return self
@@ -212,12 +208,7 @@ class System:
 
     @property
     def slowest(self) -> Array:
-        """Smallest closing speeds (p,) [m/s]: slower contacts are treated as if they closed at
-        these.
-
-        Some laws divide their damping by the closing speed, which may be 0. All integrators use the
-        same least speed.
-        """
+        """Least closing speeds (p,) [m/s] from which damped laws take their damping."""
         return np.maximum(SLOWEST * self.speed, self.least_speed)
 
     def stretch_energy(self, q: Array) -> Array:

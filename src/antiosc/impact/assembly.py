@@ -34,11 +34,7 @@ DEPTH_TOL = 0.1  # relative error of a depth
 def largest_indentation(
     law: ContactLaw, speed: float, energy: float, load: float, high: float, close: float = DEPTH_TOL
 ) -> float:
-    """Largest indentation [m], at most `high` [m], of a new contact, to the relative error `close`.
-
-    The contact closes at `speed` [m/s]; it absorbs an energy [J] and the work of a force `load`
-    [N].
-    """
+    """Largest indentation [m], to `close`, of a blow of this speed, energy and load."""
     kernel, memory = packed(law)
     depth = library.library.aom_law_deepest(byref(kernel), speed, energy, load, high, close)
     raise_error(memory)

@@ -581,9 +581,7 @@ class SceneBody:
 
     @property
     def weight(self) -> Array | None:
-        """Modal forces per unit gravity: (J,) along the body's one coordinate, or (J, 3) along the
-        axes.
-        """
+        """Modal forces of unit gravity: (J,) along its one coordinate, or (J, 3); or None."""
         return self.modes.weight
 
     def columns_of(self, site: str) -> tuple[int, ...]:
@@ -608,9 +606,7 @@ class SceneBody:
 
     @property
     def supported(self) -> bool:
-        """Whether no rigid-body mode moves a site; displacements are then from equilibrium under
-        gravity.
-        """
+        """Whether no rigid-body mode moves a site; displacements are then from equilibrium."""
         return not bool(np.any(self.B[self.omega == 0] != 0))
 
     @property

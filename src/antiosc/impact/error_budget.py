@@ -183,11 +183,7 @@ CUT_PATCH = (
 
 
 def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
-    """The error bars of a run.
-
-    `rerun(model, tol)` repeats the impact on another model and `by_law(law, tol)` with another law,
-    by the exact method with a step that meets the tolerance.
-    """
+    """The error bars of a run, by repeats on other models (`rerun`) and laws (`by_law`)."""
     model = hit.model
     if not isinstance(model, AntiOscillators):
         kind = type(model).__name__
@@ -302,12 +298,7 @@ GIVEN = "The contact's law was given: its error is not in these bars."
 
 
 def law_error(impact: RepeatedImpact) -> tuple[Shares | None, str]:
-    """(the shares of the law in the errors, or None; why they are missing).
-
-    A share is the error of the law, by which impulse and contact time change no more than the peak
-    force, and what the lowest and the highest yield strength change, by two runs. The shares are 0
-    for a law that the caller gave.
-    """
+    """(the shares of the law in the errors, or None; why they are missing)."""
     hit = impact.raw
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:

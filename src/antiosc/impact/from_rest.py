@@ -77,7 +77,10 @@ def motions(
     """
     even_times = map(np.linspace, np.zeros(len(forces)), durations, samples)
     times = [np.union1d(even, own) for even, (own, _) in zip(even_times, forces, strict=True)]
-    values = [_force_at(body_times, force) for body_times, force in zip(times, forces, strict=True)]
+    values = [
+        np.interp(t, *force, left=0.0, right=0.0) if force[0].size else np.zeros(t.size)
+        for t, force in zip(times, forces, strict=True)
+    ]
     time = _padded_rows(times, None)
     force = _padded_rows(values, 0.0)
     q = np.zeros_like(b)
@@ -92,14 +95,6 @@ def motions(
         v = W * v - omega**2 * S * q + modal_force * S + rise * J0
         q = q_end
         yield time[:, k + 1], q, force[:, k + 1]
-
-
-def _force_at(times: Array, force: Force) -> Array:
-    """Values [N] of a force at times [s]."""
-    breaks, values = force
-    if not breaks.size:
-        return np.zeros_like(times)
-    return np.interp(times, breaks, values, left=0.0, right=0.0)
 
 
 def _padded_rows(rows: Sequence[Array], filler: float | None) -> Array:

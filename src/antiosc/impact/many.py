@@ -77,15 +77,6 @@ def quantile(sample: ArrayLike, q: float, confidence: float = CONFIDENCE) -> Qua
     return Quantile(value, float(lower), float(upper), "; ".join(lacking))
 
 
-def probability(count: int, size: int, confidence: float = CONFIDENCE) -> Quantile:
-    """The probability count/size with its interval (Clopper and Pearson, Biometrika 26, 404)."""
-    from scipy.stats import binomtest
-
-    level = _share("confidence", confidence)
-    interval = binomtest(count, size).proportion_ci(level, "exact")
-    return Quantile(count / size, float(interval.low), float(interval.high))
-
-
 def _share(name: str, value: float) -> float:
     """A share that differs from 0 and 1 by more than their rounding."""
     share = checks.number(name, value)
@@ -203,7 +194,13 @@ class Many(Result):
         """
         results = self._with_failed(quantity)
         limit = checks.number("limit", limit)
-        share = probability(int(np.sum(results > limit)), len(results), confidence)
+        count = int(np.sum(results > limit))
+
+        from scipy.stats import binomtest
+
+        level = _share("confidence", confidence)  # Clopper and Pearson, Biometrika 26 (1934) 404
+        ends = binomtest(count, len(results)).proportion_ci(level, "exact")
+        share = Quantile(count / len(results), float(ends.low), float(ends.high))
         return self._noted(quantity, len(results), share)
 
     def _with_failed(self, quantity: str, impact: int | None = None) -> Array:

@@ -85,9 +85,7 @@ Predict = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
 def newmark(s: System, h: float) -> tuple[Array, Array, Predict]:
-    """Average acceleration: what a force at the end of a step takes from displacements (m, J) and
-    velocities, and the motion without it.
-    """
+    """Average acceleration: what a force takes from displacements, velocities; the motion."""
     x = s.omega**2
     scale = 1 + h * s.decay + h * h * x / 4
     slower = h / 2 * s.beta / scale

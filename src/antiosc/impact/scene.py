@@ -47,7 +47,7 @@ from antiosc.impact.reference import (
     Settings,
     integrate_reference,
 )
-from antiosc.impact.scene_parts import Contact, SceneParts
+from antiosc.impact.scene_parts import SceneParts
 from antiosc.impact.stretching import stretched
 from antiosc.impact.truncation import Run, choose_n, halved, is_reduced, too_few, too_few_in
 from antiosc.impact.two_bodies import Impact, assemble_pair
@@ -221,10 +221,7 @@ def with_warning(history: H, sentence: str) -> H:
 def integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> tuple[H, CheckResult]:
-    """Integrate an assembly; returns the history, and the result of its check before warnings.
-
-    With bodies that stretch the linear run comes first (`antiosc.impact.stretching`).
-    """
+    """(history of an assembly, its check before warnings); linear first if bodies stretch."""
     linear, check = _integrate(kind, assembly, duration, settings)
     if not assembly.stretches:
         return linear, check
@@ -294,9 +291,7 @@ def integrate_exact(
     max_contacts: int,
     max_steps: int,
 ) -> Converged:
-    """The exact method, refined until the forces of two runs agree to the tolerance, or one run
-    with steps of `step` [s] during contact, whose errors are not known (0).
-    """
+    """The exact method, refined until two runs agree, or one run with a step [s] in contact."""
     fine = assembly.contact_time_estimate / FINE if step is None else step / 4
     steps = (tol, 0.0, 0.0, fine) if step is None else (LOOSE, 0.0, step, fine)
     limits = max_contacts, max_steps, 0 if step is None else 1
@@ -308,9 +303,7 @@ def integrate_exact(
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
-    """AccuracyError if a force leaves the range of its law; its message begins with the doubts of
-    the bodies, then of the blow.
-    """
+    """AccuracyError, begun with the doubts, if a force leaves the range of its law."""
     a = history.assembly
     for c, law in enumerate(a.laws):
         if law.valid_force == np.inf:
@@ -342,7 +335,8 @@ def _warn_coarse_cells(scene: Scene, history: SceneHistory) -> None:
             name, _, site = end.partition(":")
             estimate = history.assembly.contact_time_estimate
             if sentence := coarse_cell(scene.bodies.get(name), site, estimate):
-                warn(f"{name!r} in the contact of {_ends(contact)}: {sentence}", AccuracyWarning)
+                of = f"{contact.a!r} and {contact.b!r}"
+                warn(f"{name!r} in the contact of {of}: {sentence}", AccuracyWarning)
 
 
 def _warn_truncation(
@@ -378,13 +372,8 @@ def _warn_truncation(
         force, heavier = (one.contact_histories[c].peak_force for one in (history, other))
         change = abs(heavier - force) / force if force else 0.0
         if sentence := too_few(counts[reduced[0]], change):
-            names = " and ".join(map(repr, reduced))
-            warn(f"{names} in the contact of {_ends(contact)}: {sentence}", AccuracyWarning)
-
-
-def _ends(contact: Contact) -> str:
-    """The ends of a contact in a sentence."""
-    return f"{contact.a!r} and {contact.b!r}"
+            names, of = (" and ".join(map(repr, x)) for x in (reduced, (contact.a, contact.b)))
+            warn(f"{names} in the contact of {of}: {sentence}", AccuracyWarning)
 
 
 #: Relative error of the forces by the step: little beside the errors of meshes and of laws.

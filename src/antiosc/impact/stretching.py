@@ -94,9 +94,7 @@ class StretchedMotion:
     change: float
 
     def first(self, count: int) -> Stretch:
-        """The second-order forces in those `count` motions that move most, or in as many as the
-        user has set: combinations of the first `SPACE` modes, or of `count` if these are more.
-        """
+        """The forces in the `count` motions that move most, or in as many as the user has set."""
         if self.forces.count != "auto":
             count = self.forces.count
         if count >= self.forces.size:
@@ -178,9 +176,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
 
 
 def before_peak(history: History) -> float:
-    """The largest energy of the second-order forces before the last peak of a contact's force, over
-    the largest linear one before it: about the most by which they may change the peak.
-    """
+    """Largest energy of the second-order forces before the last peak over the linear one."""
     contacts = [contact for contact in history.contact_histories if contact.contacts]
     peaks = [float(contact.time[int(np.argmax(contact.force))]) for contact in contacts]
     times = np.linspace(0.0, max(peaks, default=0.0), SAMPLES)
@@ -229,11 +225,7 @@ def differences(first: History, second: History) -> dict[str, float]:
 
 
 def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, float]:
-    """Shares of the error bars by motions that are left out, from what two more of them change.
-
-    The change of a peak force may vanish by chance: the deflection's counts too, where the
-    energy `before_peak` allows as much.
-    """
+    """Shares of the error bars by motions left out, from what two more of them change."""
     worst = max(changes.get(name, 0.0) for name in DECIDING)
     floors = dict.fromkeys(bars.QUANTITIES, bars.FLOOR * worst)
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import checks, process
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError, AntioscError, InputError
+from antiosc.base.errors import AccuracyError, InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.base import Compiled, is_compiled
@@ -124,12 +124,7 @@ class Impact(NamedTuple):
 
     def group(self) -> tuple[object, ...] | None:
         """Key that is equal for impacts which one C call can solve together; None for others."""
-        if (
-            not is_compiled(self.contact)
-            or _has_coupled_damping(self.model)
-            or _has_coupled_damping(self.impactor)
-            or self.stretches
-        ):
+        if not is_compiled(self.contact) or self.stretches:
             return None
         no_gravity = isinstance(self.gravity, int | float) and self.gravity == 0
         rigid = no_gravity and type(self.impactor) in (RigidMass, Sphere)
@@ -164,10 +159,7 @@ def modal_pair(impact: Impact) -> Pair:
 
 
 def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
-    """Assemble "structure" and "impactor" for integration over the duration.
-
-    stretch : whether they may stretch; the assembly is that of their linear motion.
-    """
+    """Assemble "structure" and "impactor"; `stretch`: whether they may stretch afterwards."""
     stretches = impact.stretches
     if stretches and not stretch:
         refuse_stretch({"structure": impact.model, "impactor": impact.impactor})
@@ -250,16 +242,6 @@ _WORK_PER_CALL = 4_000_000
 _NODES = 200_000
 
 
-def _has_coupled_damping(body: LinearBody) -> bool:
-    """Whether damping couples the modes of a body; False for an object that is no body."""
-    if type(body) in (RigidMass, Sphere) or not callable(getattr(body, "modal", None)):
-        return False
-    try:
-        return getattr(body.modal(), "damping", None) is not None
-    except AntioscError:
-        return False
-
-
 def _copies(structure: object, kind: np.dtype[np.void], count: int) -> NDArray[np.void]:
     """`count` copies of a C structure as one array."""
     return np.repeat(np.frombuffer(cast("bytes", structure), kind), count)
@@ -283,6 +265,8 @@ class ImpactRows:
         gaps = np.array([self.pair.gap(impact.gap) for impact in impacts])
         durations = [checks.positive("duration", impact.duration, "s") for impact in impacts]
         system = self.pair.posed(self.laws[0], gaps[0])
+        if system.first is not None:
+            raise InputError("damping that couples modes is integrated one by one.")
         check_span(system, max(durations))
         contacts = _copies(system.packed.contacts, CONTACT, count)
         contacts["mass"] = self.pair.mass

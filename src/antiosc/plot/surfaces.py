@@ -46,9 +46,7 @@ def draw_faces(
     dark: float = DARK,
     outlined: BoolArray | None = None,
 ) -> None:
-    """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with the scale if it
-    has a label; faces of the mask `outlined` (F,) are white with dark edges.
-    """
+    """Faces (F, 3 or 4, 3) coloured by `value`, `outlined` ones white, with a scale if labelled."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -93,9 +91,7 @@ def colour_scale(value: Array) -> ScalarMappable:
 
 
 def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
-    """Limits and equal scales around the points (P, 3); few ticks, fewer on short sides, none on
-    sides that are too short for numbers.
-    """
+    """Limits and equal scales around the points (P, 3); short sides have few ticks or none."""
     low = x.min(axis=0)
     high = x.max(axis=0)
     side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))

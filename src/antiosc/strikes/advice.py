@@ -156,12 +156,6 @@ def advise(
     )
 
 
-def _is_solid(part: Structure) -> bool:
-    """Whether the part is a mesh of solids, or an assembly."""
-    kind = getattr(part.matrices, "kind", None)
-    return kind is None or bool(kind.outside)
-
-
 def _measures(
     part: Sequence[float] | Structure, E: float | None, nu: float, rho: float | None
 ) -> tuple[float, float, float, tuple[float, float, float]]:
@@ -170,7 +164,9 @@ def _measures(
         size = np.array(part.dimensions)
         E, nu, rho = part.constants()
         filled = part.mass / (rho * size.prod())
-        if _is_solid(part) and filled < BLOCK:
+        kind = getattr(part.matrices, "kind", None)
+        solid = kind is None or bool(kind.outside)  # an assembly may have some
+        if solid and filled < BLOCK:
             raise InputError(
                 f"the part fills {percent(filled)} of its bounding box, whose sides do not tell "
                 "its thickness: give advise the length, width and thickness at the site."

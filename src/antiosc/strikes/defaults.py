@@ -52,9 +52,7 @@ WALL = 4.0
 
 
 def usual_cell(length: float, thickness: float) -> float:
-    """Size [m] of the cells at the site of a solid of this length; `thickness` [m]: of its wall
-    there.
-    """
+    """Size [m] of cells at the site of a solid of this length, and thickness there [m]."""
     return rounded_up(min(BALL * length, thickness / CELLS_THROUGH))
 
 
@@ -96,9 +94,7 @@ def _carrying(
 
 
 def next_count(hit: History) -> int | None:
-    """The number of anti-oscillators after that of an impact; None if those are enough, or more
-    would take too long.
-    """
+    """The next number of anti-oscillators; None if they are enough, or more take too long."""
     model = hit.model
     if hit.rerun is None or truncation_error(model, hit.rerun).peak_force <= MOST_TRUNCATION:
         return None
@@ -108,7 +104,5 @@ def next_count(hit: History) -> int | None:
 
 
 def expansion_of(hit: History) -> float:
-    """Frequency [Hz] about which more anti-oscillators converge first, by the contact time; a power
-    of two, so that blows that are alike share a factor.
-    """
+    """Frequency [Hz], a power of two, about which more anti-oscillators converge first."""
     return float(2.0 ** floor(log2(EXPANSION / hit.assembly.contact_time_estimate)))

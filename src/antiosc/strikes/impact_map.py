@@ -34,7 +34,6 @@ from antiosc.base.progress import counting, doing
 from antiosc.base.texts import engineering, percent, point_text as placed
 from antiosc.engine.contact import ContactLaw, ElasticPlastic
 from antiosc.engine.contact.curvature import SHARP
-from antiosc.engine.contact.surfaces import Surface
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import agree, collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
@@ -263,7 +262,10 @@ def _laws(
     striker = impactor.surface() if isinstance(impactor, Body) else None
     with counting("laws of the sites", len(impact_map), structure.comm.rank) as ready:
         for i, (point, direction, radius) in enumerate(sites):
-            of_site = _surface(structure, point, direction, radius)
+            of_site = None
+            with contextlib.suppress(InputError):
+                patch = None if np.isnan(radius) else radius
+                of_site = surface_at(structure, point, direction, patch)
             body = PlaneOf(structure, of_site)
             try:
                 laws.append(law_of(AUTO, body, impactor))
@@ -276,14 +278,6 @@ def _laws(
             ready(i + 1)
 
     return laws, {EDGE: sharp, HOLLOW: hollow, PIERCED: pierced}
-
-
-def _surface(structure: Structure, point: Array, direction: Array, radius: float) -> Surface | None:
-    """The surface at a site with a patch of this radius, NaN: a point; None if unknown."""
-    patch = None if np.isnan(radius) else radius
-    with contextlib.suppress(InputError):
-        return surface_at(structure, point, direction, patch)
-    return None
 
 
 def _hertz(omega: float) -> str:

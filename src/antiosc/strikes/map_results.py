@@ -259,9 +259,7 @@ def left_out_text(impact_map: ImpactMap) -> str:
 
 
 def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
-    """Numbers of the reliable sites among `sites` (all if None); all of these if none is
-    reliable.
-    """
+    """Numbers of the reliable sites among `sites` (None: all); all of these without any."""
     sites = np.arange(len(impact_map)) if sites is None else sites
     sound = sites[~impact_map.doubtful[sites]]
     return sound if sound.size else sites
@@ -270,11 +268,7 @@ def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
 def hardest(
     impact_map: ImpactMap, sites: IntArray | None = None, values: Array | None = None
 ) -> int:
-    """Number of the reliable site with the largest peak force among `sites` (all if None).
-
-    If none is reliable, among all of these. The map must have impacts. `values` (P,): a quantity
-    used instead of the force.
-    """
+    """Number of the reliable site with the largest force, or of `values` (P,), among `sites`."""
     values = impact_map.peak_force if values is None else values
     assert values is not None
     sites = trusted(impact_map, sites)

@@ -43,9 +43,7 @@ class Stresses(NamedTuple):
 
 
 class _Sought(NamedTuple):
-    """Parts of the modes' stresses (S, 5, J), whose length is von Mises's stress, points (S, 3),
-    and yield strengths (S,), NaN if unknown.
-    """
+    """Parts of stresses (S, 5, J) of von Mises's length, points (S, 3), strengths (S,) or NaN."""
 
     modes: Array
     points: Array

@@ -50,10 +50,7 @@ SAMPLES = 400
 
 
 def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
-    """The impact on a model of a structure, with second-order forces if they are not negligible.
-
-    Warnings are those of the run that is returned.
-    """
+    """The impact on a model of a structure, with second-order forces if they matter."""
     linear, told = _with_warnings(run, model)
     hit = linear
     if model.stretch is None and may_stretch(linear):
@@ -110,9 +107,7 @@ def _of_either_order(
 
 
 def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with second-order forces, computed once for a model; the model itself if it is not
-    that of a supported sheet.
-    """
+    """The model with second-order forces, computed once; the model itself if it has none."""
     if model.stretch is not None or info_of(model).thickness is None:
         return model
     if model not in _WITH_STRETCH:

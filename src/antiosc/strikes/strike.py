@@ -16,9 +16,8 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias, TypedDict
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from antiosc.base._types import Array
 from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, RangeError, warnings_of_last
 from antiosc.base.process import MEMORY_SHARE, free_memory
-from antiosc.base.texts import percent, plain
+from antiosc.base.texts import percent, plain, rounded_up
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Family
@@ -92,12 +91,8 @@ MOST_N = 300
 NEGLIGIBLE = 1e-8
 
 
-class RunFunction(Protocol):
-    """Protocol of a function that simulates the impact on a model to a tolerance."""
-
-    def __call__(self, model: AntiOscillators, error: float) -> History: ...
-
-
+#: Simulates the impact on a model to a tolerance.
+RunFunction: TypeAlias = Callable[[AntiOscillators, float], History]
 #: Of all cells, or of groups of them.
 Material: TypeAlias = Family | Mapping[str, Family]
 
@@ -166,8 +161,11 @@ def strike(
         No material, or one of a family without an error estimate; arguments that `extract` and
         `simulate` refuse.
     """
-    impact_options = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
-    run = partial(simulated, impactor, contact, duration, impact_options)
+    blow: dict[str, Any] = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
+
+    def run(model: AntiOscillators, error: float) -> History:
+        return simulate(model, impactor, contact, duration, tol=error, **blow)
+
     return struck(
         source,
         site,
@@ -181,18 +179,6 @@ def strike(
         prestress=prestress,
         stress_tol=stress_tol,
     )
-
-
-def simulated(
-    impactor: LinearBody,
-    contact: AnyLaw,
-    duration: float,
-    shared: dict[str, Any],
-    model: AntiOscillators,
-    error: float,
-) -> History:
-    """The impact on a model, to a tolerance: a `RunFunction` with four bound arguments."""
-    return simulate(model, impactor, contact, duration, tol=error, **shared)
 
 
 def struck(
@@ -387,7 +373,7 @@ def of_number(
     start_time = clock() - structure.seconds["factorization"]
     proof = not structure.matrices.dissipation()
     model = extract(structure, site, n=n, error="estimate", proof=proof)
-    raw = second_order.simulated(structure, model, partial(run, error=accuracy))
+    raw = second_order.simulated(structure, model, lambda one: run(one, accuracy))
 
     hit, budget = raw, raw.error_budget
     # a shell's corrected model is not always nearer
@@ -426,27 +412,16 @@ def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
     return max(share, *(bar.mesh for bar in budget.values()))
 
 
-class MeshRecord(TypedDict):
-    """Record of one mesh: its size, `n`, seconds, errors (mesh and total), peak force [N]."""
-
-    dofs: int
-    n: int
-    seconds: float
-    mesh: float
-    total: float
-    peak_force: float
-
-
-def record(answer: Answer) -> MeshRecord:
-    """The record of one mesh, as JSON values."""
-    return MeshRecord(
-        dofs=answer.structure.dofs,
-        n=answer.n,
-        seconds=answer.seconds,
-        mesh=max(bar.mesh for bar in answer.budget.values()),
-        total=answer.budget.numerical,
-        peak_force=answer.hit.peak_force,
-    )
+def record(answer: Answer) -> dict[str, float]:
+    """The record of one mesh, as JSON values: its size, seconds, errors and peak force [N]."""
+    return {
+        "dofs": answer.structure.dofs,
+        "n": answer.n,
+        "seconds": answer.seconds,
+        "mesh": max(bar.mesh for bar in answer.budget.values()),
+        "total": answer.budget.numerical,
+        "peak_force": answer.hit.peak_force,
+    }
 
 
 # -- the next mesh
@@ -471,13 +446,18 @@ def _next(
     if answer.n >= MOST_N and truncation > TRUNCATION_SHARE * tol:
         return np.ones(0), (
             f"{MOST_N} anti-oscillators, the most that are tried, leave {percent(truncation)} by"
-            f" truncation: take a tol of at least {_enough(answer.budget)}."
+            f" truncation: take a tol of at least {percent(rounded_up(answer.budget.numerical))}."
         )
-    usual_factor = _usual(answer)
-    goal = min(
-        allowed[name] / (usual_factor * bar.mesh) for name, bar in answer.budget.items() if bar.mesh
-    )
+
+    # the mesh errors with the usual safety factor over those with the present one
+    safety = answer.budget.safety
+    usual = (SAFETY - 1) / (safety - 1)
+    if answer.raw.model.info.get("divided") == "triangle":
+        usual = SAFETY * TRIANGLES / safety
+    meshed = [(name, bar.mesh) for name, bar in answer.budget.items() if bar.mesh]
+    goal = min(allowed[name] / (usual * error) for name, error in meshed)
     goal *= EAGER ** (meshes - 1)
+
     structure = answer.structure
     dim = mesh.tdim
     energies = _errors_of_cells(answer, mesh)
@@ -501,14 +481,6 @@ def _next(
     elif required_bytes > MEMORY_SHARE * free:
         message = f"Stopped for the next mesh takes more than the {free / 1e9:.2g} GB free: {cost}."
     return ratio, on_root(structure.comm, lambda: message)
-
-
-def _usual(answer: Answer) -> float:
-    """Ratio of the mesh errors with the usual safety factor to those with the present factor."""
-    safety = answer.budget.safety
-    if answer.raw.model.info.get("divided") == "triangle":
-        return SAFETY * TRIANGLES / safety
-    return (SAFETY - 1) / (safety - 1)
 
 
 def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
@@ -540,19 +512,12 @@ def _no_room(answer: Answer, tol: float) -> str:
     return (
         f"A finer mesh does not help: what does not depend on it ({', '.join(words)}) leaves too"
         f" little of {percent(tol)} for mesh and truncation; take a smaller radius of the site, or"
-        f" a tol of at least {_enough(budget)}."
+        f" a tol of at least {percent(rounded_up(budget.numerical))}."
     )
 
 
-def _enough(budget: ErrorBudget) -> str:
-    """The tolerance that a budget meets, as text with two digits, rounded up."""
-    share = budget.numerical
-    digit = 10.0 ** (math.floor(math.log10(share)) - 1)
-    return percent(math.ceil(share / digit) * digit)
-
-
 def _finished(
-    answer: Answer, aim: float, tol: float, records: list[MeshRecord], reason: str
+    answer: Answer, aim: float, tol: float, records: list[dict[str, float]], reason: str
 ) -> History:
     """The history, with its budget and the record of its meshes; `reason`: why none follows."""
     hit = answer.hit

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 # imported at the first use otherwise, within the seconds of the first member
 import antiosc.fem.prestress.state
@@ -37,6 +37,8 @@ from antiosc.fem.structure.support import Support
 from antiosc.impact.enclosure import enclosures
 from antiosc.impact.histories import History
 from antiosc.impact.histories.bars import QUANTITIES, differences
+from antiosc.impact.scene import simulate
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import AUTO, AnyLaw, LinearBody
 from antiosc.models.motion import Motion
 from antiosc.plot.charts import few_log_ticks, figure_or_path, new_figure
@@ -47,7 +49,6 @@ from antiosc.strikes.strike import (
     RunFunction,
     accuracy_of_steps,
     of_number,
-    simulated,
     struck,
 )
 from antiosc.strikes.unreduced import UNREDUCED, Outcome, blow_of, figures, outcome
@@ -349,8 +350,11 @@ def tradeoff(
         ready = checks.function("ready", ready)
     if compare is not None:
         compare = checks.positive("compare", compare, "s")
-    impact_options = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
-    run = partial(simulated, impactor, contact, duration, impact_options)
+    given: dict[str, Any] = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
+
+    def run(model: AntiOscillators, error: float) -> History:
+        return simulate(model, impactor, contact, duration, tol=error, **given)
+
     compiled = uncounted_seconds()
     accuracy = accuracy_of_steps(BRACKET * tol)
     meshes: list[list[Made]] = []
@@ -404,11 +408,7 @@ class Made:
     member: TradeoffMember
 
     def beside(self, finest: Made) -> TradeoffMember:
-        """The member with its difference from the finest, and with a bar that covers it.
-
-        The bar of a coarse mesh of lines may be too small (0.59 % for a difference of 0.87 %): it
-        becomes the sum of the difference and the bar of the finest.
-        """
+        """The member with its difference from the finest, and with a bar that covers it."""
         member = self.member
         by_name = differences(finest.answer.hit, self.answer.hit)
         apart = max(by_name.values())

@@ -50,11 +50,7 @@ def law_in(body: FreeBody, start: State, floor: Floor, which: int) -> ContactLaw
 
 
 def crushed(ball: ElasticPlastic, growth: float, tip: float, work: float) -> ContactLaw:
-    """The law of a corner; that of its ball, if this has the larger force after a work [J].
-
-    growth : area of the cut of the sharp corner over the square of its depth.
-    tip : height [m] that the radius takes off.
-    """
+    """The law of a corner by its cut, or its ball's if that has the larger force after a work."""
     depths = DEPTHS * _depth(ball, work)
     of_ball = ball.forces_at_rest(depths, ball.touch(1.0))
     own_cut = 2 * pi * ball.radius * depths

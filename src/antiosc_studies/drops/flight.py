@@ -230,11 +230,7 @@ class Flight:
         return ringing(self.body.omega, self.body.decay, self.start.q, self.start.p, t)
 
     def touch(self, until: float) -> float | None:
-        """Time [s] since the start of the first touch up to `until`; None if there is none.
-
-        A point that is below the floor and rises has parted; it may touch again after it has left
-        the floor.
-        """
+        """Time [s] of the first touch up to `until` of points that have parted; None: none."""
         parted = self.start.heights(self.body) <= TOUCH * self.body.extent
         touches = (self._within(*interval, parted) for interval in self._near(until))
         return next((t for t in touches if t is not None), None)

@@ -157,11 +157,7 @@ def _body_in_scene(touch: Touch, which: IntArray) -> SiteModes:
 
 
 def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
-    """The converged history of a scene, and the error tolerance of its steps.
-
-    Its status is 2 if it stopped before its end. AccuracyError if a force leaves the range of its
-    law, or friction jams.
-    """
+    """The converged history of a scene, and its share; AccuracyError out of range or jammed."""
     with without_warnings():
         converged = integrate_exact(assembly, duration, tol, None, *LIMITS)
     ended = converged.run

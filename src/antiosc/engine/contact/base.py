@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from bisect import bisect_left
+from collections.abc import Callable
 from ctypes import addressof, byref, c_double
 from dataclasses import fields
 from functools import cached_property, lru_cache
@@ -247,19 +248,19 @@ class Compiled(Checked, ContactLaw):
     def __getstate__(self) -> dict[str, object]:
         return {k: v for k, v in self.__dict__.items() if k not in ("kernel", "_at")}
 
+    def _force(self, delta: float, rate: float, state: State) -> list[float]:
+        """The force and its derivatives by delta and by rate."""
+        values = _ThreeDoubles()
+        begun = _ThreeDoubles(*(state or ())[:3])
+        library.library.aom_law_force(self._at, delta, rate, begun, values)
+        return values[:]
+
     def force(self, delta: float, rate: float, state: State) -> float:
-        new_state = _ThreeDoubles()
-        library.library.aom_law_force(
-            self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), new_state
-        )
-        return new_state[0]
+        return self._force(delta, rate, state)[0]
 
     def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
-        new_state = _ThreeDoubles()
-        library.library.aom_law_force(
-            self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), new_state
-        )
-        return new_state[1], new_state[2]
+        _, by_delta, by_rate = self._force(delta, rate, state)
+        return by_delta, by_rate
 
     def energy(self, delta: float, state: State) -> float:
         energy = c_double()
@@ -273,29 +274,19 @@ class Compiled(Checked, ContactLaw):
         return self.energy(delta, state)
 
     def energies(self, delta: Array, state: State) -> Array:
-        depth = np.ascontiguousarray(delta, dtype=float)
-        energies = np.empty(len(delta))
-        library.library.aom_law_energies(
-            self._at,
-            depth.size,
-            library.address(depth),
-            _ThreeDoubles(*state[:3]),
-            library.address(energies),
-        )
-        return energies
+        return self._many(library.library.aom_law_energies, delta, state)
 
     def forces_at_rest(self, delta: Array, state: State) -> Array:
         """Forces (n,) [N] at constant indentations (n,) [m]."""
+        return self._many(library.library.aom_law_forces, delta, state)
+
+    def _many(self, function: Callable[..., None], delta: Array, state: State) -> Array:
+        """Values (n,) of a function of the C library at indentations (n,) [m] of one state."""
         depth = np.ascontiguousarray(delta, dtype=float)
-        forces = np.empty(len(delta))
-        library.library.aom_law_forces(
-            self._at,
-            depth.size,
-            library.address(depth),
-            _ThreeDoubles(*state[:3]),
-            library.address(forces),
-        )
-        return forces
+        values = np.empty(len(delta))
+        begun = _ThreeDoubles(*state[:3])
+        function(self._at, depth.size, library.address(depth), begun, library.address(values))
+        return values
 
     def loading_work(self, delta: float) -> float:
         """Work [J] of loading a new contact up to delta."""

@@ -97,20 +97,7 @@ class Choice:
 
 @lru_cache(maxsize=4096)
 def choose(one: Surface, other: Surface, restitution: float | None = None) -> Choice:
-    """The law of the contact of two surfaces.
-
-    Parameters
-    ----------
-    one, other : Surface
-    restitution : float, optional
-        Coefficient of restitution of the contact, if it is known.
-
-    Raises
-    ------
-    InputError
-        Two rigid surfaces; surfaces that fit into each other, or touch along a line; flat ones of
-        unknown size.
-    """
+    """The law of the contact of two surfaces, of a known restitution; InputError without one."""
     materials = one.matter, other.matter
     elastic = sorted((m for m in materials if not m.rigid), key=lambda m: m.E)
     if not elastic:

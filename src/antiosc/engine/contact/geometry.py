@@ -42,10 +42,7 @@ def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None
 
 
 def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[float, float]:
-    """A <= B [1/m] of the gap z = A x^2 + B y^2 between the two surfaces. Johnson eq. (4.3)-(4.5).
-
-    `angle` [degree] lies between the planes of the first radii of both bodies.
-    """
+    """A <= B [1/m] of the gap A x^2 + B y^2 of surfaces at an angle [degree] (4.3)-(4.5)."""
     first = _curvatures("radii1", radii1)
     second = _curvatures("radii2", radii2)
     A, B = relative_of_curvatures(first, second, angle)
@@ -158,10 +155,7 @@ SURFACE = 1e-8
 
 
 def hertz_stresses(force: float, radius: float, nu: float, r: Array, z: Array) -> Array:
-    """Stresses [Pa] rr, tt, zz, rz (4, …) at distances r from the axis and depths z >= 0 [m].
-
-    `force` [N] is spread over a circle of `radius` [m] by Hertz's pressure.
-    """
+    """Stresses [Pa] rr, tt, zz, rz (4, …) at r and depths z [m] under Hertz's pressure."""
     a = radius
     r, z = np.maximum(r, AXIS * a), np.maximum(z, SURFACE * a)
     beyond = r**2 + z**2 - a**2

@@ -28,11 +28,7 @@ HERTZ_POWER = 0.4
 
 
 def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
-    """Relative error of a peak force [N] due to its law, without another run; None if unknown.
-
-    It is `error_of_law`, and for a contact that yields the change of the force at equal work by the
-    lowest and the highest yield strength.
-    """
+    """Relative error of a peak force [N] by its law and yield strengths; None if unknown."""
     if unknown_error(choice, peak):
         return None
 
@@ -94,11 +90,7 @@ def largest_strain(choice: Choice) -> float:
 
 
 def by_strain(choice: Choice, strain: float) -> tuple[float, ...]:
-    """Factors of the stiffness between which large strains leave it; () where they have no effect.
-
-    `strain` is the indentation over the radius. A soft ball stiffens as it flattens, and the more
-    the closer a rigid body is behind it.
-    """
+    """Factors of the stiffness between which large strains leave it; () without effect."""
     if strain < LEAST_STRAIN:
         return ()
     share = STRAINED * sqrt(min(strain, LARGEST_STRAIN))

@@ -60,11 +60,7 @@ class Matter:
         return self.E <= RUBBER_E and self.nu >= RUBBER_NU and self.yield_strength is None
 
     def strengths_at(self, strain_rate: float) -> tuple[float, float]:
-        """Lower and upper bound of the yield strength [Pa] at a strain rate [1/s].
-
-        The lower bound is that of slow tests; the upper bound is that of the range, or the strength
-        at the rate if it is larger. Both are 0 for a material that does not yield.
-        """
+        """Bounds of the yield strength [Pa], of slow tests and at a strain rate [1/s]."""
         slow_strength = self.yield_strength or 0.0
         low, high = self.yield_range or (slow_strength, slow_strength)
         if self.rate is None:

@@ -79,9 +79,11 @@ class History(RunHistory, Results):
         """
         if self.budget is not None:
             return self.budget
-        if self.source is None:
+        budget_of_hit = getattr(self.source, "error_budget", None)
+        if budget_of_hit is None:
             raise InputError("only a History that simulate or strike returned has an error budget.")
-        return self.source.error_budget(self)
+        found: ErrorBudget = budget_of_hit(self)
+        return found
 
     def again(
         self,
@@ -297,15 +299,11 @@ Rerun: TypeAlias = "Callable[[LinearBody, float], History]"
 
 
 class Source:
-    """What a history is repeated by; that of an impact of two bodies has `rerun` too."""
+    """What repeats a history; of an impact of two bodies it has `rerun`, `error_budget` too."""
 
     def again(self, changes: Mapping[str, Any]) -> History:
         """The same run with other numbers."""
         raise NotImplementedError
-
-    def error_budget(self, hit: History) -> ErrorBudget:
-        """The error budget of a history."""
-        raise InputError("only a History that simulate or strike returned has an error budget.")
 
 
 H = TypeVar("H", bound=History)

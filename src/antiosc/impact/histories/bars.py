@@ -156,9 +156,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def rest_of_force(self) -> float | None:
-        """Relative error of the peak force beside its truncation, which a signal of the part has by
-        itself; None where the force has no bar.
-        """
+        """Relative error of the peak force beside its truncation; None where it has no bar."""
         bar = self.bars["peak_force"]
         return None if self.no_bar else bar.known - bar.truncation
 
@@ -176,9 +174,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def restitution_sides(self) -> tuple[float, float] | None:
-        """Error of the restitution e below and above it, within 0 to 1, by that of the impulse
-        m v (1 + e); not relative. None if it is not known.
-        """
+        """Error of the restitution e below and above it, by the impulse m v (1 + e); or None."""
         if self.restitution is None or self.no_bar:
             return None
 
@@ -186,9 +182,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return (1 + self.restitution) * below, (1 + self.restitution) * above
 
     def shown(self, name: str, digits: int = 4) -> str:
-        """A quantity with its error as text, of one that may be 0 how large it may be, or that it
-        has no bar.
-        """
+        """A quantity with its error as text, how large it may be, or that it has no bar."""
         bar = self.bars[name]
         value = engineering(bar.value, UNITS[name], digits)
         if self.no_bar:
@@ -237,9 +231,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return f"{restitution_text(e, digits)} {error}{self.condition}"
 
     def shares(self, name: str) -> dict[str, float | None]:
-        """Cause -> its share in the error of a quantity; their total, and the error "below" and
-        "above" the value as far as physics allows. None where not known.
-        """
+        """Cause -> its share in the error of a quantity, total, "below", "above"; or None."""
         bar = self.bars[name]
         not_known = CAUSES if name in self.unknown else [c for c in self.unknown if c != "law"]
         shares = {cause: None if cause in not_known else getattr(bar, cause) for cause in CAUSES}

@@ -32,13 +32,16 @@ def no_field_message(model: object) -> str:
     )
 
 
+def _known(history: AnyHistory, body: str) -> tuple[object, ModalBody | SiteModes, Stretch | None]:
+    """(model of a body, its free modes, the second-order forces in its motion or None)."""
+    if isinstance(history, BodyHistory):
+        return history.placed.body, history.placed.modes, history.stretched
+    return *history.of(body), history.assembly.stretched.get(history.name_of(body))
+
+
 def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
     """The free modes of a body with its shapes; InputError for a body without shapes."""
-    if isinstance(history, BodyHistory):
-        model = history.placed.body
-        modes = history.placed.modes
-    else:
-        model, modes = history.of(body)
+    model, modes, _ = _known(history, body)
     if modes.basis is None:
         raise InputError(no_field_message(model))
     return modes
@@ -65,20 +68,14 @@ def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
 
 def stretch_in(history: AnyHistory, body: str) -> Stretch | None:
     """The second-order forces in the motion of a body; None for a linear motion."""
-    if isinstance(history, BodyHistory):
-        return history.stretched
-    return history.assembly.stretched.get(history.name_of(body))
+    return _known(history, body)[2]
 
 
 def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
     """Second-order displacements (n_dofs, P) of the pairs of modes of a body, or None."""
-    forces = stretch_in(history, body)
-    of_body = history.placed.body if isinstance(history, BodyHistory) else history.of(body)[0]
-    stretch = stretch_of(of_body)
-    if forces is None or stretch is None:
-        return None
-    shapes = stretch.shapes_in(forces.modes)
-    if shapes is None:
+    model, _, forces = _known(history, body)
+    stretch = stretch_of(model)
+    if forces is None or stretch is None or (shapes := stretch.shapes_in(forces.modes)) is None:
         return None
     modes = modes_of(history, body)
     turn = stretch.modes.T @ forces.modes
@@ -99,7 +96,7 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
     modes = modes_of(history, body)
     motion = _motion_at(history, times, body)
     q = (motion.q, motion.v, motion.a)[derivative]
-    linear = _factors(modes, q, np.zeros_like(motion.forces) if derivative else motion.forces)
+    linear = _factors(modes, q, None if derivative else motion.forces)
     forces = stretch_in(history, body)
     if forces is None:
         return linear
@@ -112,26 +109,26 @@ def stretch_factors(history: AnyHistory, body: str) -> Array:
     modes = modes_of(history, body)
     forces = stretch_in(history, body)
     assert forces is not None
-    return _factors(modes, forces.modes.T, np.zeros((forces.size, modes.B.shape[1])))
+    return _factors(modes, forces.modes.T)
 
 
 def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Array]:
     """Factors (n, B) of the shapes for the spring of each Maxwell branch, at `times`."""
     modes = modes_of(history, body)
-    motion = _motion_at(history, times, body)
-    no_forces = np.zeros_like(motion.forces)
-    return [_factors(modes, q, no_forces) for q in motion.springs]
+    return [_factors(modes, q) for q in _motion_at(history, times, body).springs]
 
 
 def unit_energy_factors(modes: ModalBody | SiteModes) -> tuple[Array, int]:
     """Factors (2, B) that scale the shapes of each elastic mode to q'Kq = 1, and to q'Mq = 1."""
     elastic = modes.omega > 0
     q = np.vstack([np.where(elastic, 1 / np.where(elastic, modes.omega, 1.0), 0.0), elastic])
-    return _factors(modes, q, np.zeros((2, modes.B.shape[1]))), int(elastic.sum())
+    return _factors(modes, q), int(elastic.sum())
 
 
-def _factors(modes: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
+def _factors(modes: ModalBody | SiteModes, q: Array, forces: Array | None = None) -> Array:
     """Factors (n, B) of the body's shapes for modal displacements (n, J) and forces (n, P)."""
+    if forces is None:
+        forces = np.zeros((len(q), modes.B.shape[1]))
     return modes.amplitudes(modes.coordinates(q, forces))
 
 
@@ -152,8 +149,7 @@ def modal_amplitudes(
         # of the oscillation x: x' = v and x'' = a
         swing = np.maximum(swing, np.hypot(omega * motion.v, motion.a).max(axis=0))
     np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)
-    shapes = _factors(modes, np.eye(omega.size), np.zeros((omega.size, modes.B.shape[1])))
-    return omega, shapes, sizes
+    return omega, _factors(modes, np.eye(omega.size)), sizes
 
 
 def forces_of(history: AnyHistory, times: Array, body: str) -> Array:

@@ -61,9 +61,7 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
 
 
 def parted(hit: Any) -> bool:
-    """Whether striker and part of an impact neither touch nor approach at the end, and the striker
-    is further away than the site has moved.
-    """
+    """Whether the bodies are apart at the end, by more than the site has moved."""
     touching = bool(hit.contacts) and hit.contacts[-1][1] >= float(hit.run.time[-1])
     if touching or (hit.restitution is not None and hit.restitution < 0):
         return False

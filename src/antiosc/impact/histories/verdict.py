@@ -246,9 +246,7 @@ WORDS = {"structure": "the part", "impactor": "the striker"}
 
 
 def weaker_side(contact: OneContact) -> str:
-    """The material that yields first: "steel S235" of a part, "the striker's POM", "the part" of a
-    material without a name; "" if the user gave the law.
-    """
+    """The material that yields first, in words, or whose it is; "" if the user gave the law."""
     choice = choice_at(contact)
     if choice is None or choice.law != contact.law or choice.soft is None:
         return ""
