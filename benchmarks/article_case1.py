@@ -38,7 +38,7 @@ from article_beam import (
     show,
     site,
 )
-from beam_modes import modes
+from beam_modes import anti_oscillators, modes
 
 import antiosc as ao
 from antiosc import plotting
@@ -88,8 +88,8 @@ def main(
     models = {
         "FE": ao.full(part, tip),
         "FE, all AO": ao.extract(part, tip, n=part.dofs - 1, method="modes", tol=1e-15),
-        "AO 9": beam.anti_oscillators(9, x),
-        "AO 50": beam.anti_oscillators(50, x),
+        "AO 9": anti_oscillators(beam, 9, x),
+        "AO 50": anti_oscillators(beam, 50, x),
         "AO 50, FE": ao.extract(part, tip, n=50, method="modes"),
         "modes 10": modes(beam, 10, x),
         "modes 90": modes(beam, 90, x),

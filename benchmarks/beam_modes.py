@@ -1,13 +1,15 @@
-"""The natural modes of a uniform beam in closed form, which benchmarks and tests compare with."""
+"""Motions of a uniform beam in closed form, which benchmarks and tests compare with."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import ModalModel
 from antiosc.models.closed_form import Solved, StruckBeam
 from antiosc.models.modal import ModalBody
@@ -33,6 +35,24 @@ def inertia_of(struck: StruckBeam, solved: Solved, shapes: Array) -> Inertia | N
     matrix[1, 1] = beam.mass
     matrix[5, 5] = beam.mass * length**2 * (1 / 12 + beam.alpha)
     return Inertia(np.array([length / 2, 0, 0]), matrix, momentum)
+
+
+def anti_oscillators(struck: StruckBeam, n: int, x: ArrayLike = ()) -> AntiOscillators:
+    """The beam's model with its shapes at the points x [m], Article (8), and its rigid motions."""
+    solved, _, phi, c = struck.observable(n)
+    shapes = np.column_stack((solved.static, c * phi))
+    hidden = solved.hidden / math.sqrt(struck.beam.mass)
+    inertia = inertia_of(struck, solved, np.column_stack((shapes, hidden)))
+    points = np.asarray(x, dtype=float)
+    w = solved.motions(np.atleast_1d(points) / struck.beam.length)[0]
+
+    return replace(
+        struck.anti_oscillators(n),
+        shapes=w @ shapes if points.size else None,
+        hidden=w @ hidden if points.size and inertia else None,
+        direction=ACROSS,
+        inertia=inertia,
+    )
 
 
 def modes(

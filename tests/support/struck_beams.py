@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,27 +14,16 @@ from antiosc.models.closed_form import UniformBeam
 from paths import BENCHMARKS
 
 sys.path.append(str(BENCHMARKS))
-from beam_modes import ACROSS, frequencies as frequencies, inertia_of, modes as modes
+import beam_modes
+from beam_modes import frequencies as frequencies, modes as modes
 
 
 class StruckBeam(closed_form.StruckBeam):
     """A beam whose models have their shapes at points `x`, and all rigid-body motions."""
 
     def anti_oscillators(self, n: int, x: ArrayLike = ()) -> AntiOscillators:
-        model = super().anti_oscillators(n)
-        solved, _, phi, c = self.observable(n)
-        psi = np.column_stack((solved.static, c * phi))
-        hidden = solved.hidden / np.sqrt(self.beam.mass)
-        inertia = inertia_of(self, solved, np.column_stack((psi, hidden)))
-        places = np.asarray(x, dtype=float)
-        w = solved.motions(np.atleast_1d(places) / self.beam.length)[0]
-        return replace(
-            model,
-            shapes=w @ psi if places.size else None,
-            hidden=w @ hidden if places.size and inertia else None,
-            direction=ACROSS,
-            inertia=inertia,
-        )
+        made = closed_form.StruckBeam(*vars(self).values())
+        return beam_modes.anti_oscillators(made, n, x)
 
 
 def free_free(beam: UniformBeam, site: float) -> StruckBeam:
