@@ -197,7 +197,7 @@ def test_at_rest_under_a_force_the_field_is_the_static_deflection(kind):
     free = np.setdiff1d(np.arange(len(b)), structure.fixed)
     still = np.zeros_like(b)
     still[free] = np.linalg.solve(csr(structure.K)[free][:, free].toarray(), b[free] * force)
-    at_rest = body.field(body.coordinates(body.b * force / body.omega**2, force))
+    at_rest = body.field(body.coordinates(body.b * force / body.omega**2, [force]))
     np.testing.assert_allclose(at_rest, still, atol=1e-8 * np.abs(still).max())
 
 

@@ -143,8 +143,7 @@ class ModalBase(ReprMixin):
         self._check("shape", (None, size))
         count = self._size
         self._check("amplitude", (None, count))
-        known = points or self.shape is not None
-        self._check("residual", (count if known else None, *self.b.shape[1:]))
+        self._check("residual", (count, *self.b.shape[1:]))
         if self.decay is not None and np.any(self.decay < 0):
             raise InputError("decay must be >= 0: negative damping adds energy.")
         if self.basis is not None:
@@ -210,22 +209,18 @@ class ModalBase(ReprMixin):
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
         """Coordinates (..., C) from modal displacements (..., J) and forces (..., P) on the
         columns.
-
-        For one contact point the forces may also be (...,), or one number for all.
         """
         q = checks.floats("q", q, None)
         force = checks.floats("force", force, None)
         size, points = self.B.shape
         expected_shape = (*q.shape[:-1], points)
-        if self.b.ndim == 1 and force.shape in ((), q.shape[:-1]) and q.ndim:
-            force = np.broadcast_to(force, q.shape[:-1])[..., None]
         if q.ndim == 0 or q.shape[-1] != size or force.shape != expected_shape:
             raise InputError(
                 f"q must have shape (..., {size}) and force shape (..., {points}); got {q.shape}"
                 f" and {force.shape}."
             )
         x = q if self.shape is None else q @ self.shape.T
-        if self.residual is None or (self.shape is None and self.b.ndim == 1):
+        if self.residual is None:
             return x
         return np.asarray(x + force @ self.residual.reshape(-1, points).T)
 

@@ -39,8 +39,9 @@ from antiosc.models.stretch import Stretch
 
 #: Parameters by name, as they are stored.
 ParameterDict = dict[str, Any]
-#: Parameters that only a model of several sites has.
+#: Parameters that only a model of several sites has, and those of each site.
 OF_SEVERAL = ("columns", "dependence", "rigid")
+OF_EACH = ("direction", "local_compliance", "radius")
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
 ASYMMETRY = 1e-9
 #: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
@@ -84,7 +85,7 @@ class Parameters(Body):
     @property
     def n_sites(self) -> int:
         """Number of leading shapes, those of unit displacements of sites."""
-        return len(self.k0_matrix)
+        return 1 if self.P is None else len(self.P)
 
     @property
     def hidden_count(self) -> int:
@@ -196,11 +197,19 @@ def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array 
     return values
 
 
-def squeezed(k0: Array, m0: Array, P: Array, sites: Sequence[str]) -> ParameterDict:
-    """k0, m0 and P, or for one site without a name the numbers k0, m0 and the masses m."""
+def squeezed(sites: Sequence[str], *, k0: Array, m0: Array, P: Array, **of_sites: Any) -> Any:
+    """The parameters of a model with these `sites`; without a name those of the one site, as
+    numbers, masses and values along its direction.
+    """
     if sites:
-        return {"k0": k0, "m0": m0, "P": P}
-    return {"k0": float(k0[0, 0]), "m0": float(m0[0, 0]), "m": P[0] ** 2}
+        return {"sites": sites, "k0": k0, "m0": m0, "P": P, **of_sites}
+
+    known = {"k0": float(k0[0, 0]), "m0": float(m0[0, 0]), "m": P[0] ** 2}
+    one = {name: of_sites[name] for name in OF_EACH if of_sites.get(name) is not None}
+    weights = of_sites.get("participation")
+    if weights is not None:
+        known["participation"] = with_sums(weights @ one["direction"][0], sites, -1.0)
+    return known | {name: values[0] for name, values in one.items()}
 
 
 def checked(model: Parameters) -> ParameterDict:
@@ -496,7 +505,7 @@ def corrected(model: ModelType) -> ModelType:
         inertia = inertia.along(np.vstack((transform.T @ of_model, hidden)))
     return replace(
         model,
-        **squeezed(k0, m0, P, model.sites),
+        **squeezed(model.sites, k0=k0, m0=m0, P=P),
         omega=omega[massive],
         participation=weights,
         shapes=None if model.shapes is None else model.shapes @ transform,

@@ -48,20 +48,21 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
     coupled = isinstance(model.damping, DampingMatrix)
     if model.sites or coupled:
         found = _damped_modes(model)
-        in_space = np.roll(block_diag(found.shape, np.eye(hidden)), hidden, axis=1)
+        in_space = _with_hidden(found.shape, hidden)
         shape, residual = of_lambda @ found.shape, of_lambda @ found.residual
     else:
         found = _modes_at_one_site(model)
         in_space, shape, residual = None, found.shape, found.residual
 
     # with the hidden motions
-    shape = np.roll(block_diag(shape, np.eye(hidden)), hidden, axis=1)
+    shape = _with_hidden(shape, hidden)
     residual = np.vstack((residual, np.zeros((hidden, p))))
     omega = np.concatenate((np.zeros(hidden), found.omega))
     decay, damping = _damping_of(model, omega, in_space)
 
     # what the body carries
-    to_shapes = block_diag(to_shapes, np.eye(hidden))
+    if hidden:
+        to_shapes = block_diag(to_shapes, np.eye(hidden))
     inertia = weight = None
     if model.inertia is not None:
         inertia = model.inertia.along((to_shapes @ shape).T @ model.inertia.momentum)
@@ -102,6 +103,13 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
         local_compliance={name: value for name, value in local.items() if value},
         **known,
     )
+
+
+def _with_hidden(shape: Array, hidden: int) -> Array:
+    """Modes (size + hidden, hidden + J) with the hidden motions first."""
+    if not hidden:
+        return shape
+    return np.roll(block_diag(shape, np.eye(hidden)), hidden, axis=1)
 
 
 def _coordinates(model: Parameters) -> tuple[Array, Array]:

@@ -80,7 +80,9 @@ def _free_modes(structure: Structure, count: int | None, band: float | None, mos
     most = min(most, structure.dofs)
     mode_count = min(FREE_MODES if count is None else whole("modes", count), structure.dofs - 1)
     reach = 0.0 if band is None or count is not None else ABOVE * band
-    modes = ModeSolver(structure).lowest(mode_count, reach, most)
+    modes = ModeSolver(structure).lowest(
+        mode_count, lambda m: m.omega.max(initial=0.0) >= reach, most
+    )
     sufficient = max(mode_count, int(np.sum(modes.omega < reach)) + 1)
     sufficient = int(min(sufficient, most, len(modes.omega)))
     log.info("%d free modes up to %.4g rad/s", sufficient, modes.omega[sufficient - 1])

@@ -11,11 +11,10 @@ half of SLEPc's time to the same residual, but a whole map with 20 modes is 1.14
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +24,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.base.errors import NotConvergedError
-from antiosc.base.progress import counting
+from antiosc.base.progress import doing
 from antiosc.fem.linalg.algebra import (
     by_scipy,
     by_strains,
@@ -55,9 +54,6 @@ GUARD = 4
 RESTARTS = 200
 #: A search takes as many solves as the models of so many sites.
 AS_SITES = 3.0
-#: Solves for each mode that a search computes, the first one and those that leave out the modes of
-#: one before: a block of 66 921 dofs took 3.8 for 24 modes, and 6.0 to 9.7 for further ones.
-FIRST_SOLVES, FURTHER_SOLVES = 3.8, 6.2
 
 
 @dataclass(frozen=True)
@@ -72,24 +68,15 @@ class ModeSearch:
     #: number of modes to find, and number that exist
     wanted: int
     limit: int
-    #: called with the number of solves so far
-    ready: Callable[[int], None] = lambda count: None
-    _solves: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
     @property
     def computed(self) -> int:
         """Number of modes to compute."""
         return min(self.wanted + GUARD, self.limit)
 
-    @property
-    def solves(self) -> int:
-        """Number of solves that the search mostly takes at most."""
-        return int((FURTHER_SOLVES if self.known.size else FIRST_SOLVES) * self.computed)
-
     def inverse(self, r: Array) -> Array:
         """A⁻¹r, projected on motions that vanish at the sites; for natural modes A⁻¹r itself."""
         x = self.structure.factorize().solve(r)
-        self.ready(next(self._solves))
         if self.held is None:
             return x
         return self.held.constrained(self.structure.comm, x)
@@ -253,15 +240,17 @@ class ModeSolver:
         self.limit = structure.dofs - sites - self._rigid.shape[1]
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
-    def lowest(self, count: int, reach: float = 0.0, most: float = math.inf) -> Modes:
-        """At least the `count` lowest modes, and all modes up to `reach` rad/s or all that exist.
-
-        The search up to `reach` ends at about `most` modes.
+    def lowest(
+        self,
+        count: int,
+        enough: Callable[[Modes], bool] = lambda modes: True,
+        most: float = math.inf,
+    ) -> Modes:
+        """At least the `count` lowest modes, and more until they are `enough`, all that exist, or
+        about `most`.
         """
         modes = self._at_least(count)
-        while not modes.complete and modes.omega.max(initial=0.0) < reach:
-            if len(modes.omega) >= most:
-                break
+        while not (modes.complete or len(modes.omega) >= most or enough(modes)):
             known = len(modes.omega)
             modes = self._at_least(int(min(known + max(FEWEST_MORE, known // 2), most)))
         return modes
@@ -298,9 +287,9 @@ class ModeSolver:
         search = ModeSearch(
             structure, self._held, shapes, count - known_count, self.limit - known_count
         )
-        text = f"search of {search.computed} modes of {structure.dofs} dofs, solves"
-        with counting(text, search.solves, structure.comm.rank) as ready:
-            values, vectors = lowest(replace(search, ready=ready))
+        text = f"search of {search.computed} modes of {structure.dofs} dofs"
+        with doing(text, structure.comm.rank):
+            values, vectors = lowest(search)
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
         # others
         massive = values > -structure.shift

@@ -298,10 +298,7 @@ def extract(
     asked = _checked_sites(site)
     flag("shapes", shapes)
     choice("error", error, (None, "estimate"))
-    if proof is not False:
-        expansion = _checked_proof(proof, method, expansion)
-    options = _checked_options(structure, n, method, tol, band, accuracy, expansion)
-    options = replace(options, proof=proof is not False)
+    options = _checked_options(structure, n, method, tol, band, accuracy, expansion, proof)
     stretch = checked_count(stretch)
     damping_of_modes = as_damping(damping)
     if damping_of_modes is not None:
@@ -340,17 +337,6 @@ def extract(
 PERIODS = 6.0
 
 
-def _checked_proof(proof: object, method: str, expansion: float | None) -> float | None:
-    """The expansion [Hz] of a model whose forces are to be bounded, which may be given."""
-    if method != "krylov":
-        raise InputError(
-            'proof takes method="krylov": other models have no residual of known vectors.'
-        )
-    if proof is True or expansion is not None:
-        return expansion
-    return PERIODS / positive("proof", proof, "s")
-
-
 def _checked_options(
     structure: Structure,
     n: int | None,
@@ -359,9 +345,14 @@ def _checked_options(
     band: float | None,
     accuracy: float,
     expansion: float | None,
+    proof: bool | float,
 ) -> ExtractOptions:
     """The checked options; InputError for invalid numbers, or vectors that memory cannot hold."""
     choice("method", method, get_args(Method))
+    of_krylov = {"band": band is not None, "expansion": expansion is not None}
+    of_krylov["proof"] = proof is not False
+    for name in (name for name, given in of_krylov.items() if given and method != "krylov"):
+        raise InputError(f'{name} takes method="krylov": leave it out.')
     if n is None:
         n = min(DEFAULT_COUNT if band is None else MOST_FOR_BAND, structure.dofs - 1)
     n = whole("n", n, least=0 if band is None else 1)
@@ -370,30 +361,24 @@ def _checked_options(
             f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
             "ask for fewer anti-oscillators."
         )
-    if band is None:
-        basis_text = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
-        free = on_root(structure.comm, process.free_memory) / structure.comm.size
+    if band is not None:
+        band = checks.band(band)
+    else:
+        need = 16.0 * (n + 2) * structure.size
         mesh = getattr(structure, "mesh", None)
         if mesh is not None and mesh.tdim == 2:  # solids have solvers without a factor
-            what = f"a factor of {structure.dofs} dofs with n = {n} anti-oscillators"
-            need = of_sheet(structure.dofs, n) / structure.comm.size
-            if expansion:  # two factors
-                need += of_sheet(structure.dofs, 0) / structure.comm.size
-            process.require(need, what, "reduce n, or take a coarser mesh", free)
-        process.require(16 * (n + 2) * structure.rows, basis_text, "reduce n", free)
-    else:
-        band = checks.band(band)
-        if method != "krylov":
-            raise InputError("a band belongs to the Krylov method: leave band out.")
+            need = of_sheet(structure.dofs, n) + of_sheet(structure.dofs, 0) * bool(expansion)
+        what = f"a model of {structure.dofs} dofs with n = {n} anti-oscillators"
+        free = on_root(structure.comm, process.free_memory)
+        process.require(need, what, "reduce n, or take a coarser mesh", free)
+
     accuracy = positive("accuracy", accuracy)
     tol = OBSERVABLE * min(accuracy, 1.0) if tol is None else tolerance(tol)
     if expansion is not None:
         expansion = positive("expansion", expansion, "Hz")
-        if method != "krylov":
-            raise InputError(
-                "an expansion point belongs to the Krylov method: leave expansion out."
-            )
-    return ExtractOptions(n, method, tol, band, accuracy, expansion)
+    elif not isinstance(proof, bool):
+        expansion = PERIODS / positive("proof", proof, "s")
+    return ExtractOptions(n, method, tol, band, accuracy, expansion, proof is not False)
 
 
 def _checked_sites(site: object) -> list[dict[str, Site]]:

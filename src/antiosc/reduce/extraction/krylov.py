@@ -47,7 +47,7 @@ import numpy as np
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
-from antiosc.engine.damping import DampingMatrix, from_factors
+from antiosc.engine.damping import DampingMatrix, from_factors, in_coordinates
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure import Dissipation, dashpot_patterns, projected
 from antiosc.fem.structure.structure import Structure
@@ -76,19 +76,20 @@ def with_damping(
     """The model with the structure's damping; InputError for damping outside the model's
     motions.
     """
+    if not terms:
+        return _with_losses(structure, model, None)
+
     assert model.shapes is not None
-    V = model.shapes * model.unit
-    if model.hidden is not None:
-        V = np.column_stack([V, model.hidden])
-    elif static.nodal.size:
-        rigid_damping = np.trace(projected(structure.comm, terms, static.nodal).matrix)
-        total_damping = np.trace(projected(structure.comm, terms, V).matrix)
-        if rigid_damping > UNDAMPED * total_damping:
-            raise InputError(
-                "a damper brakes a rigid-body motion that the site does not see, and that matrices "
-                "without coordinates do not tell: give them a map with coordinates."
-            )
-    return _with_losses(structure, model, projected(structure.comm, terms, V) if terms else None)
+    V = np.column_stack([model.shapes * model.unit, static.nodal])
+    damping = projected(structure.comm, terms, V)
+    kept = slice(V.shape[1] if model.hidden is not None else model.unit.size)
+    braked = damping.matrix.diagonal()
+    if braked[kept.stop :].sum() > UNDAMPED * braked[kept].sum():
+        raise InputError(
+            "a damper brakes a rigid-body motion that the site does not see, and that matrices "
+            "without coordinates do not tell: give them a map with coordinates."
+        )
+    return _with_losses(structure, model, in_coordinates(damping, np.eye(len(braked))[:, kept]))
 
 
 def _with_losses(

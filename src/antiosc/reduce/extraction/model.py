@@ -28,7 +28,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import UNKNOWN, ModelInfo
 from antiosc.models.free_modes import DAMPING, MASSLESS, samples
 from antiosc.models.motion import Inertia
-from antiosc.models.parameters import squeezed, with_sums
+from antiosc.models.parameters import squeezed
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver, allowed, residuals
 from antiosc.reduce.site import surfaces
@@ -248,16 +248,14 @@ def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
 
 def by_modes(structure: Structure, static: SiteShapes, n: int, tol: float) -> Modes:
     """The lowest constraint modes until n of them are observable."""
-    solver = ModeSolver(structure, static)
-    limit = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
-    count = n + 2 if n else 0
-    while True:
-        modes = solver.lowest(count)
+
+    def enough(modes: Modes) -> bool:
+        """Whether n modes are observable, or no mass is left for others."""
         known = lumped(structure, static, modes)
-        found = len(oscillators(known, n, tol).omega)
-        if modes.complete or count >= limit or found >= n or not known.m0.any():
-            return modes
-        count = min(limit, len(modes.omega) + max(8, len(modes.omega) // 2))
+        return len(oscillators(known, n, tol).omega) >= n or not known.m0.any()
+
+    most = SEARCHED * (n + DEFAULT_COUNT)
+    return ModeSolver(structure, static).lowest(n + 2 if n else 0, enough, most)
 
 
 def error_bound(
@@ -419,39 +417,34 @@ def model_of(
         phi *= P[0]  # in place: as large as the shapes
     shapes = np.hstack([static.phi @ static.W.T, selected.phi])
     k0, m0 = (semidefinite(static.W @ one @ static.W.T) for one in (static.k0, selected.m0))
-    parameters = squeezed(k0, m0, P, names)
 
-    # along the directions of the sites
-    weights = weights_of(structure, shapes) if has_directions else None
-    direction = np.vstack(directions) if has_directions else None
-    local, radii = [site.local_compliance for site in found], tuple(site.radius for site in found)
+    # the sites
+    columns = np.split(np.arange(len(static.dependence)), np.cumsum([s.B.shape[1] for s in found]))
+    parameters = squeezed(
+        names,
+        k0=k0,
+        m0=m0,
+        P=P,
+        direction=np.vstack(directions) if has_directions else None,
+        participation=weights_of(structure, shapes) if has_directions else None,
+        local_compliance=np.array([site.local_compliance for site in found]),
+        radius=tuple(site.radius for site in found),
+        columns=dict(zip(names, (tuple(c.tolist()) for c in columns), strict=False)),
+        dependence=static.dependence,
+        rigid=static.rigid,
+    )
     if names:
-        ends = np.cumsum([site.B.shape[1] for site in found]).tolist()
-        columns = map(range, [0, *ends[:-1]], ends)
-        parameters |= {
-            "sites": names,
-            "columns": dict(zip(names, map(tuple, columns), strict=True)),
-            "dependence": static.dependence,
-            "rigid": static.rigid,
-            "local_compliance": np.array(local),
-            "radius": radii,
-        }
         info = info.having(independent=static.kept.tolist())
         info = replace(info, points=points) if has_directions else info
     else:
-        parameters |= {"local_compliance": local[0], "radius": radii[0]}
         info = info.having(meshed=structure.matrices.meshed)
-        if direction is not None:
-            direction = direction[0]
-            weights = None if weights is None else with_sums(weights @ direction, names, -1.0)
-            along = direction.tolist()
-            info = replace(info, point=points.get(UNNAMED), direction=along) if points else info
+        if points and has_directions:
+            direction = directions[0][0].tolist()
+            info = replace(info, point=points[UNNAMED], direction=direction)
 
     model = AntiOscillators(
         **parameters,
         omega=selected.omega,
-        participation=weights,
-        direction=direction,
         shapes=shapes,
         inertia=inertia_of(structure, shapes, static.nodal),
         hidden=None if structure.rigid_inertia is None else static.nodal,

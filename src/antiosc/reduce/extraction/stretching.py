@@ -86,8 +86,11 @@ class _Piece(NamedTuple):
     slopes: list[Array]
 
 
-def _pieces(structure: Structure, motions: Array) -> list[_Piece]:
-    """The parts of a structure with motions (dofs, k), about its static state under a prestress.
+def _second_order(
+    structure: Structure, motions: Array, pairs: list[tuple[int, int]]
+) -> tuple[list[_Piece], Array]:
+    """(the parts of a structure with motions (dofs, k), about its static state under a prestress;
+    second-order loads g_ij (dofs, pairs) of pairs of motions, on free dofs).
 
     Raises
     ------
@@ -101,16 +104,26 @@ def _pieces(structure: Structure, motions: Array) -> list[_Piece]:
         raise InputError("stretch works in one process: extract the model without mpirun.")
     if structure.matrices.assembled and cast("AssembledMatrices", matrices).layout.condensed:
         raise InputError("stretch does not take superelements: leave stretch out.")
+
+    # the parts
     fields = matrices.fields(motions)
     points = [points_of(member.part) for member, _ in fields]
     preload = structure.matrices.preload
     if preload is not None:
         states = matrices.fields(preload.q[:, None])
         points = [at.about(q[:, 0]) for at, (_, q) in zip(points, states, strict=True)]
-    return [
+    pieces = [
         _Piece(at, member.rows, [at.slopes(shape) for shape in shapes.T])
         for at, (member, shapes) in zip(points, fields, strict=True)
     ]
+
+    # their loads
+    total = np.zeros((structure.rows, len(pairs)))
+    for piece in pieces:
+        loads = _loads_of(piece, pairs)
+        loads[piece.points.held] = 0.0
+        total += matrices.joined(loads, piece.rows)
+    return pieces, total
 
 
 def candidates(omega: Array, B: Array, count: int) -> Array:
@@ -143,8 +156,7 @@ def second_order_energies(structure: Structure, motions: Array) -> Array:
     each (k,): sizes without signs, and what follows a motion statically is relaxed.
     """
     pairs = [(i, i) for i in range(motions.shape[1])]
-    pieces = _pieces(structure, motions)
-    g = _pair_loads(structure, pieces, pairs)
+    pieces, g = _second_order(structure, motions, pairs)
     third = np.sum(motions * g, axis=0) / 3
     fourth = np.diag(sum(_quartic(piece, pairs) for piece in pieces)).copy()
     for i in range(len(fourth)):
@@ -161,22 +173,10 @@ def tensors(structure: Structure, phi: Array) -> tuple[Array, Array, Array]:
     """
     m = phi.shape[1]
     pairs = list(combinations_with_replacement(range(m), 2))
-    pieces = _pieces(structure, phi)
-    g = _pair_loads(structure, pieces, pairs)
+    pieces, g = _second_order(structure, phi, pairs)
     static_response = -_static(structure, g, phi)
     quartic = sum(_quartic(piece, pairs) for piece in pieces) + g.T @ static_response / 2
     return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), static_response
-
-
-def _pair_loads(structure: Structure, pieces: list[_Piece], pairs: list[tuple[int, int]]) -> Array:
-    """Second-order loads g_ij (dofs, pairs) of pairs of motions, on free dofs."""
-    matrices = with_parts(structure)
-    total = np.zeros((structure.rows, len(pairs)))
-    for piece in pieces:
-        loads = _loads_of(piece, pairs)
-        loads[piece.points.held] = 0.0
-        total += matrices.joined(loads, piece.rows)
-    return total
 
 
 def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:

@@ -41,9 +41,6 @@ from antiosc.reduce.extraction.model import (
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.site import Functional, Site
 
-#: Modes that are searched beyond those asked; of a repeated last one twice as many each time.
-BEYOND = 1
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StructureModes(ReprMixin):
@@ -159,11 +156,10 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
     shapes = rigid
     if elastic:
         solver = ModeSolver(structure)
-        extra_modes = BEYOND
-        modes = solver.lowest(elastic + extra_modes)
-        while not modes.complete and modes.omega[-1] <= (1 + REPEATED) * modes.omega[elastic - 1]:
-            extra_modes *= 2
-            modes = solver.lowest(len(modes.omega) + extra_modes)
+        modes = solver.lowest(
+            elastic + 1,  # and all of a repeated last frequency
+            lambda modes: modes.omega[-1] > (1 + REPEATED) * modes.omega[elastic - 1],
+        )
         check_modes(structure, modes)
         omega = np.append(omega, modes.omega)
         shapes = np.hstack([rigid, modes.phi])
@@ -278,15 +274,15 @@ def superposition(
     site_load = functional(structure, site)
     structure.factorize(AS_SITES)
     static = site_shapes(structure, site_load.b[:, None])
+
+    def visible_of(modes: Modes) -> Modes:
+        """The modes that move the site."""
+        return _observable_modes(structure, site_load, static, modes, COUNTED)
+
     solver = ModeSolver(structure)
-    count = n + 2
-    mode_limit = SEARCHED * (n + DEFAULT_COUNT)
-    while True:
-        modes = solver.lowest(count)
-        visible = _observable_modes(structure, site_load, static, modes, COUNTED)
-        if len(visible.omega) >= n or modes.complete or count >= mode_limit:
-            break
-        count = min(mode_limit, len(modes.omega) + max(8, len(modes.omega) // 2))
+    most = SEARCHED * (n + DEFAULT_COUNT)
+    modes = solver.lowest(n + 2, lambda modes: len(visible_of(modes).omega) >= n, most)
+    visible = visible_of(modes)
     if len(visible.omega) < n and not modes.complete:
         message = (
             f"only {len(visible.omega)} of the first {len(modes.omega)} modes are observable at "
