@@ -160,7 +160,9 @@ def _has_bars(structure: Structure) -> bool:
 
     try:
         refuse_dampers(structure, "an error bar")
-        return not ModelErrors(structure).skipped
+        errors = ModelErrors(structure)
+        errors.check()
+        return not errors.skipped
     except InputError:
         return False
 

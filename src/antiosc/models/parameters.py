@@ -173,17 +173,11 @@ class Parameters(Body):
         """Names of the displacements u of several sites, (p,); () for one."""
         if self.dependence is None:
             return ()
-        labels = [""] * self.dependence.shape[1]
+        labels: dict[tuple[float, ...], str] = {}
         for name, columns in self.columns.items():
-            for k, column in enumerate(columns):
-                sites = np.flatnonzero(self.dependence[column])
-                if (
-                    sites.size == 1
-                    and self.dependence[column, sites[0]] == 1
-                    and not labels[sites[0]]
-                ):
-                    labels[sites[0]] = name if k == 0 else f"{name} across {k}"
-        return tuple(labels)
+            for k, row in enumerate(self.dependence[list(columns)].tolist()):
+                labels.setdefault(tuple(row), f"{name} across {k}" if k else name)
+        return tuple(labels.get(tuple(row), "") for row in np.eye(self.n_sites).tolist())
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:

@@ -20,6 +20,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -287,11 +288,17 @@ class ModelErrors:
         self._structure = structure
         self._matrices = with_parts(structure, NO_MESH)
         self.skipped = refusal(self._matrices)
+
+    def check(self) -> None:
+        """InputError for a structure that no estimate takes, nor a bar of other causes."""
         if self.skipped == TRUSS:
             raise InputError(f"the error 'estimate' is of solids, beams and shells: {TRUSS}")
         if not self.skipped:
-            estimator = Recovery if _solids(self._matrices) else Division
-            self._estimator: Recovery | Division = estimator(structure)
+            assert self._estimator
+
+    @cached_property
+    def _estimator(self) -> Recovery | Division:
+        return (Recovery if _solids(self._matrices) else Division)(self._structure)
 
     def added_to(self, model: AntiOscillators, sites: Mapping[str, Functional]) -> AntiOscillators:
         """The model with its `strain_error`, and with the data of the error budget in `info`."""
@@ -308,7 +315,7 @@ class ModelErrors:
         patch = None
         if not (model.sites or self._estimator.divided):
             (site,) = sites.values()
-            patch = patch_of(self._structure, site)
+            patch = patch_of(self._structure, self._matrices, site)
         spent = model.info.get("seconds", {})
         info = model.info.having(
             divided=parts[0].mesh.cell if self._estimator.divided else None,
@@ -394,7 +401,9 @@ RADII = (np.sqrt(2.0), np.sqrt(0.5))
 WHOLE_LOAD = 0.99
 
 
-def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
+def patch_of(
+    structure: Structure, matrices: MeshedParts, site: Functional
+) -> dict[str, float] | None:
     """Data of a site's patch for an error budget, as JSON values; None for a point.
 
     "faces" is the size of the faces under it [m], "cut" is 1 if an edge cuts it. Of a whole patch
@@ -404,7 +413,6 @@ def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
     place = site.place
     if site.radius is None or place is None:
         return None
-    matrices = with_parts(structure)
     member = place.member
 
     def of_radius(radius: float) -> Sites:

@@ -48,7 +48,7 @@ from antiosc.reduce.extraction.model import (
     model_of,
     oscillators,
 )
-from antiosc.reduce.extraction.stretching import with_stretch
+from antiosc.reduce.extraction.stretching import pairs_of, with_stretch
 from antiosc.reduce.site import functionals
 from antiosc.reduce.site.site import Site
 
@@ -80,6 +80,7 @@ class ExtractOptions:
     accuracy: float
     expansion: float | None = None  # Hz
     proof: bool = False
+    error: ErrorOption = None
 
 
 def _model(
@@ -94,7 +95,7 @@ def _model(
     terms = structure.matrices.dissipation()
     refused = {
         'method="modes"': options.method == "modes",
-        'error="estimate"': errors is not None,
+        'error="estimate"': options.error is not None,
         "band=": options.band is not None,
         "proof=": options.proof,
     }
@@ -118,6 +119,7 @@ def _model(
     info = info_of_model(structure, sites, known, selected, options.method)
     info = info.having(
         expansion=options.expansion,
+        no_estimate=None if errors is None else errors.skipped or None,
         seconds={
             **structure.seconds,
             "site": spent,
@@ -135,7 +137,7 @@ def _model(
     # the model
     model = model_of(structure, sites, static, selected, info)
     model = replace(model, recurrence=recurrence)
-    if errors is not None:
+    if errors is not None and options.error is not None:
         model = errors.added_to(model, sites)
     if terms or structure.matrices.lossy:
         model = with_damping(structure, model, static, terms)
@@ -299,15 +301,18 @@ def extract(
     flag("shapes", shapes)
     choice("error", error, (None, "estimate"))
     options = _checked_options(structure, n, method, tol, band, accuracy, expansion, proof)
+    options = replace(options, error=error)
     stretch = checked_count(stretch)
     damping_of_modes = as_damping(damping)
     if damping_of_modes is not None:
         refuse_dampers(structure, "damping=")
     errors: ModelErrors | None = None
-    if error is not None:
+    if error is not None or structure.matrices.meshed or structure.matrices.assembled:
         with finite_element_packages():
             from antiosc.reduce.error.model_errors import ModelErrors  # needs dolfinx
         errors = ModelErrors(structure)
+    if error is not None and errors is not None:
+        errors.check()
     start_time = time.perf_counter()
     targets = iter(functionals(structure, [one for group in asked for one in group.values()]))
     groups = [{name: next(targets) for name in group} for group in asked]
@@ -315,6 +320,7 @@ def extract(
     # a model has as many anti-oscillators, and a static shape of each site
     columns = [sum(target.B.shape[1] for target in group.values()) for group in groups]
     solves = sum(1 + (count - 1) / SOLVES for count in columns)
+    solves += pairs_of(stretch) / SOLVES if stretch is not False else 0.0
     structure.factorize(max(solves, AS_SITES) if method == "modes" else solves)
     spent = time.perf_counter() - start_time
     if not factored:

@@ -20,7 +20,6 @@ import numpy as np
 
 from antiosc.base._types import Array, ComplexArray, IntArray, Numbers
 from antiosc.base.errors import AccuracyError, AccuracyWarning
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
@@ -360,7 +359,6 @@ def info_of_model(
         rigid_share=known.static.share,
         checks=measured,
         solver=known.static.solver.description,
-        no_estimate=_no_estimate(structure),
     )
 
 
@@ -386,15 +384,6 @@ def _thickness_at(structure: Structure, sites: Sites, least: float | None) -> fl
     materials = [place.material for place in places if place is not None]
     found = [getattr(getattr(one, "section", None), "thickness", least) for one in materials]
     return min(found, default=least)
-
-
-def _no_estimate(structure: Structure) -> str | None:
-    """Why the mesh's error of a structure is not estimated; None if it is, or has no mesh."""
-    if not (structure.matrices.meshed or structure.matrices.assembled):
-        return None
-    from antiosc.reduce.error.model_errors import refusal  # needs dolfinx
-
-    return refusal(with_parts(structure)) or None
 
 
 def model_of(

@@ -55,6 +55,12 @@ def part_of(structure: Structure) -> MeshedStructure:
     return cast("MeshedStructure", matrices)
 
 
+def pairs_of(count: Count, most: int = MOST) -> int:
+    """Number of pairs of modes, of which each takes a solve."""
+    modes = most if count == "auto" else min(count + 2, MOST)
+    return modes * (modes + 1) // 2
+
+
 def with_stretch(
     structure: Structure, model: AntiOscillators, count: Count, most: int = MOST
 ) -> AntiOscillators:
@@ -198,7 +204,7 @@ def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
 def _static(structure: Structure, g: Array, phi: Array) -> Array:
     """K⁻¹g minus its components along the motions φ: φᵀK of the result is 0."""
     k_phi = multiply(structure.K, phi)
-    displacement = statics(structure, structure.factorize(g.shape[1]), g)
+    displacement = statics(structure, structure.factorize(), g)
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 
 
