@@ -88,16 +88,10 @@ class ModeSearch:
         return structure.factorize().solve(multiply(structure.M, random))
 
 
-def lowest(search: ModeSearch) -> tuple[Array, Array]:
-    """(ω² [rad²/s²], shapes (rows of this rank, k)) of at least the wanted modes, in any order."""
-    with search.structure.factorize(AS_SITES).accurately():
-        if by_scipy(search.structure.K):
-            return _by_arpack(search)
-        return _by_slepc(search)
-
-
 def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
-    """(ω², shapes) of the search by ARPACK, for SciPy matrices."""
+    """(ω² [rad²/s²], shapes (rows of this rank, k)) of at least the wanted modes, in any order, by
+    ARPACK for SciPy matrices.
+    """
     structure = search.structure
     modes = search.known
     known_loads = multiply(structure.M, modes)
@@ -126,7 +120,7 @@ def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
 
 
 def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
-    """(ω², shapes) of the search by SLEPc's Krylov–Schur method."""
+    """The same by SLEPc's Krylov–Schur method."""
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
@@ -288,8 +282,9 @@ class ModeSolver:
             structure, self._held, shapes, count - known_count, self.limit - known_count
         )
         text = f"search of {search.computed} modes of {structure.dofs} dofs"
-        with doing(text, structure.comm.rank):
-            values, vectors = lowest(search)
+        method = _by_arpack if by_scipy(structure.K) else _by_slepc
+        with doing(text, structure.comm.rank), structure.factorize(AS_SITES).accurately():
+            values, vectors = method(search)
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
         # others
         massive = values > -structure.shift
