@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from ctypes import addressof, byref
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import accumulate, pairwise, starmap
-from math import isfinite, prod
+from math import isfinite
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -74,7 +74,6 @@ class System:
     first : first-order modes of all bodies, if damping couples the modes of a body.
     gamma : (m, J) contributions of the rates of first-order modes to the rows, as `beta`.
     quadratic, cubic : (s, s, s), (s, s, s, s) second-order forces of the last s rows.
-    block : contiguous memory that holds the arrays of `numbers`; None if they are separate.
     """
 
     omega: Array
@@ -95,11 +94,10 @@ class System:
     gamma: Array | None = None
     quadratic: Array | None = None
     cubic: Array | None = None
-    block: Array | None = field(default=None, init=False)
 
     @property
     def numbers(self) -> tuple[Array, ...]:
-        """The arrays of the bodies and the rows in the order of their memory."""
+        """The arrays of the bodies and the rows, those of equal responses first."""
         rows = self.omega, self.decay, self.beta, self.R
         return *rows, self.breaks, self.loads, self.offsets, self.q, self.v
 
@@ -247,7 +245,7 @@ class System:
         return float(estimate.time)
 
     def __getstate__(self) -> dict[str, Any]:
-        omitted = ("packed", "marched", "block")
+        omitted = ("packed", "marched")
         return {name: value for name, value in self.__dict__.items() if name not in omitted}
 
 
@@ -288,12 +286,12 @@ def posed(
     expected mass, depth and speed of the contacts are 0 at first.
     """
     spans = side_by_side([body.omega.size for body in bodies])
-    places = _places(spans[-1].stop, len(R), breaks.size, spans[-1].stop)
-    block = np.zeros(places[-1][0].stop)
-    numbers = [block[place].reshape(shape) for place, shape in places]
-    omega, decay, beta, residual, times, loads, gaps, q, v = numbers
-    residual[:] = R
-    times[:] = breaks
+    size, m, times = spans[-1].stop, len(R), breaks.size
+
+    omega, decay, q, v = np.zeros((4, size))
+    beta = np.zeros((m, size))
+    loads = np.zeros((times, size))
+    gaps = np.zeros((times, m))
     gaps[:] = offsets
 
     for body, span in zip(bodies, spans, strict=True):
@@ -308,31 +306,18 @@ def posed(
             loads[:, span] = body.loads
 
     contacts = np.zeros(len(laws), CONTACT)
-    contacts["first_tangential"] = len(R)
-    system = System(
-        omega, decay, beta, residual, times, loads, gaps, laws, contacts, q, v, first=first
-    )
+    contacts["first_tangential"] = m
+    system = System(omega, decay, beta, R, breaks, loads, gaps, laws, contacts, q, v, first=first)
     if tangents is not None:
         system.tangents[...] = tangents
-    system.block = block
     return system
-
-
-@lru_cache(maxsize=256)
-def _places(size: int, m: int, times: int, loads: int) -> list[tuple[slice, tuple[int, ...]]]:
-    """Slices of the arrays of `System.numbers` in a block, and their shapes."""
-    modes = (size,)
-    rows = [(m, size), (m, m)]
-    in_time = [(times,), (times, loads), (times, m)]
-    shapes = [modes, modes, *rows, *in_time, modes, modes]
-    return list(zip(side_by_side(map(prod, shapes)), shapes, strict=True))
 
 
 Key = tuple[int, int, int, bytes]
 
 
 class PackedSystem:
-    """A system as the C library takes it: all its arrays in one block of memory.
+    """A system as the C library takes it.
 
     Two systems of one `key` have the same counts of contacts, rows and modes, and the same
     responses of the modes.
@@ -343,22 +328,19 @@ class PackedSystem:
         p = len(s.laws)
         m, size = s.beta.shape
         breaks = s.breaks.size
-        block = s.block
-        if block is None:
-            block = np.concatenate([array.ravel() for array in s.numbers], dtype=float)
-        self.block: Array = block
-        bodies = block[: 2 * size + m * (size + m)].tobytes()
+        self.numbers = [np.ascontiguousarray(array, dtype=float) for array in s.numbers]
+        bodies = b"".join([array.tobytes() for array in self.numbers[:4]])
+
         gamma = None
         if s.gamma is not None:
             gamma = library.address(s.gamma)
             bodies += s.gamma.tobytes()
-            self.gamma = s.gamma  # it lasts as long as the block
+            self.gamma = s.gamma  # it lasts as long as the addresses
         if s.cubic is not None:  # the memory of the march is laid out for them
             bodies += len(s.cubic).to_bytes(2, "little")
         self.key: Key = p, m, size, bodies
-        start = library.address(block)
-        places = _places(size, m, breaks, s.loads.shape[1])
-        *arrays, q, v = [start + 8 * place.start for place, _ in places]
+
+        *arrays, q, v = map(library.address, self.numbers)
 
         self.laws = [packed(law) for law in s.laws]
         self.contacts = (library.CContact * p).from_buffer_copy(cast("bytes", s.contacts))

@@ -255,20 +255,24 @@ def _integrate(
         step = checks.positive("step", step, "s")
         if step > duration:
             raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
+
     if settings.method == "exact":
         converged = integrate_exact(assembly, duration, tol, step, *limits)
     else:
         converged = integrate_reference(assembly, duration, settings)
+
     run = converged.run
     still_open = open_contacts(run, assembly.system)
     errors = converged.force, converged.peak, converged.certain
     end = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
     check = check_result(assembly, end, tol, limits, lambda: energy_gain(assembly, run))
+
     often_refused = step is not None and run.refused > MOST_REFUSED * run.steps
     if often_refused and check.status in (COMPLETED, TOUCHING):
         told = f"The contact excites the motion at the step of {step:g} s, which was halved"
         sentence = f"{told} {run.refused} times: use a smaller step, or none. {check.message}"
         check = CheckResult(INEXACT, sentence)
+
     bounded = step is None and settings.method not in IVP_METHODS
     error = {"force": converged.force, "peak": converged.peak} if bounded else {}
 

@@ -144,6 +144,7 @@ def modal_pair(impact: Impact) -> Pair:
             " may have: the order is simulate(model, impactor, …), and initial_velocity= moves the"
             " model."
         )
+
     structure = checked_model.modal()
     striker = checked_impactor.modal()
     if not isinstance(initial, Motion):
@@ -151,6 +152,7 @@ def modal_pair(impact: Impact) -> Pair:
     start = structure.rigid_motion(initial)
     strike = striker.rigid_motion(checked_impactor.velocity)
     strike = strike if isinstance(checked_impactor.velocity, Motion) else -strike
+
     bodies = (
         single_site_body("structure", model, checked_model, structure, start),
         single_site_body("impactor", impactor, checked_impactor, striker, strike),
@@ -163,14 +165,17 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
     stretches = impact.stretches
     if stretches and not stretch:
         refuse_stretch({"structure": impact.model, "impactor": impact.impactor})
+
     model, impactor, contact, duration, _, gravity, gap = impact
     pair = modal_pair(impact)
     checks.instance("contact", contact, ContactLaw, LAW)
     law, notes = without_patch(contact, pair.local, "structure", "impactor")
     gap = pair.gap(gap)
+
     system = pair.posed(law, gap)
     check_span(system, duration)
     contact_time = system.expect_contact(pair.mass, duration)
+
     bodies = {"structure": pair.structure, "impactor": pair.impactor}
     scene = two_body_parts(model, impactor, contact, gap, gravity)
     can_rotate = any(map(may_rotate, bodies.values()))
@@ -268,6 +273,7 @@ class ImpactRows:
         if system.first is not None:
             raise InputError("damping that couples modes is integrated one by one.")
         check_span(system, max(durations))
+
         contacts = _copies(system.packed.contacts, CONTACT, count)
         contacts["mass"] = self.pair.mass
         if any(law is not self.laws[0] for law in self.laws):
@@ -277,6 +283,7 @@ class ImpactRows:
         rows = {"offsets": gaps, "contacts": contacts}
         if any(impact.impactor is not impacts[0].impactor for impact in impacts):
             rows["beta"], rows["v"], contacts["mass"] = self._strikers(impacts, system)
+
         limits = settings.max_contacts, settings.max_steps
         options = library.COptions(0.0, settings.tol, 0.0, 0.0, 0.0, *limits, 0)
         example = library.CImpact(system.packed.system, options)
