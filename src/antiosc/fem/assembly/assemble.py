@@ -56,7 +56,7 @@ from antiosc.fem.mesh.surface import largest as largest_piece
 from antiosc.fem.platform import collective
 from antiosc.fem.structure import TURN, Placement, in_space
 from antiosc.fem.structure.attachments import Attachment, ElasticTerm, attachments_of, terms_of
-from antiosc.fem.structure.loads import UNIT, PointMotion
+from antiosc.fem.structure.loads import PointMotion
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.structure import Structure, holding
 from antiosc.fem.structure.support import NumberedNodes, Support
@@ -555,11 +555,10 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
     if isinstance(support.where, str) and (
         support.where in layout.points or support.where.split(":", 1)[0] in layout.condensed
     ):
-        point = motion(layout, support.where, allow_partial=True)
+        point = motion(layout, support.where)
         if support.fix == "all":
             return point.six[np.flatnonzero(np.diff(point.six.indptr))]
-        absent = [name for name in names if name in DISPLACEMENTS and not point.has(UNIT[name])]
-        if absent:
+        if absent := point.lacking(names):
             raise InputError(
                 f"the support {support.label} fixes {', '.join(absent)}, which this site does "
                 "not have."
@@ -620,4 +619,4 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
                 motion(layout, (member.name, tuple(member.nodes[node])))
                 for node in member.nodes_of(group)
             ]
-    return [motion(layout, where, allow_partial=True)]
+    return [motion(layout, where)]

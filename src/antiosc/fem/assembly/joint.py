@@ -25,7 +25,6 @@ from antiosc.fem.mesh.surface import WeightedPoints, quadrature
 from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import ElasticTerm
 from antiosc.fem.structure.loads import (
-    MISSING_SHARE,
     NEAR,
     PointMotion,
     motion_at,
@@ -93,12 +92,9 @@ def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
     return member, group
 
 
-def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> PointMotion:
-    """The motion of an end at its reference point.
-
-    `allow_partial`: accept ends without some displacements, such as sites of superelements.
-    """
-    end_motion = motion_without_mesh(layout, end, allow_partial)
+def motion(layout: Layout, end: End) -> PointMotion:
+    """The motion of an end at its reference point."""
+    end_motion = motion_without_mesh(layout, end)
     if end_motion is not None:
         return end_motion
     if not isinstance(end, str):
@@ -117,18 +113,18 @@ def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> PointMot
     return PointMotion(rows, motions_of(member.part.form), member.nodes[nodes[0]])
 
 
-def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> PointMotion | None:
+def motion_without_mesh(layout: Layout, end: End) -> PointMotion | None:
     """The motion of a reference point, or at a superelement; None for other ends."""
     part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
     if part in layout.condensed:
-        return _superelement_motion(layout, part, end, allow_partial)
+        return _superelement_motion(layout, part, end)
     if not isinstance(end, str) or end not in layout.points:
         return None
     space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
     return PointMotion(layout.units(layout.of_point(end)), space, layout.points[end])
 
 
-def _superelement_motion(layout: Layout, part: str, end: End, allow_partial: bool) -> PointMotion:
+def _superelement_motion(layout: Layout, part: str, end: End) -> PointMotion:
     """The motion of a site or node of a superelement, by its name or its coordinates."""
     member = layout.condensed[part]
     if isinstance(end, str):
@@ -142,16 +138,7 @@ def _superelement_motion(layout: Layout, part: str, end: End, allow_partial: boo
         sites = name_list(end_text(end), names, "its sites and nodes")
         raise InputError(f"the part {part!r} has no site or node {end_text(end)}; {sites}.")
 
-    motion = member.ends[name]
-    required = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
-    missing = required - required @ motion.space[:3, :3] @ required
-    if not allow_partial and np.abs(missing).max() > MISSING_SHARE:
-        raise InputError(
-            f"{end_text(end)} does not have all displacements: extract its model with "
-            "Site(..., tangential=True), or join it along its direction by an Equation or a "
-            "Bushing."
-        )
-    return layout.of_all(motion, member.first)
+    return layout.of_all(member.ends[name], member.first)
 
 
 def _point_motion(

@@ -243,7 +243,7 @@ class Equation(Joint):
         """The single row of the equation."""
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:
-            end_motion = motion(layout, end, allow_partial=True)
+            end_motion = motion(layout, end)
             row = end_motion.components([component])
             if end_motion.lacking([component]):
                 raise InputError(
@@ -337,7 +337,7 @@ class Bushing(TwoEnds):
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
         """A spring k (b − a)²/2 for each component."""
-        ends = [(end, motion(layout, end, allow_partial=True)) for end in (self.a, self.b)]
+        ends = [(end, motion(layout, end)) for end in (self.a, self.b)]
         constants = [self.stiffness, self.damping, *(values for values, _ in self.branches)]
         names = list(dict.fromkeys(name for values in constants for name in values))
         names.sort(key=lambda name: name != "axial")  # it comes first
@@ -458,10 +458,10 @@ class Mean(Joint):
                 f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "
                 "whose mean it should follow; take a group without it."
             )
-        leader_motion = leader.at(follower.point)
-        common_rotations = leader.space[3:, 3:] @ follower.space[3:, 3:]
-        directions = scipy.linalg.block_diag(np.eye(3), _rows_of(common_rotations))
-        rows = (scipy.sparse.csr_matrix(directions) @ (follower.six - leader_motion.six)).tocsr()
+        directions = _rows_of(leader.space @ follower.space)
+        rows = relative(
+            label, directions, (self.group, leader.at(follower.point)), (self.point, follower)
+        )
         rows.eliminate_zeros()
         return [Rows.free(rows, label)]
 
@@ -478,10 +478,10 @@ def _undetermined(member: Member, nodes: IntArray, leader: PointMotion) -> list[
 
 
 def _rows_of(projection: Array) -> Array:
-    """Orthonormal rows (k, 3) that span the image of a projection."""
+    """Orthonormal rows (k, n) that span the image of a projection (n, n)."""
     spanned = np.flatnonzero(np.abs(np.diag(projection) - 1) < 1e-9)
     if len(spanned) == round(float(np.trace(projection))):
-        return np.eye(3)[spanned]
+        return np.eye(len(projection))[spanned]
     values, vectors = np.linalg.eigh(projection)
     return np.asarray(vectors[:, values > 0.5].T)
 

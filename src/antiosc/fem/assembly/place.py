@@ -14,6 +14,7 @@ from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import group_end, motion_without_mesh
 from antiosc.fem.mesh.surface import ClosestPoint, centre, size_at
+from antiosc.fem.structure import in_space
 from antiosc.fem.structure.loads import PointMotion
 from antiosc.fem.structure.meshed import Member
 
@@ -97,37 +98,40 @@ def group_of(matrices: MeshedParts, name: str, what: str = "point") -> tuple[Mem
     return matrices.members()[0], name
 
 
-def middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:
-    """(part, centroid (3,) of one of its groups in the axes of the structure [m])."""
-    member, group = group_of(matrices, name)
-    return member, member.at.placed(centre(member.part.mesh, group)[None])[0]
+def point_of(
+    matrices: MeshedParts, point: Sequence[float] | str | None, part: str | None, node: int | None
+) -> tuple[Array, str | None, PointMotion | None]:
+    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None).
 
-
-def node_of(matrices: MeshedParts, number: int, part: str | None = None) -> tuple[Member, Array]:
-    """(the first part with this node number, coordinates (3,) in the axes of the structure [m]).
-
-    InputError if there is none.
+    `point`: coordinates, or the name of a group ("part:group" of an assembly), of a reference point
+    or of a superelement's site; `node`: in its place, the number of a node in the file.
     """
-    for member in matrices.members(part):
-        mesh = member.part.mesh
-        x = mesh.node(number) if len(mesh.labels) or not matrices.assembled else None
-        if x is not None:
-            return member, member.at.placed(x[None])[0]
-    raise InputError(f"the structure has no node {number}, by its number in the file.")
-
-
-def motion_of(matrices: MeshedParts, name: str) -> PointMotion | None:
-    """The motion of a named reference point or of a superelement's site; None for "part:group".
-
-    InputError for a name without a colon that is no reference point.
-    """
-    if not isinstance(matrices, AssembledMatrices):
-        return None
-    motion = motion_without_mesh(matrices.layout, name, allow_partial=True)
-    if motion is None and ":" not in name:
-        points = name_list(name, matrices.layout.points, "the reference points")
+    if node is not None:
+        for member in matrices.members(part):
+            mesh = member.part.mesh
+            x = mesh.node(node) if len(mesh.labels) or not matrices.assembled else None
+            if x is not None:
+                return member.at.placed(x[None])[0], member.name or None, None
+        raise InputError(f"the structure has no node {node}, by its number in the file.")
+    if not isinstance(point, str):
+        return in_space(point or ()), part, None
+    if part is not None:
+        matrices.members(part)
         raise InputError(
-            f'a name on an assembly is "part:group"; got {name!r}, which is no reference point '
-            f"either; {points}."
+            f'the point {point!r} is a name and tells the part ("part:group"): leave the part '
+            f"{part!r} out."
         )
-    return motion
+
+    if isinstance(matrices, AssembledMatrices):
+        end = motion_without_mesh(matrices.layout, point)
+        if end is not None:
+            return end.point, None, end
+        if ":" not in point:
+            points = name_list(point, matrices.layout.points, "the reference points")
+            raise InputError(
+                f'a name on an assembly is "part:group"; got {point!r}, which is no reference '
+                f"point either; {points}."
+            )
+    member, group = group_of(matrices, point)
+    x = centre(member.part.mesh, group)  # the point next to it is taken
+    return member.at.placed(x[None])[0], member.name or None, None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
 import scipy.sparse
@@ -224,8 +224,10 @@ class MeshedStructure(StructureMatrices):
         return q
 
     def joined(self, loads: T, rows: slice = slice(None)) -> T:
-        """Loads on some rows of u as loads on q."""
-        return loads
+        """Loads on some rows of u as loads on q: 0 on fixed dofs."""
+        free = np.ones(self.rows)
+        free[self.fixed[self.fixed < self.rows]] = 0.0
+        return cast(T, scipy.sparse.diags(free) @ loads)
 
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
         """[(part, its rows)] of `shapes` (rows of this rank, k)."""

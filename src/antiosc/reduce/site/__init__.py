@@ -6,7 +6,7 @@ the nodal forces of a unit force there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 from antiosc.base.errors import InputError
@@ -40,23 +40,23 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
             for site in sites
         ]
     meshed = structure.matrices.meshed or structure.matrices.assembled
-
-    def at_point(site: Site) -> bool:
-        """Whether the site is a point of a mesh."""
-        return site.point is not None or (meshed and site.node is not None and site.dof is None)
-
-    at_points = [site for site in sites if at_point(site)]
-    functionals_found: Iterator[Functional] = iter(())
+    at_points = [
+        k
+        for k, site in enumerate(sites)
+        if site.point is not None or (meshed and site.node is not None and site.dof is None)
+    ]
+    found: dict[int, Functional] = {}
     if at_points:
         matrices = with_parts(
             structure, "matrices have no points: give the site a dof or a vector."
         )
         from antiosc.reduce.site.at_points import functionals_at  # needs dolfinx
 
-        functionals_found = iter(functionals_at(matrices, at_points))
+        on_mesh = functionals_at(matrices, [sites[k] for k in at_points])
+        found = dict(zip(at_points, on_mesh, strict=True))
     return [
-        next(functionals_found) if at_point(site) else algebraic(structure.matrices, site)
-        for site in sites
+        found[k] if k in found else algebraic(structure.matrices, site)
+        for k, site in enumerate(sites)
     ]
 
 

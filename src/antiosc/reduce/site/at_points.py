@@ -21,11 +21,9 @@ from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.place import (
     Place,
     group_of,
-    middle_of,
-    motion_of,
-    node_of,
     place_at,
     places_at,
+    point_of,
 )
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
@@ -43,7 +41,6 @@ from antiosc.fem.structure.support import Support, fixed_dofs
 from antiosc.recovery.place import Reach
 from antiosc.reduce.site.site import (
     LEAST_FREE_SHARE,
-    NAMED_PART,
     Functional,
     Site,
     algebraic,
@@ -54,7 +51,6 @@ from antiosc.reduce.site.sites import (
     ALONG_SURFACE,
     Sites,
     located,
-    on_free_dofs,
     sums,
     warn_of_doubts,
 )
@@ -90,67 +86,53 @@ def before_joining(
     `part_of` returns the structure of a part, with or without its supports.
     """
     by_site: dict[int, Functional] = {}
-    on_parts: list[int] = []
-    for k, site in enumerate(sites):
-        named = isinstance(site.point, str) and site.face is None
-        end = motion_of(structure, str(site.point)) if named else None
-        if end is not None and site.part is None:
-            by_site[k] = _without_mesh(cast(AssembledMatrices, structure), site, end)
-        else:
-            on_parts.append(k)
-
-    places = places_of(structure, [sites[k] for k in on_parts])
     by_part: dict[str, dict[int, Place]] = {}
-    for k, place in zip(on_parts, places, strict=True):
-        by_part.setdefault(place.member.name, {})[k] = place
+    for k, place in enumerate(places_of(structure, sites)):
+        if isinstance(place, PointMotion):
+            by_site[k] = _without_mesh(cast(AssembledMatrices, structure), sites[k], place)
+        else:
+            by_part.setdefault(place.member.name, {})[k] = place
 
     for of_part in by_part.values():
-        part = part_of(next(iter(of_part.values())).member)
+        places = list(of_part.values())
+        part = part_of(places[0].member)
         struck = [sites[k] for k in of_part]
-        found = _on_mesh(part, struck, list(of_part.values()))
+        found = _on_mesh(part, struck, places)
         warn_of_doubts(part, found)
-        functionals = _site_functionals(part, struck, list(of_part.values()), found)
-        for (k, place), functional in zip(of_part.items(), functionals, strict=True):
+        functionals = _site_functionals(part, struck, places, found)
+        for k, place, functional in zip(of_part, places, functionals, strict=True):
             by_site[k] = _on_whole(structure, place, functional)
     return [by_site[k] for k in range(len(sites))]
 
 
-def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place]:
-    """The places of sites at a point, a group, a face or a node."""
+def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | PointMotion]:
+    """The places of sites at a point, a group, a face or a node; the motion of those that have no
+    mesh.
+    """
+    found: dict[int, Place | PointMotion] = {}
     by_part: dict[str | None, list[tuple[int, Array, Array]]] = {}
     for k, site in enumerate(sites):
-        part, point, direction = _aimed(matrices, site)
-        by_part.setdefault(part, []).append((k, point, direction))
+        direction = None if site.direction is None else in_space(site.direction)
+        end = None
+        if site.face is None:
+            x, part, end = point_of(matrices, site.point, site.part, site.node)
+        else:
+            member, group = group_of(matrices, site.face)
+            own, along = struck_point(member.part.mesh, group)
+            x, part = member.at.placed(own[None])[0], member.name or None
+            direction = member.at.rotation @ along if direction is None else direction
 
-    places: dict[int, Place] = {}
+        assert direction is not None
+        if end is None:
+            by_part.setdefault(part, []).append((k, x, direction))
+        else:
+            found[k] = end
+
     for part, aimed in by_part.items():
         numbers, points, directions = zip(*aimed, strict=True)
-        found = places_at(matrices.members(part), np.array(points), np.array(directions))
-        places.update(zip(numbers, found, strict=True))
-    return [places[k] for k in range(len(sites))]
-
-
-def _aimed(matrices: MeshedParts, site: Site) -> tuple[str | None, Array, Array]:
-    """(part or None, point (3,) [m], direction (3,)) of a site, in the axes of the structure."""
-    direction = None if site.direction is None else in_space(site.direction)
-    if site.face is not None:
-        member, group = group_of(matrices, site.face)
-        x, along = struck_point(member.part.mesh, group)
-        point = member.at.placed(x[None])[0]
-        direction = member.at.rotation @ along if direction is None else direction
-    elif site.node is not None:
-        member, point = node_of(matrices, site.node, site.part)
-    elif isinstance(site.point, str):
-        if site.part is not None and matrices.assembled:
-            raise InputError(NAMED_PART.format(site.point, site.part))
-        matrices.members(site.part)
-        member, point = middle_of(matrices, site.point)
-    else:
-        assert site.point is not None
-        assert direction is not None
-        return site.part, in_space(site.point), direction
-    assert direction is not None
-    return member.name or None, point, direction
+        places = places_at(matrices.members(part), np.array(points), np.array(directions))
+        found.update(zip(numbers, places, strict=True))
+    return [found[k] for k in range(len(sites))]
 
 
 def _on_whole(structure: MeshedParts, place: Place, functional: Functional) -> Functional:
@@ -258,7 +240,7 @@ def _site_functionals(
     if found.weighted is not None and any(site.tangential for site in sites):
         for across in tangents(found.directions, "z" not in structure.form.components):
             B = loads(structure.comm, structure.form, found.weighted, across)
-            free = on_free_dofs(structure, B)
+            free = structure.joined(B)
             is_movable = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, B)
             columns.append((free @ scipy.sparse.diags(is_movable.astype(float))).tocsr())
             axes.append(across)
@@ -486,19 +468,12 @@ class Released:
             forces[member.rows] = multiply(matrix, motions[member.rows])
         if which == "K" and self._of.preload is not None:
             forces += self._of.preload.added(motions)
-        free = self._on_free(forces)
+        free = np.asarray(self._of.joined(forces))
         if self._assembly is None:
             return free
         attached = self._assembly.added
         extra = attached.forces(motions) if which == "K" else attached.inertial_loads(motions)[0]
         return np.asarray(free + extra)
-
-    def _on_free(self, forces: Array) -> Array:
-        """Forces on u (rows of this rank, k) as forces on the free dofs."""
-        if self._assembly is not None:
-            return np.asarray(self._of.joined(forces))
-        forces[self._of.fixed[self._of.fixed < len(forces)]] = 0.0
-        return forces
 
 
 def _centre(member: Member, dofs: IntArray) -> Array:

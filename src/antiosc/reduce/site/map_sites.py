@@ -18,6 +18,7 @@ from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.place import group_of, places_at
 from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.structure import in_space
+from antiosc.fem.structure.loads import PointMotion
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.at_points import ON_STRUCTURE, places_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
@@ -279,9 +280,9 @@ def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
     of a curved facet lies within the solid.
     """
     (place,) = places_of(structure, [site])
-    part = place.member.part
-    if not part.kind.outside:
+    if isinstance(place, PointMotion) or not place.member.part.kind.outside:
         return None
+    part = place.member.part
     point = place.point[None]
     direction = (place.direction / np.linalg.norm(place.direction))[None]
 

@@ -175,7 +175,6 @@ def constrained(label: str) -> str:
 
 #: Quantities available at a point without a mesh.
 MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
-NAMED_PART = 'the point {!r} is a name and tells the part ("part:group"): leave the part {!r} out.'
 
 
 @dataclass(frozen=True)
@@ -225,22 +224,11 @@ def point_of(
         return in_space(checks.coordinates("point", point)), part, None
     if structure.matrices.located:
         raise InputError("matrices have no groups: give the point's coordinates.")
+    from antiosc.fem.assembly import place  # needs dolfinx
 
-    from antiosc.fem.assembly.place import middle_of, motion_of, node_of  # needs dolfinx
-
-    matrices = with_parts(structure)
     if node is not None:
-        member, x = node_of(matrices, checks.whole("node", node), part)
-        return x, member.name or None, None
-
-    name = checks.text("point", point)
-    if part is not None:
-        raise InputError(NAMED_PART.format(name, part))
-    end = motion_of(matrices, name)
-    if end is not None:
-        return end.point, None, end
-    member, x = middle_of(matrices, name)
-    return x, member.name or None, None
+        node = checks.whole("node", node)
+    return place.point_of(with_parts(structure), cast("str | None", point), part, node)
 
 
 def motions_without_mesh(

@@ -254,16 +254,9 @@ def located(
     weighted = Points.joined(point_sets)
     B = loads(structure.comm, structure.form, weighted, directions)
     weight = sums(structure, B)
-    B = on_free_dofs(structure, B)
+    B = structure.joined(B).tocsr()
     free_share = sums(structure, B) / np.where(weight > 0, weight, 1.0)
     return Sites(points, directions, B, radii, local, share, depth, size, free_share, weighted)
-
-
-def on_free_dofs(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
-    """Loads (rows of this rank, P) with zeros on fixed dofs."""
-    free = np.ones(B.shape[0])
-    free[structure.fixed[structure.fixed < len(free)]] = 0.0
-    return (scipy.sparse.diags(free) @ B).tocsr()
 
 
 def sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
