@@ -8,11 +8,10 @@ from antiosc.base.errors import InputError
 from antiosc.fem.structure.structure import NO_MESH, Structure
 
 if TYPE_CHECKING:
-    from antiosc.fem.assembly.assembled import AssembledMatrices
-    from antiosc.fem.structure.meshed import MeshedStructure
+    from antiosc.fem.structure.meshed import PartsMatrices
 
-#: Matrices of one mesh, or of several that are joined; both give their `members`.
-MeshedParts: TypeAlias = "MeshedStructure | AssembledMatrices"
+#: Matrices of one mesh, or of several that are joined.
+MeshedParts: TypeAlias = "PartsMatrices"
 
 
 def with_parts(structure: Structure, otherwise: str = NO_MESH) -> MeshedParts:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
-from typing import ClassVar, TypeVar
+from typing import ClassVar, TypeVar, cast
 
 import numpy as np
 import scipy.linalg
@@ -30,12 +30,11 @@ from antiosc.fem.structure import (
     Dissipation,
     DofPlaces,
     Plausibility,
-    StructureMatrices,
     orthonormal,
     support,
 )
 from antiosc.fem.structure.attachments import ElasticTerm
-from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.fem.structure.meshed import Member, MeshedStructure, PartsMatrices
 from antiosc.models.motion import Inertia
 
 #: A motion satisfies the constraints if their residual over the sizes of their terms is below this.
@@ -201,7 +200,7 @@ def names_of(bodies: Sequence[RigidDofs]) -> str:
     return ", ".join(dict.fromkeys(repr(body.name) for body in bodies))
 
 
-Loads = TypeVar("Loads", Array, Sparse)
+Loads = TypeVar("Loads")
 
 
 class Added:
@@ -245,8 +244,8 @@ class Added:
 
 
 @dataclass(eq=False)
-class AssembledMatrices(StructureMatrices):
-    """K = Tᵀ K_b T and M = Tᵀ M_b T of parts with the block-diagonal matrices K_b and M_b.
+class AssembledMatrices(PartsMatrices):
+    """K and M of parts with the block-diagonal matrices K_b and M_b.
 
     Dependent dofs keep their rows, as fixed ones do: 1 on K's diagonal, 0 in M.
     """
@@ -258,8 +257,10 @@ class AssembledMatrices(StructureMatrices):
     constraints: Constraints  # from which T was made, the supports of the assembly first
 
     assembled: ClassVar[bool] = True
-    #: an assembly works on one rank
-    comm: ClassVar[MPI.Comm] = MPI.COMM_SELF
+
+    @property
+    def comm(self) -> MPI.Comm:
+        return MPI.COMM_SELF  # an assembly works on one rank
 
     @property
     def T(self) -> Sparse:
@@ -385,22 +386,13 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def places(self) -> DofPlaces:
-        """Node, direction and kind of each dof of u."""
         return self.layout.places
 
     def expanded(self, q: Array) -> Array:
-        """Motions u of the whole assembly for columns q (n, k)."""
         return np.asarray(self.T @ q)
 
     def joined(self, loads: Loads, rows: slice = slice(None)) -> Loads:
-        """Loads on the given rows of u, as loads on q."""
-        return self.T[rows].T @ loads
-
-    def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
-        """(part, shapes on its dofs (rows, k)) of all parts, or of part `name`."""
-        members = self.members(name)
-        u = self.expanded(shapes)
-        return [(member, u[member.rows]) for member in members]
+        return cast(Loads, self.T[rows].T @ loads)
 
 
 def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:

@@ -160,7 +160,43 @@ class Member:
 
 
 @dataclass(eq=False)
-class MeshedStructure(StructureMatrices):
+class PartsMatrices(StructureMatrices):
+    """K = Tᵀ K_b T and M = Tᵀ M_b T of parts with meshes: u = T q, for u the dofs of all parts.
+
+    One part alone has T = 1 but for its fixed dofs.
+    """
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The MPI communicator that shares the parts."""
+        raise NotImplementedError
+
+    def members(self, name: str | None = None) -> list[Member]:
+        """All parts, or the one of this name; InputError if there is none."""
+        raise NotImplementedError
+
+    @property
+    def places(self) -> DofPlaces:
+        """Node, direction and kind of each dof of u on this rank."""
+        raise NotImplementedError
+
+    def expanded(self, q: Array) -> Array:
+        """Motions u of all parts for columns q (rows of this rank, k)."""
+        raise NotImplementedError
+
+    def joined(self, loads: T, rows: slice = slice(None)) -> T:
+        """Loads on some rows of u as loads on q: 0 on fixed dofs."""
+        raise NotImplementedError
+
+    def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
+        """[(part, `shapes` on its dofs (rows, k))] of all parts, or of the one of this name."""
+        members = self.members(name)
+        u = self.expanded(shapes)
+        return [(member, u[member.rows]) for member in members]
+
+
+@dataclass(eq=False)
+class MeshedStructure(PartsMatrices):
     """K and M of a mesh, and the mesh."""
 
     _: KW_ONLY
@@ -191,7 +227,6 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def comm(self) -> MPI.Comm:
-        """The MPI communicator that shares the mesh."""
         return self.mesh.comm
 
     @property
@@ -204,10 +239,7 @@ class MeshedStructure(StructureMatrices):
         """Number of dofs of a node."""
         return int(self.form.space.dofmap.index_map_bs)
 
-    # -- the one part of an assembly without joints: the dofs u of all parts are those of K and M
-
     def members(self, name: str | None = None) -> list[Member]:
-        """The structure as its only part; InputError if another part is named."""
         if name is not None:
             raise InputError(
                 f"part={shown(name)} names a part of an assembly; {self.mesh.name} is one."
@@ -216,22 +248,15 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def places(self) -> DofPlaces:
-        """Node, direction and kind of the dofs of u on this rank."""
         return support.places_of(self.form)
 
     def expanded(self, q: Array) -> Array:
-        """Motions u for columns q (rows of this rank, k): u = q without joints."""
         return q
 
     def joined(self, loads: T, rows: slice = slice(None)) -> T:
-        """Loads on some rows of u as loads on q: 0 on fixed dofs."""
         free = np.ones(self.rows)
         free[self.fixed[self.fixed < self.rows]] = 0.0
         return cast(T, scipy.sparse.diags(free) @ loads)
-
-    def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
-        """[(part, its rows)] of `shapes` (rows of this rank, k)."""
-        return [(member, shapes) for member in self.members(name)]
 
     @property
     def kind(self) -> Kind:
