@@ -336,48 +336,21 @@ class AssembledMatrices(PartsMatrices):
             f"{self.rigid_modes.shape[1]} rigid-body modes{self.loads_told}"
         )
 
-    def dissipation(self) -> list[Dissipation]:
-        """Terms on q: dashpots, Maxwell branches, relaxing layers."""
+    def dashpots(self) -> list[Dissipation]:
         terms = self.added.dissipation()
-        for member in self.layout.members.values():
+        for member in self.members():
             T = self.T[member.rows]
-            dashpots = [term for term in member.part.dissipation() if term.matrix is None]
-            terms += [replace(term, G=term.G @ T) for term in dashpots]
-        return terms + self._layers
-
-    @cached_property
-    def _layers(self) -> list[Dissipation]:
-        """Relaxing layers of all parts, as terms on q."""
-        terms = []
-        stiffness_by_group = dict[tuple[str, int], PETSc.Mat]()
-        for name, member in self.layout.members.items():
-            for term in member.part.dissipation():
-                if term.matrix is None:
-                    continue
-                key = name, id(term.matrix)
-                if key not in stiffness_by_group:
-                    stiffness_by_group[key] = self._on_q({name: term.matrix})
-                owner = (name, term.owner[1]) if term.owner else None
-                terms.append(replace(term, matrix=stiffness_by_group[key], owner=owner))
+            terms += [replace(term, G=term.G @ T) for term in member.part.dampers]
         return terms
 
-    def _on_q(self, matrices: Mapping[str, PETSc.Mat]) -> PETSc.Mat:
-        """Tᵀ A T of the assembly for the matrices A of some parts."""
+    def on_q(self, member: Member, matrix: PETSc.Mat) -> PETSc.Mat:
         zero_matrix = Sparse((self.layout.count,) * 2)
-        blocks = block_diagonal(self.layout, matrices)
+        blocks = block_diagonal(self.layout, {member.name: matrix})
         return as_petsc("K", _projected(self.T, blocks, zero_matrix), self.layout)
 
     @property
     def lossy(self) -> bool:
         return any(member.part.lossy for member in self.layout.members.values())
-
-    def loss_stiffness(self, V: Array) -> Array | None:
-        parts = [member for member in self.layout.members.values() if member.part.lossy]
-        if not parts:
-            return None
-        u = self.expanded(V)
-        of_parts = [member.part.loss_stiffness(u[member.rows]) for member in parts]
-        return np.asarray(np.sum([matrix for matrix in of_parts if matrix is not None], axis=0))
 
     # -- from u to the parts
 

@@ -194,6 +194,40 @@ class PartsMatrices(StructureMatrices):
         u = self.expanded(shapes)
         return [(member, u[member.rows]) for member in members]
 
+    def dashpots(self) -> list[Dissipation]:
+        """Dashpots and Maxwell branches on q."""
+        raise NotImplementedError
+
+    def on_q(self, member: Member, matrix: PETSc.Mat) -> PETSc.Mat:
+        """Tᵀ A T for the matrix A of a part."""
+        raise NotImplementedError
+
+    def dissipation(self) -> list[Dissipation]:
+        return [*self.dashpots(), *self._layers]
+
+    @cached_property
+    def _layers(self) -> list[Dissipation]:
+        """Relaxing layers of all parts on q."""
+        terms = []
+        for member in self.members():
+            for owner, material, stiffness in member.part.stiffnesses("prony"):
+                K, name = self.on_q(member, stiffness), (member.name, owner)
+                terms += [
+                    Dissipation(matrix=K, factor=ratio, tau=tau, owner=name)
+                    for ratio, tau in material.prony
+                ]
+        return terms
+
+    def loss_stiffness(self, V: Array) -> Array | None:
+        if not self.lossy:
+            return None
+        terms = (
+            material.loss * dot(self.comm, u, multiply(K, u))
+            for member, u in self.fields(V)
+            for _, material, K in member.part.losses
+        )
+        return np.asarray(sum(terms))
+
 
 @dataclass(eq=False)
 class MeshedStructure(PartsMatrices):
@@ -379,30 +413,18 @@ class MeshedStructure(PartsMatrices):
         beams = (lines.parts[0] for lines in self.stiffeners.values())
         return any(getattr(material, "loss", 0.0) for material, _ in (*self.parts, *beams))
 
-    def dissipation(self) -> list[Dissipation]:
-        return [*self.dampers, *self._layers]
+    def dashpots(self) -> list[Dissipation]:
+        return list(self.dampers)
+
+    def on_q(self, member: Member, matrix: PETSc.Mat) -> PETSc.Mat:
+        return matrix
 
     @cached_property
-    def _layers(self) -> list[Dissipation]:
-        return [
-            Dissipation(matrix=K, factor=ratio, tau=tau, owner=("", owner))
-            for owner, material, K in self._stiffnesses("prony")
-            for ratio, tau in material.prony
-        ]
+    def losses(self) -> list[tuple[int | str, Material, PETSc.Mat]]:
+        """`stiffnesses` of the materials with a loss factor."""
+        return self.stiffnesses("loss")
 
-    @cached_property
-    def _losses(self) -> list[tuple[int | str, Material, PETSc.Mat]]:
-        return self._stiffnesses("loss")
-
-    def loss_stiffness(self, V: Array) -> Array | None:
-        if not self.lossy:
-            return None
-        terms = (
-            material.loss * dot(self.comm, V, multiply(K, V)) for _, material, K in self._losses
-        )
-        return np.asarray(sum(terms))
-
-    def _stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
+    def stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
         """[(owner, material, its K)] of the materials that have the property `name`."""
         result: list[tuple[int | str, Material, PETSc.Mat]] = []
         for number, (material, cells) in enumerate(self.parts):
