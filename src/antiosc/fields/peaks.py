@@ -320,7 +320,7 @@ def peak_field(
     points, cells, moved = source(structure).at_nodes(structure, shapes, part)
     zones = Zones()
     if recovered == "stress":
-        zones = _zones(structure, shapes, part, contacts, r0, (points, cells, moved))
+        zones = _zones(structure, part, contacts, r0, (points, cells, moved))
     counts = ~(zones.at_contacts(points) | zones.at_edges(points))
 
     # the largest values of all nodes
@@ -480,7 +480,6 @@ def _contacts(history: AnyHistory, body: str) -> Sequence[ContactZone]:
 
 def _zones(
     structure: Structure,
-    shapes: Array,
     part: str | None,
     contacts: Sequence[ContactZone],
     r0: float | None,
@@ -489,7 +488,7 @@ def _zones(
     """What is not judged on a part of these points, cells and motions: edges of solids alone, and
     no contacts on beams, which are exact.
     """
-    families = source(structure).families(structure, shapes, part)
+    families = source(structure).families(structure, part)
     if not families & {"solid", "sheet"}:
         return Zones()
     if "solid" not in families:

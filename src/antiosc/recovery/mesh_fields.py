@@ -231,9 +231,8 @@ def at_point(
     InputError for a point farther off than `reach`.
     """
     moved = recovered(structure, shapes, x[None], part, "displacement", Place(), reach)[0]
-    parts = with_parts(structure).fields(shapes[:, :0], part)
-    names = [set(member.part.form.components) & set("xyz") for member, _ in parts]
-    return np.asarray(moved[: max(map(len, names))])
+    forms = [member.part.form for member in with_parts(structure).members(part)]
+    return np.asarray(moved[: max(len(set(form.components) & set("xyz")) for form in forms)])
 
 
 def recovered(
@@ -519,7 +518,7 @@ def stress_jumps(
 
     `factors` (P, columns) of the shapes at each point. 0 in beams; None of beams alone.
     """
-    if not families(structure, shapes, part) & ESTIMATED:
+    if not families(structure, part) & ESTIMATED:
         return None
     parts = with_parts(structure).fields(shapes, part)
     errors = []
@@ -539,15 +538,14 @@ def stress_jumps(
     return np.zeros(0)
 
 
-def families(structure: Structure, shapes: Array, part: str | None = None) -> set[str]:
+def families(structure: Structure, part: str | None = None) -> set[str]:
     """Kinds of the selected parts: "solid", "sheet", "beam", "truss"."""
-    fields = with_parts(structure).fields(shapes, part)
-    return {member.part.kind.name for member, _ in fields}
+    return {member.part.kind.name for member in with_parts(structure).members(part)}
 
 
 def half_thickness(structure: Structure, part: str | None = None) -> float:
     """Volume over surface [m] of the solids in space: half the mean thickness of their walls."""
-    fields = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
-    solids = [member.part.mesh for member, _ in fields if member.part.mesh.tdim == 3]
+    meshes = [member.part.mesh for member in with_parts(structure).members(part)]
+    solids = [mesh for mesh in meshes if mesh.tdim == 3]
     volume, surface = np.sum([(0.0, 0.0), *map(measures, solids)], axis=0)
     return float(volume / surface) if surface else 0.0

@@ -54,7 +54,7 @@ def materials_of(
     return []
 
 
-def families(structure: Structure, shapes: Array, part: str | None = None) -> set[str]:
+def families(structure: Structure, part: str | None = None) -> set[str]:
     """None: matrices have no elements."""
     return set()
 

@@ -221,10 +221,12 @@ def located(
             "a radius applies to solids and shells: under a beam's point load the compliance is "
             "finite, so leave the radius out."
         )
+
     point_sets = []
     own_radii = [material.patch_radius for material, _ in structure.parts]
     default_radii = np.array([np.nan if radius is None else radius for radius in own_radii])
     patch = np.isfinite(default_radii).all() | has_radius
+
     if patch.any():
         faces = structure.faces
         labels = structure.part_of_cells()[faces.cells]
@@ -232,25 +234,30 @@ def located(
             reach = np.full(count, ON_SURFACE * mesh.extent())
             part = faces.contact(points, directions, reach, labels).label
             radii = np.where(has_radius, radii, default_radii[part])
+
         contact = faces.contact(points[patch], directions[patch], radii[patch], labels)
         on_patches, share[patch] = patches(
             faces, points[patch], radii[patch], contact, most_rings=most_rings
         )
         point_sets.append(replace(on_patches, site=np.flatnonzero(patch)[on_patches.site]))
+
         cosines = np.einsum("pd,pd->p", directions[patch], contact.normals)
         pairs = zip(contact.label, cosines, strict=True)
         half_space = [structure.parts[k][0].half_space_compliance(float(c)) for k, c in pairs]
         local[patch] = np.array(half_space) / radii[patch]
         depth[patch] = contact.depth
         size[patch] = contact.largest
+
         far_points = np.flatnonzero(np.isinf(depth))
         if len(far_points):  # how deep is told to the caller
             reaches = np.full(len(far_points), mesh.extent())
             depth[far_points] = faces.contact(
                 points[far_points], directions[far_points], reaches, labels
             ).depth
+
     if not patch.all():
         point_sets.append(_points(structure, points, np.flatnonzero(~patch), nearest))
+
     weighted = Points.joined(point_sets)
     B = loads(structure.comm, structure.form, weighted, directions)
     weight = sums(structure, B)
