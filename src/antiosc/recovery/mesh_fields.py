@@ -18,13 +18,13 @@ from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.stresses import PAIRS, equivalent, length, tensors_of
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.assembly.place import places_at
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import kind_of_cells, measures
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.prestress.state import initial_strain
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
+from antiosc.fem.structure.place import places_at
 from antiosc.fem.structure.structure import Structure
 from antiosc.recovery.place import (
     NO_OUTLINE,
@@ -258,7 +258,7 @@ def recovered(
     if second_order:
         parts = _whole(parts)
     members = [member for member, _ in parts]
-    (middle,) = places_at(members, points.mean(axis=0)[None], np.zeros((1, 3)))
+    (middle,) = places_at(members, points.mean(axis=0)[None])
     member, shapes_of_part = parts[members.index(middle.member)]
     closest = member.closest(points)
     farthest = int(np.argmax(closest.distance))

@@ -18,7 +18,7 @@ from antiosc.base.stresses import Strengths, Tensile
 from antiosc.fem.elements import Layer, Section
 
 if TYPE_CHECKING:
-    from antiosc.fem.assembly import place as fem_place
+    from antiosc.fem.structure import place as fem_place
 
 #: Without a length a point is moved by at most this share of the part's size, or by one element.
 SNAP_SHARE = 0.02

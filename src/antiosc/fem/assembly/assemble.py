@@ -58,6 +58,7 @@ from antiosc.fem.structure import TURN, Placement, in_space
 from antiosc.fem.structure.attachments import Attachment, ElasticTerm, attachments_of, terms_of
 from antiosc.fem.structure.loads import PointMotion
 from antiosc.fem.structure.meshed import Member
+from antiosc.fem.structure.place import places_at
 from antiosc.fem.structure.structure import Structure, holding
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
@@ -607,10 +608,9 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
                 f"the point {shown(where)} of a mass, spring or damper has {len(where)} coordinates"
                 " in an assembly in space: give x, y and z."
             )
-        x = in_space(where)[None]
-        members = layout.members.values()
-        nearest = min(members, key=lambda member: float(member.closest(x).distance[0]))
-        return [motion(layout, (nearest.name, tuple(x[0])))]
+        x = in_space(where)
+        (place,) = places_at(layout.members.values(), x[None])
+        return [motion(layout, (place.member.name, tuple(x)))]
     part, _, group = where.partition(":")
     if group and part in layout.members:
         member = layout.members[part]

@@ -24,14 +24,9 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.surface import WeightedPoints, quadrature
 from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import ElasticTerm
-from antiosc.fem.structure.loads import (
-    NEAR,
-    PointMotion,
-    motion_at,
-    motions_of,
-    stacked,
-)
+from antiosc.fem.structure.loads import NEAR, PointMotion, motion_at, motions_of, stacked
 from antiosc.fem.structure.meshed import Member
+from antiosc.fem.structure.place import Place, places_at
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import SIDES
 
@@ -147,27 +142,27 @@ def _point_motion(
     """The motion of a part at a point, or of its surface within a radius."""
     end = (part, point)
     member = layout.member(part, f"{end_text(end)}: ")
-    nearest = member.closest(in_space(point)[None])[0]
-    place = member.at.placed(nearest.x[None])[0]
-    if nearest.distance > NEAR * member.part.mesh.extent():
+    (place,) = places_at([member], in_space(point)[None])
+    distance = place.nearest.distance
+    if distance > NEAR * member.part.mesh.extent():
         raise InputError(
-            f"the point {end_text(end)} is {nearest.distance:.3g} m off the part; its nearest "
-            f"point is {point_text(place)}."
+            f"the point {end_text(end)} is {distance:.3g} m off the part; its nearest point is "
+            f"{point_text(place.placed)}."
         )
     if radius is not None:
-        return mean(layout, member, _points_around(member, end, place, radius)).at(place)
+        return mean(layout, member, _points_around(place, end, radius)).at(place.placed)
 
-    own = motion_at(member.part.comm, member.part.form, nearest)
+    own = motion_at(member.part.comm, member.part.form, place.nearest)
     return layout.of_all(own.placed(member.at), member.first)
 
 
-def _points_around(member: Member, end: End, place: Array, radius: float) -> WeightedPoints:
-    """Quadrature points within `radius` of a point on the faces, sheets or lines of a part."""
+def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
+    """Quadrature points within `radius` of a place on the faces, sheets or lines of its part."""
+    member = place.member
     faces = member.part.faces
-    centre = member.at.own(place[None])[0]
-    near = np.linalg.norm(faces.centres - centre, axis=1) <= faces.radii + radius
+    near = np.linalg.norm(faces.centres - place.point, axis=1) <= faces.radii + radius
     points = quadrature(member.part.mesh, faces.dim, faces.facets[near], CUT_DEGREE)
-    in_radius = np.flatnonzero(np.linalg.norm(points.x - centre, axis=1) <= radius)
+    in_radius = np.flatnonzero(np.linalg.norm(points.x - place.point, axis=1) <= radius)
     if len(in_radius) < CUT_POINTS:
         raise InputError(
             f"the elements at {end_text(end)} are too large for this radius, up to "
@@ -189,9 +184,11 @@ def mean(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
     x = points.x
     centre = w @ x
     r = x - centre
+
     U = layout.at_points(member, points.cell, points.X, DISPLACEMENTS)
     average = scipy.sparse.csr_matrix(np.kron(w, np.eye(3)))
     displacements = (average @ U).tocsr()
+
     moment = np.einsum("p,pij->ipj", w, skew(r)).reshape(3, -1)
     J = np.einsum(
         "p,pij->ij",
@@ -203,12 +200,14 @@ def mean(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
     inverse = axes[:, is_regular] @ np.diag(1 / values[is_regular]) @ axes[:, is_regular].T
     rotations = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
     projection = axes[:, is_regular] @ axes[:, is_regular].T
+
     of_nodes = motions_of(member.part.form)
     undetermined = of_nodes[3:, 3:] @ (np.eye(3) - projection)
     if np.abs(undetermined).max() > 1e-9:
         turned = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
         rotations = (rotations + scipy.sparse.csr_matrix(undetermined) @ turned).tocsr()
         projection = projection + undetermined
+
     space = scipy.linalg.block_diag(of_nodes[:3, :3], projection)
     return PointMotion(stacked(displacements, rotations), space, centre)
 

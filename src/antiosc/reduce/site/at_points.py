@@ -19,10 +19,8 @@ from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.place import (
-    Place,
     group_of,
     place_at,
-    places_at,
     point_of,
 )
 from antiosc.fem.linalg import algebra
@@ -37,6 +35,7 @@ from antiosc.fem.platform import warn
 from antiosc.fem.structure import Dissipation, in_space
 from antiosc.fem.structure.loads import PointMotion, loads
 from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.fem.structure.place import Place, places_at
 from antiosc.fem.structure.support import Support, fixed_dofs
 from antiosc.recovery.place import Reach
 from antiosc.reduce.site.site import (

@@ -24,12 +24,13 @@ from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, SHARP, Curvature
 from antiosc.engine.contact.surfaces import Matter, Surface, matter_of
 from antiosc.fem.assembly import MeshedParts, with_parts
-from antiosc.fem.assembly.place import Place, place_at
+from antiosc.fem.assembly.place import place_at
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces, clamped, projected
 from antiosc.fem.structure import in_space
+from antiosc.fem.structure.place import Place
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.neutral import connected
 from antiosc.models.body import Body
