@@ -56,6 +56,7 @@ from antiosc.models.parameters import (
     Parameters,
     checked,
     sorted_damping,
+    with_sums,
 )
 from antiosc.models.recurrence import Recurrence
 from antiosc.models.stretch import Stretch
@@ -432,9 +433,9 @@ class AntiOscillators(ReprMixin, Parameters):
         if isinstance(damping, DampingMatrix):
             remaining = np.delete(np.arange(damping.n), left_out)
             damping = in_coordinates(damping, np.eye(damping.n)[:, remaining])
-        inertia, weights = self.inertia, self.weights
+        inertia, weights = self.inertia, with_sums(self.participation, self.sites, 1.0)
         if weights is not None:
-            weights = self.having_weights(np.delete(weights, left_out, axis=0))
+            weights = with_sums(np.delete(weights, left_out, axis=0), self.sites, -1.0)
         kept = slice(n_sites + n)
         errors: dict[str, Any] = {
             name: None if (E := getattr(self, name)) is None else E[kept, kept]

@@ -132,9 +132,7 @@ class Parameters(Body):
 
     @property
     def unit(self) -> Array:
-        """Amplitudes (p + N,) of the `shapes` in the motions that move the sites by 1 or have unit
-        mass.
-        """
+        """Factors (p + N,) of the `shapes` that give modes of unit mass; 1 of static shapes."""
         if self.P is None:
             return np.append(1.0, 1 / self.inertias[0])
         return np.ones(self.n_sites + self.n)
@@ -145,15 +143,6 @@ class Parameters(Body):
         K = np.diag(np.append(np.zeros(self.n_sites), self.omega**2) / self.unit**2)
         K[: self.n_sites, : self.n_sites] = self.k0_matrix
         return K
-
-    @property
-    def weights(self) -> Array | None:
-        """Generalised masses of the `shapes` for unit accelerations, from the participation."""
-        return with_sums(self.participation, self.sites, 1.0)
-
-    def having_weights(self, weights: Array | None) -> Array | None:
-        """The participation from generalised masses of the `shapes`."""
-        return with_sums(weights, self.sites, -1.0)
 
     @property
     def mass_shares(self) -> Array:
@@ -181,8 +170,8 @@ class Parameters(Body):
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
-    """Values of psi_0, psi_i from those of lambda_0, lambda_i of one site (Article eq. (8), `sign`
-    1), or the reverse (-1); those of several sites as they are.
+    """Generalised masses of psi_0, psi_i from those of lambda_0, lambda_i of one site (`sign` 1;
+    Article eq. (8)), or the reverse (-1); those of several sites as they are.
     """
     if values is None or sites:
         return values
@@ -491,9 +480,9 @@ def corrected(model: ModelType) -> ModelType:
     transform = unit[:, None] * motions
     if not model.sites:
         transform[:, 1:] *= P[0]
-    weights, inertia = model.weights, model.inertia
+    weights, inertia = with_sums(model.participation, model.sites, 1.0), model.inertia
     if weights is not None:
-        weights = model.having_weights(transform.T @ weights)
+        weights = with_sums(transform.T @ weights, model.sites, -1.0)
     if inertia is not None:
         of_model, hidden = np.split(inertia.momentum, [p + model.n])
         inertia = inertia.along(np.vstack((transform.T @ of_model, hidden)))
