@@ -17,5 +17,6 @@
 #include "steps.c"
 #include "stretch.c"
 #ifndef AOM_RUN_ONLY
+#include "convex.c"
 #include "enclosure.c"
 #endif

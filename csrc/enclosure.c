@@ -21,78 +21,8 @@
 #define RESOLVED 4.0 /* largest phase of a mode in a piece that the cubic follows */
 #define APART 1.25 /* damping ratio from which the two decays of a mode are bounded by themselves */
 #define TRIES 60
-#define TOUCHING 16 /* pieces more where a contact opens or closes */
+#define TOUCHING 16 /* pieces more where a contact opens, closes or turns */
 #define ROUNDS 4    /* of the forces of a step */
-
-/* A convex law: value, slope and curvature of the force, and the potential. */
-typedef struct convex {
-    double g, slope, bend, G;
-} convex;
-
-static double raised(double x, double n) {
-    return n == 0.5 ? sqrt(x) : n == 1.0 ? x : n == 1.5 ? x * sqrt(x) : pow(x, n);
-}
-
-static convex convex_at(const aom_law *law, double x) {
-    const double *p = law->params;
-    if (!(x > 0.0))
-        return (convex){0.0, 0.0, 0.0, 0.0};
-    if (law->kind == AOM_LINEAR) {
-        double k = linear_stiffness(law);
-        return (convex){k * x, k, 0.0, 0.5 * k * x * x};
-    }
-    if (law->kind == AOM_HERTZ && p[1] > 0.0) {
-        curve force = hertz(p, x);
-        double s = cbrt(force.value), stretch = 2.0 / 3.0 * p[2] / s - p[1];
-        double bend = 2.0 / 9.0 * p[2] / (s * s * s * s) / (stretch * stretch * stretch);
-        return (convex){force.value, force.slope, bend, hertz_energy(p, x)};
-    }
-    double n = law->kind == AOM_HERTZ ? 1.5 : p[1], root = raised(x, n - 1.0);
-    return (convex){p[0] * root * x, n * p[0] * root, n * (n - 1.0) * p[0] * root / x,
-                    p[0] * root * x * x / (n + 1.0)};
-}
-
-/* Indentation beyond which the law is not convex; that at which its curvature is least. */
-static double convex_end(const aom_law *law) {
-    const double *p = law->params;
-    return law->kind == AOM_HERTZ && p[1] > 0.0 ? (p[2] - p[1] * p[3]) * p[3] * p[3] : INFINITY;
-}
-static double flattest(const aom_law *law) {
-    const double *p = law->params;
-    if (law->kind != AOM_HERTZ || p[1] == 0.0)
-        return 0.0;
-    double s = p[2] / (6.0 * p[1]);
-    return (p[2] - p[1] * s) * s * s;
-}
-
-/* At least the indentation of an energy: a patch makes Hertz's law stiffer. */
-static double depth_of(const aom_law *law, double energy) {
-    const double *p = law->params;
-    if (law->kind == AOM_LINEAR)
-        return sqrt(2.0 * energy / linear_stiffness(law));
-    double n = law->kind == AOM_HERTZ ? 1.5 : p[1];
-    return pow(energy * (n + 1.0) / p[0], 1.0 / (n + 1.0));
-}
-
-/* Largest D > 0 and D < 0 for indentations from `low` on, of H <= energy and |D| <= reach. */
-static double farther(const aom_law *law, double low, double energy, double reach) {
-    double most = smaller(reach, larger(-low, 0.0) + depth_of(law, energy));
-    double slope = convex_at(law, low).slope;
-    return slope > 0.0 ? smaller(most, sqrt(2.0 * energy / slope)) : most;
-}
-static double nearer(const aom_law *law, double low, double energy, double reach) {
-    if (!(low > 0.0))
-        return reach;
-    double most = sqrt(2.0 * energy * low / convex_at(law, low).g);
-    for (int i = 0; i < 3 && most < low; i++) /* g(x) - g(x - d) >= d g'(x - d) */
-        most = smaller(most, sqrt(2.0 * energy / convex_at(law, low - most).slope));
-    return most < low ? smaller(most, reach) : reach;
-}
-
-static double relative_energy(const aom_law *law, double delta, double change) {
-    convex at = convex_at(law, delta);
-    return larger(convex_at(law, delta + change).G - at.G - at.g * change, 0.0);
-}
 
 /* A contact during a piece: force, rate and curvature of the reference, its indentations. */
 typedef struct piece {
@@ -101,7 +31,7 @@ typedef struct piece {
     double defect, drift;               /* |d| at its start, and the integral of |d'| */
 } piece;
 
-static void bound_piece(const aom_law *law, double h, piece *x) {
+static void bound_piece(const shape *law, double h, piece *x) {
     double pull = 0.5 * h * x->jerk, eighth = h * h / 8.0;
     double up = larger(larger(-x->pull[0], -x->pull[1]) + pull, 0.0);
     double down = larger(larger(x->pull[0], x->pull[1]) + pull, 0.0);
@@ -115,14 +45,12 @@ static void bound_piece(const aom_law *law, double h, piece *x) {
     double speed = larger(fabs(x->fastest), fabs(x->slowest));
     x->defect = fabs(x->force[0] - at[0].g);
     x->drift = 0.5 * h * (fabs(x->force_rate[0]) + fabs(x->force_rate[1])) + high.slope * speed * h;
-    if (!(x->low > 0.0))
+    if (!(x->low > law->low))
         return;
 
     /* d' is a straight line but for g'' delta'^2 + g' delta'', whose range is known */
-    double middle = flattest(law), most = larger(low.bend, high.bend);
-    double least = smaller(low.bend, high.bend);
-    if (middle > x->low && middle < x->high)
-        least = convex_at(law, middle).bend;
+    double most = larger(own_bend(low), own_bend(high)) / (high.give * high.give * high.give);
+    double least = smaller(own_bend(low), own_bend(high)) / (low.give * low.give * low.give);
     double slow = x->slowest * x->fastest <= 0.0 ? 0.0 : smaller(fabs(x->fastest), fabs(x->slowest));
     double top = larger(x->pull[0], x->pull[1]) + pull, bottom = smaller(x->pull[0], x->pull[1]) - pull;
     double range = most * speed * speed - least * slow * slow;
@@ -134,25 +62,26 @@ static void bound_piece(const aom_law *law, double h, piece *x) {
 }
 
 /* The integral of R delta'+ over a piece; or, where R <= E g''/g', 0 and the factor on E. */
-static double growth(const aom_law *law, double h, const piece *x, double far, double near,
+static double growth(const shape *law, double h, const piece *x, double far, double near,
                      double energy, double *factor) {
-    if (x->fastest <= 0.0 || x->high + far <= 0.0)
+    if (x->fastest <= 0.0 || x->high + far <= law->low)
         return 0.0;
     double most = larger(far, near), d0 = x->delta[0], d1 = x->delta[1];
     bool rises = x->slowest >= 0.0;
 
-    if (x->low > near) {
-        convex a1 = convex_at(law, d1 - near), b0 = convex_at(law, d0 + far);
-        convex a0 = convex_at(law, d0 - near), b1 = convex_at(law, d1 + far);
-        double half = 0.5 * most * most, a = half * (a1.slope - a0.slope), b = half * (b1.slope - b0.slope);
+    if (x->low - law->low > near) {
+        bool falls = law->n <= 2.0;
+        convex low = convex_at(law, x->low - near), high = convex_at(law, x->high + far);
+        double half = 0.5 * most * most, ratio = falls ? low.give / high.give : 1.0;
+        ratio *= ratio * ratio;
         if (!rises)
-            return half * h * x->fastest *
-                   larger(convex_at(law, x->low - near).bend, convex_at(law, x->high + far).bend);
-        if (a1.bend < b1.bend)
-            return b0.bend >= a0.bend ? b : a + b;
-        if (energy * (a1.slope - a0.slope) >= a * a0.slope)
-            return a;
-        *factor *= a1.slope / a0.slope;
+            return half * h * x->fastest * ratio * (falls ? low.bend : high.bend);
+        double by = falls ? -near : far;
+        double a = convex_at(law, d0 + by).slope, b = convex_at(law, d1 + by).slope;
+        double grown = half * ratio * (b - a);
+        if (!falls || energy * ratio * (b - a) >= grown * a)
+            return grown;
+        *factor *= pow(b / a, ratio);
         return 0.0;
     }
     if (rises) {
@@ -194,6 +123,7 @@ typedef struct enclosing {
     double *far, *near;        /* [m] largest differences of the indentation */
     channel *channels;         /* [k + l] */
     piece *pieces;             /* [m] */
+    yielding *laws;            /* [m] */
     part *ringing;             /* [J][2] */
     double *response;          /* [6][J] after a piece */
     double *ahead;             /* [2][6][J] after half a step and after all of it */
@@ -207,8 +137,8 @@ typedef struct enclosing {
 size_t aom_enclosure_size(const aom_enclosure *e) {
     size_t J = (size_t)e->n_modes, m = (size_t)e->n_contacts, k = (size_t)e->n_channels;
     size_t numbers = J * (18 + 9) + k * m + 9 * m;
-    size_t bytes = sizeof(double) * numbers + sizeof(piece) * m + sizeof(part) * 2 * J;
-    return bytes + sizeof(channel) * (k + (size_t)e->n_losses);
+    size_t bytes = sizeof(double) * numbers + sizeof(channel) * (k + (size_t)e->n_losses);
+    return bytes + (sizeof(piece) + sizeof(yielding)) * m + sizeof(part) * 2 * J;
 }
 
 static double *taken(double **at, size_t count) {
@@ -238,7 +168,8 @@ static enclosing laid_out(const aom_enclosure *e, void *memory) {
 
     x.channels = (channel *)at;
     x.pieces = (piece *)(x.channels + k + (size_t)e->n_losses);
-    x.ringing = (part *)(x.pieces + m);
+    x.laws = (yielding *)(x.pieces + m);
+    x.ringing = (part *)(x.laws + m);
     return x;
 }
 
@@ -273,9 +204,9 @@ static void start(enclosing *x) {
     const aom_enclosure *e = x->e;
     int J = e->n_modes, m = e->n_contacts;
 
-    for (int j = 0; j < J; j++) {
-        x->v[j] = e->v[j];
-    }
+    memcpy(x->v, e->v, sizeof(double) * (size_t)J);
+    for (int c = 0; c < m; c++)
+        x->laws[c] = first_loading(e->laws + c);
     for (int k = 0; k < e->n_channels; k++)
         for (int c = 0; c < m; c++)
             for (int j = 0; j < J; j++) {
@@ -331,9 +262,11 @@ static void foresee(enclosing *x, int64_t node) {
         look_ahead(x, h, ahead, x->depth);
         for (int c = 0; c < m; c++) {
             double *F = x->F + (1 + k % 2) * m + c, give = 0.0;
-            convex at = convex_at(e->laws + c, x->depth[c]);
+            convex at = convex_at(&x->laws[c].now, x->depth[c]);
             for (int j = 0; j < J; j++)
                 give += e->beta[c * J + j] * e->beta[c * J + j] * ahead[3 * J + j];
+            if (may_have_yielded(x->laws + c, x->laws[c].reached) && x->F[2 * m + c] < x->F[c])
+                continue; /* the run unloads */
             if (x->F[c] > 0.0 || *F > 0.0)
                 *F = larger(*F + (at.g - *F) / (1.0 + at.slope * give), 0.0);
         }
@@ -353,6 +286,8 @@ static void divide(enclosing *x, int64_t node) {
         parabola(x->F + c, m, 2.0 * x->half, rates);
         x->bend[c] = rates[1];
         x->begin[c] = rates[0] + (node % 2 ? rates[1] * x->half : 0.0);
+        double turn = x->bend[c] * x->half; /* in this half or beside it */
+        touching |= (x->begin[c] - turn) * (x->begin[c] + 2.0 * turn) < 0.0;
     }
     int64_t count = (int64_t)ceil(x->half / e->longest);
     x->count = (count < 1 ? 1 : count) * (touching ? TOUCHING : 1);
@@ -610,6 +545,117 @@ static double fed(const enclosing *x) {
     return root * root;
 }
 
+/* Whether a contact may have yielded, and its reference goes back. */
+static bool turns(const yielding *law, const piece *at, double far) {
+    double depth = larger(law->reached, whole_of(&law->loading, at->high + 2.0 * far));
+    return at->slowest < 0.0 && may_have_yielded(law, depth);
+}
+
+/* Indentation at a force of an unloading curve. */
+static double depth_at(release r, double force, double c) {
+    return r.low + r.width * pow(force / r.force, 1.0 / r.n) - c * force;
+}
+
+/* Room for deeper contacts in the depths from which one unloads. */
+static void make_room(yielding *law, double far) {
+    const shape *first = &law->loading;
+    double deepest = whole_of(first, law->deepest), least = law->least;
+    double most = law->most = larger(law->reached, whole_of(first, law->deepest + far));
+
+    double spread = compliance_spread(first, deepest, least, most);
+    law->shift = most - release_at(first, most).width - release_at(first, least).low;
+    law->shift += spread * (most - law->now.low);
+    law->spread = spread / convex_at(&law->now, law->deepest + far).give;
+}
+
+/* The energy that is added where a contact begins to unload, from a depth that the bounds give. */
+static double unload(yielding *law, piece *at, double h, double energy) {
+    const shape *first = &law->loading;
+    double near = nearer(first, at->delta[0], energy, INFINITY);
+
+    law->deepest = at->high + h * larger(at->rate[1], 0.0);
+    law->least = whole_of(first, larger(at->delta[0] - near, 0.0));
+    release here = release_at(first, whole_of(first, law->deepest));
+    law->now = unloads(first, here);
+    make_room(law, 2.0 * farther(first, law->deepest, energy, INFINITY));
+
+    double force = convex_at(&law->now, at->delta[0]).g, top = here.force;
+    return (top - force) * (law->deepest - depth_at(release_at(first, law->least), force, first->c));
+}
+
+/* The same where it may load again beyond that depth. */
+static double reload(yielding *law, const piece *at) {
+    double force = convex_at(&law->now, at->delta[0]).g, top = convex_at(&law->loading, law->deepest).g;
+    double depth = depth_at(release_at(&law->loading, law->most), top, law->loading.c);
+    law->now = law->loading;
+    law->reached = law->most;
+    law->deepest = INFINITY;
+    law->spread = law->shift = 0.0;
+    return (top - force) * (depth - at->delta[0]);
+}
+
+/* The laws in a piece, as their contacts load or unload; whether they are known. */
+static bool bound_contacts(enclosing *x) {
+    for (int c = 0; c < x->e->n_contacts; c++) {
+        yielding *law = x->laws + c;
+        piece *at = x->pieces + c;
+        bound_piece(&law->now, x->h, at);
+        if (at->high > law->deepest) {
+            x->energy += reload(law, at);
+            bound_piece(&law->now, x->h, at);
+        }
+        double energy = larger(x->bound, x->energy);
+        if (turns(law, at, x->far[c])) {
+            x->energy += unload(law, at, x->h, energy);
+            bound_piece(&law->now, x->h, at);
+        } else if (at->high + x->far[c] > law->deepest) {
+            double far = farther(&law->loading, law->deepest, energy, INFINITY);
+            if (whole_of(&law->loading, law->deepest + 1.2 * far) > law->most)
+                make_room(law, 2.0 * far);
+        }
+        if (!(law->spread < 0.5))
+            return false;
+    }
+    return true;
+}
+
+/* What a contact that may have yielded adds to the energy; its share in it; whether it is known. */
+static bool by_yielding(enclosing *x, int c, double assumed, double *grown, double *offset) {
+    const yielding *law = x->laws + c;
+    const piece *at = x->pieces + c;
+    const shape *first = &law->loading;
+    double far = x->far[c], near = x->near[c], forward = larger(at->fastest, 0.0);
+
+    if (law->deepest == INFINITY) {
+        double deep = larger(law->reached, whole_of(first, at->high + far)), room = 0.0;
+        if (!may_have_yielded(law, deep))
+            return true;
+        double more = above(first, larger(at->low - near, 0.0), deep, &room);
+        *grown += more * forward * x->h;
+        *offset += more * room;
+        return at->slowest >= 0.0;
+    }
+    double depth = law->deepest + farther(first, law->deepest, assumed, INFINITY);
+    if (at->high + far > law->deepest && whole_of(first, depth) > law->most)
+        return false;
+    double force = convex_at(&law->now, at->high).g;
+    double more = convex_at(&law->now, at->high + far).g - force;
+    double gap = larger(more, force - convex_at(&law->now, at->high - near).g);
+    double speed = larger(forward, -at->slowest);
+    *grown += law->spread * gap * x->h * (speed + 2.0 * forward);
+    return true;
+}
+
+/* At least the force at an indentation, and the slope. */
+static convex most_at(const yielding *law, double x, double energy) {
+    convex at = convex_at(&law->now, x);
+    if (x > law->deepest) {
+        double depth = law->deepest + farther(&law->loading, law->deepest, energy, INFINITY);
+        at.g = smaller(at.g, convex_at(&law->loading, depth).g);
+    }
+    return at;
+}
+
 /* The energy at the end of a piece, and the defects' share in it, if it is at most `assumed`. */
 static double implied(enclosing *x, double assumed, double source, double given, double *offset) {
     const aom_enclosure *e = x->e;
@@ -617,15 +663,20 @@ static double implied(enclosing *x, double assumed, double source, double given,
 
     *offset = 0.0;
     for (int c = 0; c < e->n_contacts; c++) {
-        const aom_law *law = e->laws + c;
+        const yielding *law = x->laws + c;
         const piece *at = x->pieces + c;
+        double tight = 1.0 - law->spread, energy = assumed / tight;
+        double loose = (1.0 + law->spread) / tight;
         double reach = root > 0.0 ? root * reach_of(e, c, x->integral / root + x->h) : 0.0;
-        double far = x->far[c] = farther(law, at->low, assumed, reach);
-        double near = x->near[c] = nearer(law, at->low, assumed, reach);
-        double most = larger(far, near);
-        if (at->high + far > convex_end(law))
+        double far = x->far[c] = farther(&law->now, at->low, energy, reach + law->shift);
+        double near = x->near[c] = nearer(&law->now, at->low, energy, reach + law->shift);
+        double most = larger(far, near) + law->shift, own = 1.0;
+        if (!by_yielding(x, c, assumed, &grown, offset))
             return INFINITY;
-        grown += growth(law, x->h, at, far, near, assumed, &factor) + at->drift * most;
+        if (most_at(law, at->high + far, assumed).g > law->limit)
+            return INFINITY;
+        grown += loose * growth(&law->now, x->h, at, far, near, energy, &own) + at->drift * most;
+        factor *= pow(own, loose);
         *offset += (at->defect + at->drift) * most;
     }
     root = sqrt(factor) * (sqrt(2.0 * (x->energy + *offset + grown)) + source);
@@ -669,9 +720,8 @@ static bool over_piece(enclosing *x, double jump) {
         at->jerk = 0.0;
         for (int j = 0; j < e->n_modes; j++)
             at->jerk += fabs(e->beta[c * e->n_modes + j]) * x->third[j];
-        bound_piece(e->laws + c, x->h, at);
     }
-    return bound_energy(x, source + driven(x), fed(x));
+    return bound_contacts(x) && bound_energy(x, source + driven(x), fed(x));
 }
 
 /* The largest force and error of the impulse in a piece. */
@@ -679,12 +729,17 @@ static void record_piece(const enclosing *x) {
     const aom_enclosure *e = x->e;
 
     for (int c = 0; c < e->n_contacts; c++) {
+        yielding *law = x->laws + c;
         const piece *at = x->pieces + c;
-        convex top = convex_at(e->laws + c, at->high + x->far[c]);
-        double inside = larger(x->far[c], smaller(x->near[c], larger(at->high, 0.0)));
-        double error = smaller(top.g, top.slope * inside) + at->defect + at->drift;
+        double low = at->low - x->near[c], high = at->high + x->far[c];
+        if (law->deepest == INFINITY)
+            law->reached = larger(law->reached, whole_of(&law->loading, high));
+
+        convex top = most_at(law, high, x->bound);
+        double inside = larger(x->far[c], smaller(x->near[c], larger(at->high - law->now.low, 0.0)));
+        double error = larger(smaller(top.g, top.slope * inside), below(law, low, x->bound));
         e->peak[2 * c + 1] = larger(e->peak[2 * c + 1], top.g);
-        e->impulse[2 * c + 1] += x->h * error;
+        e->impulse[2 * c + 1] += x->h * (error + at->defect + at->drift);
     }
 }
 
@@ -695,13 +750,15 @@ static void record_node(enclosing *x, int64_t node) {
 
     for (int c = 0; c < e->n_contacts; c++) {
         const piece *at = x->pieces + c;
-        const aom_law *law = e->laws + c;
+        const yielding *law = x->laws + c;
         double reach = root > 0.0 ? root * reach_of(e, c, x->integral / root) : 0.0;
-        double high = at->delta[1] + farther(law, at->delta[1], x->bound, reach);
-        double low = at->delta[1] - nearer(law, at->delta[1], x->bound, reach);
-        double least = convex_at(law, low).g;
-        e->upper[node * e->n_contacts + c] = convex_at(law, high).g;
-        e->lower[node * e->n_contacts + c] = least;
+        double energy = x->bound / (1.0 - law->spread), delta = at->delta[1];
+        double high = delta + farther(&law->now, delta, energy, reach + law->shift);
+        double low = delta - nearer(&law->now, delta, energy, reach + law->shift);
+        e->upper[node * e->n_contacts + c] = most_at(law, high, x->bound).g;
+        double least = convex_at(&law->now, low).g, back = below(law, low, x->bound);
+        e->lower[node * e->n_contacts + c] =
+            back > 0.0 ? larger(convex_at(&law->now, delta).g - back, 0.0) : least;
         e->peak[2 * c] = larger(e->peak[2 * c], least);
 
         double mean = at->force[1] - 0.5 * at->force_rate[1] * half + x->bend[c] * half * half / 6.0;

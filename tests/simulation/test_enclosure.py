@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.errors import InputError
+from antiosc.impact.enclosure import SHARE
+from paths import demo
 
 Array = NDArray[np.float64]
 DURATION = 2e-3
@@ -112,6 +114,70 @@ def test_the_true_force_lies_within_its_bounds(
     assert "proved between" in hit.summary()
 
 
+@pytest.mark.parametrize(
+    ("depth", "share", "compliance"), [(1.5, 0.0, 0.0), (8.0, 0.5, 2e-10), (40.0, 0.3, 0.0)]
+)
+def test_a_contact_that_yields_has_bounds(depth: float, share: float, compliance: float) -> None:
+    """Loading, unloading and the impulse, of a contact `depth` times as deep as at yield."""
+    proof = demo("proof")
+    model, matrices = model_of(False)
+    mass, speed, radius = 0.3, 1.0, 0.1
+    modulus = 0.75 * 1e9 / np.sqrt(radius)
+    elastic = (1.25 * mass * speed**2 / 1e9) ** 0.4
+    strength = modulus / np.pi * np.sqrt(elastic / radius / depth)
+    law = ao.ElasticPlastic(modulus, radius, strength, 0.3, share, compliance=compliance)
+    hit = ao.simulate(model, ao.RigidMass(mass, speed), law, DURATION, proof=True)
+    bounds = hit.enclosure
+
+    x, U = scipy.linalg.eigh(*(one.toarray() for one in matrices))
+    omega, root = np.append(np.sqrt(x), 0.0), np.sqrt(mass)
+    beta = np.append(-U[-1], 1 / root)[None]
+    v = np.append(0.0 * x, speed * root)
+    forces = proof.true_forces(
+        omega, 0.0 * omega, beta, v, [proof.Yielding(law)], compliance, DURATION
+    )[0]
+    assert forces.max() > 1.2 * law.yield_force
+
+    F = np.interp(bounds.time, np.linspace(0.0, DURATION, forces.size), forces)
+    slack = 1e-5 * forces.max()
+    assert np.all(bounds.lower - slack <= F)
+    assert np.all(bounds.upper + slack >= F)
+    low, high = bounds.peak
+    assert low - slack <= forces.max() <= high + slack
+    assert high - low < 0.1 * forces.max()
+    impulse = (forces.sum() - forces[-1] / 2) * DURATION / proof.STEPS
+    assert bounds.impulse[0] <= impulse <= bounds.impulse[1]
+
+
+def test_a_contact_that_yields_is_as_the_proof_takes_it() -> None:
+    """Convex loading, of falling curvature; deeper contacts are wider, and unload below the others.
+
+    The proof sees where two of them cross: up to 1.12 times the indentation at yield.
+    """
+    x = np.concatenate([np.linspace(1.0, 3.0, 400), np.geomspace(3.01, 1e5, 400)])
+    for share in (0.0, 0.3, SHARE):
+        law = demo("proof").Yielding(ao.ElasticPlastic(1e9, 0.1, 1e6, 0.3, share))
+        depths = x * law.y
+        force, slope = np.transpose([law.first(d) for d in depths])
+        assert law.first(law.y * (1 + 1e-12))[0] >= law.first(law.y)[0] * (1 - 1e-9)
+        assert law.first(law.y * (1 + 1e-12))[1] >= law.first(law.y)[1] * (1 - 1e-9)
+        bend = np.diff(slope) / np.diff(depths)
+        assert bend.min() > 0
+        assert np.all(np.diff(bend) < 1e-6 * bend[:-1])
+
+        rows = []
+        for d in depths:
+            law.press(d)
+            rows.append(law.back)
+        low, width, _, n = np.transpose(rows)
+        assert np.all(np.diff(width) > 0)
+        assert np.all(np.diff(n) < 0)
+        by_depth = np.gradient(low, depths)
+        falls = (1.25 - n) / (2 * depths) * width + n * by_depth >= 0
+        stiffer = n * force >= slope * width
+        assert np.all((falls & stiffer)[x > 1.12])
+
+
 def test_a_residual_that_is_too_small_is_seen() -> None:
     """The bounds hold for the residual of the model, and not for a hundredth of it."""
     model, matrices = model_of(False, n=6)
@@ -175,6 +241,7 @@ def test_a_ball_between_two_bars_has_bounds_of_both_forces() -> None:
     ("changes", "words"),
     [
         ({"contact": ao.laws.HuntCrossley(1e9, 0.7)}, "convex law"),
+        ({"contact": ao.ElasticPlastic(1e9, 0.1, 1e6, 0.3, 0.7)}, "stays elastic"),
         ({"model": model_of(False, damping=[0.01, 0.02])[0]}, "single modes"),
         ({"model": model_of(False, proof=False)[0]}, "residual is known"),
         (

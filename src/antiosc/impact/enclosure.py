@@ -48,8 +48,11 @@ OTHER = 1e-6
 #: Share of a modal amplitude that is rounding.
 REST = 1e-9
 UNDAMPED = Damping()
+#: Largest elastic share whose loading curve has a curvature that falls.
+SHARE = 0.6
+COVERED = (library.LINEAR, library.HERTZ, library.POWER, library.ELASTIC_PLASTIC)
 #: Laws that are Hertz's until they yield: stiffness and yield indentation come first.
-YIELDING = (library.THORNTON, library.YANG_SUN, library.ELASTIC_PLASTIC)
+YIELDING = (library.THORNTON, library.YANG_SUN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,18 +191,18 @@ def _check_run(assembly: Assembly, run: Run) -> None:
 
 
 def _law(law: ContactLaw) -> tuple[ContactLaw, float]:
-    """(convex law without memory, force [N] up to which it holds) of a contact."""
+    """(law of the proof, force [N] up to which it holds) of a contact."""
     kernel = packed(law)[0]
-    kind = kernel.kind
-    compliance = law.compliance
-    if kind in (library.LINEAR, library.HERTZ) or (kind == library.POWER and compliance == 0.0):
+    if getattr(law, "elastic_share", 0.0) > SHARE:
+        raise _refused(f"a side that stays elastic with at most {SHARE} of the flexibility.")
+    if kernel.kind in COVERED:
         return law, np.inf
-    if kind in YIELDING:
+    if kernel.kind in YIELDING:
         k, limit = cast(kernel.params, POINTER(c_double))[:2]
-        return Hertz(k, compliance), k * limit**1.5
+        return Hertz(k, law.compliance), k * limit**1.5
     raise _refused(
-        f"a convex law without memory and damping (Hertz, Linear, Power), and {type(law).__name__}"
-        " is none."
+        f"a convex law without damping (Hertz, Linear, Power, ElasticPlastic), and"
+        f" {type(law).__name__} is none."
     )
 
 
