@@ -294,7 +294,7 @@ class ModelErrors:
         if self.skipped == TRUSS:
             raise InputError(f"the error 'estimate' is of solids, beams and shells: {TRUSS}")
         if not self.skipped:
-            assert self._estimator
+            _ = self._estimator
 
     @cached_property
     def _estimator(self) -> Recovery | Division:
