@@ -39,7 +39,7 @@ def inertia_of(struck: StruckBeam, solved: Solved, shapes: Array) -> Inertia | N
 
 def anti_oscillators(struck: StruckBeam, n: int, x: ArrayLike = ()) -> AntiOscillators:
     """The beam's model with its shapes at the points x [m], Article (8), and its rigid motions."""
-    solved, _, phi, c = struck.observable(n)
+    solved, _, phi, c = struck._observable(n)
     shapes = np.column_stack((solved.static, c * phi))
     hidden = solved.hidden / math.sqrt(struck.beam.mass)
     inertia = inertia_of(struck, solved, np.column_stack((shapes, hidden)))
@@ -65,8 +65,8 @@ def modes(
     truncated modes is included.
     """
     points = np.atleast_1d(np.asarray(x, dtype=float))
-    rigid = min(struck.in_polynomials(0).rigid.shape[1], 1)
-    solved, omega, phi, b = struck.observable(n - rigid, held=False)
+    rigid = min(struck._in_polynomials(0).rigid.shape[1], 1)
+    solved, omega, phi, b = struck._observable(n - rigid, held=False)
     if rigid:
         swing = solved.static / math.sqrt(solved.m_st)
         phi = np.column_stack((swing, phi))
@@ -105,4 +105,4 @@ def frequencies(struck: StruckBeam, n: int, *, held: bool = False) -> Array:
     """The first n frequencies > 0 in rad/s, with the site `held` the antiresonances, those that the
     site does not see included.
     """
-    return struck.in_polynomials(n).lowest(n, held=held)[0] * struck.beam.omega_unit
+    return struck._in_polynomials(n).lowest(n, held=held)[0] * struck.beam.omega_unit

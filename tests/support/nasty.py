@@ -536,7 +536,7 @@ OWN: dict[str, dict[str, Any]] = {
     "Structure.from_matrices": {}, 
     "Structure.from_files": {"K": matrix_file, "M": matrix_file},
     "ModalBody": {"r": 1e-9},
-    "ModalBody.coordinates": {"force": 1.0}, "ModalBody.rigid_motion": {"velocity": 0.0},
+    "ModalBody.coordinates": {"force": [1.0]}, "ModalBody.rigid_motion": {"velocity": 0.0},
     "SiteModes.rigid_motion": {"velocity": 0.0},
     "ModalBody.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},
     "ModalBody.field": {"coordinates": [0.1, 0.2, 0.3]},

@@ -90,10 +90,9 @@ class UniformBeam:
         cls, *, E: float, rho: float, area: float, inertia: float, length: float
     ) -> UniformBeam:
         """The slender limit: rigid in shear, no rotary inertia (SI)."""
-        E = checks.positive("E", E, "Pa")
-        rho = checks.positive("rho", rho, "kg/m^3")
-        area = checks.positive("area", area, "m^2")
-        return cls(E * checks.positive("inertia", inertia, "m^4"), rho * area, length)
+        EI = checks.positive("E", E, "Pa") * checks.positive("inertia", inertia, "m^4")
+        rhoA = checks.positive("rho", rho, "kg/m^3") * checks.positive("area", area, "m^2")
+        return cls(EI, rhoA, length)
 
     @property
     def alpha(self) -> float:
@@ -122,7 +121,6 @@ class StruckBeam:
 
     Attributes
     ----------
-    beam : the uniform beam.
     left, right : "free", "pinned" (w = 0), "clamped" (w = θ = 0) or "guided" (θ = 0).
     site : distance of the impact site from the left end in m.
     """
@@ -147,18 +145,18 @@ class StruckBeam:
     @checks.within_range
     def static_stiffness(self) -> float:
         """k0 in N/m, Article (20): force per deflection at the site; 0 with a rigid-body mode."""
-        return self.in_polynomials(0).k0 * self.beam.EI / self.beam.length**3
+        return self._in_polynomials(0).k0 * self.beam.EI / self.beam.length**3
 
     @property
     @checks.within_range
     def static_mass(self) -> float:
         """m_st = M(φ_st, φ_st) in kg, with a rigid-body mode M(φ_CR, φ_CR)."""
-        return self.in_polynomials(0).m_st * self.beam.mass
+        return self._in_polynomials(0).m_st * self.beam.mass
 
     @checks.within_range
     def anti_oscillators(self, n: int) -> AntiOscillators:
         """The first n anti-oscillators that carry mass, Article (12), (15), (20), (23)."""
-        solved, omega, phi, c = self.observable(checks.whole("n", n, most=1000))
+        solved, omega, phi, c = self._observable(checks.whole("n", n, most=1000))
         m = c**2 * self.beam.mass
         moved = self.beam.mass * (solved.moved @ np.column_stack((solved.static, c * phi)))
         moved[0] -= moved[1:].sum()
@@ -170,17 +168,17 @@ class StruckBeam:
             participation=moved,
         )
 
-    def in_polynomials(self, count: int) -> Solved:
+    def _in_polynomials(self, count: int) -> Solved:
         """The beam with as many polynomials as its lowest `count` modes need."""
         site = self.site / self.beam.length
-        degrees = [math.ceil(EACH * count * share) + ENDING for share in (site, 1 - site)]
-        return Solved(self, (degrees[0], degrees[1]))
+        degrees = (math.ceil(EACH * count * share) + ENDING for share in (site, 1 - site))
+        return Solved(self, *degrees)
 
-    def observable(self, n: int, *, held: bool = True) -> tuple[Solved, Array, Array, Array]:
+    def _observable(self, n: int, *, held: bool = True) -> tuple[Solved, Array, Array, Array]:
         """(the beam, √Ω, shapes of unit mass, b or c) of the first n modes that the site sees."""
         count = n + 2
         while True:
-            solved = self.in_polynomials(count)
+            solved = self._in_polynomials(count)
             omega, phi = solved.lowest(count, held=held)
             share = (solved.mass @ solved.static if held else solved.at_site) @ phi
             seen = np.flatnonzero(share**2 > UNOBSERVABLE * (solved.m_st if held else 1.0))[:n]
@@ -199,11 +197,10 @@ class Solved:
     at_site, moved : (size,) deflection of the site, momentum across the beam.
     rigid, hidden : (size, r) M-orthonormal rigid-body modes, and those that leave the site at rest.
     static : (size,) φ_st, or with rigid-body modes the one that moves the site by 1.
-    deflection : (size,) under a unit force at the site, without rigid-body modes.
-    k0, m_st : stiffness and mass of `static`.
+    k0, m_st : those of `static`; deflection : (size,) that of a unit force, elastic alone.
     """
 
-    def __init__(self, struck: StruckBeam, degrees: tuple[int, int]) -> None:
+    def __init__(self, struck: StruckBeam, *degrees: int) -> None:
         beam, site = struck.beam, struck.site / struck.beam.length
         self._eta = beam.eta
         parts = zip((0.0, site), (site, 1 - site), degrees, strict=True)
@@ -271,30 +268,33 @@ class Solved:
         """(√Ω > 0 ascending, shapes of unit mass) of n modes, the site `held` or free."""
         rows = np.vstack((self._held, self.at_site)) if held else self._held
         N = null_space(rows) if len(rows) else np.eye(self.size)
-        rigid = (self.hidden if held else self.rigid).shape[1]
 
         # the rounding of 1/(Ω + s) is small at both ends of the spectrum with s between them
         shift = 3 * (max(n, 1) * math.pi) ** 2 / (1 + self._eta)
         M = N.T @ self.mass @ N
         A = N.T @ self.stiffness @ N + shift * M
-        most = len(M) - rigid
+        most = len(M) - (self.hidden if held else self.rigid).shape[1]
         theta, phi = scipy.linalg.eigh(M, A, subset_by_index=[most - n, most - 1])
         phi = N @ (phi / np.sqrt(theta))[:, ::-1]
         return np.sqrt(1 / theta - shift)[::-1], phi
 
 
 def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
-    """Pinned at x = 0, free at x = L, struck at `site` (m), the free tip unless given: Article (24)
-    to (27).
-    """
-    return StruckBeam(beam, "pinned", "free", beam.length if site is None else site)
+    """Pinned at x = 0, free at x = L, struck at `site` (m) or at the tip: Article (24)-(27)."""
+    return StruckBeam(beam, "pinned", "free", _site(beam, 1.0, site))
 
 
 def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     """Pinned at both ends, struck at `site` (m), mid-span unless given."""
-    return StruckBeam(beam, "pinned", "pinned", beam.length / 2 if site is None else site)
+    return StruckBeam(beam, "pinned", "pinned", _site(beam, 0.5, site))
 
 
 def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     """Clamped at x = 0, struck at `site` (m), the free tip unless given: 1/k0 = a³/3EI + a/kGA."""
-    return StruckBeam(beam, "clamped", "free", beam.length if site is None else site)
+    return StruckBeam(beam, "clamped", "free", _site(beam, 1.0, site))
+
+
+def _site(beam: UniformBeam, share: float, site: float | None) -> float:
+    """The site that is given, or that at this share of the length."""
+    length = checks.instance("beam", beam, UniformBeam, "a UniformBeam").length
+    return share * length if site is None else site
