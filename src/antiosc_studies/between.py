@@ -55,6 +55,7 @@ def contact_between(
         Surfaces that are unknown, that fit into each other, or that are both rigid.
     """
     surface = _surface_of(part, at)
+
     if radius is not None:
         curvature = 1 / checks.positive("radius", radius, "m")
         surface = replace(
@@ -63,6 +64,7 @@ def contact_between(
     elif surface.kind in SHARP:
         point = checks.point_text(np.asarray(getattr(at, "point", at)))
         raise InputError(f"the part has a sharp {surface.kind} at {point}: give a radius.")
+
     if not isinstance(other, Floor):
         return choose(surface, _other(other, at)).law
     if other.law is not None:
@@ -102,6 +104,7 @@ def _surface_of(body: Structure | Body, at: object) -> Surface:
             f"the material and the curvature of {checks.shown(body)} are not known there: give the "
             "law of the contact."
         )
+
     return surface
 
 

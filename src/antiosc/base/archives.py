@@ -52,6 +52,7 @@ def read_arrays(path: Path, largest: int, what: str, kinds: str = "fiuU") -> Arr
                 return {m.filename.removesuffix(".npy"): _array(archive, m, kinds) for m in members}
     except Exception:  # NumPy and zipfile raise what they like on foreign bytes
         raise InputError(f"{path} is not {what}, or it is damaged.") from None
+
     raise InputError(
         f"{path} holds {len(members)} arrays of {size} bytes; {what} has at most {_MEMBERS}, and"
         f" {largest} bytes."

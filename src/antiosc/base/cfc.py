@@ -55,6 +55,7 @@ def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
         raise InputError(
             f"{name} needs at least {LEAST_RATE * cfc:g} samples a second; got {1 / step:.4g}."
         )
+
     from scipy.signal import lfilter  # which takes long to load
 
     wa = tan(pi * CORNER * cfc * step)

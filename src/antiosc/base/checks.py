@@ -81,6 +81,7 @@ def number(name: str, value: object, unit: str = "") -> float:
             f"{name} must be 0 or between {SMALLEST:g} and {LARGEST:g} in magnitude"
             f"{_unit_text(unit)}; got {result:g}."
         )
+
     return result
 
 
@@ -90,6 +91,7 @@ def _as_float(name: str, value: object, unit: str) -> float:
         value = value[()]
     if isinstance(value, _NO_NUMBERS) or not isinstance(value, Real):
         raise InputError(f"{name} must be a number{_unit_text(unit)}; got {shown(value)}.")
+
     try:
         return float(value)
     except (ValueError, OverflowError):
@@ -121,6 +123,7 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
     """`value` as an int from `least` to `most`, or InputError; 2.0 is taken as 2."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
+
     sound = type(value) is int or (
         isinstance(value, Real)
         and not isinstance(value, _NO_NUMBERS)
@@ -130,6 +133,7 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
         raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
     if result > most:
         raise InputError(f"{name} must be at most {most}; got {shown(value)}.")
+
     return result
 
 
@@ -151,6 +155,7 @@ def poisson(value: object, name: str = "nu") -> float:
             f"{name} must lie in -1 < {name} < 0.5 (0.5 is incompressible and has no finite"
             f" stiffness here); got {result:g}."
         )
+
     return result
 
 
@@ -176,8 +181,10 @@ def floats(name: str, value: object, shape: tuple[int | None, ...] | None) -> Ar
         result = _numbers(name, value, "iuf")
         with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused below
             result = np.asarray(result, dtype=float)
+
     if shape is not None:
         _check_shape(name, result, shape)
+
     # NaN, too; |result| would be another array as large as the shapes of a model
     if result.size and not max(float(result.max()), -float(result.min())) <= LARGEST:
         bad = np.count_nonzero(~np.isfinite(result))
@@ -187,6 +194,7 @@ def floats(name: str, value: object, shape: tuple[int | None, ...] | None) -> Ar
             f"{name} must not exceed {LARGEST:g} in magnitude; its largest entry is "
             f"{np.abs(result).max():g}."
         )
+
     return result
 
 
@@ -215,6 +223,7 @@ def positives(name: str, value: object, unit: str = "") -> Array:
             f"every {name} must be > 0; {name}[{worst}] = {result[worst]:g} is below"
             f" {SMALLEST:g}{_unit_text(unit)}."
         )
+
     return result
 
 
@@ -293,6 +302,7 @@ def name(what: str, value: object) -> str:
         raise InputError(
             f"{what} must have at most {LONGEST_NAME} letters; {shown(result)} has {len(result)}."
         )
+
     return result
 
 
@@ -321,6 +331,7 @@ def new_file(name: str, value: object) -> Path:
             f"{name} must be the name of a file; {shown(str(target))} is a folder: give a "
             "name in it."
         )
+
     return target
 
 
@@ -348,11 +359,13 @@ def list_of(name: str, value: object, kind: type[C] | tuple[type[C], ...], what:
     items = [value] if isinstance(value, kind) else value
     if not isinstance(items, Sequence) or isinstance(items, str):
         items = [value]
+
     for item in items:
         if not isinstance(item, kind):
             raise InputError(
                 f"{name} must be a list of {what}; got {type(item).__name__} {shown(item)} in it."
             )
+
     return list(items)
 
 
@@ -393,12 +406,15 @@ def shown(value: object) -> str:
     """`value` in a message: one short line."""
     if isinstance(value, np.ndarray) and value.ndim:
         return f"an array of shape {value.shape} and type {value.dtype}"
+
     try:
         line = " ".join(_repr.repr(value).split())
     except Exception:  # a foreign object's repr, or an int of more than 4300 digits
         return f"an object of type {type(value).__name__}"
+
     if len(line) <= 80:
         return line
+
     return f"an object of type {type(value).__name__}"
 
 
@@ -423,10 +439,12 @@ def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     expected = "an array of numbers" if "c" in kinds else "an array of real numbers"
     if _masked(value):
         raise InputError(f"{name} must be {expected}; got {shown(value)}.")
+
     try:
         result = np.asarray(value)
     except Exception:  # ragged lists, and foreign objects whose __array__ raises what it likes
         raise InputError(f"{name} must be {expected}; got {shown(value)}.") from None
+
     if result.dtype.kind not in kinds:
         raise InputError(f"{name} must be {expected}; got {shown(value)}.")
     return result

@@ -128,6 +128,7 @@ def warn(message: str, category: type[Warning] | None = None) -> None:
     if taker is not None:
         taker(Message(message, kind))
         return
+
     warnings.warn(str(message), kind, stacklevel=1 + _frames_to_caller())
 
 
@@ -146,6 +147,7 @@ def _frames_to_caller() -> int:
             return count
         frame = frame.f_back
         count = count + 1
+
     return count
 
 
@@ -168,6 +170,7 @@ def without_warnings() -> AbstractContextManager[None]:
 def warnings_of_last() -> Iterator[Callable[[], None]]:
     """Context of several trials; what it yields drops the warnings of those before the last."""
     messages: list[str] = []
+
     try:
         with warnings_to(messages.append):
             yield messages.clear
@@ -211,7 +214,9 @@ def name_list(wanted: object, names: Iterable[str], what: str) -> str:
     sorted_names = sorted(names)
     if len(sorted_names) <= FEW_NAMES:
         return f"{what} are: {', '.join(map(repr, sorted_names)) or 'none'}"
+
     lowered = {name.lower(): name for name in sorted_names}
     similar = difflib.get_close_matches(str(wanted).lower(), lowered, NEAREST, cutoff=0.0)
     nearest = ", ".join(repr(lowered[name]) for name in similar)
+
     return f"the nearest of {what} ({len(sorted_names)}) are: {nearest}"

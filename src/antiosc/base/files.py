@@ -39,6 +39,7 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
         target = Path(os.path.realpath(checks.path("path", path)))
         old_status = _regular_status(target, path, what)
         part = _temporary(target, old_status)
+
         try:
             yield part
             _sync(part)
@@ -64,6 +65,7 @@ def check_readable(path: Path, what: str) -> None:
         size = path.stat().st_size
     except OSError as error:
         raise InputError(f"cannot read {path.name}: {error.strerror or error}.") from error
+
     if not 0 < size <= LARGEST_READ:
         raise InputError(
             f"{path.name} has {size} bytes; {what} has 1 to {LARGEST_READ:g} bytes: cut it to what"
@@ -96,6 +98,7 @@ def _regular_status(target: Path, path: str | os.PathLike[str], what: str) -> os
         old_status = target.lstat()  # links are resolved: a remaining one is circular
     except FileNotFoundError:
         return None
+
     if not stat.S_ISREG(old_status.st_mode):
         kind = "a folder" if stat.S_ISDIR(old_status.st_mode) else "not a regular file"
         raise InputError(
@@ -103,6 +106,7 @@ def _regular_status(target: Path, path: str | os.PathLike[str], what: str) -> os
         )
     if not os.access(target, os.W_OK):
         raise InputError(f"cannot write {what} to {os.fspath(path)!r}: it is write-protected.")
+
     return old_status
 
 
@@ -112,6 +116,7 @@ def _temporary(target: Path, old: os.stat_result | None) -> Path:
     part = part_name(target, suffix)
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_CLOEXEC", 0)
     handle = os.open(part, flags, 0o666 if old is None else 0o600)
+
     try:
         if old is not None and hasattr(os, "fchown"):  # not on Windows
             with contextlib.suppress(PermissionError):  # root alone may give files away
@@ -119,6 +124,7 @@ def _temporary(target: Path, old: os.stat_result | None) -> Path:
             os.fchmod(handle, stat.S_IMODE(old.st_mode))
     finally:
         os.close(handle)
+
     return part
 
 

@@ -62,9 +62,11 @@ class MaterialRecord:
         if self.tensile is not None:
             low, high = (engineering(bound, "Pa") for bound in self.tensile)
             strength = f"no yield, cracks in tension from {low} to {high} on"
+
         if self.yield_range is not None:
             low, high = (engineering(bound, "Pa") for bound in self.yield_range)
             strength = f"{engineering(self.yield_strength or 0.0, 'Pa')} ({low} to {high})"
+
         return f"{engineering(modulus, 'Pa')}, {self.rho:g} kg/m³, {strength}"
 
 
@@ -78,9 +80,11 @@ def record(name: object) -> MaterialRecord:
     for candidates in (exact, matches):
         if len(candidates) == 1:
             return _read(candidates[0], _table()["material"][candidates[0]])
+
     fault = f"no material; {name_list(wanted, all_names, 'the materials')}"
     if matches:
         fault = f"the name of several materials: take one of {', '.join(map(repr, matches))}"
+
     raise InputError(f"{wanted!r} is {fault}, or give the constants E, nu, rho and yield_strength.")
 
 

@@ -129,6 +129,7 @@ def patch_doubt(radius: float, extent: float) -> str:
         )
     if radius >= SMALLEST_PATCH * extent:
         return ""
+
     return (
         f"the radius {radius:g} m of the site is less than {SMALLEST_PATCH:g} of the part, which"
         f' measures {extent:.3g} m: a mesh in millimetres is read with the unit "mm".'
@@ -149,6 +150,7 @@ def impact_doubt(model: object, movers: Iterable[object], *velocities: object) -
             f"of about {speed / wave:.2g} E, more than {LINEAR:g} E, up to which a solid is "
             "linear: E is in Pa, rho in kg/m³, velocities in m/s."
         )
+
     if speed > FASTEST_WAVE:
         raise InputError(sentence)
     return sentence
@@ -159,6 +161,7 @@ def _fastest(velocity: object) -> float:
     value = getattr(velocity, "velocity", velocity)
     if type(value) is float:  # of most impacts, which take 0.2 ms
         return abs(value) if isfinite(value) else 0.0
+
     try:
         values = np.asarray(value)
     except ValueError:  # a list of unlike rows

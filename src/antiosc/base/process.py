@@ -71,6 +71,7 @@ def restored() -> Iterator[None]:
         former = locale.setlocale(locale.LC_ALL)
         path = list(sys.path)
         sys.path.extend(entry for entry in _appended if entry not in path)
+
         try:
             yield
         finally:
@@ -108,6 +109,7 @@ def quiet(*names: str) -> Iterator[None]:
     filters = _BelowWarning()
     for logger in loggers:
         logger.addFilter(filters)
+
     try:
         yield
     finally:
@@ -128,6 +130,7 @@ class _BelowWarning(logging.Filter):
 def loading() -> Iterator[None]:
     """Context for imports of packages: in `/` and with a home folder, for the whole process."""
     _give_home()
+
     with _lock:
         try:
             working_folder = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
@@ -298,6 +301,7 @@ def blas_threads(fronts: Array) -> Iterator[int | None]:
     if blas is None:
         yield None
         return
+
     with one_thread():
         limit = min(blas.before, cores() - 1) if len(blas.users) == 1 else 1
         threads = useful_threads(fronts, limit)
@@ -324,6 +328,7 @@ def free_memory() -> float:
     for line in _lines("/proc/meminfo"):
         if line.startswith("MemAvailable:"):
             free = 1024 * float(line.split()[1])
+
     limit, used, stat = (_lines(f"{CONTAINER}/memory.{x}") for x in ("max", "current", "stat"))
     if limit and used and limit[0].isdigit():
         # the kernel gives up cached files first

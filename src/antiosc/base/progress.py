@@ -79,6 +79,7 @@ def following(tell: Callable[[str], None]) -> Iterator[None]:
 def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
     """Show how many of `total` are done; yields a function of the number done."""
     shown_time = time.monotonic()
+
     with doing(text, rank) as report:
 
         def done(count: int) -> None:
@@ -123,6 +124,7 @@ def world_rank() -> int:
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi is not None:
         return int(mpi.COMM_WORLD.rank)
+
     rank_text = next((os.environ[name] for name in RANK if name in os.environ), "0")
     if rank_text.isdigit():
         return int(rank_text)

@@ -53,6 +53,7 @@ def hill_index(s: Array, X: tuple[float, float], Y: tuple[float, float], S: floa
     shear = s[..., 5]
     x = np.where(sigma1 < 0, X[1], X[0])
     y = np.where(sigma2 < 0, Y[1], Y[0])
+
     return np.asarray(
         (sigma1 / x) ** 2 - sigma1 * sigma2 / x**2 + (sigma2 / y) ** 2 + (shear / S) ** 2
     )
@@ -91,6 +92,7 @@ def tensors(name: str, value: object) -> Array:
         return array
     if array.ndim and array.shape[-1] == 6:
         return tensors_of(array)
+
     raise InputError(
         f"{name} must hold tensors (..., 3, 3), as probe returns them, or six components "
         f"(..., 6) in the order 11, 22, 33, 23, 13, 12; got shape {array.shape}."
@@ -162,6 +164,7 @@ def principal_ends(components: Array) -> tuple[Array, Array]:
     angle = np.arccos(np.clip(determinant / 2, -1, 1)) / 3
     highest = mean + 2 * size * np.cos(angle)
     lowest = mean + 2 * size * np.cos(angle + 2 * np.pi / 3)
+
     return highest, lowest
 
 
@@ -243,10 +246,12 @@ def exposure(criterion: str, strengths: Strengths, s: Array) -> Array:
         X = (strengths.X_t, strengths.X_c)
         Y = (strengths.Y_t, strengths.Y_c)
         return np.asarray(np.sqrt(np.maximum(hill_index(s, X, Y, strengths.S), 0.0)))
+
     a = sigma1 / np.sqrt(strengths.X_t * strengths.X_c)
     b = sigma2 / np.sqrt(strengths.Y_t * strengths.Y_c)
     square = a**2 + b**2 - a * b + (shear / strengths.S) ** 2
     linear = sigma1 * (1 / strengths.X_t - 1 / strengths.X_c) + sigma2 * (
         1 / strengths.Y_t - 1 / strengths.Y_c
     )
+
     return np.asarray(linear / 2 + np.sqrt(linear**2 / 4 + square))

@@ -57,6 +57,7 @@ class ReprMixin:
         facts = [(name, text) for name, value in fields if (text := value_text(value))]
         if len(facts) <= LINES:
             return facts
+
         hidden_names = ", ".join(name for name, _ in facts[LINES - 1 :])
         return [*facts[: LINES - 1], ("and", hidden_names)]
 
@@ -65,6 +66,7 @@ class ReprMixin:
             facts = [(name, _truncated(text)) for name, text in self._facts()[:LINES]]
         except (AntioscError, AttributeError):  # an object of which not everything is known
             facts = []
+
         width = max((len(name) for name, _ in facts), default=0)
         rows = [f"  {name:<{width}}  {value}" for name, value in facts]
         return "\n".join([type(self).__name__, *rows])
@@ -102,6 +104,7 @@ class Result(ReprMixin):
         single_values = {
             name: _json(value) for name, value in values.items() if isinstance(value, single)
         }
+
         return {**single_values, "status": _json(self.status), "message": self.message}
 
 
@@ -164,9 +167,11 @@ def _field_text(value: object) -> str:
         return f"({len(value)} entries)"
     if isinstance(value, ReprMixin) or callable(value):
         return getattr(value, "__name__", type(value).__name__)
+
     text = repr(value)
     if len(text) <= WIDTH and "\n" not in text:
         return text
+
     return type(value).__name__
 
 
@@ -192,6 +197,7 @@ def value_text(value: object) -> str:
     if isinstance(value, dict | list | tuple):
         names = ", ".join(map(str, value)) if isinstance(value, dict) else ""
         return names or f"{len(value)} entries"
+
     return type(value).__name__
 
 
@@ -201,9 +207,11 @@ def array_text(values: NDArray[np.generic]) -> str:
         return f"array {values.shape}"
     if values.size <= 3 and values.ndim == 1:
         return ", ".join(f"{v:.6g}" for v in values)
+
     known = values[~np.isnan(values)] if values.dtype.kind == "f" else values
     if not known.size:
         return f"{values.shape}, no value"
+
     missing = values.size - known.size
     lacking = f", {missing} without a value" if missing else ""
     return f"{values.shape}, {np.min(known):.4g} to {np.max(known):.4g}{lacking}"
@@ -227,14 +235,18 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     value = float(value)
     if not isfinite(value):
         return "–"
+
     if unit == "kg" and 0 < abs(value) < 1:
         value = 1e3 * value
         unit = "g"
+
     if unit == "m/s" and 0 < abs(value) < 0.1:
         value = 1e3 * value
         unit = "mm/s"
+
     if value == 0:
         return f"0 {unit}".rstrip()
+
     rounded = float(f"{value:.{digits - 1}e}")
     prefixed = unit in PREFIXED or unit.startswith("N")
     power = 3 * floor(log10(abs(rounded)) / 3 + 1e-12) if prefixed else 0

@@ -92,6 +92,7 @@ class DampingMatrix(ReprMixin):
                 )
             branch_factor = _factor("the matrix of a branch", branch[0], factor.shape[1])
             factors.append((branch_factor, checks.positive("tau", branch[1], "s")))
+
         _store_factors(self, factor, factors)
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -151,6 +152,7 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
     checked_matrix = checks.floats(name, matrix, (size, size))
     if checked_matrix.shape[0] != checked_matrix.shape[1]:
         raise InputError(f"{name} must be square; got shape {checked_matrix.shape}.")
+
     scale = np.sqrt(np.maximum(checked_matrix.diagonal(), 0.0))
     unit, uneven = checks.scaled_symmetric(checked_matrix, scale)
     values, vectors = np.linalg.eigh(unit)
@@ -160,6 +162,7 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
             f"{name} must be symmetric and positive semidefinite, as dashpots and springs make it;"
             f" its least eigenvalue is {smallest:.2g} of its diagonal: it would add energy."
         )
+
     is_positive = values > 1e-15 * len(values)
     return np.asarray((vectors[:, is_positive] * np.sqrt(values[is_positive])).T * scale)
 
@@ -213,6 +216,7 @@ class FirstOrder:
         rate = receptances[..., None] * (
             undamped * s[..., None] - (self.omega**2)[:, None] * b_at_v
         )
+
         return np.asarray(b_at_q.T @ a + b_at_v.T @ rate)
 
 
@@ -254,6 +258,7 @@ class StackedModes:
             else:
                 projected = values[:, free] @ first.at_q
                 rows_of_modes[:, :, span] = projected.reshape(-1, 2, first.omega.size)
+
         return rows_of_modes.reshape(len(values), 2 * size)
 
     def state(self, q: Array, v: Array) -> Array:
@@ -270,6 +275,7 @@ class StackedModes:
             elif q[free].any() or v[free].any():
                 state = np.concatenate((q[free], v[free]))
                 states[:, span] = (first.inverse @ state).reshape(2, -1)
+
         return states
 
     def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
@@ -285,6 +291,7 @@ class StackedModes:
             q[:, free] = states @ first.at_q.T
             v[:, free] = states @ first.at_v.T
             deceleration[:, free] = states @ first.deceleration.T
+
         return q, v, deceleration
 
     def springs(self, a: Array, b: Array) -> list[list[Array]]:
@@ -326,11 +333,13 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
             best = modes
         if worst <= EXACT:
             break
+
     if best is None or worst > INEXACT:
         raise AccuracyError(
             f"the first-order modes of the damped model are off by {worst:.2g} (limit {INEXACT:g}):"
             " rounding does not tell their poles apart; change the damping by a per cent."
         )
+
     return best
 
 
@@ -356,6 +365,7 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     total = undamped.size + w.size
     first = np.concatenate((np.arange(free), total + np.arange(free)))
     second = np.concatenate((free + np.arange(size), total + free + np.arange(size)))
+
     states = np.zeros((2 * J, 2 * total))
     dual = np.zeros((2 * J, 2 * total))
     for half in range(2):  # of undamped modes a is the displacement, b its rate
@@ -363,6 +373,7 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
         dual[half * J + undamped, first[(1 - half) * free : (2 - half) * free]] = 1.0
         states[np.ix_(half * J + coupled, second)] = S[half * k : (half + 1) * k]
         dual[np.ix_(half * J + coupled, second)] = JS[half * k : (half + 1) * k]
+
     deceleration = np.zeros((J, 2 * total))
     deceleration[np.ix_(coupled, second)] = braked
     springs = []
@@ -375,6 +386,7 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
         )
         springs.append(by_mode)
         row = end
+
     shapes = scipy.linalg.block_diag(rotation, rotation)
     w = np.append(omega[undamped], w)
     d = np.append(np.zeros(free), d)
@@ -416,17 +428,20 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     Z = Z.astype(complex)
     for cluster in _real_clusters(poles):
         poles[cluster], Z[:, cluster] = _in_subspace(A, sign, poles[cluster], Z[:, cluster])
+
     Y = np.zeros((2 * k + tau.size, len(A)), dtype=complex)
     Y[:k] = Z[v] / poles
     Y[k : 2 * k] = Z[v]
     Y[elastic_modes] = Z[q] / omega[elastic_modes, None]
     Y[2 * k :] = L @ Y[:k] - Z[y]
+
     pairs: list[tuple[float, float, Array, Array]] = []
     plus: list[tuple[float, Array]] = []
     minus: list[tuple[float, Array]] = []
     for group in _equal_poles(poles):
         pole = poles[group].mean()
         gram = Z[:, group].T @ (sign[:, None] * Z[:, group]) / pole
+
         if pole.imag > 0:
             # sqrtm of SciPy before 1.11 may return long doubles, which inv refuses
             root = scipy.linalg.sqrtm(gram).astype(complex) if len(group) > 1 else np.sqrt(gram)
@@ -440,12 +455,14 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
             vectors_of_group = Y[:, group].real @ (vectors / np.sqrt(np.abs(values)))
             for value, column in zip(values, vectors_of_group.T, strict=True):
                 (plus if value > 0 else minus).append((min(float(pole.real), 0.0), column))
+
     for j in np.flatnonzero(omega == 0):  # a braked motion comes to rest anywhere
         column = np.zeros(len(Y))
         column[j] = 1.0
         column[2 * k :] = L[:, j]
         deceleration = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
         plus.append((0.0, column / np.sqrt(deceleration)))
+
     pairs += _paired_poles(plus, minus, float(np.abs(poles).max(initial=1.0)))
     w = np.array([pair[0] for pair in pairs])
     d = np.array([pair[1] for pair in pairs])
@@ -481,6 +498,7 @@ def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Num
     values, rotation = np.linalg.eigh(basis.T @ (sign[:, None] * basis))
     if size != poles.size or values[0] * values[-1] <= 0:
         return poles, Z
+
     scale = np.sqrt(np.abs(values))
     reduced = rotation.T @ T[:size, :size] @ rotation * scale[:, None] / scale
     eigenvalues, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
@@ -498,6 +516,7 @@ def _equal_poles(poles: Numbers) -> list[list[int]]:
                 break
         else:
             groups.append([i])
+
     return groups
 
 
@@ -522,8 +541,10 @@ def _paired_poles(
         else:
             slow, slow_shape = unpaired.pop(slower)
             add(slow, fast, slow_shape, column)
+
     for slow, column in unpaired:
         add(slow, 2 * slow if slow < 0 else -fastest, column, np.zeros(column.size))
+
     return pairs
 
 
@@ -538,4 +559,5 @@ def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -
     error = float(np.abs((receptance - exact) / np.outer(scale, scale)).max(initial=0.0))
     if np.isfinite(error):
         return error
+
     return np.inf

@@ -38,12 +38,14 @@ def settle(system: System) -> tuple[Array, Array]:
     size = float(np.abs(load).max())
     if size == 0.0 and not np.any(-gap > 0):
         return q, force
+
     # an elastic mode's own deflection is the first guess
     q[~rigid] = load[~rigid] / square[~rigid]
     typical = np.abs(beta).max() ** 2
     stiff = max(float(square.max(initial=0.0)), typical)
     damp = 1e-6 * stiff
     W, force, slope = _closed_contacts(laws, states, beta @ q - gap, system.R[:p, :p], force)
+
     value = 0.5 * square @ q**2 - load @ q + W
     for _ in range(_ITERATIONS):
         residual = load - square * q - beta.T @ force
@@ -63,6 +65,7 @@ def settle(system: System) -> tuple[Array, Array]:
             damp *= 10
             if damp > 1e30 * stiff:
                 break
+
         stalled = np.abs(step).max() <= 1e-15 * np.abs(new).max()
         q = new
         force = new_force
@@ -73,6 +76,7 @@ def settle(system: System) -> tuple[Array, Array]:
         damp = max(damp / 10, 1e-18 * stiff)
         if np.abs(q).max() > 1e12:
             break
+
     free = np.flatnonzero(np.abs(residual) > 1e-9 * scale)
     raise InputError(
         f"the scene has no static equilibrium to start from: {free.size} of its motions stay out of"
@@ -110,6 +114,7 @@ def set_initial_forces(
 
     delta = np.maximum(free - R @ system.pressed, 0.0)
     system.depth[:] = np.maximum(system.depth, delta)
+
     if cut is not None:  # it may lie between two nodes
         rate = system.free_rows(system.q, system.v)[1].tolist()
         contacts = list(cut[0])
@@ -140,6 +145,7 @@ def _closed_contacts(
             force[c] = new
         if change <= 1e-14 * float(np.abs(force).max()) or not np.any(R):
             break
+
     delta = free - R @ force
     slopes = np.array(
         [law.tangent(float(delta[c]), 0.0, states[c])[0] for c, law in enumerate(laws)]

@@ -106,6 +106,7 @@ class CallbackLaw:
             self.error.__cause__ = None if self.error is error else error
         except BaseException as error:  # Ctrl-C: raised once the march has returned
             self.error = error
+
         return int(self.error is not None)
 
 

@@ -189,9 +189,11 @@ class System:
         first = self.first
         if first is None:
             return self
+
         size = first.omega.size
         rows = first.rows(self.beta)
         q, v = first.state(self.q, self.v)
+
         return replace(
             self,
             omega=first.omega,
@@ -310,6 +312,7 @@ def posed(
     system = System(omega, decay, beta, R, breaks, loads, gaps, laws, contacts, q, v, first=first)
     if tangents is not None:
         system.tangents[...] = tangents
+
     return system
 
 
@@ -332,10 +335,12 @@ class PackedSystem:
         bodies = b"".join([array.tobytes() for array in self.numbers[:4]])
 
         gamma = None
+
         if s.gamma is not None:
             gamma = library.address(s.gamma)
             bodies += s.gamma.tobytes()
             self.gamma = s.gamma  # it lasts as long as the addresses
+
         if s.cubic is not None:  # the memory of the march is laid out for them
             bodies += len(s.cubic).to_bytes(2, "little")
         self.key: Key = p, m, size, bodies
@@ -376,6 +381,7 @@ class PackedSystem:
                 contact.state = library.address(state)
                 contact.closed = earlier.closed
                 states.append(state)
+
         return states
 
     def failed(self) -> None:

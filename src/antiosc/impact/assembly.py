@@ -54,11 +54,13 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
     system.mass[:] = [effective_mass(beta, system.omega) for beta in system.beta[:p]]
     forces = np.zeros(p)
     closing = _largest_component(system.beta[:p], modal[None])
+
     if system.loads.any():
         # bodies at rest are set in motion by the others, at their speed, or by the loads
         forces = _largest_component(system.beta[:p], system.loads)
         falling = np.sqrt(2 * forces * np.maximum(gaps, 1e-3 * duration**2 * forces))
         closing = np.maximum(closing, np.minimum(falling, forces * duration))
+
     highest_speed = float(closing.max())
     if highest_speed == 0.0:
         system.depth[:] = system.speed[:] = 1e-300
@@ -66,6 +68,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
             if contact.friction > 0:
                 system.slip[c] = contact.friction, contact.tangential_stiffness or 1.0
         return duration / 16
+
     system.speed[:] = np.where(closing > 1e-6 * highest_speed, closing, highest_speed)
     shortest = duration / 2
     for c, law in enumerate(system.laws):
@@ -80,6 +83,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
         system.depth[c] = depth
         if scene.contacts[c].friction > 0:
             system.slip[c] = _friction(scene.contacts[c], law, blow, float(local[c]))
+
     return shortest
 
 
@@ -123,6 +127,7 @@ def effective_mass(beta: Array, omega: Array) -> float:
     inertia = float(deflection @ deflection)
     if inertia > 0:
         mobility += float(b @ deflection) ** 2 / inertia
+
     return 1 / mobility if mobility > 0 else 1.0
 
 
@@ -130,12 +135,14 @@ def _largest_component(beta: Array, modal: Array) -> Array:
     """Largest |beta modal| (p,) over rows (K, J); where terms cancel, a tenth of their sum."""
     direct = abs(modal @ beta.T)
     parts = abs(modal) @ abs(beta).T
+
     if len(modal) > 1:
         direct = direct.max(axis=0)
         parts = parts.max(axis=0)
     else:
         direct = direct[0]
         parts = parts[0]
+
     return np.where(direct > 1e-9 * parts, direct, 0.1 * parts)
 
 
@@ -150,6 +157,7 @@ def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[Contac
             f"{law.theory} of {a!r} - {b!r} is taken as given, beside the half-space compliance"
             f" {local:.4g} m/N that the patches give way by."
         ]
+
     return reduced_law, [
         f"The half-space compliance {local:.4g} m/N of the patches was subtracted from {law.theory}"
         f" of {a!r} - {b!r}, so that the indentation is counted once."
@@ -240,6 +248,7 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
     stretches = any(stretch_of(body) is not None for body in scene.bodies.values())
     if stretches and not stretch:
         refuse_stretch(scene.bodies)
+
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     stacked = scene_parts.stacked_bodies(bodies)
     find = scene_parts.find_site
@@ -260,6 +269,7 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
         normal.append(row)
         tangential += sides
         gap.append(a[0].gap + b[0].gap if contact.gap is None else contact.gap)
+
     G = np.array(normal + tangential)
     gaps = np.append(gap, np.zeros(len(tangential)))
     breaks, loads, offsets = scene_parts.load_series(scene, bodies, stacked, G, gaps, duration)
@@ -303,4 +313,5 @@ def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw]
         law, law_notes = without_patch(contact.law, local, contact.a, contact.b)
         laws.append(law)
         notes += law_notes
+
     return laws, notes

@@ -145,9 +145,11 @@ class Sphere(FieldsRepr, Body):
             raise InputError("a Sphere needs rho or mass, one of them, or a material.")
         if material is None and (E is None or nu is None):
             raise InputError("a Sphere needs E and nu, or the name of a material.")
+
         radius = checks.positive("radius", radius, "m")
         if mass is not None:
             rho = checks.positive("mass", mass, "kg") / (4 / 3 * pi * radius**3)
+
         modulus = None if E is None else checks.positive("E", E, "Pa")
         ratio = None if nu is None else checks.poisson(nu)
         matter = matter_of(material, modulus, ratio, yield_strength)
@@ -159,6 +161,7 @@ class Sphere(FieldsRepr, Body):
             material=matter,
             **_constants(matter),
         )
+
         if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
             size = plausible.doubt("radius", radius, "the radius of the sphere")
             density = plausible.doubt("density", self.rho, "the density of the sphere")
@@ -209,6 +212,7 @@ class Obstacle(FieldsRepr, Body):
                 f"an obstacle is fixed; give the structure an initial_velocity instead of"
                 f" velocity = {velocity:g}."
             )
+
         checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
 
     def surface(self, site: str = "") -> Surface | None:
@@ -410,10 +414,12 @@ def named_impactor(
         An unknown name; a ball without velocity or diameter.
     """
     impactor = IMPACTORS[checks.choice("name", name, tuple(IMPACTORS))]
+
     if velocity is None:
         if impactor.speed is None:
             raise InputError(f"a {name} has no velocity of its own: give a velocity in m/s.")
         velocity = impactor.speed
+
     if impactor.mass is None:
         if diameter is None:
             raise InputError(f"a {name} has no size of its own: give a diameter in m.")
@@ -421,9 +427,12 @@ def named_impactor(
         if impactor.steel:
             return Sphere(radius, **STEEL, rho=STEEL_DENSITY, velocity=velocity)
         return RigidMass(ICE_DENSITY * 4 / 3 * pi * radius**3, velocity, tip_radius=radius)
+
     if diameter is not None:
         raise InputError(f"diameter is for the steel ball and the ice ball; got it for {name}.")
+
     constants = STEEL if impactor.steel else {}
+
     return RigidMass(
         impactor.mass,
         velocity,
@@ -480,16 +489,19 @@ class RigidBody(FieldsRepr):
                 "inertia must be symmetric and positive definite [kg m^2]: three moments > 0 or"
                 " their tensor."
             )
+
         moments = np.linalg.eigvalsh(tensor)
         if moments[2] > MOMENT_ROUNDING * (moments[0] + moments[1]):
             raise InputError(
                 f"inertia has the principal moments {moments[0]:g}, {moments[1]:g},"
                 f" {moments[2]:g} kg m^2, which no body has: none exceeds the sum of the others."
             )
+
         object.__setattr__(self, "inertia", tensor)
         object.__setattr__(self, "centre", checks.floats("centre", self.centre, (3,)))
         sites = {}
         checks.instance("sites", self.sites, Mapping, "a dict {name: (point, direction)}")
+
         for name, site in self.sites.items():
             checks.name("the name of a site", name)
             if not isinstance(site, tuple | list) or len(site) != 2:
@@ -502,6 +514,7 @@ class RigidBody(FieldsRepr):
                 point,
                 unit_vectors(f"direction of site {name!r}", direction[None])[0],
             )
+
         object.__setattr__(self, "sites", sites)
 
 
@@ -615,10 +628,13 @@ class SceneBody:
         rigid = self.omega == 0
         if isinstance(self.body, Obstacle) or not rigid.any():
             return True
+
         weights = self.weight if self.inertia is None else self.inertia.momentum[:, :3]
         if weights is None:
             return False
+
         size = float(np.abs(weights).max(initial=0.0))
+
         return bool(np.any(np.abs(weights[~rigid]) > SUPPORTED_SHARE * size))
 
 
@@ -649,6 +665,7 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
         )
     else:
         body_in_scene = _modal_body(name, body)
+
     if motion is not None:
         if isinstance(body, Obstacle):
             raise InputError(f"body {name!r} is an obstacle, which does not move.")
@@ -658,6 +675,7 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
                     f"the ModalState of {name!r} has {motion.velocities.size} modes, the body"
                     f" {body_in_scene.omega.size}."
                 )
+
             body_in_scene.initial_displacements = motion.displacements
             body_in_scene.start = motion.velocities
             body_in_scene.first_order_start = first_order = motion.first_order
@@ -670,6 +688,7 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
                 )
         else:
             body_in_scene.start = _initial_velocities(body_in_scene, motion)
+
     return body_in_scene
 
 
@@ -681,6 +700,7 @@ def _modal_body(name: str, body: object) -> SceneBody:
     is_impactor = isinstance(body, Impactor)
     if is_impactor and not isinstance(velocity, Motion):
         velocity = -float(velocity) if modes.direction is not None else float(velocity)
+
     return single_site_body(name, body, linear_body, modes, modes.rigid_motion(velocity))
 
 
@@ -712,6 +732,7 @@ def _rigid_body(name: str, body: RigidBody) -> SceneBody:
         columns.append(np.concatenate((np.eye(3) / np.sqrt(body.mass), rotations)))
         sites[site] = (3 * i, 3 * i + 1, 3 * i + 2)
         directions[site] = np.asarray(direction)
+
     matrix = np.zeros((6, 6))
     matrix[:3, :3] = body.mass * np.eye(3)
     matrix[3:, 3:] = body.inertia
@@ -725,6 +746,7 @@ def _rigid_body(name: str, body: RigidBody) -> SceneBody:
         directions=np.tile(np.eye(3), (len(sites), 1)),
         inertia=Inertia(body.centre, matrix, momentum),
     )
+
     return SceneBody(name, body, modes, np.zeros(6), pushes=directions)
 
 
@@ -738,4 +760,5 @@ def _initial_velocities(placed: SceneBody, motion: Motion | float) -> Array:
                 f" and spin, not as the number {motion!r}."
             )
         motion = checks.number(f"motion of {placed.name!r}", motion, "m/s")
+
     return placed.modes.rigid_motion(motion)

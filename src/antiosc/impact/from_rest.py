@@ -37,11 +37,13 @@ def peak_deflections(
     longest = checks.positive("duration", float(np.max(duration)), "s")
     durations = np.broadcast_to(duration, len(bodies)) if len(bodies) else np.array([longest])
     peaks = np.zeros(len(bodies))
+
     with counting("largest deflections", len(bodies)) as ready:
         for first in range(0, len(bodies), BODIES_AT_ONCE):
             span = slice(first, first + BODIES_AT_ONCE)
             peaks[span] = _peaks(bodies[span], forces[span], durations[span])
             ready(min(span.stop, len(bodies)))
+
     return peaks
 
 
@@ -59,6 +61,7 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], durations: Arr
     for _, q, force in motions(omega, b, decay, forces, durations, samples):
         u = np.sum(b * q, axis=1) + residual * force
         peak = np.maximum(peak, u)
+
     return peak
 
 
@@ -83,6 +86,7 @@ def motions(
     ]
     time = _padded_rows(times, None)
     force = _padded_rows(values, 0.0)
+
     q = np.zeros_like(b)
     v = np.zeros_like(b)
     for k in range(time.shape[1] - 1):

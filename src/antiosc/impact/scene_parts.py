@@ -167,12 +167,14 @@ class SceneParts(FieldsRepr):
             value = getattr(self, name)
             checks.instance(name, value, Mapping, "a dict with the names of bodies")
             checks.store(self, **{name: dict(value)})
+
         for name, kind in (("contacts", Contact), ("loads", Load)):
             value = getattr(self, name)
             checks.instance(name, value, (list, tuple), f"a list of {kind.__name__} objects")
             for entry in value:
                 checks.instance(name, entry, kind, f"{kind.__name__} objects")
             checks.store(self, **{name: tuple(value)})
+
         checks.flag("preload", self.preload)
         for name, body in self.bodies.items():
             if ":" in checks.name("a body's name", name):
@@ -180,6 +182,7 @@ class SceneParts(FieldsRepr):
             has_sites = isinstance(body, AntiOscillators) and len(body.sites) > 0
             if not has_sites and not isinstance(body, RigidBody | SiteModes):
                 checked_body(f"body {name!r}", body)
+
         for name, motion in self.motion.items():
             if not isinstance(motion, Motion | ModalState):
                 checks.number(f"motion of {name!r}, if no Motion,", motion, "m/s")
@@ -188,21 +191,26 @@ class SceneParts(FieldsRepr):
                     f"motion gives {name!r} displacements, and preload starts from those of the"
                     " equilibrium: leave out preload, or give velocities alone."
                 )
+
         if not self.contacts:
             raise InputError("a scene needs at least one Contact.")
+
         for noun, number in (("bodies", len(self.bodies)), ("contacts", len(self.contacts))):
             if number > MOST:
                 raise InputError(
                     f"a scene has at most {MOST} {noun}; got {number}: each step solves for all of"
                     " them. Leave out what the blow does not reach."
                 )
+
         if self.base is not None:
             checks.instance("base", self.base, Base, "a Base")
+
         if isinstance(self.gravity, Sequence | np.ndarray):
             vector = checks.floats("gravity", self.gravity, (3,))
             checks.store(self, gravity=tuple(vector.tolist()))
         else:
             checks.store(self, gravity=checks.number("gravity", self.gravity, "m/s^2"))
+
         self._check_pairs()
         checks.store(self, contacts=tuple(map(self._with_law, self.contacts)))
         unknown = set(self.motion) - set(self.bodies)
@@ -237,6 +245,7 @@ class SceneParts(FieldsRepr):
         first, second = (self.bodies.get(name) for name, _, _ in ends)
         if first is None or second is None:
             return contact  # which is refused when the scene is assembled
+
         try:
             return replace(
                 contact, law=choice_at_sites(first, second, (ends[0][2], ends[1][2])).law
@@ -288,6 +297,7 @@ def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
     for name, body in bodies.items():
         B[spans[name], columns[name]] = body.B
         r[columns[name], columns[name]] = body.r
+
     return StackedBodies(spans, columns, B, r)
 
 
@@ -299,6 +309,7 @@ def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
     name, _, site = end.partition(":")
     if name not in bodies:
         raise InputError(f"there is no body {name!r} in the scene; it has {', '.join(bodies)}.")
+
     body = bodies[name]
     if isinstance(body.body, Obstacle):
         return body, ""
@@ -308,6 +319,7 @@ def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
         return body, site
     if body.sites == {"": (0,)}:  # one site: its name is free
         return body, ""
+
     site_names = ", ".join(f"{name}:{s}" for s in body.sites)
     raise InputError(f"{end!r} names no site of the body {name!r}; it has {site_names}.")
 
@@ -340,6 +352,7 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
     if direction is None or axes is None or (len(axes) == 1 and (axes[0] == direction).all()):
         row[columns[0]] = 1.0
         return row
+
     parts, *_ = np.linalg.lstsq(axes.T, direction, rcond=None)
     direction_sum = axes.T @ parts
     if np.linalg.norm(
@@ -354,6 +367,7 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
             f"the contact at {end!r} is along {np.round(direction, 4).tolist()}, but this end moves"
             f" only along {np.round(axes, 4).tolist()}, {remedy}."
         )
+
     row[columns[: len(axes)]] = parts
     return row
 
@@ -394,6 +408,7 @@ def tangential_rows(
             f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"
             f" surface too: a RigidBody, or a model with a tangential site."
         )
+
     across: list[Array] = []
     for body, site in movable_ends:
         axes = body.directions
@@ -404,12 +419,14 @@ def tangential_rows(
                 side = side - (side @ row) * row
             if np.linalg.norm(side) > 0.5:
                 across.append(side / np.linalg.norm(side))
+
     rows = [_relative_row(contact, ends, side, stacked) for side in across[:2]]
     if not rows:
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs a site with tangential"
             f" directions: extract it with a tangential site."
         )
+
     return rows
 
 
@@ -434,6 +451,7 @@ def external_forces(
         row = site_row(body, site, body.pushes.get(site), load.end)
         value = np.interp(t, load.times, load.forces)
         total[:, stacked.columns[body.name]] += value[:, None] * row
+
     return total
 
 
@@ -459,10 +477,12 @@ def load_series(
     loads = forces @ stacked.B.T
     gravity = np.asarray(scene.gravity)
     vector = gravity.ndim == 1 or (scene.base is not None and scene.base.accelerations.ndim == 2)
+
     if np.any(gravity):
         for name, body in bodies.items():
             if (load := gravity_load(body, gravity)) is not None:
                 loads[:, stacked.spans[name]] += load
+
     if scene.base is not None:
         if not any(body.grounded for body in bodies.values()):
             raise InputError(
@@ -480,6 +500,7 @@ def load_series(
             if weights.size:
                 _check_ground_direction(body, ground_motion)
                 loads[:, stacked.spans[name]] -= ground_motion @ weights.T
+
     return breaks, loads, gaps - forces @ stacked.r @ G.T
 
 
@@ -487,10 +508,12 @@ def gravity_load(body: SceneBody, gravity: Array | float) -> Array | None:
     """Modal forces (J,) of gravity, without those that a support takes; None: it moves nothing."""
     if not np.any(body.omega == 0):
         return None
+
     if np.ndim(gravity):
         load = _unit_loads(body, True) @ gravity
     else:
         load = _unit_loads(body, False)[:, 0] * float(gravity)
+
     return np.where(body.omega == 0, load, 0.0) if body.supported else load
 
 
@@ -518,6 +541,7 @@ def _unit_loads(body: SceneBody, vector: bool) -> Array:
         return np.zeros((0, 3 if vector else 1))
     if vector and body.inertia is not None:
         return body.inertia.momentum[:, :3]
+
     if body.weight is not None and body.weight.ndim == 2:
         if vector:
             return body.weight
@@ -528,6 +552,7 @@ def _unit_loads(body: SceneBody, vector: bool) -> Array:
             f"{body.name!r} is pushed along several directions: give gravity, or the motion of the "
             "ground, as a vector."
         )
+
     if body.weight is None:
         raise InputError(
             f"gravity or the ground's motion on {body.name!r} needs what its motion carries:"
@@ -542,4 +567,5 @@ def _unit_loads(body: SceneBody, vector: bool) -> Array:
             f"gravity as a vector needs the direction of {body.name!r}: its contacts must have one"
             f" (an extracted model, a RigidBody); else give gravity as a number."
         )
+
     return body.weight[:, None] * axis

@@ -45,6 +45,7 @@ def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void
     count = library.library.aom_touches(
         byref(record), c, closed, library.address(touches), byref(goes_on)
     )
+
     return touches[:count].copy(), bool(goes_on)
 
 
@@ -134,15 +135,18 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
     assert run.states is not None
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]
+
     q, v = (np.empty((step.size, run.states.shape[2])) for _ in range(2))
     stored, stored_index = np.unique(step // run.every, return_inverse=True)
     steps_ahead = step % run.every
+
     block_size = max(BLOCK // max(run.states.shape[2], 1), 1)
     for start in range(0, stored.size, block_size):
         in_block = np.flatnonzero((stored_index >= start) & (stored_index < start + block_size))
         x, y = (run.states[stored[start : start + block_size], i] for i in range(2))
         most_ahead = np.zeros(len(x), dtype=np.intp)
         np.maximum.at(most_ahead, stored_index[in_block] - start, steps_ahead[in_block])
+
         for k in range(int(most_ahead.max()) + 1):
             at_step = in_block[steps_ahead[in_block] == k]
             q[at_step] = x[stored_index[at_step] - start]
@@ -153,6 +157,7 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
             x[remaining], y[remaining] = _advanced(
                 run, system, numbers, h, x[remaining], y[remaining]
             )
+
     return q, v
 
 
@@ -178,6 +183,7 @@ def _advanced(
     if full_system.first is not None:
         start_loads = full_system.first.rows(start_loads)
         slope = full_system.first.rows(slope)
+
     size = system.omega.size
     a = coefficients[0] @ system.beta - start_loads[:, :size]
     b = coefficients[1] @ system.beta - slope[:, :size]
@@ -186,11 +192,13 @@ def _advanced(
     velocity = W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1
     if system.gamma is None:
         return displacements, velocity
+
     x, y, z = (bend @ system.gamma for bend in coefficients)
     x = x - start_loads[:, size:]
     y = y - slope[:, size:]
     force_response = x * J0 + y * J1 + z * J2
     rate = x * S + y * J0 + z * J1
+
     return (
         displacements - rate,
         velocity + system.omega**2 * force_response + 2 * system.decay * rate,
@@ -210,12 +218,14 @@ def node_states(
     marched = system.marched.omega.size
     q, v = (np.empty((nodes, marched)) for _ in range(2))
     q[::2], v[::2] = integrated_starts(run, system, np.arange(first, last + 1))
+
     block = max(BLOCK // max(size, 1), 1)
     for start in range(first, last, block):
         steps = np.arange(start, min(start + block, last))
         since = run.time[2 * steps + 1] - run.time[2 * steps]
         node = 2 * (steps - first)
         q[node + 1], v[node + 1] = _advanced(run, system, steps, since, q[node], v[node])
+
     return _free_modes(system, q, v)
 
 
@@ -230,6 +240,7 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     """Return the run with more nodes in its flights, for pictures."""
     if run.time.size < 3:
         return run
+
     h = run.time[2::2] - run.time[:-2:2]
     in_contact = run.force.any(axis=1)
     flight = ~(in_contact[:-2:2] | in_contact[1::2] | in_contact[2::2])
@@ -237,6 +248,7 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     step = np.repeat(np.arange(h.size), count)
     if step.size == h.size:
         return run
+
     length = (h / count)[step]
     since = length * (np.arange(step.size) - np.repeat(np.cumsum(count) - count, count))
     step_ends = np.append(np.ravel(2 * step[:, None] + [0, 1]), run.time.size - 1)
@@ -263,6 +275,7 @@ def with_flight_nodes(run: Run, system: System) -> Run:
         q[long_flights],
         v[long_flights],
     )
+
     return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))
 
 

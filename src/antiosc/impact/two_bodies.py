@@ -157,6 +157,7 @@ def modal_pair(impact: Impact) -> Pair:
         single_site_body("structure", model, checked_model, structure, start),
         single_site_body("impactor", impactor, checked_impactor, striker, strike),
     )
+
     return Pair(*bodies, _gravity_loads(*bodies, gravity))
 
 
@@ -190,6 +191,7 @@ def _gravity_loads(
 ) -> list[Array | None]:
     """Modal forces of gravity on both bodies; None for a body without any."""
     vector = None
+
     if isinstance(gravity, list | tuple) or (isinstance(gravity, np.ndarray) and gravity.ndim):
         vector = checks.floats("gravity", gravity, (3,))
         direction = cast("ModalBody", structure.modes).direction
@@ -233,6 +235,7 @@ def impact_band(
             "impact_band needs an impactor with a velocity > 0; with an Obstacle or a body at rest "
             "give the band as a number."
         )
+
     endless = 1e6  # s
     pulse = assemble_pair(Impact(Obstacle(), impactor, law, endless)).contact_time_estimate
     return BAND_OVER_PULSE / (2 * pulse)
@@ -276,10 +279,12 @@ class ImpactRows:
 
         contacts = _copies(system.packed.contacts, CONTACT, count)
         contacts["mass"] = self.pair.mass
+
         if any(law is not self.laws[0] for law in self.laws):
             kernels = [law.kernel[0] for law in self.laws]
             for name in ("kind", "n_params", "params"):
                 contacts["law"][name] = [getattr(kernel, name) for kernel in kernels]
+
         rows = {"offsets": gaps, "contacts": contacts}
         if any(impact.impactor is not impacts[0].impactor for impact in impacts):
             rows["beta"], rows["v"], contacts["mass"] = self._strikers(impacts, system)
@@ -324,11 +329,13 @@ class ImpactRows:
             max(_WORK_PER_CALL // (size + 20), 16),
             byref(count),
         )
+
         status = library.PAUSED
         while status in (library.PAUSED, library.FULL):
             status = library.library.aom_batch_solve(*arguments)
             pulses += space.take_pulses(outcomes["n_nodes"][len(pulses) : count.value])
             report(count.value)
+
         return outcomes, pulses
 
 

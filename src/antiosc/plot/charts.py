@@ -49,6 +49,7 @@ def panels(
         raise InputError(
             f"size must be two lengths from 0.5 to 100 inches; got {checks.shown(size)}."
         )
+
     figure = new_figure((float(width), float(height)), checks.flag("shown", shown))
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
@@ -68,6 +69,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], **options: object)
         raise InputError(
             f"a picture's name ends with one of .{', .'.join(sorted(formats))}; got {path!s}."
         )
+
     with files.atomic_file(path, "the picture") as part:
         render(figure, part, **options)
 
@@ -141,6 +143,7 @@ def few_log_ticks(ax: Axes) -> Axes:
         if low > 0 and high < 10**1.5 * low:
             axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
             axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+
     return ax
 
 
@@ -176,6 +179,7 @@ def by_name(items: Any, kind: str) -> Mapping[str, Any]:
                 missing.add(name)
         if missing:
             raise InputError(f"what is drawn must be a {kind}; got {checks.shown(drawn)}.")
+
     return objects
 
 
@@ -228,6 +232,7 @@ def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     start = min(s for s, _ in spans)
     end = max(e for _, e in spans)
     factor, unit = prefixed(end, "s")
+
     tops = [0.0]
     for (name, hit), width in zip(runs.items(), widths(runs), strict=True):
         (line,) = ax.plot(factor * hit.time, hit.force, label=name or None, lw=width)
@@ -238,6 +243,7 @@ def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
             label = words.format(f" ± {percent(error)}")
             ax.fill_between(factor * hit.time, *bounds, label=label, **shade)
+
         for proved in getattr(hit, "enclosures", ())[:1]:
             upper = np.minimum(proved.upper, 2 * hit.peak_force)
             shade = {"color": line.get_color(), "alpha": 0.35, "lw": 0}
@@ -245,12 +251,14 @@ def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
         if hit.peak_force > 0:
             top = int(np.argmax(hit.force))
             ax.plot(factor * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())
+
     margin = 0.06 * (end - start)
     ax.set_xlim(factor * (start - margin), factor * (end + margin))
     ax.set_ylim(*padded_range(tops, 0.05, 0.14))
     if len(runs) == 1:
         hit = next(iter(runs.values()))
         _mark_peak(ax, hit, 0.5 * (start + end), factor)
+
     ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel("contact force (N)")
     return legend(ax)
@@ -266,11 +274,13 @@ def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax)
     factor, unit = prefixed(max(float(hit.time[-1]) for hit in runs.values()), "s")
     besides = [hit.displacement + hit.indentation for hit in runs.values()]
+
     curves = [hit.displacement for hit in runs.values()]
     for hit, neighbour in zip(runs.values(), besides, strict=True):
         first, last = _contact_span(hit)
         during = (hit.time >= first) & (hit.time <= last) | (not hit.impactor_displacement.any())
         curves.append(neighbour[during])
+
     values = np.concatenate(curves)
     long, length = prefixed(float(np.abs(values).max(initial=0.0)) or 1e-3, "m")
     for (name, hit), neighbour, width in zip(runs.items(), besides, widths(runs), strict=True):
@@ -282,8 +292,10 @@ def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
             spans = [(factor * start, factor * (end - start)) for start, end in hit.contacts]
             full_height = {"transform": ax.get_xaxis_transform(), "zorder": 0}
             ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **full_height)
+
     if all(runs):
         ax.set_title("dashed: what strikes", loc="right", fontsize="small")
+
     ax.set_ylim(*padded_range(long * values, 0.08, 0.08))
     ends = [factor * hit.time[-1] for hit in runs.values()]
     ax.set_xlim(*padded_range([0.0, *ends], 0.02, 0.02))
@@ -333,6 +345,7 @@ def _mark_peak(ax: Axes, hit: HistoryLike, middle: float, factor: float) -> None
     """Write the largest force beside its mark, on the side with more space."""
     if hit.peak_force <= 0:
         return
+
     peak_time = float(hit.time[int(np.argmax(hit.force))])
     text = f"{engineering(hit.peak_force, 'N', 4)} at {engineering(peak_time, 's')}"
     side, align = (9, "left") if peak_time <= middle else (-9, "right")
@@ -356,11 +369,13 @@ def plot_dynamic_stiffness(models: ModelLike, omega: ArrayLike, ax: Axes | None 
     """
     models_by_name = by_name(models, "AntiOscillators")
     ax = axes_or_new(ax)
+
     w = checks.floats("omega", omega, (None,))
     for (name, model), width in zip(models_by_name.items(), widths(models_by_name), strict=True):
         for entry, stiffness in _entries(model, w):
             label = ": ".join(filter(None, (name, entry)))
             ax.semilogy(w / (2 * np.pi), stiffness, lw=width, label=label or None)
+
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel("|dynamic stiffness| (N/m)")
     return legend(ax)
@@ -372,7 +387,9 @@ def _entries(model: ModelLike, omega: Array) -> list[tuple[str, Array]]:
     names = model.labels
     if Z.ndim == 1:
         return [("", Z)]
+
     rows, columns = np.triu_indices(len(names))
+
     return [
         (names[i] if i == j else f"{names[i]}, {names[j]}", Z[:, i, j])
         for i, j in zip(rows, columns, strict=True)
@@ -412,6 +429,7 @@ def plot_model(model: ModelLike, path: str | os.PathLike[str] | None = None) -> 
     ends = LOWEST * model.omega[0], 1.1 * model.omega[-1]
     edges = np.unique(np.concatenate((ends, model.omega)))
     count = max(2, min(POINTS_BETWEEN, MOST_POINTS // edges.size))
+
     # denser near the ends, where the poles are
     share = (1 - np.cos(np.pi * np.arange(1, count) / count)) / 2
     omega = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()

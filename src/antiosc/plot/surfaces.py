@@ -53,6 +53,7 @@ def draw_faces(
     length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
     colours = scale.to_rgba(value)
     colours[:, :3] *= (dark + (1 - dark) * np.abs(normal @ LIGHT) / length)[:, None]
+
     # an edge of the face's own colour hides the background between two faces
     edges = colours.copy()
     widths = np.full(len(colours), 0.2)
@@ -95,6 +96,7 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
     low = x.min(axis=0)
     high = x.max(axis=0)
     side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
+
     is_short = side < SHORT_SIDE * side.max()
     for name, middle, length, hidden in zip("xyz", (low + high) / 2, side, is_short, strict=True):
         getattr(axes, f"set_{name}lim")(middle - length / 2, middle + length / 2)
@@ -104,6 +106,7 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
             axis.label.set_visible(False)
         else:
             axis.get_major_locator().set_params(nbins=max(1, round(4 * length / side.max())))
+
     axes.set_box_aspect(side, zoom=zoom)
 
 
@@ -181,6 +184,7 @@ def deformed_figure(
         tail, tip = scale * surface.arrow(*arrow)
         axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
         framed.append(tail[None])
+
     if mark is not None:
         x = scale * surface.moved[mark]
         axes.plot(*x[:, None], "o", ms=9, mfc="none", mec="C3", mew=2, zorder=9)

@@ -118,6 +118,7 @@ def advise(
             "advise needs an impactor with its own contact law, such as a Sphere; got "
             f"{checks.shown(impactor)}."
         )
+
     speed = checks.positive("the impactor's velocity", impactor.velocity, "m/s")
     stiffness = impactor.hertz(E, nu).stiffness
     depth = (1.25 * impactor.mass * speed**2 / stiffness) ** 0.4
@@ -126,6 +127,7 @@ def advise(
     contact = (0.75 * stiffness * depth**1.5 * radius / reduced) ** (1 / 3)
     frequency = BAND_TIMES_PULSE / time
     bending = E * thickness**3 / (12 * (1 - nu**2))
+
     # the inelasticity of an infinite plate: C. Zener, Phys. Rev. 59 (1941) 669
     unit = (impactor.mass * speed**2 / stiffness) ** 0.4 / speed
     lam = impactor.mass / (8 * sqrt(bending * rho * thickness) * unit)
@@ -135,6 +137,7 @@ def advise(
     shear = sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness)
     limits = {"beam": TRUST * across, "shell": TRUST * shear, "solid": np.inf}
     slender = {"beam": length / width, "shell": sqrt(length * width) / thickness, "solid": np.inf}
+
     reasons = []
     for family, limit in limits.items():
         missing_names = []
@@ -148,6 +151,7 @@ def advise(
         if not missing_names:
             break
         reasons.append(f"{family} {' and '.join(missing_names)}")
+
     if lam <= UNMOVED:
         reasons.append(f"the part hardly moves during the contact (Zener's λ = {lam:.2g})")
     size, bound = _element(family, frequency, length, thickness, E, nu, rho)
@@ -173,6 +177,7 @@ def _measures(
             )
     else:
         size = checks.floats("part's dimensions", part, (3,))
+
     if E is None or rho is None:
         raise InputError("the material of the part is missing: give advise(..., E=…, nu=…, rho=…).")
     length, width, thickness = (
@@ -192,6 +197,7 @@ def _element(
     omega = 2 * pi * frequency
     shear = sqrt(E / (2 * (1 + nu)) / rho)
     bending = 2 * pi / sqrt(omega) * (E * thickness**2 / (12 * rho * (1 - nu**2))) ** 0.25
+
     # the wavelength in a thick plate lies between those of bending alone and of shear
     wave = min(bending, max(2 * pi * shear / omega, thickness))
     bounds = {f"{PER_WAVE:g} to the wave of {1e3 * wave:.3g} mm": wave / PER_WAVE}

@@ -63,10 +63,12 @@ def free_sites(
     rank = structure.comm.rank
     with doing("finding the sites of the map", rank):
         map_sites = sites_of(matrices, where, direction, radius, most_sites)
+
     structure.factorize(math.inf)
     count = len(map_sites.sites)
     with doing(f"free modes for {count} sites", rank):
         free = _free_modes(structure, modes, band, most)
+
     omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
     phi = np.column_stack([structure.rigid_modes, free.phi])
     b = structure.comm.allreduce(map_sites.sites.loads.T @ phi)

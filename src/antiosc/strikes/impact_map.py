@@ -187,6 +187,7 @@ def impact_map(
     counts = (COUNTS[0],) if excited is None else COUNTS
     if n is not None:
         counts = (whole("n", n),)
+
     sites_seen = free_sites(
         structure,
         matrices,
@@ -209,8 +210,10 @@ def impact_map(
             f"the band {_hertz(band)} must end below the last of {len(omega)} free modes,"
             f" {_hertz(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
         )
+
     with doing(f"models of {len(sites)} sites", structure.comm.rank):
         models, error = _reduced(sites_seen, counts, structure.shift, band, accuracy)
+
     result = ImpactMap(
         points=sites.points,
         directions=sites.directions,
@@ -260,6 +263,7 @@ def _laws(
     radii = impact_map.radius if impact_map.radius is not None else np.full(len(impact_map), np.nan)
     sites = zip(impact_map.points, impact_map.directions, radii.tolist(), strict=True)
     striker = impactor.surface() if isinstance(impactor, Body) else None
+
     with counting("laws of the sites", len(impact_map), structure.comm.rank) as ready:
         for i, (point, direction, radius) in enumerate(sites):
             of_site = None
@@ -323,6 +327,7 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
 def _tell_impacts(result: ImpactMap, thickness: float | None) -> None:
     """Warn of doubtful sites, of blows beyond the band, and of a sheet that stretches."""
     sentences = [left_out_text(result), low_band(result)]
+
     if (
         thickness is not None
         and result.peak_deflection is not None
@@ -351,6 +356,7 @@ def _struck(
     part = None
     error = None
     messages: list[str] = []
+
     try:
         if len(sites_of_rank):
             models = [result.model(i) for i in sites_of_rank]
@@ -378,6 +384,7 @@ def _struck(
     peaks = gathered("peak_force")
     result = doubted(result, np.isnan(peaks), NO_RESULT)
     result = doubted(result, peaks > (1 + BEYOND) * on_wall, BEYOND_WALL)
+
     return replace(
         result,
         impactor=impactor,

@@ -158,6 +158,7 @@ class ImpactMap(Completed):
         surface = np.unique(self.names, return_inverse=True)[1].astype(float)
         data = {**self.quantities(), "direction": self.directions, "surface": surface}
         data["doubtful"] = self.doubtful.astype(float)
+
         with files.atomic_file(target, "the map") as part:
             try:
                 blocks = [(kind, numbers) for kind, numbers in cells if len(numbers)]
@@ -167,6 +168,7 @@ class ImpactMap(Completed):
                     f"meshio cannot write a map to {target.name!r}: give it a name that ends with "
                     ".vtu."
                 ) from error
+
         return target
 
     @property
@@ -196,13 +198,16 @@ class ImpactMap(Completed):
                 row += f"{force:>12}  {point_text(self.points[i])}"
             row += " (doubtful)" * bool(self.doubtful[of_surface].all())
             rows.append(row)
+
         if self.peak_force is not None:
             rows.append("forces have no error bar here: an impact at one site by itself has one")
+
         if self.doubtful.all():
             rows.append(left_out_text(self))
         elif self.doubtful.any():
             stress = "" if self.peak_stress is None else " and the largest stress"
             rows.append(f"{doubts_text(self)}; left out of k0, the peak forces{stress}")
+
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
             i = hardest(self, values=self.peak_stress)
             assert self.stress_points is not None
@@ -212,6 +217,7 @@ class ImpactMap(Completed):
                 f" {point_text(self.points[i])}; its mesh error is not known:"
                 " a refined mesh there (refine of the geometry) shows how it grows"
             )
+
         return "\n".join(rows)
 
     def plot(
@@ -247,6 +253,7 @@ def left_out_text(impact_map: ImpactMap) -> str:
     """Sentence on the doubtful sites, as it is told once; "" if there are none."""
     if not impact_map.doubtful.any():
         return ""
+
     text = f"Left out of the ranges of {len(impact_map)} sites are {doubts_text(impact_map)}"
     if impact_map.doubtful.all():
         text = f"{NONE_SOUND}: the ranges are those of {doubts_text(impact_map)}"
@@ -280,12 +287,14 @@ def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
     sites = trusted(impact_map)
     if len(sites) <= most:
         return sites
+
     points = impact_map.points[sites]
     taken = [int(np.flatnonzero(sites == hardest(impact_map))[0])]
     gap = np.linalg.norm(points - points[taken[0]], axis=1)
     while len(taken) < most:
         taken.append(int(np.argmax(gap)))
         gap = np.minimum(gap, np.linalg.norm(points - points[taken[-1]], axis=1))
+
     return np.sort(sites[taken])
 
 
@@ -301,6 +310,7 @@ def low_band(result: ImpactMap) -> str:
     excited = excited_by(result.impactor, result.contact)
     if excited is None or 2 * math.pi * result.band >= excited:
         return ""
+
     return (
         f"the models of the map hold up to {engineering(result.band, 'Hz')}, the blow excites"
         f" up to {engineering(excited / (2 * math.pi), 'Hz')}: the anti-oscillators are too few"

@@ -72,6 +72,7 @@ def largest_stresses(
     slow = b / (sites.omega**2 + structure.shift)
     loads = sites.map_sites.sites.loads[:, which]
     largest: list[tuple[float, Array, float]] = []
+
     with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
         for first in range(0, len(forces), AT_ONCE):
             span = slice(first, first + AT_ONCE)

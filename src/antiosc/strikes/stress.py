@@ -68,6 +68,7 @@ def fields_by_strength(structure: Structure, hit: History, **options: Any) -> di
         return {}
     if criteria := criteria_of(structure):
         return {name: peak_field(structure, hit, name, **options) for name in criteria}
+
     with suppress(AntioscError):  # beams whose sections have no outline have no stress
         return {"von_mises": peak_field(structure, hit, **options)}
     return {}
@@ -173,6 +174,7 @@ def _places(field: PeakField, tol: float) -> list[Refinement]:
         places.append((tuple(field.points[k].tolist()), size))
         distance = np.linalg.norm(field.points - field.points[k], axis=1)
         open_to &= distance > sizes[k]
+
     return places
 
 
@@ -194,6 +196,7 @@ def _told(stressed: Stressed, hit: History, tol: float) -> Stressed:
         if max(low, high) > tol and stressed.why:
             sentence += f"; {_open(field)}, since {stressed.why}"
         fields[name] = replace(field, rounds=sentence)
+
     return replace(stressed, fields=fields)
 
 
@@ -203,6 +206,7 @@ def _open(field: PeakField) -> str:
     least = float((values - errors)[counts].max(initial=0.0))
     upper = np.where(counts, values + errors, 0.0)
     k = int(upper.argmax())
+
     return (
         f"cannot say above {engineering(least, field.unit)}: up to"
         f" {engineering(float(upper[k]), field.unit)} at {point_text(field.points[k])}"

@@ -207,6 +207,7 @@ def struck(
         limit = checks.positive("limit", limit, "s")
     checks.instance("site", site, Site, "a Site(point, direction)")
     material = _material_of(source, material, supports, prestress)
+
     if isinstance(source, Structure):
         result = answered(source, site, run, tol, FIRST_N)
         if report is not None:
@@ -226,11 +227,13 @@ def struck(
             return part, extract(part, site, n=result.n)
 
         return replace(hit, stresses=stress.closed(hit, source, divided, stress_tol).fields)
+
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
     site, mesh = _first_mesh(place, site, impactor, material, order)
     before: Answer | None = None
     n = FIRST_N
     records = []
+
     with warnings_of_last() as drop:
         while True:
             structure = Structure(mesh, material, supports, order=order, prestress=prestress)
@@ -252,6 +255,7 @@ def struck(
                 if not reason:
                     costs = limit, start_time, len(records)
                     ratio, reason = _next(result, mesh, order, tol, *costs, asked)
+
             if reason or meets_tol:
                 structure.drop_factor()
                 hit = _finished(result, tol, asked, records, reason)
@@ -259,6 +263,7 @@ def struck(
             drop()
             n = min(2 * result.n, MOST_N) if mesh.tdim == 1 else result.n
             mesh = place.finer(mesh, ratio)
+
     if stress_tol is None:
         return hit
 
@@ -376,11 +381,13 @@ def of_number(
     raw = second_order.simulated(structure, model, lambda one: run(one, accuracy))
 
     hit, budget = raw, raw.error_budget
+
     # a shell's corrected model is not always nearer
     if model.strain_misfit is None and not raw.assembly.hopeless:
         hit = run(raw.model.corrected(), accuracy)
         hit.assembly.stretch_left_out = raw.assembly.stretch_left_out
         budget = budget.of_corrected(hit)
+
     return Answer(structure, raw, hit, budget, n, clock() - start_time)
 
 
@@ -462,11 +469,13 @@ def _next(
     dim = mesh.tdim
     energies = _errors_of_cells(answer, mesh)
     ratio = division.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+
     growth = full_growth = division.growth(mesh.comm, ratio, dim)
     if growth > GROWTH:
         goal = goal * (growth / GROWTH) ** (2 * order / dim)
         ratio = division.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
         growth = division.growth(mesh.comm, ratio, dim)
+
     growth = max(growth, 1.0)
     dofs = structure.dofs * max(full_growth, 1.0)
     seconds = answer.seconds * max(full_growth, 1.0) ** SECONDS_POWER[dim]
@@ -531,6 +540,7 @@ def _finished(
     reason = reason or budget.unknown.get("mesh", "") or _missed_by_law(budget, tol)
     if reason:
         budget = replace(budget, notes=(*budget.notes, reason))
+
     return replace(
         with_model(hit, model),
         status=1 if reason and hit.status == 0 else hit.status,

@@ -288,8 +288,10 @@ class Tradeoff(Result):
         if self.status == 0:
             best = [self.best(tol=self.tol)]
             ax.plot(*points(best, "bar"), "*", ms=12, label="best(tol)")
+
         for method in self.others:
             ax.plot(*points([method], "difference"), "s", mfc="none", label=method.method)
+
         if over == "seconds":
             ax.step(*points(self.front, "bar"), where="post", lw=0.8, label="front")
         few_log_ticks(ax)
@@ -446,6 +448,7 @@ def _one_mesh(source: object, finest: Made, goal: float) -> str:
     bar = finest.member.bar
     if bar > goal:
         return ""
+
     return (
         f"Only one mesh was tried: the first one has a bar of {percent(bar)}, which is within half"
         " of the tolerance."
@@ -488,6 +491,7 @@ def member_of(answer: Answer) -> TradeoffMember:
     integrand = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(integrand, mesh.dolfinx)
     seconds = structure.seconds["assembly"] + answer.seconds
+
     return TradeoffMember(
         family=type(matrices.parts[0][0]).__name__,
         size=float((volume / mesh.n_cells) ** (1 / mesh.tdim)),

@@ -96,6 +96,7 @@ def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> 
         raise InputError("the impactor is elastic, and other methods take a rigid one")
 
     (beta,) = system.beta[0, ball].tolist()
+
     return Blow(
         structure=structure,
         b=functional(structure, site).b,
@@ -143,6 +144,7 @@ def newmark(blow: Blow) -> Outcome:
     h = blow.step
     A = factorize(sum_of(structure.K, 4 / h**2, structure.M))
     curve = _integrated(blow, A)
+
     return Outcome(curve, clock() - start_time, BYTES * A.entries)
 
 
@@ -181,6 +183,7 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
     times = [t for t, *_ in contacts.events]
     lasts = zip(times[::2], [*times[1::2], float(time[-1])], strict=False)
     force, depth = (np.array([getattr(e, name)[0] for e in ends]) for name in ("force", "delta"))
+
     return Curve(time, force, depth, list(lasts))
 
 
@@ -214,7 +217,9 @@ def _peak(force: Array) -> float:
     k = int(np.argmax(force))
     if not 0 < k < len(force) - 1:
         return float(force[k])
+
     last_force, peak, next_force = force[k - 1 : k + 2].tolist()
     curvature = last_force - 2 * peak + next_force
     slope = (next_force - last_force) / 2
+
     return float(peak - slope**2 / (2 * curvature)) if curvature else float(peak)

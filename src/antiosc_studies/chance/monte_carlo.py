@@ -74,6 +74,7 @@ def checked(inputs: object) -> dict[str, Any]:
     by_name = dict(checks.instance("inputs", inputs, Mapping, kind))
     if not by_name:
         raise InputError("inputs is empty: name at least one input and its distribution.")
+
     for name, distribution in by_name.items():
         if not isinstance(name, str) or not all(map(str.isidentifier, name.split("."))):
             raise InputError(f"{checks.shown(name)} is no name of an argument.")
@@ -85,6 +86,7 @@ def checked(inputs: object) -> dict[str, Any]:
                 " scipy.stats, a sequence of values, or an ImpactMap; got"
                 f" {checks.shown(distribution)}."
             )
+
     return by_name
 
 
@@ -105,6 +107,7 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
             weights = distribution.areas if of_map else np.ones(len(distribution))
             ends = np.cumsum(weights) / np.sum(weights)
             draws_by_name[name] = np.searchsorted(ends[:-1], shares, side="right")
+
     return draws_by_name
 
 
@@ -212,6 +215,7 @@ def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> li
     """Results of some runs; impacts that `run` returns as arguments go in one batch."""
     rows: list[Row] = [""] * len(arguments)
     scenes: dict[int, tuple[object, ...]] = {}
+
     with without_warnings():
         for i, values in enumerate(arguments):
             try:
@@ -227,6 +231,7 @@ def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> li
             rows_of_scenes = _simulated(list(scenes.values()))
             for i, row in zip(scenes, rows_of_scenes, strict=True):
                 rows[i] = row
+
     return rows
 
 

@@ -55,11 +55,13 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
         return part
     if corner is not None:
         corner = checks.positive("corner_radius", corner, "m")
+
     if isinstance(part, Sphere):
         tensor = 0.4 * part.mass * part.radius**2 * np.eye(3)
         matter = part.material if isinstance(part.material, Matter) else None
         radii_and_material = part.radius, part.radius, matter
         return _rigid(part.mass, tensor, np.zeros((1, 3)), np.zeros(3), *radii_and_material)
+
     if isinstance(part, RigidBody):
         if not part.sites:
             raise InputError("a RigidBody that is dropped needs sites: the points that may touch.")
@@ -67,6 +69,7 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
         centre = np.asarray(part.centre)
         radius = CORNER if corner is None else corner
         return _rigid(part.mass, part.inertia, points - centre, centre, radius)
+
     with finite_element_packages():
         from antiosc import Structure
     checks.instance("part", part, Structure, "a Structure, a RigidBody or a Sphere")
@@ -178,6 +181,7 @@ def _facets(skin: Skin, hull_points: IntArray, sharp: BoolArray) -> dict[int, Ar
 
         inward = np.cross(edges[:, 0], edges[:, 1]) @ skin.normals[vertex] < 0
         facets[i] = np.where(inward[:, None, None], edges[:, ::-1], edges)
+
     return facets
 
 
@@ -221,6 +225,7 @@ def _residual(
     B = np.hstack([load.B for load in loads])
     Y = structure.factorize().solve_block(B)
     x = omega**2 + structure.shift
+
     shapes = []
     residual = []
     for n, (k, load) in enumerate(zip(skin_points, loads, strict=True)):
@@ -235,6 +240,7 @@ def _residual(
         r = r - load.local_compliance * np.diag([1.0, tangential, tangential])
         residual.append(axes.T @ _positive(r) @ axes)
         shapes.append((axes.T @ displacements).T)
+
     radii = [_radii(structure, skin, k, corner) for k in skin_points.tolist()]
     return np.array(shapes), np.array(residual), np.array(radii)
 

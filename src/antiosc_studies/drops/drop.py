@@ -136,6 +136,7 @@ def drop(
             "a soft layer takes parts that are round where they land; this one has edges or "
             "corners: give the floor the law of one point of contact."
         )
+
     if ensemble is not None:
         checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     _check_flight(body, setting, ensemble, **motion)
@@ -148,6 +149,7 @@ def drop(
             fall = fall_of(body, start, setting, lambda *at: tell(_reached(setting, *at)))
         fall.warn()
         return fall
+
     return tumbles(body, start, setting, ensemble, checks.whole("n", n), seed)
 
 
@@ -169,13 +171,16 @@ def _check_flight(
     fastest_spin = float(np.linalg.norm(spin))
     height = setting.height
     prefix = ""
+
     if ensemble is not None:
         fastest_spin += DRAWN * ensemble.spin
         height *= 1 + DRAWN * ensemble.height
         prefix = f"{DRAWN:g} standard deviations of the ensemble off, "
+
     speed = float(np.linalg.norm(velocity)) + body.extent * fastest_spin
     touch_speed = hypot(speed, sqrt(2 * setting.gravity * height))
     flight_time = sqrt(2 * height / setting.gravity)
+
     if touch_speed > FASTEST_WAVE:
         raise InputError(
             f"{prefix}the part would touch at {touch_speed:.3g} m/s, at most {FASTEST_WAVE:g} "
@@ -183,6 +188,7 @@ def _check_flight(
             f"height is in m ({height:g}), gravity in m/s^2 ({setting.gravity:g}), spin in rad/s "
             f"({fastest_spin:g})."
         )
+
     if setting.height < LEAST_HEIGHT:
         raise InputError(f"height must be at least {LEAST_HEIGHT:g} m; got {setting.height:g}.")
     if flight_time > LONGEST:

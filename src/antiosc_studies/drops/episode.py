@@ -94,6 +94,7 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
     frozen = v[:, :6] @ W[:, 3:]
     half = np.diff(t)[:, None] / 2
     linear = np.diff(q[:, :6] @ W[:, 3:], axis=0)
+
     R = np.broadcast_to(start.R, (len(t), 3, 3))
     for _ in range(SWEEPS):
         spin_change = np.einsum("nab,nb->na", R @ body.inverse @ np.swapaxes(R, 1, 2), L) - frozen
@@ -103,6 +104,7 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
         while span < len(R):  # products of the last 1, 2, 4, ... rotations
             R[span:] = R[span:] @ R[:-span]
             span *= 2
+
     return Path(t, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(rotations, axis=0))))
 
 
@@ -129,11 +131,13 @@ def on_path(
     point_motion -= np.cross(path.turns[:, None], balls * AXES[0])  # a ball rolls
     row_forces = forces(history.run, *locate(history.run, path.times))
     point_forces = np.zeros_like(arms)
+
     offsets = interpolated(path.times, first.breaks, first.offsets).copy()
     for k, sides in enumerate(first.sides):
         for row, axis in ((k, 2), *zip(range(sides.start, sides.stop), range(2), strict=False)):
             point_forces[:, k, axis] = row_forces[:, row]
             offsets[:, row] += displacement @ beta[row] + point_motion[:, k, axis]
+
     bending = np.einsum("nkd,kjd->nj", point_forces @ R, shapes)
     total = np.append(point_forces.sum(axis=1), np.cross(arms, point_forces).sum(axis=1), axis=1)
     linear = row_forces @ beta
@@ -145,6 +149,7 @@ def on_path(
         _share(loads - interpolated(path.times, previous.breaks, previous.loads), linear),
     )
     system = replace(first, breaks=path.times, loads=loads, offsets=offsets)
+
     return replace(base, system=system), change
 
 
@@ -181,6 +186,7 @@ def handed_over(
     force = record.force[node]
     heights = -(record.depth[node] + a.system.R @ force)
     continuing = {}
+
     contacts = zip(
         which.tolist(), record.contact_states(a.system, t), a.laws, a.system.sides, strict=True
     )
@@ -191,8 +197,10 @@ def handed_over(
             continuing[i] = OngoingContact(
                 float(heights[k]), contact.closed * force[rows], slip, contact, law
             )
+
     if any(ongoing.contact.closed for ongoing in continuing.values()):
         return state, continuing
+
     return state, {}
 
 
@@ -274,6 +282,7 @@ class Episode:
             np.einsum("na,nab->nb", values[:, :6] @ momentum[:, 3:], R) @ body.inverse
             for values in (path.v[rows], a)
         )
+
         return R, spin, turning, a
 
     def forces(self) -> tuple[Array, Array]:
@@ -318,6 +327,7 @@ def episode(
     longest = min(LONGEST * time, GROWS * before)
     turns = TURNS
     which = _candidates(touch, heights, time, [*ongoing])
+
     cuts = 0
     while True:
         base = scene_of(touch, setting, which, ongoing)
@@ -354,6 +364,7 @@ def _duration(touch: Touch, base: Assembly, first: float, longest: float, turns:
         if not touching or end < history.time[-1] or history.status:
             break
         duration = min(2 * duration, longest)
+
     return duration
 
 
@@ -394,6 +405,7 @@ def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
     distance = REACH * float(speeds.max()) * time
     candidates = [*ongoing]
+
     covered = body.touching_as(candidates)
     for i in np.argsort(heights, kind="stable").tolist():
         if candidates and (heights[i] > distance or len(candidates) >= MOST):
@@ -401,6 +413,7 @@ def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -
         if not covered[i]:
             candidates.append(i)
             covered |= body.touching_as([i])
+
     return np.array(candidates)
 
 
@@ -416,14 +429,18 @@ def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool
     q = history.states(times)[0][:, history.assembly.spans[BODY]]
     angle = np.linalg.norm((q - q[0])[:, :6] @ touch.modes[:, 3:], axis=1)
     too_far = nodes[np.searchsorted(nodes, np.append(times[angle > turns], last)[0])]
+
     end = 0.0
     for first, parting in sorted(s for c in history.contact_histories for s in c.contacts):
         if first > end > 0 and np.interp(first, times, angle) > FOLLOWS:
             break
         end = max(end, parting)
+
     if end == 0.0:
         return last, False
+
     continues = end > too_far or end >= last * (1 - 1e-12)
+
     return float(too_far if continues else end), bool(continues)
 
 
@@ -434,6 +451,7 @@ def _sinking(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntAr
     lifts = np.einsum("nd,vjd,nj->nv", vertical, body.shapes, path.q[:, 6:], optimize=True)
     lifts += path.q[:, 2:3] / np.sqrt(body.mass) + vertical @ body.points.T
     lowest = heights + (lifts - lifts[0]).min(axis=0)
+
     # what a contact presses in, points next to it may sink too; and all points between many
     deepest = min(float(lowest[which].min()), 0.0)
     has_contact = body.touching_as(which.tolist()) | (len(which) >= MOST)

@@ -107,6 +107,7 @@ class Fall(Result):
         rows = [(self.start, 0.0)]
         for contact in self.episodes:
             rows += [(contact.start, rows[-1][1]), (contact.end, contact.stored)]
+
         rows.append((self.end, rows[-1][1]))
         gravity = self.setting.gravity
         energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
@@ -186,6 +187,7 @@ class Fall(Result):
         if filter is not None:
             memory = memory_of(filter)
             steps = [sampled(filter)]
+
         begin = episodes[0].start.time - max(checks.nonnegative("before", before, "s"), memory)
         end = episodes[-1].end.time + max(checks.nonnegative("after", after, "s"), memory)
         begin = max(begin, 0.0)
@@ -205,11 +207,13 @@ class Fall(Result):
         t = checks.column("times", times)
         if t.size and (t.min() < 0 or t.max() > self._lasting * (1 + 1e-12)):
             raise InputError(f"times must lie within the fall, 0 to {self._lasting:g} s.")
+
         starts = [0.0]
         parts = list[State | Episode]([self.start])
         for episode in self.episodes:
             starts += [episode.start.time, episode.end.time]
             parts += [episode, episode.end]
+
         interval = np.searchsorted(starts, t, side="right") - 1
         acceleration = np.zeros((t.size, 3))
         point = self._point(at)
@@ -217,6 +221,7 @@ class Fall(Result):
             acceleration[interval == k] = self._specific_force(
                 parts[k], t[interval == k] - starts[k], *point
             )
+
         return acceleration
 
     @property
@@ -244,6 +249,7 @@ class Fall(Result):
         """Accelerations (n, 3) minus gravity in body axes, at times in a flight or an episode."""
         body = self.body
         gravity = self.setting.gravity
+
         if isinstance(part, Episode):
             R, spin, angular, a = part.motion(since)
             linear = np.einsum("nb,nba->na", a[:, :3] / np.sqrt(body.mass) + [0, 0, gravity], R)
@@ -254,6 +260,7 @@ class Fall(Result):
             angular = linear = np.zeros(3)
             q, p = ringing(body.omega, body.decay, part.q, part.p, since)
             elastic = -(body.omega**2) * q - 2 * body.decay * p
+
         angular = angular - np.cross(spin, spin @ body.tensor) @ body.inverse
         by_rotation = np.cross(angular, arm) + np.cross(spin, np.cross(spin, arm))
         return np.asarray(linear + elastic @ phi.T + by_rotation)
@@ -268,10 +275,12 @@ class Fall(Result):
         checks.choice("quantity", quantity, ("acceleration", "force"))
         if not self.groups:
             raise InputError(NO_IMPACT)
+
         if quantity == "force":
             peaks = [Peak(one.peak_force, one.time, k) for k, one in enumerate(self.impacts)]
         else:
             peaks = [self._strongest(k, at, filter) for k in range(len(self.impacts))]
+
         return max(peaks, key=float)
 
     def _strongest(self, k: int, at: At, filter: str | None) -> Peak:
@@ -338,6 +347,7 @@ class Fall(Result):
             numbers if impacts is None else map(int, checks.column("impacts", impacts))
         )
         periods = self.body.omega.max(initial=0.0) / (2 * np.pi)
+
         parts = []
         zones = []
         for k in impact_numbers:
@@ -347,14 +357,17 @@ class Fall(Result):
                 motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
                 parts.append(replace(motion, time=motion.time + episode.start.time))
             zones += [one.zone for one in self._landed(k).contacts]
+
         merged = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
         }
         forces = np.zeros((merged["time"].size, parts[0].forces.shape[1]))
+
         with without_warnings():
             joined_motion = replace(parts[0], forces=forces, **merged)
             options = {"contacts": zones, **options}
             field = peak_field(self.body.structure, joined_motion, quantity, **options)
+
         starts = [self.episodes[motion[0]].start.time for motion in self.groups]
         impact = np.searchsorted(starts, field.times, side="right") - 1
         field = replace(field, error=None)
@@ -368,6 +381,7 @@ class Fall(Result):
             error = max((errors[j] for j in impact_numbers), default=0.0)
             margin = replace(margin, contact=yields, impact=k + 1, force_error=error)
             field = replace(field, _margin=margin)
+
         return WorstField(**vars(field), impact=impact)
 
     @property
@@ -409,6 +423,7 @@ class Fall(Result):
         bar = " (no error bar: that of the force is not known)"
         if by_force is not None:
             bar = f" ± {percent(by_force)} (the error of the force, which it follows)"
+
         return (
             f"the centre of mass has at most {plain(peak.g, 3)} g{bar} through {SHOCK_FILTER}, in"
             f" impact {peak.impact + 1}: all forces over the mass, as of a rigid part; the g of a"
@@ -433,6 +448,7 @@ class Fall(Result):
                 of_all = ", the hardest," * (k == self.hardest)
                 several = len(by_force) > 1
                 return f"in impact {k + 1}{of_all} {sentence}" if several else sentence
+
         return ""
 
     @property
@@ -494,12 +510,14 @@ class Fall(Result):
                 f"{STIFFENS:g}.",
                 AccuracyWarning,
             )
+
         if self.status == UNSETTLED:
             warn(
                 f"the fall is ended {self.message}; give a larger duration or number of impacts "
                 "(until).",
                 AccuracyWarning,
             )
+
         if self.missed:
             tol = self.setting.tol
             worst = max(episode.error for episode in self.episodes)
@@ -509,6 +527,7 @@ class Fall(Result):
                 f"reach tol = {tol:g} {excess_text}: give a larger tol, or fewer modes.",
                 AccuracyWarning,
             )
+
         layer = self.setting.floor.layer
         strains = [one.sunk() / one.body.radii[one.which].min(axis=1) for one in self.episodes]
         strain = max((float(values.max()) for values in strains), default=0.0)

@@ -52,6 +52,7 @@ def free_rotation(
         return lambda t: np.broadcast_to(R, (len(t), 3, 3))
     if np.linalg.norm(np.cross(spin, momentum)) <= SPINNING * size:
         return lambda t: rotation_matrices(t[:, None] * spin) @ R
+
     # L circles the axis of the largest moment, or that of the smallest
     gain, loss = (abs(moments[i] - moments[1]) * body_momentum[i] ** 2 / moments[i] for i in (2, 0))
     order = [0, 1, 2] if gain >= loss else [2, 1, 0]
@@ -69,6 +70,7 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
     d21 = abs(I[1] - I[0])
     d31 = abs(I[2] - I[0])
     d32 = abs(I[2] - I[1])
+
     # |2 E I3 - L^2| and |L^2 - 2 E I1|, without cancellation
     small = I[0] * d31 * w[0] ** 2 + I[1] * d32 * w[1] ** 2
     large = I[1] * d21 * w[1] ** 2 + I[2] * d31 * w[2] ** 2
@@ -276,6 +278,7 @@ class Flight:
                 if sinks[i].any():
                     return float(t[i])
                 return self._located(float(t[i]), float(t[i + 1]), which[falls[i]])
+
         return None
 
     def _located(self, start: float, end: float, which: IntArray) -> float:

@@ -96,16 +96,19 @@ class Floor(FieldsRepr):
                 "a Solid; got "
                 f"{checks.shown(self.material)}."
             )
+
         checks.store(self, friction=checks.nonnegative("friction", self.friction))
         if self.restitution is not None:
             e = checks.positive("restitution", self.restitution)
             if e > 1:
                 raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
             checks.store(self, restitution=e)
+
         if self.layer is not None:
             checks.instance("layer", self.layer, SoftLayer, "a SoftLayer(thickness, E)")
         if self.law is not None:
             checks.instance("law", self.law, ContactLaw, "a ContactLaw such as Hertz")
+
         kinds = [n for n in ("material", "layer", "law") if getattr(self, n) is not None]
         if len(kinds) > 1:
             raise InputError(f"a floor takes one of material, layer and law; got {kinds}.")
@@ -134,6 +137,7 @@ def as_floor(floor: object) -> Floor:
         return floor
     if floor is None:
         return Floor()
+
     example = "a Floor of a Solid"
     if callable(getattr(floor, "constants", None)):
         example = "a Floor of this material"
@@ -143,6 +147,7 @@ def as_floor(floor: object) -> Floor:
         example = "a Floor with this law"
     elif callable(getattr(floor, "modal", None)):
         example = "a Scene of the part and this model"
+
     raise InputError(f"floor must be a Floor; write {example}; got {checks.shown(floor)}.")
 
 
@@ -173,6 +178,7 @@ def law_of(floor: Floor, surface: Curvature, matter: Matter) -> ContactLaw:
         if curvature == 0.0:
             raise InputError("a line or a plane on a layer has no law of its own: give a radius.")
         return layer_law(floor.layer, pi * floor.layer.E / (curvature * floor.layer.thickness), 2.0)
+
     return choice_of(floor, surface, matter).law
 
 
@@ -183,6 +189,7 @@ def choice_of(floor: Floor, surface: Curvature, matter: Matter) -> Choice:
             "a rigid part on a rigid floor has no law of contact: give the floor a material, a "
             "layer or a law."
         )
+
     low, high = surface.values.tolist()
     touching = Surface(matter, (low, high), surface.error, surface.kind)
     return choose(touching, floor.face, floor.restitution)

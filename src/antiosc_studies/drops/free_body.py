@@ -129,6 +129,7 @@ class FreeBody:
         """
         touching = np.zeros(len(self.points), dtype=bool)
         touching[which] = True
+
         if self.facing is not None:
             places = self.vertices
             for i in which:
@@ -136,6 +137,7 @@ class FreeBody:
                 distance = np.linalg.norm(apart, axis=2).min(axis=0)
                 alike = (self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0)
                 touching |= (distance <= APART * self.extent) & alike | (distance < self.corner)
+
         return touching
 
     def sites(self, which: IntArray) -> tuple[Array, Array]:
@@ -148,6 +150,7 @@ class FreeBody:
                 self.shapes[rows], r, self.radii[rows] = self.residual(new)
             patches = zip(self.shapes[rows], r, self.radii[rows], strict=True)
             self._known.update(zip(new, patches, strict=True))
+
         phi, r, _ = (
             np.array(column) for column in zip(*map(self._known.get, which.tolist()), strict=True)
         )

@@ -88,6 +88,7 @@ class Impacts(tuple[FallImpact, ...]):
         for name in ("spin_before", "spin_after"):
             spin = self.column(name).reshape(-1, 3)
             table[f"{name.replace('_', ' ')} (rad/s)"] = np.linalg.norm(spin, axis=1)
+
         return table | {"law error (%)": 100 * self.column("law_error")}
 
     def numbers(self) -> dict[str, object]:
@@ -117,6 +118,7 @@ class Impacts(tuple[FallImpact, ...]):
         lines = ["  ".join(row) for row in zip(*aligned, strict=True)]
         if self.touch_again:
             lines.append(f"contact: {OF_ALL_CONTACTS}")
+
         return "\n".join(lines)
 
 
@@ -147,17 +149,20 @@ class Peak(FieldsRepr):
 def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> FallImpact:
     """The impact that consists of the given episodes."""
     by_law = Landed(setting.floor, episodes).law_error
+
     # a point above its dent begins an episode without force, which counts as flight
     episodes = [current for current in episodes if current.forces()[1].any()] or episodes
     impulses: dict[int, float] = {}
     for current in episodes:
         for i, value in zip(current.which.tolist(), current.impulses().tolist(), strict=True):
             impulses[i] = impulses.get(i, 0.0) + value
+
     strongest = max(impulses, key=lambda i: impulses[i])
     first, last = episodes[0].start, episodes[-1].end
     energies = [sum(state.energies(body, setting.gravity)) for state in (first, last)]
     time, force = force_of(episodes)
     place = body.points[strongest] - body.balls[strongest] * first.R[2] + body.centre
+
     return FallImpact(
         time=first.time,
         contact_time=last.time - first.time,

@@ -34,6 +34,7 @@ def orientation(
         raise InputError(
             f"give one of face, edge, corner and toward; got {', '.join(given_options)}."
         )
+
     R = np.eye(3)
     for name, value in given_options.items():
         down = unit_vector(name, value) if name == "toward" else _downward(body, name, value)
@@ -44,6 +45,7 @@ def orientation(
         raise InputError(
             f"tilt must be three angles in degrees, about x, y and z; got {tilt_text}."
         )
+
     return tilted(angles) @ R
 
 
@@ -71,9 +73,11 @@ def _downward(body: FreeBody, kind: str, argument: object) -> Array:
             return _group(body, name)
         example = {"face": "-z", "edge": "-x-z", "corner": "+x-y-z"}[kind]
         raise InputError(f"{kind} names its faces, as {example!r}; got {name!r}.")
+
     signs = np.array([components.get(axis, 0.0) for axis in "xyz"])
     if kind == "face":
         return signs
+
     # the part may have no corner near that of the box: take its farthest point in that direction
     extreme = body.points[np.argmax(body.points @ signs)]
     if kind == "edge":

@@ -60,11 +60,13 @@ def surface_of(body: FreeBody) -> tuple[Array, IntArray]:
     skin = body.skin
     if skin is not None and 0 < len(skin.triangles) < TRIANGLES:
         return skin.points - body.centre, skin.triangles
+
     points = body.points
     if body.balls.any() and len(points) == 1:  # a ball
         grid = np.array([*product(np.linspace(-1, 1, 9), repeat=3)])
         grid = grid[np.abs(grid).max(axis=1) == 1]
         points = body.balls[0] * grid / np.linalg.norm(grid, axis=1, keepdims=True)
+
     try:
         return points, np.asarray(ConvexHull(points).simplices)
     except (QhullError, ValueError):
@@ -83,6 +85,7 @@ def _posed(axes: Any, body: FreeBody, state: State) -> None:
     axes.add_collection3d(
         Poly3DCollection([np.column_stack((square, np.zeros(4)))], facecolors="0.85")
     )
+
     if len(triangles):
         corners = x[triangles]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -91,6 +94,7 @@ def _posed(axes: Any, body: FreeBody, state: State) -> None:
         axes.add_collection3d(Poly3DCollection(corners, facecolors=colours))
     else:
         axes.scatter(*x.T, s=12)
+
     top = max(float(x[:, 2].max()), half)
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, top))
     axes.set_box_aspect((2 * half, 2 * half, top), zoom=1.6)

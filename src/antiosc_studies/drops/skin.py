@@ -92,6 +92,7 @@ class Skin:
         for direction in _sphere_directions():
             protrusion = centres @ direction + balls - (points @ direction).max()
             balls = np.where(protrusion > allowed, 0.0, balls)
+
         return balls
 
 
@@ -115,6 +116,7 @@ def skin_of(structure: Structure) -> Skin:
         return mesh_skin(
             on_mesh(structure, "matrices have no points: give a map with coordinates.")
         )
+
     skins = list[Skin]()
     count = 0
     for member in matrices.members():
@@ -124,7 +126,9 @@ def skin_of(structure: Structure) -> Skin:
         n = skin.normals @ placement.rotation.T
         skins.append(replace(skin, points=x, normals=n, triangles=skin.triangles + count))
         count += len(x)
+
     names = [f.name for f in fields(Skin)]
+
     return Skin(
         *(np.concatenate([getattr(skin_of_part, name) for skin_of_part in skins]) for name in names)
     )
@@ -161,9 +165,11 @@ def mesh_skin(part: MeshedStructure) -> Skin:
     skin = replace(skin, strengths=strengths, half=half)
     if count != 3:
         return skin
+
     skin = replace(skin, triangles=ground.elements)
     if not part.kind.outside:
         return skin
+
     sharp = _sharp(x, normals, ground.elements)
     fitted, curvatures = _fitted(x, normals, directed_edges, sizes)
     normals = np.where(sharp[:, None], normals, fitted)
@@ -179,6 +185,7 @@ def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
     label[index.reshape(numbers.shape)] = part.part_of_cells()[faces.cells][:, None]
     constants = np.full((len(part.parts), 2), np.nan)
     half = np.zeros(len(part.parts))
+
     strengths = np.full(len(part.parts), np.nan)
     for k, (material, _) in enumerate(part.parts):
         with suppress(InputError):  # of a material with directions
@@ -186,6 +193,7 @@ def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
             strengths[k] = getattr(material, "yield_strength", None) or np.nan
         if part.kind.sheet:
             half[k] = 0.5 * material.section.thickness
+
     return constants[label], strengths[label], half[label]
 
 

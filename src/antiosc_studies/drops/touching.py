@@ -109,18 +109,21 @@ def scene_of(
         for height, one in zip(heights, ongoing, strict=True)
     ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
+
     force, extension = np.zeros((2, len(system.beta)))
     for k, (one, sides) in enumerate(zip(ongoing, system.sides, strict=True)):
         if one is not None:
             force[k] = one.force[0]
             force[sides] = one.force[1:]
             extension[sides] = one.force[1:] / one.stiffness
+
     # friction springs start unstrained: the displacement by their forces is added to the offsets
     extension += system.R @ force - system.R[:, :p] @ force[:p]
     extension[p:] += system.R[p:, :p] @ force[:p]
     system.offsets[:, :p] += extension[:p]
     states = [None if one is None else one.contact for one in ongoing]
     set_initial_forces(system, cut=(states, force[:p]) if held else None)
+
     if extension.any():
         system = replace(
             system,
@@ -128,6 +131,7 @@ def scene_of(
             loads=np.repeat(system.loads[:1], 2, axis=0),
             offsets=system.offsets[:1] - [np.zeros(len(extension)), extension],
         )
+
     return replace(assembly, system=system)
 
 
@@ -143,7 +147,9 @@ def _body_in_scene(touch: Touch, which: IntArray) -> SiteModes:
     elastic: Any = {}
     if body.basis is not None:
         elastic = {"basis": (body.basis,), "shape": np.eye(6 + size)[6:]}
+
     inertia = np.concatenate((momentum, np.zeros((size, 6))))
+
     return SiteModes(
         np.append(np.zeros(6), body.omega),
         B.reshape(6 + size, -1),
@@ -202,6 +208,7 @@ def _wedge(system: System) -> tuple[float, float]:
 
         if system.slip[k, 0] * tangential > friction * wedge:
             friction, wedge = float(system.slip[k, 0]), tangential
+
     return friction, wedge
 
 
@@ -211,6 +218,7 @@ def _jam(friction: float, wedge: float) -> AccuracyError:
         return AccuracyError(
             "no contact forces fit where a contact goes on; take a smaller tol, or more modes."
         )
+
     return AccuracyError(
         f"friction of {friction:.3g} jams a point at its contact: sliding presses it in by "
         f"{friction * wedge:.3g} times what its normal force lifts it, by the compliance of the "

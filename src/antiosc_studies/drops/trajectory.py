@@ -63,11 +63,13 @@ def trajectory(
     ongoing = dict[int, OngoingContact]()
     reason = ""
     deepest = 0.0
+
     contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
     while not reason:
         flight = Flight(body, state, setting.gravity)
         remaining = setting.duration - state.time
         touch_time = 0.0
+
         if not ongoing:
             longest_flight = min(flight.longest(), remaining)
             first_touch = flight.touch(longest_flight)
@@ -77,10 +79,12 @@ def trajectory(
                 reason = f"the time {setting.duration:g} s is over"
                 state = flight.at(remaining)
                 break
+
         touch = flight.at(touch_time)
         _check_sides(body, touch)
         if episodes:
             _check_depth(body, touch, deepest, setting)
+
         # flights within one impact are shorter than the longest modal period or its first contact
         same_impact = bool(groups) and touch_time < max(
             body.slowest, episodes[groups[-1][0]].duration
@@ -103,6 +107,7 @@ def trajectory(
             reason = "at rest"
         elif len(episodes) >= contacts:
             reason = f"not at rest after {contacts:g} contacts"
+
     return state, episodes, flights, groups, reason
 
 
@@ -136,12 +141,14 @@ def _rests(
     heights = arms[:, 2]
     if state.centre[2] + heights.min() > CARRIES * body.extent:
         return False
+
     carrying = arms[heights < heights.min() + CARRIES * body.extent]
     W = body.rigid_modes(state.R)[0]
     energy = _stoppable_energy(body, state, W, carrying, setting.floor.friction > 0)
     energy += _excess_energy(body, state, W, ongoing, setting.gravity)
     if energy > REST * body.mass * setting.gravity * setting.height:
         return False
+
     return _contains_origin(carrying[:, :2], AROUND * body.extent)
 
 
@@ -182,6 +189,7 @@ def _excess_energy(
     wrench = np.append(forces.sum(axis=0), np.cross(arms, forces).sum(axis=0))
     wrench[2] -= body.mass * gravity
     vertical = W[:, 2:3] + W[:, 3:] @ np.cross(arms, AXES[0]).T
+
     # with up' their product is the stiffness against rigid motions
     up = vertical / np.sqrt(compliances)
     impulses = np.linalg.lstsq(up, W @ wrench, rcond=STILL)[0]

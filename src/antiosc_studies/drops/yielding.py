@@ -119,9 +119,11 @@ class PointContact(NamedTuple):
             return "the error of a given law of the contact is not known"
         if floor.layer is not None:
             return "the error of the law of a soft layer is not known"
+
         choice = self.choice
         if choice is None or choice.unknown:
             return "the error of that force is not known: give part and floor a yield strength"
+
         radius = float(body.radii[i].min())
         if self.sharp and 2 * self.depth > self.clearance:
             return (
@@ -139,12 +141,14 @@ class PointContact(NamedTuple):
                 f" error is known up to {largest_strain(choice):g} of it: take a larger corner"
                 " radius, or a soft layer on the floor"
             )
+
         return ""
 
     @property
     def verdict(self) -> str:
         """Sentence that the contact yields; "" if it does not, or if that is unknown."""
         choice = self.choice
+
         if self.dent is not None:
             soft = None if choice is None or self.floor.law is not None else choice.soft
             sides = (("part", matter_at(self.body, self.which)), ("floor", self.floor.face.matter))
@@ -155,11 +159,13 @@ class PointContact(NamedTuple):
             ]
             where = " and ".join(names) or "the part"
             return f"the contact yields: {self.dent.text}, in {where}; {self.off}"
+
         if self._exceeds > 1:
             return (
                 f"the contact yields: its force is {self._exceeds:.3g} times that of first yield, "
                 "and the force of this law is too high"
             )
+
         return ""
 
     @property
@@ -177,6 +183,7 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
         peaks = forces.max(axis=0).tolist()
         times = (episode.start.time + time[forces.argmax(axis=0)]).tolist()
         depths = episode.sunk().tolist()
+
         arms = episode.start.arms(body, episode.which)
         for k, i in enumerate(episode.which.tolist()):
             law = law_at(body, floor, i)
@@ -238,9 +245,11 @@ class Landed:
         dents = [one for one in self.contacts if one.dent is not None]
         if not dents:
             return "" if self.hardest is None else self.hardest.verdict
+
         deepest = max(dents, key=lambda one: one.depth)
         if len({one.which for one in self.contacts}) == 1:
             return deepest.verdict
+
         own = engineering(deepest.force, "N")
         return f"{deepest.verdict} (at one of the places that touch, under {own} of the force)"
 
@@ -281,4 +290,5 @@ class Landed:
             spread = np.linalg.svd(low - low.mean(axis=0), compute_uv=False)[1] / sqrt(len(low))
             if spread > FLAT * sqrt(2 * radius * depth):
                 return True
+
         return False

@@ -124,6 +124,7 @@ class FoundImpact(Result):
             bar_text = "not told" if np.isinf(bar) else f"± {100 * bar:.2f} %" if bar else "known"
             unit = {"peak_force": " N", "impulse": " N s", "mass": " kg", "velocity": " m/s"}
             rows.append((name, f"{value:.5g}{unit.get(name, '')}  {bar_text}"))
+
         return [*rows, ("chi2", f"{self.chi2:.3g}")]
 
     def numbers(self) -> dict[str, object]:
@@ -144,6 +145,7 @@ class FoundImpact(Result):
         count = self.measured.shape[1]
         figure, axes = panels(1, 2, (9.5, 1.2 + 1.1 * max(count, 3)), shown=path is None)
         left, right = axes[0]
+
         step = 2.2 * float(np.abs(self.measured / np.abs(self.measured).max(axis=0)).max())
         for s in range(count):
             size = float(np.abs(self.measured[:, s]).max())
@@ -151,6 +153,7 @@ class FoundImpact(Result):
             t = 1e3 * self.compared_time
             left.plot(t, offset + self.measured[:, s] / size, color="0.75", lw=4)
             left.plot(t, offset + self.computed[:, s] / size, color="C0", lw=1)
+
         left.set(xlabel="time (ms)", title="measured (grey), computed", yticks=[])
         left.set_ylabel("sensors, the first on top")
         end = min(1.5 * max(self.history.contact_time, 1e-9), float(self.history.run.time[-1]))
@@ -280,9 +283,11 @@ def find_impact(
     sensors = checks.list_of("sensors", sensors, Sensor, "Sensor")
     if not sensors:
         raise InputError("sensors must hold one Sensor or more.")
+
     has_tip = isinstance(impactor, RigidMass) and impactor.surface() is not None
     if contact is None and has_tip and "stiffness" not in unknown:
         contact = AUTO
+
     law = None if contact is None else on_plane(structure, impactor, contact)
     names = _names(unknown, impactor, law)
     expected = (
@@ -291,16 +296,19 @@ def find_impact(
     )
     if band is not None:
         band = checks.band(band)
+
     recording(signals, sensors, rate, noise, band, np.inf)  # refused before the modes
     monitored = prepared(structure, sensors, where, direction, radius, modes, band)
     prepared_at = time.perf_counter()
     data = recording(signals, sensors, rate, noise, band, monitored.seen.omega[-1] / ABOVE)
     with without_warnings():
         result = found_in(monitored, data, names, impactor, law, as_damping(damping), expected)
+
     seconds = {"model": prepared_at - start_time, "search": time.perf_counter() - prepared_at}
     result = replace(result, info={**result.info, "seconds": seconds})
     if result.status:
         warn(structure.comm, result.message, AccuracyWarning)
+
     return result
 
 
@@ -312,10 +320,13 @@ def _names(
         raise InputError(
             f"unknown must list names of {', '.join(UNKNOWN)}; got {checks.shown(unknown)}."
         )
+
     for name in unknown:
         checks.choice("unknown", name, UNKNOWN)
+
     if impactor is not None:
         checks.instance("impactor", impactor, RigidMass, "a RigidMass")
+
     missing_names = {"mass", "velocity"} - set(unknown)
     if missing_names and impactor is None:
         raise InputError(f"{min(missing_names)} is not unknown: give it as impactor=RigidMass(…).")
@@ -326,6 +337,7 @@ def _names(
             f"{type(contact).__name__} has no stiffness that could be unknown: leave it out of "
             "unknown, or give Hertz(…)."
         )
+
     return [name for name in UNKNOWN if name in unknown]
 
 
@@ -429,6 +441,7 @@ def _result(
     force[after_start] = hit.force_at(np.minimum(t[after_start] - blow.start, hit.run.time[-1]))
     stride = len(t) // max(len(data.compared), 1) or 1
     gain = data.sigma / float(np.abs(data.filter.sum(axis=1)).max())
+
     return FoundImpact(
         place=blow.place,
         direction=model.surface.directions[blow.site],
@@ -464,17 +477,21 @@ def _bars(fit: ProbableImpact, scale: float) -> dict[str, float]:
     d = int(of_place.sum())
     place = fit.covariance[np.ix_(of_place, of_place)]
     bars = {"place": 0.0}
+
     if d:
         interpolation = (INTERPOLATION * fit.chart.size) ** 2
         widest = float(np.sqrt(np.linalg.eigvalsh(place)[-1] + interpolation))
         bars["place"] = HALF_WIDTH[d] * widest
+
     for name, variance_of in zip(fit.names[d:], variance[d:], strict=True):
         deviation = float(np.sqrt(variance_of + scale**2 * (name == "velocity")))
         determined = name == "start" or deviation < DETERMINED
         bars[name] = HALF_WIDTH[1] * deviation if determined else np.inf
+
     for k, name in enumerate(("peak_force", "impulse")):
         g = fit.gains[k]
         bars[name] = HALF_WIDTH[1] * float(np.sqrt(g @ fit.covariance @ g + scale**2))
+
     return {name: bars.get(name, 0.0) for name in (*UNKNOWN, "start", "peak_force", "impulse")}
 
 
@@ -495,6 +512,7 @@ def _verdict(
             f"cannot tell the place: the signals fit as well at {places}; add a sensor off the"
             " axis of symmetry."
         )
+
     if rank < count:
         deviations = np.sqrt(np.diag(fit.covariance))
         free = [name for name, out in zip(fit.names, deviations > limits, strict=True) if out]
@@ -503,4 +521,5 @@ def _verdict(
             f"the signals determine {rank} of {count} unknowns; not told: {params}. Give what is"
             " known of the impactor, or add sensors."
         )
+
     return FOUND, f"the signals determine all {count} unknowns, chi² = {fit.chi2:.3g}."

@@ -44,6 +44,7 @@ class Chart:
         """
         if not len(self.axes):
             return np.ones(1)
+
         y = self.local
         terms = _quadratics(y)
         terms_at_x = _quadratics(x[None])[0]
@@ -53,6 +54,7 @@ class Chart:
         A[:count, count:] = terms
         A[count:, :count] = terms.T
         right = np.append(np.linalg.norm(y - x, axis=1) ** 3, terms_at_x)
+
         return np.asarray(np.linalg.lstsq(A, right, rcond=1e-12)[0][:count])
 
 
@@ -75,6 +77,7 @@ class MapSurface:
         self.dimension = elements.shape[1] - 1 if len(elements) else 0
         self._tree = cKDTree(points)
         self._of: list[IntArray] = []
+
         if self.dimension:
             order = np.argsort(elements.ravel(), kind="stable")
             ends = np.cumsum(np.bincount(elements.ravel(), minlength=len(points)))[:-1]
@@ -92,6 +95,7 @@ class MapSurface:
         size = self.spacing(site)
         if size == 0.0:
             return Chart(place, np.zeros((0, 3)), np.array([site]), np.zeros((1, 0)), 1.0)
+
         count = NEIGHBOURS[self.dimension]
         neighbours = np.atleast_1d(self._tree.query(place, min(3 * count, len(self.points)))[1])
         neighbours = neighbours[self.directions[neighbours] @ self.directions[site] > SAME_SIDE][
@@ -99,6 +103,7 @@ class MapSurface:
         ]
         offsets = self.points[neighbours[: min(9, len(neighbours))]] - self.points[site]
         axes = np.linalg.svd(offsets, full_matrices=False)[2][: self.dimension]
+
         return Chart(
             place, axes, neighbours, (self.points[neighbours] - place) @ axes.T / size, size
         )
@@ -107,11 +112,13 @@ class MapSurface:
         """(nearest point of the surface, its nearest site), on the side of `site`."""
         if not self.dimension:
             return self.points[site], site
+
         neighbours = np.atleast_1d(self._tree.query(place, min(12, len(self.points)))[1])
         neighbours = neighbours[self.directions[neighbours] @ self.directions[site] > SAME_SIDE]
         elements = [self._of[i] for i in neighbours]
         if not sum(map(len, elements)):
             return self.points[site], site
+
         candidates = self.elements[np.unique(np.concatenate(elements))]
         feet = _feet(place, self.points[candidates])
         best = int(np.argmin(np.linalg.norm(feet - place, axis=1)))
@@ -128,6 +135,7 @@ def _feet(x: Array, corners: Array) -> Array:
     rows = np.concatenate((offsets, ones), axis=2).transpose(0, 2, 1)
     weights = np.array([nnls(A, [0.0, 0.0, 0.0, FIRM * size])[0] for A in rows])
     weights /= weights.sum(axis=1, keepdims=True)
+
     return x + np.asarray(np.einsum("tc,tcd->td", weights, offsets))
 
 
@@ -222,6 +230,7 @@ class Struck:
         law = self.law
         if has_stiffness(law):
             law = replace(law, stiffness=blow.stiffness)  # type: ignore[type-var]
+
         end = len(self.data.values) * self.data.dt - blow.start
         step = min(blow.contact_time_estimate / STEPS, end / 20)
         scene = Impact(body, RigidMass(blow.mass, blow.velocity), law, end)

@@ -61,6 +61,7 @@ class Sensor(FieldsRepr):
             checks.text("point", self.point)
         else:
             checks.store(self, point=checks.coordinates("point", self.point))
+
         direction = checks.coordinates("direction", self.direction, "")
         if not np.linalg.norm(direction):
             raise InputError("direction must not be the zero vector: the sensor measures along it.")
@@ -69,6 +70,7 @@ class Sensor(FieldsRepr):
             checks.store(self, length=checks.positive("length", self.length, "m"))
             if self.quantity != "strain":
                 raise InputError(f"a length is that of a strain gauge, not of {self.quantity}.")
+
         place(self.surface, None, (0.0, 0.0), "global")
         if self.part is not None:
             checks.text("part", self.part)
@@ -86,15 +88,18 @@ def sensor_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     x, part, end = point_of(structure, sensor.point, sensor.part)
     if end is not None:
         raise InputError(f"{sensor.point!r} has no mesh: a sensor sits on the mesh of a part.")
+
     fields = source(structure)
     reach = Reach("the point of the sensor")
     if sensor.quantity != "strain":
         columns = fields.at_point(structure, shapes, x, part, reach)
         return np.asarray(d[: len(columns)] @ columns)
+
     nodes = np.zeros(1)
     weights = np.full(1, 2.0)
     if sensor.length is not None:
         nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
+
     points = x + np.outer(nodes, d) * (sensor.length or 0.0) / 2
     surface_place = place(sensor.surface, None, (0.0, 0.0), "global")
     strain = fields.recovered(structure, shapes, points, part, "strain", surface_place, reach)
@@ -174,6 +179,7 @@ def recording(
     values = checks.floats("signals", signals, None)
     if values.ndim == 1 and count == 1:
         values = values[:, None]
+
     if values.ndim != 2 or values.shape[1] != count:
         raise InputError(
             f"signals must have one column for each of the {count} sensors; got shape"
@@ -184,6 +190,7 @@ def recording(
             f"signals need {FEWEST} samples or more, and at most {MOST} values; got"
             f" {len(values)} of {count} sensors: cut them to the time of the blow."
         )
+
     size = np.sqrt(np.mean(values**2, axis=0))
     if np.any(size == 0):
         raise InputError(f"the signal of sensor {int(np.argmin(size))} is zero throughout.")
@@ -193,6 +200,7 @@ def recording(
             f"band must hold {LINES} periods of the record, {lowest:.4g} Hz, and end at half the"
             f" rate, {rate / 2:.4g} Hz; got {band / (2 * np.pi):.4g} Hz."
         )
+
     top = min(most, _band(values, rate), np.pi * rate) if band is None else band
     if noise is None:
         sigma = np.maximum(_noise(values, rate, top), LEAST_NOISE * size)
@@ -204,6 +212,7 @@ def recording(
                 f" {sigma.size}."
             )
         sigma = np.broadcast_to(sigma, (count,))
+
     return Recording(values, 1 / rate, sigma, top, _low_pass(len(values), top / (np.pi * rate)))
 
 
@@ -212,12 +221,14 @@ def _read(path: Path, sensors: Sequence[Sensor], rate: float | None) -> tuple[Ar
     check_readable(path, "the signals")
     table_columns = table(path)
     timed = len(table_columns) == len(sensors) + 1
+
     signals = table_columns[1:] if timed else table_columns
     if len(signals) == len(sensors):
         pairs = zip(signals, sensors, strict=True)
         values = np.column_stack([column.in_si(UNITS[sensor.quantity]) for column, sensor in pairs])
     else:
         values = np.column_stack([column.values for column in signals])  # refused by its shape
+
     if not timed:
         return values, rate
     t = table_columns[0].in_si(TIMES)

@@ -67,6 +67,7 @@ def scan(model: Struck, spread: float) -> Scan:
     ends = np.linspace(0, n, WINDOWS + 1).astype(int)[1:]
     longest = max(LONGEST_PULSE * T, 2 * data.dt)
     shortest = min(SHORTEST_PULSE * 2 * np.pi / data.band, longest)
+
     best = np.zeros((4, len(b)))
     for tau in np.geomspace(shortest, longest, PULSES):
         table = pulse_responses(lam, tau, data.time)
@@ -84,6 +85,7 @@ def scan(model: Struck, spread: float) -> Scan:
         for first in range(0, len(b), AT_ONCE):
             part = slice(first, first + AT_ONCE)
             _update_best(best[:, part], b[part], products, gram, ends, tau)
+
     explained, duration, lag, amplitude = best
     return Scan(explained / power, duration, lag * data.dt, amplitude)
 
@@ -98,6 +100,7 @@ def _update_best(
     position = np.interp(remaining, ends, np.arange(len(ends)))
     lower = np.floor(position).astype(int)
     upper = np.minimum(lower + 1, len(ends) - 1)
+
     # the energy of the longest lags is that of the shortest window at least
     E = energy[:, lower] + (position - lower) * (energy[:, upper] - energy[:, lower])
     A = np.maximum(b @ products, 0.0)
@@ -180,6 +183,7 @@ class Search:
         self.model = model
         self.logs = [name for name in unknown if name != "place"]
         self.spread = spread
+
         # the error of a mode's share has two parts: its value at the sensor, and that at the struck
         # place, which is common to all sensors
         count = len(model.rows)
@@ -235,6 +239,7 @@ class Search:
             cost_before = float(np.sum((factor * residual) ** 2))
             if cost_before - float(new @ new) < max(CONVERGED, ENOUGH * cost_before):
                 steps = step + 1
+
         return self._finished(blow, chart, computed, residual, J, gains)
 
     def moved(self, blow: Blow, chart: Chart, change: Array) -> Blow:
@@ -257,6 +262,7 @@ class Search:
         T = self.model.data.duration
         J = len(blow.frequency)
         model_changes = change[d + k + 1 :]
+
         return replace(
             blow,
             place=place,
@@ -284,6 +290,7 @@ class Search:
             x = np.zeros(len(chart.axes))
             x[i] = CHANGE_PLACE
             add_difference(blow, model.modes_at(chart, x), CHANGE_PLACE)
+
         for name in self.logs:
             change = CHANGE_FREQUENCY if name == "E" else CHANGE
             value = {name: getattr(blow, name) * float(np.exp(change))}
@@ -294,6 +301,7 @@ class Search:
         p = len(columns)
         jacobian = np.zeros((n * m + J + m * J, p + J + m * J))
         jacobian[: n * m, :p] = np.transpose(columns)
+
         # all frequencies at once: each mode's own part of the change
         moved_blow = replace(blow, frequency=(1 + blow.frequency) * (1 + CHANGE_FREQUENCY) - 1)
         part_changes = (model.seen(moved_blow, site_data).parts - computed.parts) * (1 + blow.share)
@@ -322,6 +330,7 @@ class Search:
         covariance_of_unknowns = inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0)
         names = (*("place",) * d, *self.logs, "start")
         cost = float(residual @ residual)
+
         return ProbableImpact(
             blow,
             chart,
@@ -390,6 +399,7 @@ def most_probable(
     ]
     starts.sort(key=lambda pair: pair[0])
     starting_impacts = []
+
     with counting("searching the blow", MOST_STARTS + MOST_FITS) as ready:
         for count, (_, blow) in enumerate(starts[:MOST_STARTS], start=1):
             starting_impacts.append(search.refined(blow, FIRST_STEPS))
@@ -405,6 +415,7 @@ def most_probable(
                 mass, velocity = by * best.blow.mass, best.blow.velocity / by
                 heavier = replace(best.blow, mass=mass, velocity=velocity)
                 fits.append(search.refined(heavier, LAST_STEPS))
+
     return sorted(fits, key=lambda fit: fit.cost)
 
 
@@ -430,6 +441,7 @@ def _places(model: Struck, scanned: Scan) -> list[int]:
             site_numbers.append(i)
         if len(site_numbers) == PLACES:
             break
+
     return site_numbers
 
 
@@ -444,6 +456,7 @@ def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str,
     J = len(model.omega)
     m = len(model.rows)
     guess = {"velocity": velocity, "stiffness": stiffness, "E": 1.0, **known, "mass": mass}
+
     return Blow(
         model.surface.points[i],
         i,
@@ -464,6 +477,7 @@ def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:
     if power == 0.0:
         return float(data @ data), blow
     amplitude = max(float(signals @ data) / power, 0.1)
+
     # with this change of stiffness the force of a power law is proportional to the velocity
     change = {"velocity": amplitude, "stiffness": amplitude ** (1 - model.exponent)}
     new = {n: getattr(blow, n) * c for n, c in change.items() if n in search.logs}

@@ -82,6 +82,7 @@ def goal_of(
             f"give time= [s] with the goals {' and '.join(TIMED)}, and with no other; the goal is"
             f" {name}, time = {checks.shown(time)}."
         )
+
     c = _contact_number(hit, contact)
     end = hit.assembly.scene.contacts[c].a
     if name in OF_CONTACT and not hit.contact_histories[c].contacts:
@@ -121,6 +122,7 @@ def _of_contact(hit: History, c: int, name: str) -> float:
             "this run has no restitution: the bodies are in contact at its end, or did not approach"
             " each other."
         )
+
     return float(value)
 
 

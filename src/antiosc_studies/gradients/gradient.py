@@ -218,6 +218,7 @@ def _turns(hit: History) -> list[Turn]:
             "bars of a gradient need a run of simulate on anti-oscillators, one or more; leave"
             " error= out."
         )
+
     left_out = max(1, round(FEWER * model.n))
     turns: list[Turn] = [lambda one: one.truncated(one.n - left_out), softest_model]
     return turns + ([AntiOscillators.corrected] if model.strain_error is not None else [])
@@ -258,6 +259,7 @@ def _differences(goal: Goal, base: Assembly) -> Callable[[Number], Slope]:
                 least = FLOOR * abs(fine.goal) / number.size
                 richardson = (slope - other) / (WIDER**2 - 1) if number.wide else 0.0
                 return Slope(slope + richardson, abs(slope - other) + least)
+
         raise NotDifferentiableError(
             f"a touch appears or vanishes where the number {number.value:g} of the impact changes"
             f" by {STEPS[-1]:g} of its value: the goal has no derivative; change an input slightly."
@@ -280,6 +282,7 @@ def _difference(number: Number, h: float, goal: Goal, base: Values, tol: float) 
             if any(one.touches != base.touches for one in values):
                 return None
             return float(np.dot(weights, [one.goal for one in values])) / side
+
     assert refused is not None
     raise refused
 

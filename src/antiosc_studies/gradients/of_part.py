@@ -38,6 +38,7 @@ class Models:
         self.name = model_name(hit)
         self._model = cast("Any", hit.assembly.scene.bodies[self.name])
         built, self._tree = part, {}
+
         if isinstance(part, Structure):
             self._tree = self._of_structure(part)
         else:
@@ -102,6 +103,7 @@ class Models:
                     tree.setdefault(name, {})[group] = varied
                 else:
                     tree[name] = varied
+
         if not tree:
             raise InputError(
                 "this part's materials are not known, or have no numbers of their own, as those of"
@@ -120,6 +122,7 @@ class Models:
         method: Any = {"method": "modes"} if model.info.method == "modes" else {"error": estimate}
         with without_warnings():
             found = extract(part, site_of(model), model.n, **method)
+
         # dampers of the part are in the coordinates of its own model
         coupled = isinstance(found.damping, DampingMatrix)
         return found if coupled else replace(found, damping=model.damping)

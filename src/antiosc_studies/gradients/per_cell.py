@@ -153,6 +153,7 @@ def design_map(
             "a design map needs a model of one site with a mass there, whose damping does not"
             " couple its modes: give gradient a function of x that builds the part, and x."
         )
+
     by_cell = [float(values_of(material).get(by, np.nan)) for material, _ in meshed.parts]
     if not np.isfinite(by_cell).any():
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
@@ -164,6 +165,7 @@ def design_map(
             shares, axes = np.linalg.eigh(size[:, None] * matrix * size)
             vectors = model.shapes @ (axes / size[:, None])
             relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
+
     value = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
     per_mass = np.where(np.isfinite(value), relative / _masses(meshed), np.nan)
     return DesignMap(g.goal, g.value, by, relative / value, per_mass, meshed)
@@ -177,6 +179,7 @@ def _relative(
         if by == "E":
             return (meshed.form.stiffness, [])
         return ([], meshed.form.mass)
+
     assert part.made_of is not None
     K = []
     M = []
@@ -190,6 +193,7 @@ def _relative(
         factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
         K += [factor * part_form for part_form in form.stiffness]
         M += [factor * part_form for part_form in form.mass]
+
     return K, M
 
 

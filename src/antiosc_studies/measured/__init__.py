@@ -90,6 +90,7 @@ def from_frf(
     _check(data, best)
     if free is None and unclear(data, best.modes):
         _warn_unclear(data, best.modes)
+
     info = ModelInfo(
         method="frf",
         measured=None if frf.sites else _consistent_bodies(data, best),
@@ -99,6 +100,7 @@ def from_frf(
             "chi2": best.chi2,
         },
     )
+
     return anti_oscillators(best.modes, frf.sites, info)
 
 
@@ -111,10 +113,12 @@ def _data(frf: FRF) -> Measured:
             f"the band holds {frf.values.size} values, more than the {MOST_FITTED} that can be"
             " fitted: take a narrower band, fewer sites, or every second line."
         )
+
     pairs: Pairs = frf.pairs
     if not any(m == n for m, n in pairs):
         raise InputError("no reference is among the sites: one driving point is needed.")
     sigma = frf.receptance_sigma
+
     return Measured(
         w=w,
         H=frf.receptance.reshape(len(w), -1),
@@ -132,9 +136,11 @@ def _with_equal_directions(data: Measured) -> Measured:
             "the FRF at the driving point has no imaginary part: magnitudes and real parts do not"
             " tell damping or masses; give complex values, with their phase."
         )
+
     outflow = _outflow(data)
     if outflow < WRONG_SIGN:
         return data
+
     warn(
         f"at the driving point {percent(outflow)} of the power flows out of the part, which has "
         "none: force and motion were taken in opposite directions, and the sign was turned."
@@ -158,23 +164,27 @@ def _check(data: Measured, fit: Fit) -> None:
     """Raise an error if no body explains the measurement; warn of doubtful properties."""
     H = fit.modes.receptance(data.w, data.pairs)
     misfit = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
+
     if (outflow := _outflow(data)) > BESIDE:
         warn(
             f"at the driving point {percent(outflow)} of the power flows out of the part, which has"
             " none: the sensor lies beside the struck point, where modes may have another sign, or"
             " its phase is wrong; measure both at one place."
         )
+
     if misfit > UNFITTED:
         raise AccuracyError(
             f"no passive body explains the measurement: the best one is off by {percent(misfit)} "
             "in the median; check that it is a driving point, its quantity and its units."
         )
+
     if misfit > ROUGH or (fit.chi2 > POOR and misfit > SLIGHT):
         warn(
             f"the model differs from the measurement by {percent(misfit)} in the median, chi^2 ="
             f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",
             AccuracyWarning,
         )
+
     if not fit.modes.seen:
         warn(
             f"no mode lies in the band up to {data.w[-1] / (2 * np.pi):.4g} Hz: what the model does"
@@ -221,6 +231,7 @@ def anti_oscillators(
     zeta = modes.zeta[order]
     b = modes.b[order]
     r = modes.root @ modes.root.T
+
     if modes.rigid is not None:
         size = np.linalg.norm(modes.rigid, axis=0)
         rigid = modes.rigid.T[size > LEAST_RIGID * size.max()]
@@ -249,6 +260,7 @@ def _several(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) -> AntiOs
     values, vectors = np.linalg.eigh(r)
     values = np.maximum(values, LEAST_RESIDUAL * float(np.abs(r).max()))
     stiff = (vectors / values) @ vectors.T
+
     # singular values of a root of the stiffness: its eigenvalues would lose the low modes
     root = np.hstack((np.diag(omega), b @ (vectors / np.sqrt(values))))
     shapes, singular, _ = np.linalg.svd(root, full_matrices=False)

@@ -146,6 +146,7 @@ def compare(
         raise InputError("the histories do not overlap: their times differ by more than they last.")
     scale = float(np.sum(weight * shifted * F)) / energy
     misfit = np.sqrt(np.sum(weight * (F - scale * shifted) ** 2) / energy)
+
     return ForceComparison(
         time=t + shift,
         measured=F,
@@ -168,6 +169,7 @@ def _history(measured: object) -> tuple[Array, Array]:
         check_readable(path, "a measurement")
         columns = by_name(path, "time", "force")
         arrays = {"time": columns["time"].in_si(TIMES), "force": columns["force"].in_si(FORCES)}
+
     t = checks.floats("the measured times", arrays["time"], (None,))
     F = checks.floats("the measured forces", arrays["force"], (None,))
     if len(t) != len(F) or len(t) < FEWEST or np.any(np.diff(t) <= 0):
@@ -175,4 +177,5 @@ def _history(measured: object) -> tuple[Array, Array]:
             f"a measured force has {FEWEST} times or more, ascending, and one force each; got"
             f" {len(t)} times and {len(F)} forces."
         )
+
     return t, F

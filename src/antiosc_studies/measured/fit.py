@@ -94,11 +94,13 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     ones = np.ones((len(s), 1))
     with_rest = np.hstack([basis, ones, 1 / s[:, None] ** 2])
     sigma = np.hstack([basis, ones])
+
     rows: list[Array] = []
     for h, v in zip(H.T, weight.T, strict=True):
         A = np.hstack([v[:, None] * with_rest, -(v * h)[:, None] * sigma])
         R = np.asarray(np.linalg.qr(np.vstack([A.real, A.imag]), mode="r"))
         rows.append(R[with_rest.shape[1] :, with_rest.shape[1] :])
+
     scale = float(np.linalg.norm(np.abs(H) * weight)) / len(s)
     A = np.vstack([*rows, scale * np.sum(sigma, axis=0).real[None, :]])
     right = np.append(np.zeros(len(A) - 1), scale * len(s))
@@ -109,6 +111,7 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
         c[-1] = 1e-8 if c[-1] >= 0 else -1e-8
     n = len(a)
     pairs = np.flatnonzero(~is_real)
+
     # real form of diag(a) - b c': a pair holds the real and imaginary parts of its state
     state = np.zeros((n + len(pairs), n + len(pairs)))
     state[np.arange(n), np.arange(n)] = a.real
@@ -199,6 +202,7 @@ def refined(
         modes, residual = lowered_step
         if gain < CONVERGED:
             break
+
     lines = 2 * data.H.size
     residual = residuals(data, weight, modes)
     normal, _ = _equations(data, weight, modes, residual)
@@ -227,6 +231,7 @@ def lowered(
     unit = normal / size / size[:, None]
     slope = -slope / size
     finite = np.where(np.isfinite(size), size, 1.0)
+
     scaled = (limits[0] * finite, limits[1] * finite)
     while damping < MOST_DAMPING:
         damped = unit + damping * np.eye(len(unit))
@@ -234,6 +239,7 @@ def lowered(
         if float(trial_residual @ trial_residual) < cost:
             return (trial, trial_residual), max(damping / 10, 1e-9)
         damping *= 8
+
     return None, damping
 
 
@@ -280,6 +286,7 @@ def _bounded(matrix: Array, right: Array, limits: tuple[Array, Array]) -> Array:
         free &= ~at_limit
         if not at_limit.any():
             break
+
     return x
 
 
@@ -297,12 +304,14 @@ def _equations(
     misfit = residual[:lines].reshape(2, *data.H.shape)
     J = modes.expected_jacobian()
     normal = J.T @ J
+
     slope = J.T @ residual[lines:]
     for rows in _blocks(len(data.w)):
         complex_J = _derivatives(data, weight, modes, rows)
         J = whitened(complex_J.reshape(-1, complex_J.shape[2]))
         normal += J.T @ J
         slope += J.T @ misfit[:, rows].ravel()
+
     return normal, slope
 
 
@@ -340,6 +349,7 @@ def lifted(data: Measured, modes: FittedModes) -> FittedModes:
     b = modes.b.copy()
     smallest = np.sqrt(LIFTED * modes.tail.b2)
     b[in_band:] = np.where(np.abs(b[in_band:]) < smallest, smallest, b[in_band:])
+
     return replace(
         modes,
         b=b,
@@ -382,6 +392,7 @@ def _variances(squares: Array, kinds: Array, start: tuple[float, float]) -> Arra
         x = x + np.clip(change, -LONGEST_SCORE, LONGEST_SCORE)
         if np.all(np.abs(change) < LEAST_SCORE):
             break
+
     return np.asarray(np.exp(x) @ kinds)
 
 
@@ -444,6 +455,7 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None) -> Fit:
     modes = _first(data, weight, free, bool(hysteretic))
     best_round = (modes, weight, np.zeros(0))
     lowest = np.inf
+
     count = AT_ONCE
     for _ in range(ROUNDS):
         modes, normal, _ = refined(data, weight, lifted(data, modes), STEPS)
@@ -465,14 +477,17 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None) -> Fit:
             break
         modes = modes if extended is None else extended
         modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
+
     modes, weight, _ = best_round
     best = _finished(data, weight, modes)
+
     if free is None:  # rigid-body motion must stand above the misfit
         supported = _finished(data, weight, replace(modes, rigid=None))
         clear = supported.cost - best.cost >= SIGNIFICANCE**2 * max(best.chi2, 1.0)
         has_rigid_motion = _low_misfit(data, best.modes) < SEEN * _low_misfit(data, supported.modes)
         if _slight(data, best.modes) or not (clear and has_rigid_motion):
             best = supported
+
     bodies = [best.modes, *_other_tails(data, best)]
     fits = [_finished(data, best.weight, body) for body in _best(data, best, bodies)[:2]]
     best = min(fits, key=attrgetter("cost"))
@@ -504,10 +519,12 @@ def unclear(data: Measured, modes: FittedModes) -> bool:
     H = modes.receptance(data.w[:1], data.pairs)[0]
     column = max(driving, key=lambda pair_column: abs(H[pair_column]))
     m = data.pairs[column][0]
+
     if modes.rigid is None:
         dominant = np.sum((modes.b[:, m] / modes.omega) ** 2) + np.sum(modes.root[m] ** 2)
     else:
         dominant = -np.sum(modes.rigid[m] ** 2) / data.w[0] ** 2
+
     return bool(abs(H[column] - dominant) > NEITHER * abs(H[column]))
 
 
@@ -521,6 +538,7 @@ def _finished(data: Measured, weight: Array, modes: FittedModes) -> Fit:
         weight = 1 / noise(data, modes)
         if np.median(weight / old_weight) < SETTLED:
             break
+
     return Fit(modes, weight, chi2, _cost(data, weight, modes))
 
 
@@ -557,6 +575,7 @@ def _first(data: Measured, weight: Array, free: bool | None, hysteretic: bool) -
     )
     basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
     basis = basis[:, : -1 if free is False else None]
+
     residues = np.zeros((len(omega) + 5, data.sites, data.sites))
     for column, (m, n) in enumerate(data.pairs):
         A: ComplexArray = weight[:, column, None] * basis
@@ -564,6 +583,7 @@ def _first(data: Measured, weight: Array, free: bool | None, hysteretic: bool) -
         right = whitened(weight[:, column] * data.H[:, column])
         solution = np.linalg.lstsq(whitened(A) / size, right, rcond=None)[0] / size
         residues[: len(solution), m, n] = residues[: len(solution), n, m] = solution
+
     residues = _completed(residues, data.pairs)
     b = np.array([rank_one(residue) for residue in residues[: len(omega)]]).reshape(-1, data.sites)
     no_tail = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
@@ -582,6 +602,7 @@ def _completed(residues: Array, pairs: Pairs) -> Array:
             if m not in driven and residue[r, r] > 0:
                 residue[m] = residue[:, m] = residue[m, r] / residue[r, r] * residue[:, r]
                 residue[m, m] = residue[m, r] ** 2 / residue[r, r]
+
     return residues
 
 
@@ -628,6 +649,7 @@ def _added(data: Measured, weight: Array, modes: FittedModes, most: int) -> Fitt
     zeta = np.tile(typical * np.array(WIDTHS), len(peaks))
     D = factors(data.w, omega, zeta, modes.hysteretic)
     score = np.full(len(omega), -np.inf)
+
     compliance = np.zeros((len(omega), data.sites, data.sites))
     for column, (m, n) in enumerate(data.pairs):
         A = whitened(J[:, column])
@@ -639,17 +661,20 @@ def _added(data: Measured, weight: Array, modes: FittedModes, most: int) -> Fitt
         compliance[:, m, n] = compliance[:, n, m] = projection / size**2
         if m == n:
             score = np.maximum(score, projection / size)
+
     peak_lines: list[int] = []
     for i in np.argsort(-score):
         if score[i] < ADDED or len(peak_lines) == most:
             break
         if all(abs(omega[i] - omega[k]) > 3 * typical * omega[i] for k in peak_lines):
             peak_lines.append(int(i))
+
     if not peak_lines:
         return None
     parts = _completed(compliance[peak_lines], data.pairs)
     in_band = modes.seen
     b = np.array([rank_one(part) for part in parts])
+
     return modes.with_seen(
         np.append(modes.omega[:in_band], omega[peak_lines]),
         np.append(modes.zeta[:in_band], zeta[peak_lines]),
@@ -664,12 +689,14 @@ def with_other_noise(data: Measured, fit: Fit) -> list[FittedModes]:
     """Bodies fitted to the measurement with other random noise (seeded)."""
     random = np.random.default_rng(0)
     lines = 2 * data.H.size
+
     models = []
     for _ in range(DRAWS):
         shift = np.zeros(lines + len(fit.modes.expected()))
         shift[:lines] = random.standard_normal(lines) * max(fit.chi2, 1.0) ** 0.5
         start = lifted(data, fit.modes)
         models.append(refined(data, fit.weight, start, FEW_STEPS, shift)[0])
+
     return models
 
 
@@ -681,4 +708,5 @@ def _other_tails(data: Measured, fit: Fit) -> list[FittedModes]:
         tail = random_tail(fit.modes.tail, float(data.w[-1]), random)
         start = lifted(data, with_tail(fit.modes, tail))
         models.append(refined(data, fit.weight, start, LAST_STEPS)[0])
+
     return models

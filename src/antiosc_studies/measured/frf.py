@@ -111,6 +111,7 @@ class FittedModes:
         by_omega = -2 * self.omega**2 * square + by_zeta * (2 if self.hysteretic else 1)
         band = slice(self.seen)
         blocks = [by_omega[:, None, :] * weight, by_zeta[:, None, band] * weight[:, band]]
+
         # d(b_m b_n)/db_s = [m = s] b_n + [n = s] b_m, of every mode and site
         products = np.zeros((len(pairs), len(self.omega), p))
         columns = np.arange(len(pairs))
@@ -120,6 +121,7 @@ class FittedModes:
         for L, factor in ((self.rigid, -1 / column**2), (self.root, np.ones_like(column))):
             if L is not None:
                 blocks.append(factor[:, :, None] * _root_slopes(L, m, n))
+
         return np.concatenate(blocks, axis=2)
 
     def expected(self) -> Array:
@@ -184,6 +186,7 @@ class FittedModes:
 def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArray:
     """Dynamic factors D (W, J) of modes at circular frequencies (W,)."""
     frequencies = w[:, None]
+
     # in real numbers and in place: a complex quotient takes twice as long
     stiff = omega**2 - frequencies**2
     loss = 2 * zeta * omega * (omega if hysteretic else frequencies)
@@ -192,6 +195,7 @@ def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArr
     D = np.empty(size.shape, dtype=complex)
     np.multiply(stiff, size, out=D.real)
     np.multiply(-loss, size, out=D.imag)
+
     return D
 
 
@@ -242,9 +246,11 @@ def expected_tail(modes: FittedModes, top: float) -> Tail:
     while frequencies[-1] < TAIL_END * top or len(frequencies) < 3:
         steps.append(max(spacing, TAIL_STEP * frequencies[-1]))
         frequencies.append(frequencies[-1] + steps[-1])
+
     step = np.array([*steps, steps[-1]])
     merged = np.maximum(step / spacing, 1.0)
     doubt = np.sqrt(DOUBT**2 / merged + FEW / max(in_band, 0.5))
+
     return Tail(
         np.array(frequencies), SPREAD * step / np.array(frequencies), merged[:, None] * b2, doubt
     )
@@ -257,6 +263,7 @@ def with_tail(modes: FittedModes, tail: Tail) -> FittedModes:
     typical = float(np.median(modes.zeta[:in_band])) if in_band else TYPICAL
     signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.b2.shape)
     signs[:, 0] = 1.0
+
     return replace(
         modes,
         omega=np.append(modes.omega[:in_band], tail.omega),
@@ -344,6 +351,7 @@ class FRF(ReprMixin):
             raise InputError(f"references name {checks.shown(unknown)}, not among the sites.")
         if values.size > MOST_VALUES:
             raise InputError(f"values has {values.size} entries; at most {MOST_VALUES} are taken.")
+
         shape = (len(f), len(names), len(forced)) if names else (len(f),)
         if values.shape != shape:
             raise InputError(
@@ -352,20 +360,24 @@ class FRF(ReprMixin):
             )
         if np.any(f < 0) or np.any(np.diff(f) <= 0):
             raise InputError("frequency must ascend, from 0 Hz or above.")
+
         nonzero = f > 0
         if np.count_nonzero(nonzero) < FEWEST_LINES:
             raise InputError(
                 f"a measurement needs {FEWEST_LINES} frequencies above 0 Hz or more; got"
                 f" {np.count_nonzero(nonzero)}."
             )
+
         arrays: dict[str, Array] = {}
         for name in ("coherence", "sigma"):
             if getattr(self, name) is not None:
                 arrays[name] = checks.read_only(
                     checks.floats(name, getattr(self, name), shape)[nonzero]
                 )
+
         if self.sigma is not None and np.any(arrays["sigma"] <= 0):
             raise InputError("sigma must be > 0: it is the standard deviation of each value.")
+
         if self.coherence is not None:
             gamma = arrays["coherence"]
             if np.any((gamma < 0) | (gamma > 1 + COHERENCE_ROUNDING)):
@@ -373,8 +385,10 @@ class FRF(ReprMixin):
                     f"coherence lies between 0 and 1; it ranges from {gamma.min():g} to"
                     f" {gamma.max():g}."
                 )
+
         if np.any(values[nonzero] == 0):
             raise InputError("values must not be 0 above 0 Hz: the measurement has dropouts.")
+
         checks.store(
             self,
             frequency=checks.read_only(f[nonzero]),
@@ -410,8 +424,10 @@ class FRF(ReprMixin):
             return self.sigma / scale
         if self.coherence is None:
             return None
+
         # of a complex H1 estimate: (1 - gamma^2)/(gamma^2 n) of |H|^2 (Bendat and Piersol)
         gamma = np.clip(self.coherence, LEAST_COHERENCE, 1 - 1e-8)
+
         return np.asarray(
             np.abs(self.values) / scale * np.sqrt((1 - gamma) / gamma / self.averages)
         )
@@ -435,11 +451,13 @@ class FRF(ReprMixin):
         """The lines within a band (low, high) [Hz]; InputError if it holds too few."""
         if band is None:
             return self
+
         low, high = checks.floats("band", band, (2,))
         if not 0 <= low < high:
             raise InputError(
                 f"band must be (low, high) in Hz, 0 <= low < high; got {low:g}, {high:g}."
             )
+
         f = self.frequency
         in_band = (f >= low) & (f <= high)
         if np.count_nonzero(in_band) < FEWEST_LINES:
@@ -448,6 +466,7 @@ class FRF(ReprMixin):
                 "lines from"
                 f" {f[0]:g} to {f[-1]:g} Hz; {FEWEST_LINES} or more are needed."
             )
+
         return replace(
             self,
             frequency=f[in_band],
@@ -478,14 +497,17 @@ class FRF(ReprMixin):
             )
         else:
             m = np.full(max(len(self.sites), 1), checks.nonnegative("sensor_mass", mass, "kg"))
+
         if not m.any():
             return self
+
         p = len(m)
         if self.references != self.sites:
             raise InputError(
                 "a sensor's mass can be removed where the forces act on all sites; references lack"
                 f" {checks.shown(sorted(set(self.sites) - set(self.references or ())))}."
             )
+
         H = self.receptance.reshape(-1, p, p)
         x = ((2 * np.pi * self.frequency) ** 2)[:, None, None]
         loading = np.eye(p) + x * m[:, None] * H
@@ -494,12 +516,14 @@ class FRF(ReprMixin):
                 f"a sensor of {m.max():g} kg moves almost alone at some frequency, so that its mass"
                 " cannot be removed: check sensor_mass (in kg) and the units of the measurement."
             )
+
         inverse = np.linalg.inv(loading)
         sigma = self.receptance_sigma
         if sigma is not None:
             gain = np.abs(np.linalg.inv(np.eye(p) + x * H * m)) ** 2
             sigma = np.sqrt(gain @ sigma.reshape(-1, p, p) ** 2 @ np.abs(inverse) ** 2)
             sigma = sigma.reshape(self.values.shape) * np.abs(self._power)
+
         values = (H @ inverse).reshape(self.values.shape) * self._power
         return replace(self, values=values, sigma=sigma, coherence=None)
 

@@ -59,6 +59,7 @@ def functions(path: Path) -> list[Function]:
             "universal files are read by pyuff: pip install 'pyuff>=2.5,<2.6'; tables in text and"
             " .npz need no further package."
         ) from None
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -70,6 +71,7 @@ def functions(path: Path) -> list[Function]:
                 f"{path.name} is damaged or no universal file: pyuff cannot read it"
                 f" ({' '.join(str(error).split())[:120].rstrip('.') or type(error).__name__})."
             ) from error
+
     scale = 1.0
     measured = []
     for data_set in sets:
@@ -83,6 +85,7 @@ def functions(path: Path) -> list[Function]:
             f"{path.name} holds no frequency response (data set 58, function type 4); it has"
             f" {'data sets ' + ', '.join(map(str, sorted(set(types)))) if types else 'none'}."
         )
+
     return measured
 
 
@@ -110,6 +113,7 @@ def _function(data_set: DataSet, scale: float) -> Function:
         raise InputError(
             "a data set 58 lacks fields of its header: the file is damaged."
         ) from error
+
     if values.ndim != 1 or len(values) != count or len(f) != count:
         raise InputError(
             f"a data set 58 announces {count} values and holds {len(values)}: the file is cut."
@@ -120,8 +124,10 @@ def _function(data_set: DataSet, scale: float) -> Function:
             f"a frequency response is per data type {force}, not per force (13): response per"
             " response is no receptance."
         )
+
     factor, by_label = response_unit(numerator, denominator) if numerator else (scale, None)
     (response, sign), (reference, reference_sign) = ends
+
     return Function(
         response=response,
         reference=reference,
@@ -190,6 +196,7 @@ def selected_responses(
 ) -> FRF:
     """The responses of the sites to forces at those for which all were measured."""
     measured = [function for function in functions if not function.coherence]
+
     if site is None:
         ends = {"": _driving(measured)}
     elif isinstance(site, str | int) and not isinstance(site, bool):
@@ -198,6 +205,7 @@ def selected_responses(
         kind = "a name, a node, or a dict {name: name or node}"
         sites = checks.instance("site", site, Mapping, kind).items()
         ends = {checks.name("the name of a site", n): _end_of(measured, one) for n, one in sites}
+
     if not ends or any(end[2] > 3 for end in ends.values()):
         raise InputError("a site is a displacement; rotations (directions 4 to 6) are not taken.")
 
@@ -211,6 +219,7 @@ def selected_responses(
                 f" {_in_words(function.reference)} twice: leave one measurement in it."
             )
         pairs[key] = function
+
     forced = [n for n, end in ends.items() if all((m, end, False) in pairs for m in places)]
     if not forced:
         raise InputError(
@@ -228,6 +237,7 @@ def selected_responses(
                 f"the unit {cell.label!r} is not known: give unit=, the factor to m/N, m/(s N) or"
                 " m/(s^2 N)."
             )
+
     kinds = {quantity or cell.quantity for cell in cells}
     arrays = [cell.sign * (unit or cell.factor or 1.0) * cell.values for cell in cells]
     coherences = [pairs.get((m, ends[n], True)) for m in places for n in forced]
@@ -237,6 +247,7 @@ def selected_responses(
         known = [one.values.real for one in coherences if one is not None]
         coherence = np.transpose(known).reshape(shape)
     names: Any = {"sites": tuple(ends), "references": tuple(forced)} if len(shape) > 1 else {}
+
     return FRF(
         f,
         np.transpose(arrays).reshape(shape),
@@ -294,6 +305,7 @@ def read_frf(
     factor = None if unit is None else checks.positive("unit", unit)
     averages = checks.whole("averages", averages)
     ending = file.suffix.lower()
+
     try:
         check_readable(file, "a measurement")
         if ending in (".uff", ".unv", ".58"):
@@ -348,6 +360,7 @@ def _frf_of_arrays(arrays: DataSet, quantity: Quantity | None, factor: float, av
             "a measurement needs frequencies and values: the columns frequency, real and imag of a"
             " table; frequency and values of an .npz."
         )
+
     values: ComplexArray = np.multiply(factor, checks.spectrum("values", arrays["values"]))
     optional: dict[str, Any] = {
         name: scale * checks.floats(name, arrays[name], None)

@@ -66,6 +66,7 @@ def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, 
     motion, force = numerator, denominator
     if not denominator:
         motion, _, force = numerator.rpartition("/")
+
     if force not in FORCES:
         if denominator:
             return None, None
@@ -96,6 +97,7 @@ def table(path: Path) -> list[Column]:
             f"the first line of {path.name} names {len(cells)} columns, separated by commas; its"
             f" rows have {values.shape[1]}."
         )
+
     columns = []
     for cell, numbers in zip(cells, values.T, strict=True):
         match = _CELL.match(cell.strip())
@@ -112,4 +114,5 @@ def by_name(path: Path, *names: str) -> dict[str, Column]:
             f"{path.name} has no column {missing[0]}: name its columns {', '.join(names)}, each"
             " perhaps with its unit in brackets."
         )
+
     return found

@@ -114,6 +114,7 @@ class ContactLaw(ABC):
             return (
                 f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, where the law ends"
             )
+
         needed_radius = self.enough_radius(peak, radius)
         if radius is None or needed_radius is None:
             size, remedy = "the patch of the contact", "use a larger patch radius"
@@ -121,6 +122,7 @@ class ContactLaw(ABC):
             size = f"the patch radius of {engineering(radius, 'm')}"
             least = engineering(rounded_up(needed_radius), "m", 2)
             remedy = f"take a patch radius of at least {least} ({PATCH_RADIUS})"
+
         return (
             f"{size} is too small for the peak force of {engineering(peak, 'N')}: it holds up to"
             f" {engineering(self.valid_force, 'N')}, where the radius of the contact reaches 0.58"
@@ -143,6 +145,7 @@ class ContactLaw(ABC):
 
         powers = range(-MOST_STEPS, MOST_STEPS)
         first = bisect_left(powers, x=True, key=carries)
+
         return None if first == len(powers) else float(STEP ** powers[first] * radius)
 
     @property
@@ -176,6 +179,7 @@ class ContactLaw(ABC):
         high = self.force(delta, rate, state)
         if high <= 0.0 or (alpha == 0.0 and alpha_rate == 0.0):
             return max(high, 0.0)
+
         low = 0.0
         trial = min(max(guess, 0.0), high)
         step = high
@@ -189,6 +193,7 @@ class ContactLaw(ABC):
                 high = trial
             else:
                 low = trial
+
             by_delta, by_rate = self.tangent(d, r, state)
             new = trial - excess / (1.0 + alpha * by_delta + alpha_rate * by_rate)
             if not low < new < high:
@@ -197,11 +202,13 @@ class ContactLaw(ABC):
                 return new
             step = abs(new - trial)
             trial = new
+
         if step > FORCE_ROUNDING * abs(trial):
             raise NotConvergedError(
                 f"the force at the indentation {delta:g} m has not converged after 200 steps:"
                 f" {low:g} to {high:g} N remain; check that the law rises with the indentation."
             )
+
         return trial
 
 

@@ -104,6 +104,7 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
         raise InputError(
             "two rigid surfaces have no law of contact: give one of them a material, or the law."
         )
+
     first, *other_elastic = elastic
     second = other_elastic[0] if other_elastic else RIGID
     modulus = effective_modulus(first.E, first.nu, second.E, second.nu)
@@ -119,10 +120,12 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
         raise InputError(
             "the surfaces touch along a line: give the law of the contact, such as Tabulated."
         )
+
     shape = "" if A == B else ", elliptic"
     if any(m.rubbery and not m.brittle for m in materials):
         softest = engineering(RUBBER_E, "Pa")
         shape += f", with a rubber (E up to {softest}, nu from {RUBBER_NU:g}), which does not yield"
+
     rounder, flatter = sorted((one, other), key=lambda surface: -surface.curvatures[1])
     is_soft = rounder.matter.E <= flatter.matter.E
     if uncertain >= 2 * A:
@@ -134,8 +137,10 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     if laminate is not None and laminate.critical is not None:
         stiffness = hertz_stiffness(modulus, A, B)
         return Choice(YangSun(stiffness, laminate.critical), f"a laminate{shape}", None, LAMINATE)
+
     if restitution is None and first.brittle and first.loss >= LOSSY:
         restitution = exp(-pi * first.loss / 2)
+
     if restitution is not None and restitution < 1:
         kind = f"elastic{shape}, with the restitution {restitution:.3g}"
         damped = Gonthier(hertz_stiffness(modulus, A, B), restitution)
@@ -153,6 +158,7 @@ def _in_a_hollow(one: Surface, other: Surface) -> str:
     """Why two surfaces that fit into each other have no law, and what can be done."""
     deepest = min(surface.curvatures[0] for surface in (one, other))
     remedy = "give the law of the contact (its kind and stiffness)"
+
     if deepest < 0:
         radius = engineering(-1 / deepest, "m")
         smaller = engineering(-0.9 / deepest, "m")
@@ -160,6 +166,7 @@ def _in_a_hollow(one: Surface, other: Surface) -> str:
             f"the site lies in a hole or groove of radius {radius}. Move it (in the page: click"
             f" beside it), strike with a ball of a radius below {smaller}, or {remedy}"
         )
+
     return f"the surfaces fit into each other, which is no contact at a point: {remedy}."
 
 
@@ -195,6 +202,7 @@ def _doubt(first: Surface, second: Surface) -> str:
         if surface.kind in SHARP:
             radius = 1e3 / surface.curvatures[1]
             return f"the radius of the {surface.kind}, taken as {radius:.3g} mm (give a radius)"
+
     if not (first.matter.known and second.matter.known):
         return NO_STRENGTH
     return ""
@@ -213,6 +221,7 @@ def _flat(first: Surface, second: Surface, modulus: float) -> Choice:
             "two flat surfaces, and neither has a radius: give that of the site's patch, the "
             "tip_radius of what strikes, or the law of the contact."
         )
+
     reason = f"flat faces over a radius of {engineering(min(sizes), 'm')}"
     return Choice(Punch(2 * modulus * min(sizes)), reason, None, FLAT)
 

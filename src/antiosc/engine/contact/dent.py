@@ -47,12 +47,14 @@ def dent_of(law: ContactLaw, deepest: float) -> Dent | None:
     """The dent of a law after a largest indentation [m]; None for an elastic law."""
     if not isinstance(law, Hysteretic) or deepest <= 0:
         return None
+
     depth = law.permanent(deepest)
     if depth <= 0:
         return None
     if isinstance(law, ElasticPlastic):
         radius = rim_radius(law, deepest)
         return Dent(depth, radius, pi / 2 * depth * radius**2)
+
     return Dent(depth)
 
 

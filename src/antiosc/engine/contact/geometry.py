@@ -35,6 +35,7 @@ def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None
     if E2 is not None and not checks.is_rigid(E2):
         moduli.append(checks.positive("E2", E2, "Pa"))
         compliance += (1 - checks.poisson(nu1 if nu2 is None else nu2) ** 2) / moduli[1]
+
     softest = min(moduli)
     if softest < plausible.MODULI[0]:
         plausible.warn_each([plausible.doubt("modulus", softest, "E of a surface in contact")])
@@ -52,6 +53,7 @@ def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[flo
             f" curvatures are {2 * A:g} and {2 * B:g} 1/m (a cylinder along a plane, or a ball in"
             f" too tight a cup, has no point contact)."
         )
+
     return A, B
 
 
@@ -116,6 +118,7 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
         if abs(step) <= SETTLED:
             break
         y += step
+
     return integrals
 
 
@@ -133,6 +136,7 @@ def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
         raise InputError(
             f"{name} must be one radius or a pair of principal radii; got {checks.shown(radii)}."
         )
+
     values = []
     for r in pair:
         if checks.is_infinite(r):
@@ -145,6 +149,7 @@ def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
                 f"{checks.shown(radii)}."
             )
         values.append(1 / radius)
+
     return values[0], values[1]
 
 
@@ -240,25 +245,30 @@ def contact_stress(
             "contact_stress needs a Sphere, or RigidMass(mass, tip_radius=…, E=…, nu=…); got "
             f"{checks.shown(impactor)}."
         )
+
     force = checks.positive("force", force, "N")
     modulus = effective_modulus(own_E, own_nu, E, nu)
     nu = checks.poisson(nu)
     curvature = 1 / checks.positive("the radius of the impactor", tip, "m")
+
     if not checks.is_infinite(radius):
         radius = checks.number("radius", radius, "m")
         if radius == 0:
             raise InputError("radius must not be 0; inf is a flat surface.")
         curvature += 1 / radius
+
     if curvature <= 0:
         raise InputError(
             f"the hollow of radius {radius:g} m does not let the impactor of radius {tip:g} m "
             "touch at a point."
         )
+
     a = (0.75 * force / (curvature * modulus)) ** (1 / 3)
     pressure = 1.5 * force / (np.pi * a**2)
     rr, _, zz, _ = hertz_stresses(force, a, nu, np.zeros(DEPTHS.size), a * DEPTHS)
     shear = np.abs(zz - rr) / 2
     k = int(np.argmax(shear))
+
     return ContactStress(
         radius=float(a),
         pressure=float(pressure),

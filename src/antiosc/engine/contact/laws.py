@@ -328,6 +328,7 @@ def yield_factor(nu: float) -> float:
             -2 * (1 + nu) / denominator**2 - 3 / denominator**2 + 12 * s * s / denominator**3
         )
         s -= slope / second_slope
+
     return 1 / (1.5 / (1 + s * s) - (1 + nu) * (1 - s * atan(1 / s)))
 
 
@@ -525,11 +526,13 @@ class Tabulated(Hysteretic):
         remains = 0.0
         xu = x
         Fu = F
+
         if unloading is not None:
             xu, Fu = _unloading(unloading, x, F)
             remains = float(xu[0] / xu[-1])
             xu = (xu - xu[0]) / (xu[-1] - xu[0])
             Fu = Fu / Fu[-1]
+
         first = _knots(x, F)
         second = _knots(xu, Fu)
         header = [float(self.elastic), remains, float(x.size), float(xu.size), 5.0 + len(first)]
@@ -586,6 +589,7 @@ def _unloading(unloading: tuple[ArrayLike, ArrayLike], x: Array, F: Array) -> tu
             "unloading must be a pair (indentation, force) of the unloading curve; got"
             f" {checks.shown(unloading)}."
         )
+
     xu, Fu = _branch("unloading", *unloading)
     ends_match = np.allclose((xu[-1], Fu[-1]), (x[-1], F[-1]), rtol=1e-9, atol=0)
     if Fu[0] != 0 or xu[0] < 0 or not ends_match:
@@ -594,6 +598,7 @@ def _unloading(unloading: tuple[ArrayLike, ArrayLike], x: Array, F: Array) -> tu
             f" end of the loading curve ({x[-1]:g} m, {F[-1]:g} N); it runs from"
             f" ({xu[0]:g} m, {Fu[0]:g} N) to ({xu[-1]:g} m, {Fu[-1]:g} N)."
         )
+
     return xu, Fu
 
 
@@ -603,6 +608,7 @@ def _branch(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     ys = checks.floats(f"{name} force", y, xs.shape)
     if xs.size < 2:
         raise InputError(f"the {name} curve needs at least 2 points; got {xs.size}.")
+
     for axis, values, unit in (("indentation", xs, "m"), ("force", ys, "N")):
         falls = np.flatnonzero(np.diff(values) < checks.SMALLEST)
         if falls.size:
@@ -611,4 +617,5 @@ def _branch(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
                 f"the {axis} of the {name} curve must increase strictly; entries {i} and {i + 1}"
                 f" are {values[i]:g} and {values[i + 1]:g} {unit}. Sort, smooth or thin the data."
             )
+
     return xs, ys

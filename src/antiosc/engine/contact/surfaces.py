@@ -153,20 +153,24 @@ def matter_of(
         matter = _material_by_name(material)
     else:
         matter = _matter_of_object(material)
+
     constants = {"E": E, "nu": nu}
     overrides: dict[str, Any] = {
         key: value
         for key, value in constants.items()
         if value is not None and value != getattr(matter, key)
     }
+
     if yield_strength is not None:
         strength = checks.positive("yield_strength", yield_strength, "Pa")
         if strength != matter.yield_strength:
             overrides |= {"yield_strength": strength, "yield_range": None, "brittle": False}
             overrides["tensile"] = None
             overrides["rate"] = matter.rate and matter.rate[:2]
+
     if overrides:
         return replace(matter, **overrides)
+
     return matter
 
 
@@ -195,6 +199,7 @@ def _matter_of_object(material: object) -> Matter:
             "material must be the name of a material without directions, or one of "
             f"E, nu and rho, as a Solid; got {material_name}."
         )
+
     names = ("yield_strength", "yield_range", "rate", "brittle", "loss", "name", "tensile")
     return Matter(E, nu, **{name: getattr(material, name) for name in names})
 
@@ -202,13 +207,16 @@ def _matter_of_object(material: object) -> Matter:
 def _checked(matter: Matter) -> Matter:
     """Check the properties of a material that were read from a file."""
     checks.poisson(matter.nu)
+
     for name in ("E", "yield_strength", "critical"):
         value = getattr(matter, name)
         if value is not None and not checks.is_rigid(value):
             checks.positive(name, value)
+
     for name in ("yield_range", "tensile"):
         if getattr(matter, name) is not None:
             checks.floats(name, getattr(matter, name), (2,))
+
     return matter
 
 

@@ -79,9 +79,11 @@ class History(RunHistory, Results):
         """
         if self.budget is not None:
             return self.budget
+
         budget_of_hit = getattr(self.source, "error_budget", None)
         if budget_of_hit is None:
             raise InputError("only a History that simulate or strike returned has an error budget.")
+
         found: ErrorBudget = budget_of_hit(self)
         return found
 
@@ -103,6 +105,7 @@ class History(RunHistory, Results):
             raise InputError(
                 "only a History that simulate, strike or Scene.run returned has again."
             )
+
         changes = {"model": model, "law": law, "velocity": velocity}
         changes |= {"duration": duration, "step": step}
         return self.source.again({k: v for k, v in changes.items() if v is not None})
@@ -131,6 +134,7 @@ class History(RunHistory, Results):
         forces = stretch_in(self, body)
         if forces is None:
             return displacements
+
         shapes = stretch_shapes(self, body)
         if shapes is None:
             raise InputError(no_field_message(self.of(body)[0]))
@@ -155,15 +159,18 @@ class History(RunHistory, Results):
             table[f"{name}indentation (m)"] = contact.indentation
             for i, friction in enumerate(contact.friction.T):
                 table[f"{name}friction {i + 1} (N)"] = friction
+
         if self.named:
             for name, body in self.bodies.items():
                 table[f"{name} kinetic energy (J)"] = body.kinetic
                 table[f"{name} strain energy (J)"] = body.strain
             return table
+
         for name in ("displacement", "impactor displacement"):
             table[f"{name} (m)"] = getattr(self, name.replace(" ", "_"))
             rate = name.replace("displacement", "velocity")
             table[f"{rate} (m/s)"] = getattr(self, rate.replace(" ", "_"))
+
         for name in ("kinetic", "strain", "contact", "dissipated"):
             table[f"{name} energy (J)"] = getattr(self.energy, name)
         return table
@@ -203,6 +210,7 @@ class History(RunHistory, Results):
         )
         if e is None or e >= 0:
             return ""
+
         return (
             f"After the last release the bodies still approach (restitution {e:.3g}"
             f" < 0) and will touch again: peak force, impulse and restitution are those up to"
@@ -221,6 +229,7 @@ class History(RunHistory, Results):
     def summary(self) -> str:
         """The numbers of the impact, or of every contact of a scene, as a short table."""
         places = {name: point_text(point) for name, point in history_sites(self).items()}
+
         if not self.named:
             e = self.restitution
             budget = budget_of(self)
@@ -246,6 +255,7 @@ class History(RunHistory, Results):
             ]
             width = max(len(name) for name, _ in [*rows, (" " * LABEL, "")])
             return "\n".join(f"{name:<{width}} {value}" for name, value in rows)
+
         lines = [f"{'contact':<24} {'peak force':>11} {'impulse':>11} {'touches':>7} {'time':>10}"]
         for h in self.contact_histories:
             lines.append(
@@ -254,6 +264,7 @@ class History(RunHistory, Results):
                 f" {engineering(h.contact_time, 's', 4):>10}"
             )
             lines += [f"{'':<24} {h.enclosure.text}"] if self.enclosures else []
+
         lines += [f"site {name:<19} {point}" for name, point in places.items()]
         lines.append(f"energy drift {self.energy.drift:.1e}; force error {error_text(self)}")
         lines_of_text = [*filter(None, [self.verdict]), *lines, *self.stretch_texts]
@@ -346,10 +357,12 @@ def error_scope(history: History) -> str:
         return f"time integration; {law}truncation and mesh: see the error budget"
     if not any("structure" in info for info in facts):
         return "time integration"
+
     meshed = [info for info in facts if info.get("meshed")]
     remedy = ': the error "estimate" of extract does it' if meshed else ""
     if any(info.no_estimate for info in meshed):
         remedy = ": compare two element sizes"
+
     return f"time integration; truncation and mesh are not estimated{remedy}"
 
 
@@ -373,6 +386,7 @@ def error_text(history: History) -> str:
     budget = budget_of(history)
     if budget is not None:
         return budget.causes_text("peak_force")
+
     error_text = percent(history.error["force"]) if "force" in history.error else "not estimated"
     numerical = f"numerical {error_text} ({error_scope(history)})"
     strongest = max(history.contact_histories, key=lambda contact: contact.peak_force)
@@ -383,6 +397,7 @@ def history_sites(history: History) -> dict[str, tuple[float, ...]]:
     """Points [m] of the sites of all bodies, by "body:site" or "body"."""
     if not history.named:
         return site_points(history.model)
+
     return {
         f"{name}:{site}" if site else name: point
         for name, scene_body in history.assembly.bodies.items()

@@ -66,12 +66,14 @@ def replay(
     """
     stored, plastic, damping = (np.zeros(depth.size) for _ in range(3))
     state: State | None = None if earlier is None else earlier.state
+
     goes_on = earlier is not None and earlier.closed
     for (a, b), speed in zip(spans, speeds, strict=False):
         if state is None or not goes_on:
             state = law.touch(speed, state)
         goes_on = False
         span = slice(a, b + 1)
+
         if is_compiled(law):
             if law.has_memory:
                 stored[span], losses, state = _replay_memory(law, depth[span], state)
@@ -83,6 +85,7 @@ def replay(
             if b < depth.size - 1:
                 stored[b] = damping[b] = 0.0
             continue
+
         lost_before = law.lost(state)
         for n in range(a, b + 1):
             delta = float(depth[n])
@@ -93,8 +96,10 @@ def replay(
             stored[n] = law.energy(delta, state)
             plastic[n] += law.lost(state) - lost_before
             lost_before = law.lost(state)
+
         if b < depth.size - 1:
             stored[b] = damping[b] = 0.0
+
     return stored, np.cumsum(plastic), damping
 
 
@@ -107,12 +112,14 @@ def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Ar
     nodes = np.flatnonzero(is_deeper)
     if not nodes.size:
         return stored, losses, state
+
     states = [law.advance(delta, 0.0, state) for delta in depth[nodes].tolist()]
     losses[nodes] = np.diff([state[2], *(state_k[2] for state_k in states)])
     returns = np.flatnonzero(np.diff(nodes, append=depth.size) > 1)
     for k in returns.tolist():
         unloading = slice(nodes[k] + 1, nodes[k + 1] if k + 1 < nodes.size else None)
         stored[unloading] = law.energies(depth[unloading], states[k])
+
     return stored, losses, states[-1]
 
 
@@ -162,6 +169,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
     """Energies at the nodes of a run, and the error of their balance."""
     a = assembly
     stored, losses = contact_energies(a, run)
+
     kinetic = np.empty(run.time.size)
     modal = np.empty(run.time.size)
     work = np.zeros(run.time.size - 1)
@@ -183,12 +191,14 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
             braked[inner_nodes] = work[inner_nodes] - contact_work - stored_change
         elif a.system.damped:
             braked[inner_nodes] = _damping_losses(a, part, q, v)
+
     external_forces = a.external_forces(run.time)
     felt = external_forces - run.force @ a.G
     residual = felt @ a.r
     work, braked = _work_and_losses(a, run, kinetic + modal, work, braked)
     if a.scene.loads:
         work = work + path_work(external_forces, residual).sum(axis=1)
+
     return Energy(
         kinetic=kinetic,
         strain=modal + 0.5 * np.sum(felt * residual, axis=1),
@@ -207,6 +217,7 @@ def energy_gain(a: Assembly, run: Run) -> float:
     system = a.system
     if not all(map(is_compiled, system.laws)):
         return 0.0
+
     is_doubtful = run.gained > 0.1 * GAIN * run.highest
     if not is_doubtful and (len(system.beta) == 1 or run.time.size > BALANCED_NODES):
         return 0.0
@@ -228,10 +239,12 @@ def _work_and_losses(
     flight_steps = ~(in_contact[:-1:2] | in_contact[1::2] | in_contact[2::2])
     flight = np.repeat(flight_steps, 2)
     change = np.diff(mechanical)
+
     if damped:
         losses = np.where(flight, work - change, losses)
     else:
         work = np.where(flight, change, work)
+
     return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(losses))
 
 
@@ -295,6 +308,7 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
     """Recoverable energy and losses of all contacts at the nodes."""
     stored = np.zeros(run.time.size)
     losses = np.zeros(run.time.size)
+
     system = a.system
     for c, law in enumerate(a.laws):
         if not (law.has_memory or law.rate_dependent):
@@ -317,6 +331,7 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         losses += plastic
         if law.rate_dependent:
             losses += path_work(damping[:, None], depth[:, None])[:, 0]
+
     for c, sides in enumerate(system.sides):
         for i in range(sides.start, sides.stop):
             T = run.force[:, i]
@@ -325,4 +340,5 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
             work = path_work(T[:, None], displacement[:, None])[:, 0]
             stored += spring
             losses += work - spring
+
     return stored, losses

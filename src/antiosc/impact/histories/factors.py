@@ -56,6 +56,7 @@ def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
             "the motion of a body of a scene is known at its own times: probe "
             "hit.at(times)[name], or the scene's history with body=name."
         )
+
     return checks.nonempty("times", times)
 
 
@@ -77,10 +78,12 @@ def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
     stretch = stretch_of(model)
     if forces is None or stretch is None or (shapes := stretch.shapes_in(forces.modes)) is None:
         return None
+
     modes = modes_of(history, body)
     turn = stretch.modes.T @ forces.modes
     rows, columns = np.triu_indices(forces.size)
     following = stretch.modes @ stretch.following(turn, modes.omega)[:, rows, columns]
+
     return shapes + modes.field((modes.shape @ following).T).T
 
 
@@ -100,6 +103,7 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
     forces = stretch_in(history, body)
     if forces is None:
         return linear
+
     a, v, w = (values @ forces.modes for values in (motion.q, motion.v, motion.a))
     return np.hstack([linear, forces.pair_motion(a, v, w, derivative)])
 
@@ -142,12 +146,14 @@ def modal_amplitudes(
     """
     modes = modes_of(history, body)
     omega = modes.omega
+
     swing = np.zeros(modes.omega.size)
     sizes = np.zeros(modes.omega.size)
     for block in np.array_split(times, -(-len(times) // AT_ONCE)):
         motion = _motion_at(history, block, body)
         # of the oscillation x: x' = v and x'' = a
         swing = np.maximum(swing, np.hypot(omega * motion.v, motion.a).max(axis=0))
+
     np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)
     return omega, _factors(modes, np.eye(omega.size)), sizes
 

@@ -128,6 +128,7 @@ def deflection(history: RunHistory, name: str) -> float:
         sites = a.B[span, columns] @ a.G[: len(a.laws), columns].T
         q = sampled_motion(history, omega)[:, span]
         known[name] = float(np.abs(q @ (sites * (omega > 0)[:, None])).max(initial=0.0))
+
     return known[name]
 
 

@@ -117,6 +117,7 @@ class RunHistory(OneContact):
         """Step during contact [s]: the given one, or the mean."""
         if self.given is not None:
             return self.given
+
         numbers = self._numbers
         return (
             float(numbers.closed / numbers.steps)
@@ -193,14 +194,17 @@ class RunHistory(OneContact):
         """The key in `bodies` to which the name `body` refers; see `of`."""
         bodies = self.assembly.bodies
         checks.instance("body", body, str, "the name of a body")
+
         if body == "structure" and body not in bodies:
             shaped = [n for n, b in bodies.items() if b.modes.basis]
             if len(shaped) == 1:
                 return shaped[0]
+
         if body not in bodies:
             raise InputError(
                 f"there is no body {body!r} in the scene: name one of {', '.join(bodies)}."
             )
+
         return body
 
     def largest_rotation(self) -> tuple[str, float]:
@@ -246,6 +250,7 @@ class RunHistory(OneContact):
                 f"the momentum of {type(self.model).__name__} is not known: extract the model from "
                 "a mesh whose supports permit a rigid-body motion."
             )
+
         return structure
 
     @cached_property
@@ -257,13 +262,16 @@ class RunHistory(OneContact):
         for i, body in enumerate(self._ends):
             columns = a.columns[body.name]
             rows[columns, i] = (2 * i - 1) * a.G[self._row, columns]
+
         motion = np.empty((4, run.time.size))
         for first, last in blocks(run, a.system.omega.size):
             q, v = node_states(run, a.system, first, last)
             nodes = slice(2 * first, 2 * last + 1)
             motion[::2, nodes] = (q @ (a.B @ rows)).T
             motion[1::2, nodes] = (v @ (a.B @ rows)).T
+
         motion[::2] += ((a.external_forces(run.time) - run.force @ a.G) @ (a.r @ rows)).T
+
         return motion
 
     def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
@@ -275,11 +283,13 @@ class RunHistory(OneContact):
         load = a.load(time) - force @ a.system.beta
         accelerations = load - a.system.omega**2 * q
         springs: list[list[Array]] = [[] for _ in a.bodies]
+
         if a.system.first is not None:
             decelerations, springs = damping_states(self.run, a.system, *locate(self.run, time))
             accelerations -= decelerations
         elif a.system.damped:
             accelerations -= 2 * a.system.decay * v
+
         histories = {}
         for (name, body), branches in zip(a.bodies.items(), springs, strict=True):
             j = a.spans[name]
@@ -300,6 +310,7 @@ class RunHistory(OneContact):
                 springs=branches,
                 stretched=stretch,
             )
+
         return histories
 
     def _located(self, t: ArrayLike) -> tuple[Index, Array]:
@@ -314,6 +325,7 @@ class RunHistory(OneContact):
             raise InputError(
                 f"t must lie within the run, 0 <= t <= {end:g} s; got {times[is_outside][0]:g} s."
             )
+
         return np.minimum(times, end)
 
     def __getstate__(self) -> dict[str, object]:

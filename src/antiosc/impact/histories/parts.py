@@ -168,6 +168,7 @@ class OneContact:
         size = system.omega.size
         if system.first is not None:  # of a mode it counts alone whether it is damped
             posed = replace(system, decay=(~system.undamped).astype(float), first=None)
+
         if run.states is not None and run.every == 1 and system.first is None:
             arrays.append(np.ascontiguousarray(run.states))
             velocities = library.address(arrays[-1]) + 8 * size
@@ -177,8 +178,10 @@ class OneContact:
             arrays.append(starts(run, system, steps)[1])
             velocities = library.address(arrays[-1])
             stride = 0
+
         arguments = self._row, goes_on, touches.size, library.address(touches), velocities, stride
         bodies = byref(posed.packed.system)
+
         return library.library.aom_read_contact(bodies, byref(record), *arguments)
 
 
@@ -293,4 +296,5 @@ class BodyHistory(ReprMixin):
         line = None if direction is None else checks.floats("direction", direction, (3,))
         if line is None:
             line = self.placed.pushes.get(site_name)
+
         return site_row(self.placed, site_name, line, f"{name}:{site_name}")

@@ -54,6 +54,7 @@ class Results(ReprMixin):
         stream.write(",".join(_quoted(name) for name in table) + "\n")
         np.savetxt(stream, np.column_stack(list(table.values())), fmt="%.17g", delimiter=",")
         files.write_text(target, stream.getvalue(), "the table")
+
         return target
 
     def to_json(self, path: str | os.PathLike[str] | None = None) -> str:
@@ -85,6 +86,7 @@ class Results(ReprMixin):
                 "to_dataframe needs pandas: install python3-pandas (or pip install pandas), or use "
                 "columns(), to_csv or to_json."
             ) from None
+
         frame = pd.DataFrame(self.columns())
         return frame.set_index(frame.columns[0])
 
@@ -105,6 +107,7 @@ class Results(ReprMixin):
                 f"save writes a NumPy archive (.npz), not {target.suffix}: use to_csv or to_json "
                 f"for a table, or another ending than {target.name} has."
             )
+
         header = {
             "format": FORMAT,
             "version": VERSION,
@@ -125,6 +128,7 @@ class Results(ReprMixin):
             The file is not one that `save` wrote.
         """
         header, arrays = read_model_file(path, {"table"}, FORMAT, LARGEST)
+
         try:
             names = list(map(str, header["names"]))
             numbers = dict(header["numbers"])
@@ -162,9 +166,11 @@ class SavedHistory(Results):
             raise AttributeError(name)
         if name in self.results:
             return self.results[name]
+
         for column, values in self.table.items():
             if column.rpartition(" (")[0].replace(" ", "_") == name:
                 return values
+
         raise AttributeError(f"the saved {self.kind} has no {name!r}")
 
     def _facts(self) -> list[tuple[str, str]]:

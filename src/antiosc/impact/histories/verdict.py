@@ -125,6 +125,7 @@ def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone
             ContactZone(point, radius, patch, contact.peak_force, nu)
             for point, patch in _places(contact, body)
         ]
+
     return zones
 
 
@@ -149,6 +150,7 @@ def _size(contact: OneContact) -> tuple[float, float] | None:
         return None
     if not isinstance(choice.law, Hertz | ElasticPlastic):
         return None
+
     depth = (contact.peak_force / choice.law.stiffness) ** (2 / 3)
     softer = min((side for side in _sides(contact) if not side.rigid), key=lambda side: side.E)
     return sqrt(depth / choice.curvature), softer.nu
@@ -179,6 +181,7 @@ def _yielding(contact: OneContact) -> str:
     """Sentence on whether the contact yields; empty if unknown."""
     if not contact.peak_force > 0:
         return ""
+
     choice = choice_at(contact)
     law = contact.law
     unknown = choice is not None and lacks_strength(choice)
@@ -193,6 +196,7 @@ def _yielding(contact: OneContact) -> str:
         )
     if unknown:
         return "Whether the contact yields is not known: give the yield strength or a material."
+
     return ""
 
 
@@ -222,6 +226,7 @@ def _law_sentence(contact: OneContact, law: ElasticPlastic) -> str:
     pressure_text = engineering(pressure, "Pa")
     strength = engineering(law.yield_strength, "Pa")
     side = weaker_side(contact)
+
     if contact.peak_force <= law.yield_force or contact.dent is None:
         share = pressure / elastic_pressure(law, law.yield_indentation)
         of_side = f" of {side}" if side else ""
@@ -229,11 +234,13 @@ def _law_sentence(contact: OneContact, law: ElasticPlastic) -> str:
             f"The contact stays elastic: its pressure is {pressure_text}, {share:.3g} times that of"
             f" first yield (yield strength {strength}{of_side})."
         )
+
     # a material with a name is the part's, and is told with the dent
     of_side = f" of {side}" if side.startswith("the ") else ""
     side_text = f", in {side}" if side else ""
     e = contact.restitution
     rebound = "" if e is None else f"; restitution {restitution_text(e, 2)}"
+
     return (
         f"The contact yields: {contact.dent.text}{side_text}{rebound}. It yields from"
         f" {engineering(law.yield_force, 'N')} on; Hertz's pressure would be {pressure_text},"
@@ -250,13 +257,16 @@ def weaker_side(contact: OneContact) -> str:
     choice = choice_at(contact)
     if choice is None or choice.law != contact.law or choice.soft is None:
         return ""
+
     owners = [
         name for name, body, site in _ends(contact) if body.surface(site).matter == choice.soft
     ]
     material = choice.soft.name
     if len(owners) != 1:
         return material
+
     owner = WORDS.get(owners[0], owners[0])
     if not material:
         return owner
+
     return f"{owner}'s {material}" if owners[0] == "impactor" else material

@@ -54,6 +54,7 @@ def body_energy(history: History, body: str) -> BodyEnergy:
     omega = motion.placed.omega
     v = motion.v
     is_rigid = omega == 0
+
     return BodyEnergy(
         time=history.time,
         rigid=0.5 * np.sum(v[:, is_rigid] ** 2, axis=1),
