@@ -306,6 +306,8 @@ def extract(
     damping_of_modes = as_damping(damping)
     if damping_of_modes is not None:
         refuse_dampers(structure, "damping=")
+
+    # the errors of the mesh, or why there are none
     errors: ModelErrors | None = None
     if error is not None or structure.matrices.meshed or structure.matrices.assembled:
         with finite_element_packages():
@@ -313,6 +315,8 @@ def extract(
         errors = ModelErrors(structure)
     if error is not None and errors is not None:
         errors.check()
+
+    # the sites, and a solver for all
     start_time = time.perf_counter()
     targets = iter(functionals(structure, [one for group in asked for one in group.values()]))
     groups = [{name: next(targets) for name in group} for group in asked]
