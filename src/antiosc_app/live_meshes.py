@@ -184,8 +184,7 @@ def _by_coordinates(hit: History) -> Array:
     """Factors (B, J + 1) of the shapes by modal displacements and force, and those of pairs."""
     _, body = hit.of("structure")
     size = body.omega.size
-    q = np.eye(size + 1)[:, :size]
-    force = np.eye(size + 1)[:, size]
+    q, force = np.split(np.eye(size + 1), [size], axis=1)
     factors = np.asarray(body.amplitudes(body.coordinates(q, force))).T
     forces = hit.assembly.stretched.get("structure")
     count = 0 if forces is None else forces.size * (forces.size + 1) // 2
