@@ -353,8 +353,9 @@ def error_scope(history: History) -> str:
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
     if _bounded(history):
-        law = "law, " if history.rerun is not None else ""
-        return f"time integration; {law}truncation and mesh: see the error budget"
+        if history.rerun is None:
+            return "time integration; truncation and mesh are told for two bodies alone"
+        return "time integration; law, truncation and mesh: see the error budget"
     if not any("structure" in info for info in facts):
         return "time integration"
 

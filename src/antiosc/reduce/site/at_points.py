@@ -17,8 +17,8 @@ from antiosc.base.errors import ChoiceWarning, InputError, SiteError, without_wa
 from antiosc.base.texts import engineering, point_text
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assemble import eliminate
-from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.place import (
+from antiosc.fem.assembly.assembled import (
+    AssembledMatrices,
     group_of,
     place_at,
     point_of,

@@ -15,7 +15,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, floats, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.assembly.place import group_of
+from antiosc.fem.assembly.assembled import group_of
 from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.loads import PointMotion

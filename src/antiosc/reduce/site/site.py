@@ -224,11 +224,11 @@ def point_of(
         return in_space(checks.coordinates("point", point)), part, None
     if structure.matrices.located:
         raise InputError("matrices have no groups: give the point's coordinates.")
-    from antiosc.fem.assembly import place  # needs dolfinx
+    from antiosc.fem.assembly import assembled  # needs dolfinx
 
     if node is not None:
         node = checks.whole("node", node)
-    return place.point_of(with_parts(structure), cast("str | None", point), part, node)
+    return assembled.point_of(with_parts(structure), cast("str | None", point), part, node)
 
 
 def motions_without_mesh(

@@ -24,7 +24,7 @@ from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, SHARP, Curvature
 from antiosc.engine.contact.surfaces import Matter, Surface, matter_of
 from antiosc.fem.assembly import MeshedParts, with_parts
-from antiosc.fem.assembly.place import place_at
+from antiosc.fem.assembly.assembled import place_at
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh import Mesh
