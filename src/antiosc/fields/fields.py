@@ -100,11 +100,13 @@ def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
     """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
     faces = [_outer(kind.rstrip("0123456789"), cells) for kind, cells in blocks]
     most = max(f.shape[1] for f in faces)
+
     visible = [f for f in faces if f.shape[1] >= min(most, 3)]
     if len({f.shape[1] for f in visible}) > 1:  # quadrilaterals as triangles
         visible = [
             np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in visible
         ]
+
     return np.vstack(visible)
 
 
@@ -150,6 +152,7 @@ def sharp_points(points: Array, cells: Sequence[tuple[str, IntArray]], spacing: 
         longest = np.linalg.norm(end - start, axis=1).max(initial=0.0)
         share = np.linspace(0.0, 1.0, 2 + int(longest / spacing))[:, None, None]
         found.append(np.unique((start + (end - start) * share).reshape(-1, 3), axis=0))
+
     return np.concatenate(found)
 
 
@@ -172,6 +175,7 @@ def _skin(points: Array, kind: str, cells: IntArray) -> Skin:
             ends.append(np.sort(nodes[:, list(edge)], axis=1))
             across.append(_across(points, nodes, edge, others))
             inward.append(centres[rows] - start)
+
     return Skin(np.concatenate(ends), np.concatenate(across), np.concatenate(inward))
 
 
@@ -193,6 +197,7 @@ def _across(points: Array, nodes: IntArray, edge: tuple[int, int], others: list[
     ab, bc, ca = (
         _middle(points, nodes, pair) for pair in (edge, (edge[1], others[0]), (others[0], edge[0]))
     )
+
     return 2 * (bc + ca - ab) - c - (a + b) / 2
 
 
@@ -299,6 +304,7 @@ def nodal_motion(
     of_root: tuple[Array, list[tuple[str, IntArray]], Array] = structure.comm.bcast(
         (points[used], numbered, moved), root=0
     )
+
     return of_root
 
 
@@ -329,6 +335,7 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
         load = structure.uniform_inertia(np.eye(3)[i])
         if load is None:
             return
+
         # the inertia of rigid motions of the free dofs, which the ground shakes
         motions = structure.matrices.rigid_motions
         modal_loads = dot(structure.comm, motions, load)
@@ -364,6 +371,7 @@ def checked_shapes(
             f"the model's shapes have {len(modes.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
+
     factors, count = unit_energy_factors(modes)
     of_kinds = zip((structure.K, structure.M), ("stiff", "heavy"), limits, strict=True)
     for x, (matrix, noun, limit) in zip(superposed(modes.basis, factors), of_kinds, strict=True):
@@ -373,6 +381,7 @@ def checked_shapes(
                 f"the structure is {ratio:.6g} times as {noun} on the shapes of the model as the"
                 " model: the model was extracted from another structure; give that of this run."
             )
+
     return modes.basis
 
 
@@ -413,6 +422,7 @@ def with_pairs(
         linear = at(shapes, False)
         of_state = _state_strain(at, structure, shapes)
         return linear + of_state if linear.size else linear  # empty on other ranks than the first
+
     pairs = forces.size * (forces.size + 1) // 2
     count = shapes.shape[1] - pairs
     modes = stretch_factors(history, body).T
@@ -541,6 +551,7 @@ def reactions(
             f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}: "
             "give the sites with which it was extracted, in their order."
         )
+
     comm = structure.comm
     accelerations = amplitudes(history, times_checked, body, 2)
     forces_of_supports = accelerations @ dot(comm, shapes, support_inertia) - forces @ work
@@ -553,9 +564,11 @@ def reactions(
             "the damping of the model is not that of the structure: take the model as `extract`"
             " returns it."
         )
+
     for tau, by_motion in terms:
         forces_of_supports += (velocities if tau is None else springs.pop(0)) @ by_motion.T
     names = list(released.centres)
+
     return Reactions(
         time=times_checked,
         force={name: forces_of_supports[:, 6 * i : 6 * i + 3] for i, name in enumerate(names)},

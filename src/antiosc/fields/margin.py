@@ -179,6 +179,7 @@ class Margin(ReprMixin):
             sentences = [f"{told} yield strength to compare it with"]
         else:
             sentences = [self._verdict, f"the largest {self._largest(place)}"]
+
         if self.note:
             sentences.append(self.note)
         if self.criterion == "tension":
@@ -217,6 +218,7 @@ class Margin(ReprMixin):
         if weakest < self.strength:
             margins += f", {self.least_margin:.3g} against {engineering(weakest, 'Pa')}"
         name, of_strength = STRESSES[self.criterion]
+
         return (
             f"{name}, {engineering(self.value, 'Pa')} {place}, is {self.exposure:.3g} of the"
             f" {of_strength} {self._strength_text}; {margins}"
@@ -286,6 +288,7 @@ class Zones(NamedTuple):
             if found and (outside & known).any():
                 counts = outside
                 places.append(place)
+
         return counts, f"outside {', and '.join(places)}" if places else ""
 
     @property
@@ -328,6 +331,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     known = nodes.exposure > 0
     if not known.any():
         return None
+
     counts, scope = zones.judged(nodes.points, known)
     exposure = np.where(counts, nodes.exposure, 0.0)
     worst = int(exposure.argmax())
@@ -344,6 +348,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     # why there is no bar, and the cells that would give one
     why = remedy = ""
     jumping = [k for k in (worst, most) if nodes.error[k] > UNRESOLVED]
+
     if unresolved is not None:
         least = 0.0
         why = "the cells are larger than the contact"
@@ -356,6 +361,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     if why:
         largest = inf
         notes.append(f"the stress has no bar: {why}; {remedy}")
+
     return Margin(
         *(criterion, float(exposure[worst]) * strength, strength, nodes.points[worst]),
         time=float(nodes.time[worst]),
@@ -375,6 +381,7 @@ def _at_edges(criterion: str, nodes: Nodal, zones: Zones, left_out: BoolArray) -
         return []
     value = float(exposure[k] * nodes.strength[k])
     shown = engineering(value, "Pa") if criterion in STRESSES else f"{value:.3g}"
+
     return [
         f"at {zones.of_edges} an elastic stress has no limit: here up to {shown} at"
         f" {point_text(nodes.points[k])}, more with smaller cells"
@@ -399,6 +406,7 @@ def _hidden(nodes: Nodal, contacts: Sequence[ContactZone]) -> tuple[Array, Conta
         patch = size / 2 if zone.patch == inf else max(zone.patch, size / 2)
         edge = 0.0 if zone.thickness else CONTACT_RADII * zone.radius
         hidden += zone.spread(patch, np.maximum(distance - nodes.sizes, edge))
+
     return hidden, unresolved
 
 
@@ -454,6 +462,7 @@ def criteria_of(structure: Structure) -> list[str]:
     strengths = [getattr(material, "yield_strength", None) for material in materials]
     strengths += [strength_of(material, Place()) for material in materials]
     strengths += [layer.strength for material in materials for layer in layers_of(material)]
+
     return [
         quantity
         for quantity, criterion in JUDGED.items()
@@ -469,12 +478,14 @@ def strength_range(structure: Structure, margin: Margin) -> tuple[float, float] 
         tensile = [strength_of(material, Place()) for material in materials]
         known = (t for t in tensile if isinstance(t, Tensile) and t.low == strength)
         return next(((t.low, t.high) for t in known), None)
+
     ranges = [
         material.yield_range
         for material in materials
         if getattr(material, "yield_strength", None) == strength
         and getattr(material, "yield_range", None) is not None
     ]
+
     return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
 
 

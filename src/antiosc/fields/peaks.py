@@ -161,6 +161,7 @@ class PeakField(Completed):
             k = int(np.argmax(np.where(open_to, self.values, -np.inf)))
             largest_of_kind.append((float(self.values[k]), self.points[k], float(self.times[k])))
             open_to &= np.linalg.norm(self.points - self.points[k], axis=1) > apart
+
         return largest_of_kind
 
     @property
@@ -180,12 +181,15 @@ class PeakField(Completed):
         for value, x, t in self.largest(count):
             largest = engineering(value, self.unit, 4)
             rows.append(f"{largest:>12}  {placed(x)}  {engineering(t, 's')}")
+
         if self.error is not None:
             error_text = engineering(self.error, self.unit)
             rows.append(f"between the times that were looked at: up to {error_text} more")
+
         if self.largest_mesh_error:
             mesh_error = engineering(self.largest_mesh_error, self.unit)
             rows.append(f"estimated error by the mesh, of the largest that is judged: {mesh_error}")
+
         if self._margin is not None:
             rows.append(self._margin.sentence)
         return "\n".join(rows)
@@ -327,6 +331,7 @@ def peak_field(
     static = recovered != "motion" and structure.matrices.preload is not None
     instants = times_of(history, times)
     search = search_of(history, body, derivative, instants, given=times is not None, static=static)
+
     if recovered == "motion":
         best = Maxima(*search(moved, length, counts))
     else:
@@ -359,12 +364,14 @@ def peak_field(
     result, best = _peak_field_of(quantity, unit, points, cells, best)
     if recovered == "stress":
         result = _with_margin(result, best, structure, zones)
+
     if result._margin is not None:
         at_ply = plies[int(best.ply[result.judged])]
         told = "" if at_ply is None else f"layer {at_ply.layer} ({at_ply.surface})"
         dents = isinstance(history, History) and any(map(yields, history.contact_histories))
         own = replace(result._margin, layer=told, contact=dents and result._margin.is_stress)
         result = replace(result, _margin=own)
+
     return result
 
 
@@ -513,6 +520,7 @@ def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zo
     if field.exposure is None:
         criterion, exposures, times = margin.UNJUDGED, field.values, field.times
         strength = np.ones(len(times))
+
     if field.exposure is None and field.quantity != "von_mises":
         return field
 
@@ -614,6 +622,7 @@ class PrestressedState(ReprMixin):
         if self._structure.comm.size == 1:
             largest = float(np.linalg.norm(self.displacement, axis=1).max())
             facts += [("displacement", f"up to {engineering(largest, 'm')}")]
+
         if self.loads.spin is not None:
             facts += [("spin", f"{self.loads.spin.omega:g} rad/s, Coriolis forces left out")]
         return facts

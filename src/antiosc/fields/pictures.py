@@ -121,6 +121,7 @@ def plot_map(
     triangles = len(impact_map.elements) > 0 and impact_map.elements.shape[1] == 3
     figure, axes, scale, unit = surfaces.axes_in_space(impact_map.points, shown=path is None)
     x = scale * impact_map.points
+
     if triangles:
         faces = impact_map.elements[_front_faces(impact_map, axes)]
         values = _on_faces(value[faces])
@@ -133,11 +134,13 @@ def plot_map(
         scale = surfaces.colour_scale(value)
         _dots(axes, x, scale.to_rgba(value), outlined)
         figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+
     if outlined.any():
         from matplotlib.patches import Patch  # which takes long to load
 
         patch = Patch(facecolor="white", edgecolor="black", label="doubtful sites")
         figure.legend(handles=[patch], loc="lower left", frameon=False)
+
     surfaces.fit_limits(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     return figure_or_path(figure, path)
@@ -238,10 +241,12 @@ def deformed(
     history.of(body)
     if time is None:
         time = float(history.time[np.argmax(_motion(history, body))])
+
     if field is not None:
         peak = peak_field(structure, history, field, [time], body=body)
         *_, displacements = nodal_motion(structure, history, time, body=body)
         return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", displacements)
+
     points, faces, displacements = skin(
         structure, history, checks.number("time", time, "s"), body=body
     )

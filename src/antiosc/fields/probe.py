@@ -362,6 +362,7 @@ def _filtered(
     if history.time[-1] < end and isinstance(history, History) and history.source is not None:
         with suppress(AntioscError), without_warnings():  # the law may end its range
             history = history.again(duration=end)
+
     if history.time[-1] < end * (1 - 1e-9):
         sentence = (
             f"Values through {name} depend on the motion up to {engineering(memory_of(name), 's')}"

@@ -152,6 +152,7 @@ def srs(
 def _default_frequencies(t: Array, resolved: float) -> Array:
     """The frequencies [Hz] of the spectrum of a signal that is known up to `resolved`."""
     span = float(t[-1] - t[0])
+
     # one period after the signal must not take more samples than there may be
     low = max(min(LOWEST, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
     top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
@@ -219,6 +220,7 @@ def _extremes(t: Array, a: Array, f: float, Q: float, signal: str) -> tuple[floa
         changes = np.concatenate([x - x[0], np.full(tail, -x[0])])
         y = _oscillator_acceleration(f, Q, h, "foh", changes)
         y += x[0] * _oscillator_acceleration(f, Q, h, "zoh", np.ones(y.size))
+
     return _largest(y), _largest(-y)
 
 

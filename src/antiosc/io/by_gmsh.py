@@ -389,6 +389,7 @@ class SizeField:
         gmsh.view.addListData(view, LISTS[sizes.shape[1]], len(rows), rows.ravel())
         tag = int(gmsh.model.mesh.field.add("PostView"))
         gmsh.model.mesh.field.setNumber(tag, "ViewTag", view)
+
         # the sizes decide everywhere, not only on the boundary
         for option in ("FromPoints", "ExtendFromBoundary"):
             gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
@@ -407,6 +408,7 @@ def read(ask: Request) -> FileMesh:
     """Read a mesh file (`.msh`), or mesh a geometry."""
     source = Path(ask.path)
     suffix = source.suffix.lower()
+
     # a script may take long to build the geometry
     ask.allow((120 if suffix in SCRIPTS else 30) + 1e-5 * source.stat().st_size)
     if ask.by_ftetwild:
@@ -415,6 +417,7 @@ def read(ask: Request) -> FileMesh:
     path = source if ask.trust or ask.solid else _copied(source, suffix, ask.name)
     gmsh = session()
     ask.seal()
+
     try:
         return _opened(gmsh, ask, path, suffix)
     except MeshError:
@@ -533,6 +536,7 @@ def session() -> ModuleType:
             "on Debian by sudo apt install libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 "
             "libgomp1."
         ) from error
+
     # gmsh 4.9 and later catch signals unless told not to
     newer = "interruptible" in inspect.signature(gmsh.initialize).parameters
     options = {"interruptible": False} if newer else {}
@@ -574,6 +578,7 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
             count[label] = start + len(part)
             blocks.setdefault(label, []).append(part)
             rows.setdefault((dim, tag), {})[label] = np.arange(start, count[label])
+
     cells = {label: np.vstack(parts) for label, parts in blocks.items()}
     groups = _groups(gmsh, rows, name)
     named = joined(

@@ -148,9 +148,11 @@ class NodeTable:
 
         self.points = points
         self._vstack = vstack
+
         #: weights (count, len(points)) of all nodes
         self.weights = eye(len(points), format="csr")
         self._pairs = PairTable(len(points))
+
         #: weights of the middles of pairs that are set, and the row of each
         self._places = PairTable(len(points))
         self._placed = self.weights[:0]
@@ -196,6 +198,7 @@ class NodeTable:
             halfway = pairs[row < 0]
             self._pairs.add(halfway, self.new(self.mixed(halfway, (0.5, 0.5))))
             self._pairs.add(pairs[row >= 0], self.new(self._placed[row[row >= 0]]))
+
         return self._pairs.find(flat).reshape(ends.shape[:-1])
 
     def of_face(self, corners: IntArray, weights: csr_matrix) -> IntArray:
@@ -265,6 +268,7 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}
     all_blocks = [(block, mark) for block, mark in deck.numbered() if len(block)]
+
     kinds: list[tuple[str, str, list[Block]]] = []
     split = False
     for dim in (3, 2, 1, 0):
@@ -284,12 +288,14 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
             label = CELL_LABELS[shape, order]
             cells[label], owners[label] = _of_dimension(deck, of_shape, split, order, nodes)
             kinds.append((label, shape, [block for block, _ in of_shape]))
+
     mesh = FileMesh(nodes.all_points(), cells)
     for name, elements in deck.element_sets.items():
         in_model = np.zeros(deck.n_elements, dtype=bool)
         in_model[elements] = True
         rows = {label: np.flatnonzero(in_model[owner]) for label, owner in owners.items()}
         mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
+
     mesh.node_sets = dict(deck.node_sets)
     mesh.labels = deck.labels
     mesh.remarks = list(deck.remarks)
@@ -305,6 +311,7 @@ def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, In
         for blocks, selected in zip(by_shape, (~flat, flat), strict=True):
             if selected.any():
                 blocks.append((block[selected], elements[selected]))
+
     return by_shape
 
 
@@ -319,6 +326,7 @@ def _of_dimension(
     """(cells of one dimension with all their nodes, the element of each)."""
     for block, _ in blocks if order == 2 and split else ():
         _note_cuts(block, nodes)
+
     tables = []
     owners = []
     for block, elements in blocks:
@@ -338,6 +346,7 @@ def _of_dimension(
             corners = np.hstack([corners, mids, inner])
         tables.append(corners)
         owners.append(elements[rows])
+
     return np.vstack(tables), np.concatenate(owners)
 
 
@@ -367,12 +376,15 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
         return block.corners[:, :0]
     if block.inner.shape[1] and (block.inner >= 0).all():
         return block.inner
+
     columns = []
     for face in rectangles(block.shape):
         middles = _middles(block, nodes, face)
         columns.append(nodes.of_face(block.corners[:, list(face)], middles))
+
     if block.shape == "hexahedron":
         columns.append(nodes.new(_middles(block, nodes)))
+
     return np.stack(columns, axis=1)
 
 
@@ -383,6 +395,7 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
         middles = _middles(block[whole], nodes, face)
         for k in (0, 1):
             nodes.place(block.corners[whole][:, [face[k], face[k + 2]]], middles)
+
     if block.shape == "hexahedron":
         whole = ~folded(block)
         middles = _middles(block[whole], nodes)
@@ -416,17 +429,20 @@ def _simplices(block: Block) -> tuple[IntArray, IntArray]:
         base, faces = _triangles(face_corners[opposite])
         corners.append(np.column_stack([base, apex[opposite[faces]]]))
         rows.append(opposite[faces])
+
     return np.vstack(corners), np.concatenate(rows)
 
 
 def _triangles(corners: IntArray) -> tuple[IntArray, IntArray]:
     """Triangles from the lowest node of each face, and the row of the face of each."""
     rows = np.arange(len(corners))
+
     if corners.shape[1] == 4:
         order = (np.argmin(corners, axis=1)[:, None] + np.arange(4)) % 4
         a, b, c, d = np.take_along_axis(corners, order, axis=1).T
         corners = np.vstack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
         rows = np.concatenate([rows, rows])
+
     sound = ~_repeats(corners)
     return corners[sound], rows[sound]
 
@@ -452,6 +468,7 @@ def known(label: str, name: str) -> str:
             "triangles, quadrilaterals, tetrahedra, hexahedra, wedges or pyramids of geometric "
             "order 1 or 2."
         )
+
     return label
 
 
@@ -471,6 +488,7 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
             starts[label] + block_rows for label, block_rows in parts.items() if label in starts
         ]
         deck.element_sets[group] = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
+
     deck.node_sets = mesh.node_sets
     result = divided(deck).mesh
     result.of_gmsh, result.aids = mesh.of_gmsh, mesh.aids

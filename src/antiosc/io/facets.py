@@ -195,6 +195,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
     count = len(getattr(mesh, "vertices", ()))
     unused = count - len(np.unique(faces))
     lacks = not len(faces) or bool(faces.max() >= count)
+
     if suffix == ".stl" and len(content) != 84 + 50 * len(faces):  # a text
         words = content.lower()
         lacks |= words.count(b"endfacet") != len(faces) or b"endsolid" not in words
@@ -210,6 +211,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
     elif suffix == ".obj" and not content.endswith(b"\n"):
         last = content.splitlines()[-1].split()  # it has no counts: its corners come first
         lacks |= unused > 0 or last[:1] != [b"f"] or len(last) < 4
+
     if lacks:
         raise MeshError(
             f"{name} is cut off or damaged: its {len(faces)} triangles leave {unused} of {count} "

@@ -81,6 +81,7 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
 def _size(path: Path) -> int:
     """Size of a regular file, bytes; MeshError for anything else, which might never end."""
     shown = printable(str(path))[:200]
+
     try:
         status = path.stat()
         real = str(path.resolve())
@@ -114,6 +115,7 @@ def _ask(request: Json) -> tuple[int, bytes]:
         env={**environment, "LC_ALL": "C.UTF-8", "OPENBLAS_NUM_THREADS": "1"},
         start_new_session=True,
     )
+
     try:
         response, _ = process.communicate(json.dumps(line).encode())
         return process.returncode, response
@@ -143,6 +145,7 @@ def _answer(name: str, response: bytes, memory: int) -> FileMesh:
     """The mesh in the reader's response, or its error raised."""
     if not response:
         raise MeshError(f"the reader of {name} gave no mesh: a command of the file ends it (Exit).")
+
     try:
         with np.load(io.BytesIO(response), allow_pickle=False) as archive:
             first, *arrays = (archive[key] for key in archive.files)
@@ -304,6 +307,7 @@ def loaded(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
         if isinstance(reader, kind):
             return reader
         reason = f"it is a {type(reader).__name__}, not a {kind.__name__}"
+
     raise MissingDependencyError(
         f"{entry.value}, which a package registers as {entry.name!r} of {entry.group}, cannot be "
         f"used ({reason}): repair or uninstall the package."
@@ -360,5 +364,6 @@ def harmless(text: str, name: str) -> tuple[str, list[str]]:
             "run no program, read no file but CAD beside it, and write none; if you know who wrote "
             "it, read it with trust (in Python alone)."
         )
+
     # gmsh 4.8 ignores a last line without a line end
     return text + "\n", MERGE.findall(text)

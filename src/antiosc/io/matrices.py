@@ -98,6 +98,7 @@ def _floats(text: bytes) -> Array | None:
         return np.array(text.split(), dtype=float)
     except ValueError:
         pass
+
     try:
         return np.array(fortran(text).split(), dtype=float)
     except ValueError:
@@ -183,11 +184,13 @@ def checked(entries: Entries) -> Entries:
             f"{source} holds {entries.value[k]} at row {entries.row[k] + 1}, column "
             f"{entries.column[k] + 1}: entries must be finite numbers."
         )
+
     for name, index in (("row", entries.row), ("column", entries.column)):
         bad = (index < 0) | (index >= size)
         if bad.any():
             where = f"{name} {index[int(np.argmax(bad))] + 1}"
             raise InputError(f"{source} has an entry in {where} of a matrix of {size} rows.")
+
     return entries
 
 
@@ -223,6 +226,7 @@ def read_matrix_market(source: MatrixFile) -> Entries:
     size = next(numbers_follow, None)
     source.needs(size, len(lines), "the file ends before the size of the matrix.")
     assert size is not None
+
     if all(number.isdigit() for number in size):
         numbers = [float(number) for number in size]
         promised = numbers[-1] if len(numbers) > 2 else np.prod(numbers) / 2
@@ -233,6 +237,7 @@ def read_matrix_market(source: MatrixFile) -> Entries:
     content = header.replace(b"double", b"real") + b"\n" + fortran(rest)
     newer = "spmatrix" in inspect.signature(scipy.io.mmread).parameters
     options = {"spmatrix": True} if newer else {}
+
     try:
         matrix = scipy.sparse.coo_matrix(scipy.io.mmread(io.BytesIO(content), **options))
     except Exception as error:  # its parser raises many kinds
@@ -281,6 +286,7 @@ def read_pair(
     size = max(K.size, M.size)
     K, M = (matrix if matrix.counted else replace(matrix, size=size) for matrix in (K, M))
     labels = M.labels if K.labels is None else K.labels
+
     if K.labels is not None and M.labels is not None:
         M = _on(K, M)
     elif K.size != M.size:
@@ -294,6 +300,7 @@ def read_pair(
             f"{K.source} has {K.size:g} rows, but K and M together have {count} entries: is the "
             "file complete?"
         )
+
     return MatrixPair(K.matrix(), M.matrix(), labels)
 
 
@@ -324,11 +331,13 @@ def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries
         matching_keys = [key for key in matrices if key.upper() == wanted]
     elif len(matrices) > 1:
         matching_keys = [key for key in matrices if key.upper().startswith(letter)]
+
     if len(matching_keys) != 1:
         raise InputError(
             f"{source.name} holds the matrices {', '.join(matrices)}: say which are K and M, "
             "names=('KAA', 'MAA')."
         )
+
     return checked(matrices[matching_keys[0]])
 
 
@@ -341,11 +350,13 @@ def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
     for form in (loaded(entry, MatrixFormat) for entry in registered("antiosc.matrices")):
         if form.matches(content):
             return form.read(source)
+
     if not is_text(content):
         raise InputError(
             f"{source.name} is a binary file, but not OP4: it is read as Matrix Market, Abaqus or "
             "Sierra/SD text, Harwell–Boeing, OP4 or DMIG."
         )
+
     return read_abaqus(source)
 
 
@@ -440,6 +451,7 @@ class DofMap:
                 f"node {node} has no dof {name_of(component)} in the matrices: it has {components} "
                 "(fixed dofs are left out by most programs)."
             )
+
         return int(matches[0])
 
     def rows(self, node: int) -> IntArray:
@@ -483,6 +495,7 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
             row_numbers += rows.rows(number).tolist()
         else:
             row_numbers += [rows.row(number, component_of(name)) for name in names]
+
     return np.unique(np.array(row_numbers, dtype=np.int64))
 
 
@@ -512,11 +525,13 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
 
     if table.shape[1] == 4:
         return _with_nodes(name, table, labels)
+
     if table.shape[1] == 3:  # row, node, dof
         order = np.argsort(table[:, 0], kind="stable")
         if not np.array_equal(table[order, 0], np.arange(1, len(table) + 1)):
             raise InputError(f"the first column of {name} must number the rows from 1 to {size}.")
         table = table[order, 1:]
+
     if table.shape[1] not in (2, 5) or len(table) != size:
         rows, columns = table.shape
         raise InputError(
@@ -556,6 +571,7 @@ def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
             f"{name} has rows of node, x, y, z, but the files do not say which rows of the "
             "matrices belong to a node: give rows of node, dof, x, y, z."
         )
+
     place = {node: x for node, *x in table.tolist()}
     points = np.array([place.get(node, [np.nan] * 3) for node in labels[:, 0].tolist()])
     if np.isnan(points).all():
@@ -572,6 +588,7 @@ def _table(source: MatrixFile) -> tuple[str, Array]:
             rows[k] = b" ".join(_numbered(source, k, word) for word in text.split())
         elif rows and text and not text.startswith((b"*", b"!", b"$", b"%")):
             raise source.error(k, f"a row of numbers is expected; got {_shown(text)}.")
+
         # else a comment, or the heading of the table
     source.needs(rows, 1, "the map has no row of numbers.")
     table = source.table(list(rows.values()), list(rows), len(next(iter(rows.values())).split()))

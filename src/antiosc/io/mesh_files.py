@@ -45,6 +45,7 @@ def read_by_meshio(ask: Request) -> FileMesh:
     sets = _cell_sets(mesh)
     result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
     result.node_sets = dict(_node_sets(mesh))
+
     return as_carried(result, ask.name)
 
 
@@ -98,6 +99,7 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
                     names = families.get(value, [])
                 for name in names:
                     yield name, index, rows
+
     for name, blocks in mesh.cell_sets.items():
         for index, rows in enumerate(blocks):
             if rows is not None and len(rows) and name not in mesh.cell_data:
@@ -125,6 +127,7 @@ def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
 def _node_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, IntArray]]:
     for name, nodes in getattr(mesh, "point_sets", {}).items():
         yield str(name), np.asarray(nodes, dtype=np.int64)
+
     tags = mesh.point_data.get("point_tags")  # MED: tag -> names
     if tags is not None:
         for value, labels in getattr(mesh, "point_tags", {}).items():
@@ -156,6 +159,7 @@ def reader_of(path: str | Path, solid: bool = False) -> FileReader:
     """The reader for a file, by its ending and content; `solid`: a surface to be filled."""
     if solid:
         return GMSH
+
     ending = Path(path).suffix.lower()
     for entry in registered(GROUP):
         if f".{entry.name.lower()}" != ending:
@@ -163,6 +167,7 @@ def reader_of(path: str | Path, solid: bool = False) -> FileReader:
         reader = loaded(entry, FileReader)
         if reader.matches is None or reader.matches(_start(path)):
             return reader
+
     return BUILT_IN.get(ending, MESHIO)
 
 

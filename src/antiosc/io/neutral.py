@@ -224,6 +224,7 @@ def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, In
     groups: dict[str, dict[str, list[IntArray]]] = {}
     for name, kind, rows in parts:
         groups.setdefault(name, {}).setdefault(kind, []).append(rows)
+
     return {
         name: {kind: np.concatenate(rows) for kind, rows in kinds.items()}
         for name, kinds in groups.items()
@@ -263,6 +264,7 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
         raise ValueError("points must be of shape (n, 3)")
     if labels.dtype != np.int64 or labels.ndim != 1 or len(labels) > len(points):
         raise ValueError(f"{len(labels)} numbers of {len(points)} nodes")
+
     for label, block in cells.items():
         if block.ndim != 2 or block.shape[1] != KINDS[label].nodes:
             raise ValueError(f"{label} cells of shape {block.shape}")
@@ -314,6 +316,7 @@ class UnitSystem:
             return cls(positive("unit", unit, "m"))
         if unit in SYSTEMS:
             return cls(*SYSTEMS[unit])
+
         names = ", ".join(map(repr, SYSTEMS))
         raise InputError(
             f"unit must be one of {names}, or a number: metres per unit of length; got "

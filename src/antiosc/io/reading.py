@@ -150,6 +150,7 @@ def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str
     made_here = mesh.of_gmsh and not name.lower().endswith(".msh")
     top = raw.kind.dim
     grouped = _grouped(mesh, list(mesh.cells))
+
     if aids and not made_here:
         counts = {label: len(block) for label, block in mesh.cells.items() if KINDS[label].dim}
         ungrouped = {label: n - len(grouped.get(label, ())) for label, n in counts.items()}
@@ -184,6 +185,7 @@ def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str
             f"not sides of them: say which elements make the mesh by cells, as {top} (their "
             "dimension) or the name of a group; read_model reads a deck with all of them."
         )
+
     if any(on_sides.values()) and not made_here and raw.model is None:
         yield f"{name}: {_counted(on_sides)} on the sides of its {_NOUNS[top]} {AS_SIDES}."
 
@@ -199,12 +201,14 @@ def keys(rows: IntArray) -> NDArray[np.uint64]:
     Two different rows have the same number with a probability of 1e-19.
     """
     mixed = np.zeros(len(rows), dtype=np.uint64)
+
     with np.errstate(over="ignore"):
         for column in np.sort(rows, axis=1).T:
             mixed = (mixed ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
             mixed ^= mixed >> np.uint64(29)
             mixed *= np.uint64(0xBF58476D1CE4E5B9)
             mixed ^= mixed >> np.uint64(32)
+
     return mixed
 
 
@@ -323,6 +327,7 @@ def read(
         raise UnmeshableError(
             f"{fault}: {remedy}; pytetwild fills it here (pip install pytetwild)."
         )
+
     try:
         raw = attempt(**({"by_ftetwild": True} if solid else {"around": AROUND_CLOSELY}))
     except UnmeshableError as error:
@@ -485,6 +490,7 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
     new = np.empty(len(first), dtype=np.int64)
     new[label[remaining]] = np.arange(len(remaining))
     row = new[label]
+
     return replace(
         mesh,
         model=mesh.model and _renumbered(mesh.model, row),

@@ -85,6 +85,7 @@ def write_model_file(
         text = json.dumps(header)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"model.info must hold JSON values only: {error}.") from None
+
     if checks.nests_deeper(text, _DEEPEST):
         raise InputError(f"model.info must nest at most {_DEEPEST - 1} levels; flatten it.")
     archives.write_arrays(path, {"header": np.array(text), **arrays}, "the model")
@@ -104,6 +105,7 @@ def read_model_file(
     files.check_readable(source, "a model")
     file_text = f"an {expected} file"
     arrays = archives.read_arrays(source, largest, file_text)
+
     try:
         text = str(arrays.pop("header"))
         if checks.nests_deeper(text, _DEEPEST):
@@ -112,11 +114,13 @@ def read_model_file(
         found = header["format"], header["version"]
     except (KeyError, TypeError, ValueError, RecursionError):
         raise InputError(f"{path} is not {file_text}, or it is damaged.") from None
+
     if found != (expected, VERSION):
         raise InputError(
             f"{path} has the format {checks.shown(found[0])} of version {checks.shown(found[1])}; "
             f"{expected!r} of version {VERSION} is read: write it again."
         )
+
     missing_names = needed - arrays.keys()
     if missing_names:
         raise InputError(f"{path} lacks {', '.join(sorted(missing_names))}; write it again.")
@@ -161,6 +165,7 @@ def save_model(model: Parameters, path: str | os.PathLike[str]) -> None:
 def saved_arguments(path: str | os.PathLike[str]) -> Named:
     """The arguments of `AntiOscillators` in a model file; InputError for other files."""
     header, arrays = read_model_file(path, {"m0", "k0", "omega"})
+
     try:
         inertia, stretch, recurrence = (_part(arrays, part) for part in _PARTS)
         return {
@@ -203,6 +208,7 @@ def _damping(values: Named | None) -> Damping | DampingMatrix | None:
     """The damping of a model file."""
     if values is None:
         return None
+
     if "factor" not in values:
         with without_warnings():  # a file has what was told before
             return Damping(**values)
@@ -372,6 +378,7 @@ class AntiOscillators(ReprMixin, Parameters):
         if self.damping is not None:
             kinds = (Damping, DampingMatrix)
             checks.instance("damping", self.damping, kinds, "a Damping or a DampingMatrix")
+
         if self.stretch is not None:
             checks.instance("stretch", self.stretch, Stretch, "a Stretch, as extract makes it")
         checks.store(self, info=ModelInfo.of(self.info))
@@ -385,6 +392,7 @@ class AntiOscillators(ReprMixin, Parameters):
         lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in self.omega[:3])
         ellipsis = ", …" if self.n > 3 else ""
         frequencies = f"{self.n}, {lowest}{ellipsis} Hz" if self.n else "0"
+
         if self.sites:
             sites = ", ".join(self.sites)
             stiffest = engineering(np.max(self.k0.diagonal()), "N/m", 4)
@@ -393,7 +401,9 @@ class AntiOscillators(ReprMixin, Parameters):
                 ("K0", f"{self.k0.shape}, at most {stiffest}"),
                 ("anti-oscillators", frequencies),
             ]
+
         mass_share = 1 - self.m0 / self.m_st if self.m_st else 0.0
+
         return [
             ("k0", engineering(self.k0, "N/m", 4)),
             ("m_st", f"{engineering(self.m_st, 'kg', 4)}, {100 * mass_share:.2f} % of it captured"),
@@ -430,6 +440,7 @@ class AntiOscillators(ReprMixin, Parameters):
                 "a model that stretches keeps its anti-oscillators: extract it with fewer, or"
                 " without stretch."
             )
+
         if isinstance(damping, DampingMatrix):
             remaining = np.delete(np.arange(damping.n), left_out)
             damping = in_coordinates(damping, np.eye(damping.n)[:, remaining])
@@ -441,6 +452,7 @@ class AntiOscillators(ReprMixin, Parameters):
             name: None if (E := getattr(self, name)) is None else E[kept, kept]
             for name in ("strain_error", "strain_misfit")
         }
+
         return replace(
             self,
             m0=self.m0 + self.m[n:].sum(axis=0),
@@ -500,6 +512,7 @@ class AntiOscillators(ReprMixin, Parameters):
                 f"coordinates must have {size} entries along their last axis, or {size + hidden}"
                 f" with the hidden motions; got shape {x.shape}."
             )
+
         at_rest = np.zeros((*x.shape[:-1], size + hidden - x.shape[-1]))
         return self.free_modes.field(np.concatenate((x, at_rest), axis=-1))
 
@@ -592,10 +605,12 @@ class AntiOscillators(ReprMixin, Parameters):
         """
         if self.damping is not None:
             warn("the damping of the model is left out of its matrices.", AccuracyWarning)
+
         if self.dependence is not None and len(self.dependence) != self.n_sites:
             raise InputError(
                 "some sites follow from others: extract a model without them for its matrices."
             )
+
         m_st = np.atleast_2d(self.m_st)
         return reduced_matrices(self.k0_matrix, m_st, self.inertias, self.omega, nodes, dofs)
 

@@ -122,6 +122,7 @@ class ModelInfo(ReprMixin):
             if getattr(self, name) is not None:
                 count = checks.whole(f"info.{name}", getattr(self, name), least=0)
                 checks.store(self, **{name: count})
+
         for name, (kinds, expected) in _KINDS.items():
             if getattr(self, name) is not None:
                 checks.instance(f"info.{name}", getattr(self, name), kinds, expected)
@@ -129,6 +130,7 @@ class ModelInfo(ReprMixin):
         if self.measured is not None:
             for key in MeasuredBand.__annotations__:
                 checks.floats(f"info.measured, {key},", self.measured.get(key), None)
+
         for site, numbers in (self.cells or {}).items():
             checks.floats(f"info.cells[{site!r}]", numbers, (3,))
 
@@ -217,10 +219,12 @@ def resolved_frequency(source: Any) -> float:
         )
     if info.method == "full":
         return float("inf")
+
     omega = np.sort(np.asarray(model.omega, dtype=float))
     count = min(info.converged, omega.size)
     if count:
         return float(omega[count - 1]) / (2 * np.pi)
+
     return 0.0
 
 
@@ -292,6 +296,7 @@ class _UserBody(Body):
         self.velocity = getattr(body, "velocity", Body.velocity)
         if not isinstance(self.velocity, Motion):
             self.velocity = checks.number(f"the velocity of {name}", self.velocity, "m/s")
+
         self.gap = checks.nonnegative(f"the gap of {name}", getattr(body, "gap", Body.gap), "m")
         self.local_compliance = checks.nonnegative(
             f"the local_compliance of {name}",
@@ -321,6 +326,7 @@ def checked_body(name: str, body: object) -> Body:
         return body
     if isinstance(body, LinearBody) and not isinstance(body, type) and callable(body.modal):
         return _UserBody(name, body)
+
     raise InputError(
         f"{name} must have a modal() method, as the model that extract(part, site) makes, a "
         f"RigidMass and a Sphere have; got {checks.shown(body)}."
@@ -378,7 +384,9 @@ def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     cell = (info.cells or {}).get(site)
     if cell is None or (is_estimated and not info.get("divided")):  # its budget tells it
         return None
+
     limit = LARGE_DIVIDED_CELL if is_estimated else LARGE_CELL
+
     return _too_long(cell[0], limit, cell, contact_time)
 
 
@@ -408,6 +416,7 @@ def coarse_cell(model: object, site: str, contact_time: float) -> str:
     cell = coarse_at(model, site, contact_time)
     if cell is None:
         return ""
+
     place = f"the site {site!r}" if site else "the site"
     return (
         f"The cell at {place} measures {engineering(cell.size, 'm')}, and the wave that a"
@@ -478,6 +487,7 @@ def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -
                 f" that touches there alone has {engineering(part.largest_ball, 'm')}; take a"
                 " smaller radius or another site."
             )
+
     return ""
 
 
@@ -507,6 +517,7 @@ def _surface(body: object, site: str) -> Surface:
             "the model its material (with_surface, or [surface] of a scene), the striker a"
             " material and a tip_radius, or give the law, such as Hertz."
         )
+
     return surface
 
 

@@ -134,6 +134,7 @@ class StruckBeam:
         checks.instance("beam", self.beam, UniformBeam, "a UniformBeam")
         for name in ("left", "right"):
             checks.choice(name, getattr(self, name), tuple(ENDS))
+
         site, length = checks.number("site", self.site, "m"), self.beam.length
         if not 0 <= site <= length:
             raise InputError(f"site must lie on the beam, 0 to {length:g} m; got {site:g} m.")
@@ -160,6 +161,7 @@ class StruckBeam:
         m = c**2 * self.beam.mass
         moved = self.beam.mass * (solved.moved @ np.column_stack((solved.static, c * phi)))
         moved[0] -= moved[1:].sum()
+
         return AntiOscillators(
             m0=self.static_mass - m.sum(),
             k0=self.static_stiffness,
@@ -212,6 +214,7 @@ class Solved:
             nodes, rule = legendre.leggauss(degree + 4)
             points.append(start + length * (nodes + 1) / 2)
             weights.append(length * rule / 2)
+
         x, rule = np.concatenate(points), np.concatenate(weights)
         w, theta = self.motions(x)
         self.stiffness = np.diag(np.append([0.0, 0.0], np.ones(self.size - 2)))
@@ -262,6 +265,7 @@ class Solved:
         if self._eta:
             w += [math.sqrt(self._eta) * first for first in once]
             theta += [np.zeros_like(first) for first in once]
+
         return np.hstack(w), np.hstack(theta)
 
     def lowest(self, n: int, *, held: bool) -> tuple[Array, Array]:

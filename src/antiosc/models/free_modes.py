@@ -147,6 +147,7 @@ def site_models(
             "a rigid-body mode (omega = 0) has no static compliance: give a shift > 0, and the"
             " compliance and inertia of K + shift M."
         )
+
     count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)
     r, s = residual(omega, b, C, G, shift)
 
@@ -171,6 +172,7 @@ def residual(
     x = omega**2 + shift
     modal = b**2 @ (1 / x)
     heavy = b**2 @ (1 / x**2)
+
     r = C - modal
     if np.any(r < -RESIDUAL_ROUNDING * C):
         worst = int(np.argmin(r / C))
@@ -179,6 +181,7 @@ def residual(
             f"{modal[worst]:.6g} m/N against {C[worst]:.6g} m/N; give the static compliance of the "
             "same structure and site."
         )
+
     r = np.where(r <= RESIDUAL_ROUNDING * C, 0.0, r)
     if G is None:
         return r, np.zeros_like(r)
@@ -211,6 +214,7 @@ def error_bound(
             f"the band must end below the last free mode, {omega[-1]:g} rad/s; got {band:g} rad/s."
         )
     r, s = (v[:, None] for v in residual(omega, b, C, G, shift))
+
     # what `residual` took for rounding
     missing_compliance = np.where(r > 0, 0.0, np.abs(C - b**2 @ (1 / (omega**2 + shift)))[:, None])
     slow = np.where(s > 0, 0.0, np.abs(G - b**2 @ (1 / (omega**2 + shift) ** 2))[:, None])
@@ -221,6 +225,7 @@ def error_bound(
     z = x + shift
     pole_distance = np.abs(1 - z / (omega[-1] ** 2 + shift))
     modal = 1 / (omega[:, None] ** 2 - x)
+
     left_out = np.zeros(len(b))
     reduction = np.zeros(len(b))
     for i in range(0, len(b), SITES_AT_ONCE):
@@ -235,6 +240,7 @@ def error_bound(
         )
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
+
     return (1 + MAP_SAMPLE_RISE) * left_out, (1 + MAP_SAMPLE_RISE) * reduction
 
 
@@ -262,6 +268,7 @@ def parameters(
     rigid = np.append(omega == 0, False)
     deflection = np.where(rigid, 0.0, b / np.where(rigid, 1.0, A - shift))
     C = np.sum(b * deflection, axis=1) + massless
+
     # the static mode, or the rigid-body mode in its place
     rigid_mobility = np.sum(b[:, rigid] ** 2, axis=1)
     free = rigid_mobility > 0
@@ -311,6 +318,7 @@ def _lanczos(
     V = np.zeros((sites, n, size))
     F = np.zeros((sites, n, size))
     H = np.zeros((sites, n, n))
+
     w = flexed(phi)
     for k in range(n):
         initial_energy = np.sum(w * force(w), axis=1)
@@ -327,6 +335,7 @@ def _lanczos(
         F[:, k] = f * scale
         H[:, : k + 1, k] = H[:, k, : k + 1] = np.einsum("skj,sj->sk", V[:, : k + 1], V[:, k])
         w = flexed(V[:, k])
+
     theta, vectors = np.linalg.eigh(H)
     theta = np.where(theta > 0, theta, 0.0)
     scale = np.where(theta > 0, 1 / np.sqrt(np.where(theta > 0, theta, 1.0)), 0.0)
@@ -373,12 +382,14 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Arra
     k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
     weight = np.where(m > 0, m * poles, 0.0)
     poles = np.where(m > 0, poles, -1.0)
+
     share = np.zeros(m.shape)
     for i in range(m.shape[-1]):  # one after the other: all at once take N times the memory
         pole = np.where(m[..., i] > 0, poles[..., i], 1.0)
         x = pole * (1 + 1j * DAMPING) ** 2
         Z = k0 - x * (m0 + np.sum(weight / (poles - x[..., None]), axis=-1))
         share[..., i] = m[..., i] * np.abs(x**2 / (pole - x) / Z)
+
     return share
 
 

@@ -63,17 +63,20 @@ class Damping(FieldsRepr):
         ratios = checks.column("ratio", self.ratio)
         if not ratios.size or np.any(ratios < 0):
             raise InputError(f"damping ratios must be >= 0; got {checks.shown(self.ratio)}.")
+
         largest = float(ratios.max())
         if largest >= 1:
             raise InputError(
                 f"a damping ratio must be below 1, the critical damping: 0.05 is 5 %; got"
                 f" {largest:g}."
             )
+
         if largest > UNUSUAL_RATIO:
             warn(
                 f"a damping ratio of {largest:g} is {percent(largest)} of the critical damping, "
                 f"more than structures have: 0.05 is 5 %."
             )
+
         checks.store(
             self,
             ratio=float(ratios[0]) if ratios.size == 1 else tuple(ratios.tolist()),
@@ -135,6 +138,7 @@ class ModalBase(ReprMixin):
         omega = checks.floats("omega", self.omega, (None,))
         if np.any(omega < 0):
             raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
+
         size = omega.size
         checks.store(self, omega=omega, b=checks.floats("b", self.b, (size, *points)))
 
@@ -156,6 +160,7 @@ class ModalBase(ReprMixin):
                     f"damping needs a matrix of the {size} modes, and no decay beside it; got one "
                     f"of {damping.n}."
                 )
+
         if self.inertia is not None:
             rows = len(checks.instance("inertia", self.inertia, Inertia, "an Inertia").momentum)
             if rows != size:
@@ -219,6 +224,7 @@ class ModalBase(ReprMixin):
                 f"q must have shape (..., {size}) and force shape (..., {points}); got {q.shape}"
                 f" and {force.shape}."
             )
+
         x = q if self.shape is None else q @ self.shape.T
         if self.residual is None:
             return x
@@ -249,6 +255,7 @@ class ModalBase(ReprMixin):
             H = np.asarray((self.B.T * modal[..., np.newaxis, :]) @ self.B, dtype=complex)
         else:
             H = first.receptance(self.B, w[..., 0])
+
         return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r + 0j)
 
     def rigid_motion(self, velocity: float | Motion) -> Array:
@@ -277,17 +284,20 @@ class ModalBase(ReprMixin):
                 f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
                 " a Motion of velocity and spin."
             )
+
         rigid_b, mobility = self._rigid_column
         if mobility == 0.0:
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
                 f" rigid-body motion at its contact point; use 0 or free its supports."
             )
+
         if self.inertia is not None and self.axes is not None:
             translation = np.concatenate((velocity * self.axes[0], np.zeros(3)))
             start, lost_share = self._rigid_projection(self.inertia, translation)
             if lost_share <= MISSED_ENERGY:
                 return start
+
         return np.asarray(velocity * rigid_b / mobility)
 
     @cached_property
@@ -303,6 +313,7 @@ class ModalBase(ReprMixin):
                 "model was made by hand or from matrices): give its velocity as a number, along "
                 "the direction of impact."
             )
+
         start, lost = self._rigid_projection(self.inertia, motion.at(self.inertia))
         if lost > MISSED_ENERGY:
             raise InputError(
@@ -310,6 +321,7 @@ class ModalBase(ReprMixin):
                 f"{motion} lies outside the rigid-body motions that the supports permit; give a "
                 "motion that they permit."
             )
+
         return start
 
     def _rigid_projection(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
@@ -396,6 +408,7 @@ def superposed(basis: tuple[Array, ...], amplitudes: Array) -> Array:
         size = block.shape[1]
         total += remaining[..., :size] @ block.T
         remaining = remaining[..., size:]
+
     return total
 
 
@@ -459,12 +472,15 @@ class SiteModes(ModalBase):
             np.abs(r - r.T).max() > 1e-9 * size or np.linalg.eigvalsh(r).min() < -1e-9 * size
         ):
             raise InputError("r must be symmetric and positive semidefinite, as a compliance is.")
+
         checks.store(self, r=r, sites=columns_of_sites(self.sites, count))
         if self.decay is None:
             checks.store(self, decay=np.zeros(modes))
+
         if self.directions is not None:
             directions = checks.floats("directions", self.directions, (count, 3))
             checks.store(self, directions=unit_vectors("directions", directions))
+
         self._check("weight", (modes, 3))
         if self.weight is None and self.inertia is not None:
             checks.store(self, weight=self.inertia.momentum[:, :3])
@@ -498,12 +514,14 @@ def columns_of_sites(
     site_items = (
         sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)
     )
+
     columns_by_site = {}
     for name, columns in site_items:
         columns_by_site[checks.name("the name of a site", name)] = tuple(
             checks.whole(f"a column of site {name!r}", i, least=0, most=count - 1)
             for i in checks.column(f"columns of site {name!r}", columns).tolist()
         )
+
     if len(columns_by_site) != len(sites) or any(
         not 1 <= len(c) <= 3 for c in columns_by_site.values()
     ):
@@ -511,4 +529,5 @@ def columns_of_sites(
             f"each site has one to three of the {count} columns of b, and a name of its own;"
             f" got {checks.shown(sites)}."
         )
+
     return columns_by_site

@@ -47,6 +47,7 @@ class Inertia(ReprMixin):
         for name, shape in (("point", (3,)), ("matrix", (6, 6)), ("momentum", (None, 6))):
             value = checks.floats(f"inertia.{name}", getattr(self, name), shape)
             checks.store(self, **{name: checks.read_only(value)})
+
         S = self.matrix
         if S.diagonal().min() < 0 or np.any(np.abs(S - S.T) > 1e-9 * np.abs(S).max()):
             raise InputError("inertia.matrix must be symmetric with a diagonal >= 0.")
@@ -67,6 +68,7 @@ class Inertia(ReprMixin):
         in_plane = S[2, 2] == 0
         if in_plane:  # a plane body in x and y has the third row alone
             moments = np.array([S[5, 1], -S[5, 0], 0.0])
+
         return np.asarray(self.point + moments / self.mass)
 
     def along(self, momentum: Array) -> Inertia:
@@ -129,6 +131,7 @@ class Motion(FieldsRepr):
         spin = np.asarray(self.spin)
         velocity = np.asarray(self.velocity) + np.cross(spin, inertia.point - centre)
         motion = np.concatenate((velocity, spin))
+
         massless = (inertia.matrix.diagonal() == 0) & (motion != 0)
         if np.any(massless):
             names = ("along x", "along y", "along z", "about x", "about y", "about z")
@@ -137,6 +140,7 @@ class Motion(FieldsRepr):
                 f"the body has no motion {impossible} (a plane body moves only along x and y and"
                 " about z); leave it out of the Motion."
             )
+
         return motion
 
 
@@ -163,6 +167,7 @@ class ModalState(FieldsRepr):
         q = checks.floats("displacements", self.displacements, (None,))
         v = checks.floats("velocities", self.velocities, (q.size,))
         checks.store(self, displacements=checks.read_only(q), velocities=checks.read_only(v))
+
         if self.first_order is not None:
             checks.store(
                 self, first_order=checks.floats("first_order", self.first_order, (2, None))
@@ -204,6 +209,7 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
         if m0 == 0:
             return np.zeros(0), np.zeros((1, 0))
         return np.array([k0 / m0]), np.array([[1 / np.sqrt(m0)]])
+
     size = n + (m0 > 0)
     parameters = np.array([m, poles], dtype=float)
     x = np.empty(size)
@@ -215,6 +221,7 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
             f"{status or size} of {size} free frequencies have not converged; masses or frequencies"
             f" differ too much for double precision."
         )
+
     return x, shape
 
 

@@ -207,6 +207,7 @@ def checked(model: Parameters) -> ParameterDict:
     # errors of the strains
     if model.strain_misfit is not None and model.strain_error is None:
         raise InputError("strain_misfit belongs to a strain_error, which is missing.")
+
     for name in ("strain_error", "strain_misfit"):
         value = getattr(model, name)
         if value is not None:
@@ -223,6 +224,7 @@ def checked(model: Parameters) -> ParameterDict:
         directions = checks.floats("direction", model.direction, (*columns, 3))
         unit = unit_vectors if columns else unit_vector
         stored["direction"] = checks.read_only(unit("direction", directions))
+
     if model.participation is not None:
         axes = (3,) if several else ()
         weight = checks.floats("participation", model.participation, (rows.size, *axes))
@@ -240,6 +242,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
                 f"{name} belongs to a model of several sites: give its P and the names of its "
                 "sites too."
             )
+
     m = checks.positives("m", model.m, "kg")
     if m.shape != omega.shape:
         raise InputError(
@@ -260,6 +263,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
         )
 
     radius = None if model.radius is None else checks.positive("radius", model.radius, "m")
+
     return {
         "m0": m0,
         "k0": k0,
@@ -297,6 +301,7 @@ def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> Paramete
             f"sites must name the {len(dependence)} columns, or columns say which site has which; "
             f"got {checks.shown(model.sites)}."
         )
+
     columns = columns_of_sites(model.columns or list(model.sites), len(dependence))
     if tuple(columns) != tuple(model.sites):
         raise InputError(
@@ -305,6 +310,7 @@ def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> Paramete
         )
 
     rigid = rigid_motions(k0, m0 + P @ P.T, omega) if model.rigid is None else model.rigid
+
     return {
         "k0": checks.read_only(k0),
         "m0": checks.read_only(m0),
@@ -376,6 +382,7 @@ def _spatial(model: Parameters, rows: Index) -> ParameterDict:
     if model.shapes is not None:
         shapes = checks.floats("shapes", model.shapes, (None, rows.size))
         stored["shapes"] = shapes if in_order else shapes[:, rows]
+
     if model.inertia is not None:
         momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
         if len(momentum) < rows.size:
@@ -385,12 +392,14 @@ def _spatial(model: Parameters, rows: Index) -> ParameterDict:
             )
         all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
         stored["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
+
     if model.hidden is not None:
         if model.inertia is None:
             raise InputError("hidden motions need the inertia, which holds their momentum.")
         slides = len(model.inertia.momentum) - rows.size
         nodes = None if model.shapes is None else len(model.shapes)
         stored["hidden"] = checks.floats("hidden", model.hidden, (nodes, slides))
+
     return stored
 
 
@@ -409,9 +418,11 @@ def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) 
             "a model without mass has no motions that a DampingMatrix could brake: give it a mass,"
             " m0 or m."
         )
+
     order = np.argsort(np.asarray(omega, dtype=float), kind="stable")
     if np.array_equal(order, np.arange(order.size)):
         return damping
+
     rows = np.concatenate(
         (
             np.arange(n_sites),
@@ -419,6 +430,7 @@ def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) 
             np.arange(n_sites + order.size, size),
         )
     )
+
     return in_coordinates(damping, np.eye(size)[:, rows])
 
 
@@ -486,6 +498,7 @@ def corrected(model: ModelType) -> ModelType:
     if inertia is not None:
         of_model, hidden = np.split(inertia.momentum, [p + model.n])
         inertia = inertia.along(np.vstack((transform.T @ of_model, hidden)))
+
     return replace(
         model,
         **squeezed(model.sites, k0=k0, m0=m0, P=P),

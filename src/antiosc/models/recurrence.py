@@ -91,6 +91,7 @@ class ReferenceModes:
     def losses(self, damping: Damping) -> Array:
         """The roots of the energies that the damping of the lift gives, by the same, (2k, 5, J)."""
         stiff = self.omega**2 + self.shift
+
         # |f|² of √(M K) is at most half of those of M/e + eK
         balance = np.sqrt(np.trace(self.inertia) / max(np.trace(self._stiffness), 1e-300))
         both = (self.inertia / balance + self._stiffness * balance) / 2
@@ -196,6 +197,7 @@ def recurrence_of(
     beside = np.abs(H / size_of.max())
     for first, last in zip((0, *ends), (*ends[1:], len(H)), strict=False):
         beside[first:last, first:last] = 0.0
+
     far = np.triu(beside).max(axis=0, initial=0.0)
     loads = np.abs(start) / np.sqrt(mass.diagonal())
     far[ends[0] :] = np.maximum(far[ends[0] :], loads[ends[0] :].max(axis=1))
@@ -211,5 +213,6 @@ def recurrence_of(
 
     if len(known) < 2:
         return None
+
     size = known[-1]
     return Recurrence(k0, mass, start[:size], H[:size, :size], known[-2], shift)

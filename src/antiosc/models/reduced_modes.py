@@ -45,6 +45,7 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
     """
     p, hidden = model.n_sites, model.hidden_count
     of_lambda, to_shapes = _coordinates(model)
+
     coupled = isinstance(model.damping, DampingMatrix)
     if model.sites or coupled:
         found = _damped_modes(model)
@@ -94,6 +95,7 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
     residual = residual @ model.dependence.T
     r = model.dependence @ residual[:p]
     local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))
+
     return SiteModes(
         b=shape[:p].T @ model.dependence.T,
         sites=model.columns,
@@ -161,6 +163,7 @@ def _basis(model: Parameters) -> tuple[Array, ...] | None:
 def _damped_modes(model: Parameters) -> ReducedModes:
     """As `reduced_modes`; a damped massless site gets a little mass."""
     m0, P = model.m0_matrix, model.inertias
+
     if isinstance(model.damping, DampingMatrix):
         p = len(m0)
         floor = LEAST_MASS * (m0 + P @ P.T).diagonal()
@@ -169,6 +172,7 @@ def _damped_modes(model: Parameters) -> ReducedModes:
             np.sum(model.damping.factor[:, :p] ** 2, axis=0),
         )
         m0 = m0 + np.diag(np.where((acted > 0) & (m0.diagonal() < floor), floor, 0.0))
+
     return reduced_modes(model.k0_matrix, m0, P, model.omega, model.rigid_modes)
 
 
@@ -213,6 +217,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     M[p:, :p] = P.T
     rigid_shapes = np.zeros((size, q))
     rigid_shapes[:p] = rigid
+
     try:
         shift = _lowest(K, M, rigid_shapes) if q else 0.0
         L = np.linalg.cholesky(K + shift * M)
@@ -221,6 +226,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
             "k0 and m0 + P P' leave a combination of the sites without mass and stiffness (or are "
             "not positive semidefinite)."
         ) from None
+
     basis = scipy.linalg.null_space((L.T @ rigid_shapes).T) if q else np.eye(size)
     transformed = scipy.linalg.solve_triangular(L, basis, lower=True, trans="T")
     theta, vectors = np.linalg.eigh(transformed.T @ M @ transformed)
@@ -250,4 +256,5 @@ def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:
         if theta <= 0:
             return shift
         shift = MODEL_SHIFT * max(1 / theta - shift, 1e-9 * shift)
+
     return shift

@@ -64,17 +64,21 @@ class Stretch(ReprMixin):
             raise InputError(f"a Stretch has 1 to {MOST} modes; got {m}.")
         if np.abs(modes.T @ modes - np.eye(m)).max() > ASYMMETRY:
             raise InputError("the modes of a Stretch must be orthonormal.")
+
         for name, rank in (("quadratic", 3), ("cubic", 4)):
             tensor = checks.floats(name, getattr(self, name), (m,) * rank)
             permuted = np.moveaxis(tensor, 0, -1)
             if np.abs(tensor - permuted).max() > ASYMMETRY * np.abs(tensor).max(initial=0.0):
                 raise InputError(f"{name} must be symmetric in all its indices.")
             checks.store(self, **{name: checks.read_only(tensor)})
+
         if self.count != "auto":
             checks.store(self, count=checks.whole("count", self.count, least=1))
+
         if self.shapes is not None:
             columns = m * (m + 1) // 2
             checks.store(self, shapes=checks.floats("shapes", self.shapes, (None, columns)))
+
         checks.store(self, modes=checks.read_only(modes))
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -151,6 +155,7 @@ class Stretch(ReprMixin):
         """
         if self.shapes is None:
             return None
+
         rotation = self.modes.T @ modes
         rows, columns = np.triu_indices(self.size)
         first, second = np.triu_indices(rotation.shape[1])
@@ -176,9 +181,11 @@ def checked_count(stretch: object) -> Count | Literal[False]:
         raise InputError(
             f'stretch must be a number of modes, "auto" or False; got {checks.shown(stretch)}.'
         )
+
     count = checks.whole("stretch", stretch, least=1)
     if count > MOST_ASKED:
         raise InputError(f"stretch takes at most {MOST_ASKED} modes; got {count}.")
+
     return count
 
 

@@ -62,11 +62,13 @@ def tensors_of_part(
     nodes = compat.geometry_nodes(mesh.dolfinx)[selected]
     material = material[selected]
     X = mesh.geometry.reference_nodes
+
     solid = part.kind.name == "solid"
     if solid:  # a slot for each node and material
         keys = nodes * len(part.parts) + material[:, None]
     else:
         keys = np.arange(nodes.size).reshape(nodes.shape)
+
     slots, slot_of = np.unique(keys, return_inverse=True)
     slot_of = slot_of.reshape(keys.shape)
     node = slots // len(part.parts) if solid else nodes.ravel()
@@ -74,6 +76,7 @@ def tensors_of_part(
     total = np.zeros((len(slots), 6, shapes.shape[1]))
     count = np.zeros(len(slots))
     step = max(1, AT_ONCE // len(X))
+
     error = None
     for first in range(0, len(selected), step):
         cells = selected[first : first + step]
@@ -88,9 +91,11 @@ def tensors_of_part(
         at_slots = csr_matrix((ones, (slot_rows, column)), (len(slots), len(slot_rows)))
         total += (at_slots @ components.reshape(len(slot_rows), -1)).reshape(total.shape)
         count += np.bincount(slot_rows, minlength=len(slots))
+
     agree(mesh.comm, error)
     if solid:
         _join_ranks(part, slots, total, count)
+
     return node, kind, total / count[:, None, None]
 
 
@@ -158,6 +163,7 @@ def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> 
     X = part.mesh.geometry.reference_nodes
     stresses = np.zeros((cells_of_rank, len(X), 6 if is_solid else 1))
     normals = np.zeros((cells_of_rank, len(X), 0 if is_solid else 6))
+
     step = max(1, AT_ONCE // len(X))
     for first in range(0, cells_of_rank, step):
         cells = np.arange(first, min(cells_of_rank, first + step))
@@ -166,11 +172,13 @@ def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> 
             columns = _at_nodes_of(cells, part, shapes, evaluate)
             tensors = np.einsum("pck,pk->pc", columns, factors[nodes[cells].ravel()])
             at_nodes.append(tensors.reshape(-1, len(X), 6))
+
         if is_solid:
             stresses[cells] = at_nodes[0]
         else:
             stresses[cells, :, 0] = np.max([equivalent(one) for one in at_nodes], axis=0)
             normals[cells] = _products_of_normals(part, cells, X)
+
     return stresses, normals
 
 
@@ -207,12 +215,14 @@ def _join_ranks(
     parts = len(part.parts)
     if comm.size == 1:
         return
+
     number = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)
     names = number[slots // parts] * parts + slots % parts
     names_of_all = np.concatenate(comm.allgather(names))
     common, times = np.unique(names_of_all, return_counts=True)
     shared_slots = np.flatnonzero(np.isin(names, common[times > 1]))
     pieces = comm.allgather((names[shared_slots], total[shared_slots], count[shared_slots]))
+
     slot_of = {name: i for i, name in zip(shared_slots, names[shared_slots], strict=True)}
     for rank, (names_there, sums, numbers) in enumerate(pieces):
         if rank == comm.rank:
@@ -271,10 +281,12 @@ def recovered(
     here = closest.rank == mesh.comm.rank
     cells, X = closest.cell[here], closest.X[here]
     values_here = error = None
+
     try:
         values_here = evaluate(PointsInCells(member.part, with_ghosts, cells, X))
     except InputError as caught:
         error = caught
+
     agree(mesh.comm, error)
     assert values_here is not None
 
@@ -313,6 +325,7 @@ def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Memb
             f"no stiffener, a Beam on edges of a sheet, has the name {shown(name)}; "
             f"{name_list(name, groups, 'its stiffeners')}."
         )
+
     return beams
 
 
@@ -343,12 +356,14 @@ def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]
     """
     preload = structure.matrices.preload
     assert preload is not None
+
     displaced = []
     for member, displacement in with_parts(structure).fields(preload.q[:, None], part):
         of_cells = {k: e for k, e in preload.initial.items() if k not in member.part.stiffeners}
         strain = initial_strain(member.part, of_cells)
         strained = replace(member.part, initial=np.array(strain.x.array))
         displaced.append((replace(member, part=strained), displacement))
+
     return displaced
 
 
@@ -380,10 +395,12 @@ def tensors_at_nodes(
     second-order strain of each shape.
     """
     _refuse_relaxing(structure, quantity)
+
     if shapes is None:
         parts = loaded(structure, part)
     else:
         parts = with_parts(structure).fields(shapes, part)
+
     if second_order:
         parts = _whole(parts)
     points, cells, _ = at_nodes(structure, np.zeros((structure.rows, 0)), part)
@@ -391,6 +408,7 @@ def tensors_at_nodes(
     tensors = []
     origin = []
     origins = list[Origin]()
+
     start = 0
     for member, shapes_of_part in parts:
         of_parts: list[tuple[IntArray, IntArray, Array]] = []
@@ -410,9 +428,11 @@ def tensors_at_nodes(
                 origin.append(kind)
                 tensors.append(columns)
             start += size
+
     if not node:
         empty = np.zeros(0, dtype=int)
         return points, cells, NodeTensors(empty, np.zeros((0, 6, 0)), empty, origins)
+
     arrays = np.concatenate(node), np.concatenate(tensors), np.concatenate(origin)
     return points, cells, NodeTensors(*arrays, origins)
 
@@ -443,6 +463,7 @@ def _requests(
         if not on_edge:
             raise InputError(f"{NO_OUTLINE}.")
         return [(place, numbers) for place in on_edge]
+
     return [(place, numbers) for place in (places if part.kind.sheet else places[:1])]
 
 
@@ -454,6 +475,7 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
     """
     geometry = mesh.geometry
     nodes = compat.geometry_nodes(mesh.dolfinx)
+
     result = np.zeros((len(mesh.dolfinx.geometry.x), 3, shapes.shape[1]))
     for axis, name in enumerate("xyz"):
         if name not in form.components:
@@ -465,6 +487,7 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
         else:
             table = compat.tabulate(form.space, path, geometry.reference_nodes)
             result[nodes, axis] = table @ shapes[dofs]
+
     return result
 
 
@@ -488,6 +511,7 @@ def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
         return points, cells, shapes
     order = np.argsort(compat.node_order(mesh.cell, cells.shape[1], "vtk"))
     starts = np.cumsum([0] + [len(p) for p, _, _ in pieces[:-1]])
+
     return (
         np.vstack([p for p, _, _ in pieces]),
         np.vstack([c + s for s, (_, c, _) in zip(starts, pieces, strict=True)])[:, order],
@@ -533,6 +557,7 @@ def stress_jumps(
             errors_of_rank = jumps(member.part, shapes_of_part, factors_of_rank)
         errors += comm.gather(errors_of_rank, root=0) or []
         start += sum(sizes)
+
     if errors:
         return np.concatenate(errors)
     return np.zeros(0)

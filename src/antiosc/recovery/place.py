@@ -59,6 +59,7 @@ class Reach:
             limit = max(limit, element())
         if distance <= limit:
             return
+
         rule = "2 % of the part's size, or one element" if self.snap is None else "the length given"
         units = f"; coordinates are in metres, and the part measures {size:.3g} m"
         raise InputError(
@@ -166,10 +167,13 @@ def place(
     surface = checks.choice("surface", surface, SURFACES)
     if layer is not None:
         layer = checks.whole("layer", layer, least=0)
+
     if fibre is not None:
         y, z = checks.floats("fibre", fibre, (2,)).tolist()
         fibre = (y, z)
+
     local = checks.choice("axes", axes, ("global", "local")) == "local"
     if stiffener is not None:
         checks.text("stiffener", stiffener)
+
     return Place(surface, layer, fibre, local, stiffener)

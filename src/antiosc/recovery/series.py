@@ -58,6 +58,7 @@ def listing(path: str | os.PathLike[str]) -> Path:
             f"a series cannot be named {checks.shown(target.stem)}: XML has no word for one of its "
             "characters."
         )
+
     return target
 
 

@@ -68,6 +68,7 @@ class PointsInCells:
         """Dof values (P, functions, len(names), columns) of components; 0 for absent ones."""
         components = self.part.form.components
         count = self._shapes.shape[1]
+
         dofs = []
         for name in names:
             if name in components:
@@ -75,6 +76,7 @@ class PointsInCells:
                 dofs.append(self._shapes[numbers])
             else:
                 dofs.append(np.zeros((len(self.cells), self.functions, count)))
+
         return np.stack(dofs, axis=2)
 
     @property
@@ -103,6 +105,7 @@ class PointsInCells:
             return np.zeros((0, dofs.shape[2], tdim, dofs.shape[3]))
         table = compat.tabulate_slopes(self._space, self._first, self.X)
         along = table if inverse is None else table @ inverse
+
         # a product of matrices takes a seventh of the time of einsum
         count, functions, *of_dofs = dofs.shape
         slopes = np.swapaxes(along, 1, 2) @ dofs.reshape(count, functions, -1)
@@ -136,6 +139,7 @@ def solid_strain(at: PointsInCells, place: Place) -> Array:
             of_part = result[number == k]
             e33 = -material.nu / (1 - material.nu) * (of_part[:, 0, 0] + of_part[:, 1, 1])
             result[number == k, 2, 2] = e33
+
     return _in_material_axes(at, result, place)
 
 
@@ -148,6 +152,7 @@ def solid_stress(at: PointsInCells, place: Place) -> Array:
     for k, (material, _) in enumerate(at.part.parts):
         of_part = number == k
         result[of_part] = material.voigt @ engineering[of_part]
+
     return _in_material_axes(at, np.moveaxis(tensors_of(np.moveaxis(result, 1, -1)), 1, -1), place)
 
 
@@ -181,6 +186,7 @@ def _in_material_axes(at: PointsInCells, tensors: Array, place: Place) -> Array:
             R = np.asarray(material.axes)
             of_part = number == k
             result[of_part] = np.einsum("ia,pabk,jb->pijk", R, tensors[of_part], R, optimize=True)
+
     return result
 
 
@@ -221,6 +227,7 @@ def _bar_tensors(at: PointsInCells, place: Place, sizes: Array) -> Array:
     else:
         t = at.J[:, :, 0] / np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
         axial_tensor = np.einsum("pi,pj->pij", t, t)
+
     shape = sizes[:, :1, None] * axial_tensor + sizes[:, 1:, None] * (np.eye(3) - axial_tensor)
     return np.asarray(shape[..., None] * _axial(at)[:, None, None])
 
@@ -311,12 +318,14 @@ def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
 
     stretch = -offset * component(curvature, frame.z)
     sideways = offset * component(curvature, frame.t) if at.part.form.twist_shifts else 0.0
+
     # −(θ × t)·y = −θ·z, −(θ × t)·z = θ·y
     forces = [
         component(slope, frame.t) + stretch + _lengthening(at, slope),
         component(slope, frame.y) - component(rotation, frame.z),
         component(slope, frame.z) + component(rotation, frame.y) + sideways,
     ]
+
     return np.stack([*forces, *(component(curvature, axis) for axis in frame)], axis=1)
 
 
@@ -332,6 +341,7 @@ def _frame(at: PointsInCells) -> BeamFrame:
         of_part = number == k
         if of_part.any():
             height[of_part] = heights(beam, t[of_part], middle[of_part])
+
     y = height - np.einsum("pc,pc->p", height, t)[:, None] * t
     y /= np.linalg.norm(y, axis=1)[:, None]
     return BeamFrame(t, y, np.cross(t, y))
@@ -398,6 +408,7 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
             corner_strains = _raw(at_gauss, axes)
             shear += weight * corner_strains.shear[number]
             membrane += weight * corner_strains.membrane[number]
+
     curved = at.part.mesh.order > 1
     return Strains(membrane if curved else strains.membrane, strains.bending, shear)
 
@@ -406,6 +417,7 @@ def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Ar
     """(N1, N2, N12, M1, M2, M12, Q1, Q2) (P, 8, columns) per width, N/m and N, in local axes."""
     strains = middle_strains(at, axes)
     result = np.zeros((len(at.cells), 8, strains.membrane.shape[2]))
+
     number = at.part.part_of_cells()[at.cells]
     for k, (sheet, _) in enumerate(at.part.parts):
         of_part = number == k
@@ -415,6 +427,7 @@ def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Ar
         result[of_part, :3] = _products(s.A, stretch) + _products(s.B, curvature)
         result[of_part, 3:6] = _products(s.B, stretch) + _products(s.D, curvature)
         result[of_part, 6:] = _products(s.S, strains.shear[of_part])
+
     return result
 
 
@@ -438,6 +451,7 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
     frame = axes.frame(at)
     result = np.zeros((len(at.cells), 3, 3, strains.membrane.shape[2]))
     number = at.part.part_of_cells()[at.cells]
+
     angle = np.zeros(len(at.cells))
     for k, (sheet, _) in enumerate(at.part.parts):
         of_part = number == k
@@ -447,6 +461,7 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
         layer = _layers(sheet)[layer_number]
         angle[of_part] = np.deg2rad(layer.angle)
         plane = strains.membrane[of_part] + (z + sheet.offset) * strains.bending[of_part]
+
         # stresses of the shear forces in equilibrium, and the strains that they cause
         f = shear_stresses(_layers(sheet), layer_number, z)
         shear_forces = _products(f @ sheet.section.S, strains.shear[of_part])
@@ -467,6 +482,7 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
             ((1, 2), shear_forces[:, 1]),
         ):
             result[of_part, i, j] = result[of_part, j, i] = half * value
+
     if not place.local:
         return in_frame(result, frame)
     c = np.cos(angle)
@@ -485,6 +501,7 @@ def _layers(sheet: Sheet) -> list[Layer]:
             "the stresses in a shell that is given by its stiffnesses are not known; probe section "
             "forces instead."
         )
+
     return [Layer.isotropic(sheet.E, sheet.nu, sheet.rho, sheet.thickness)]  # type: ignore[attr-defined]
 
 
@@ -493,6 +510,7 @@ def _height(sheet: Sheet, place: Place) -> tuple[int, float]:
     layers = _layers(sheet)
     steps = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
     z = steps - steps[-1] / 2
+
     if place.layer is not None:
         if place.layer >= len(layers):
             raise InputError(
@@ -503,6 +521,7 @@ def _height(sheet: Sheet, place: Place) -> tuple[int, float]:
         low = float(z[k])
         high = float(z[k + 1])
         return k, {"top": high, "bottom": low, "middle": (low + high) / 2}[place.surface]
+
     if place.surface == "middle":
         k = int(np.clip(np.searchsorted(z, 0.0, side="right") - 1, 0, len(layers) - 1))
         return k, 0.0
@@ -514,6 +533,7 @@ def _height(sheet: Sheet, place: Place) -> tuple[int, float]:
 def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
     frame = axes.frame(at)
     e1, e2, n = frame
+
     # contravariant tangents: ds along e_α of the reference coordinates
     inverse = np.linalg.pinv(at.J)  # (P, 2, 3)
     gradients = np.einsum("pdc,pac->pda", inverse, np.stack([e1, e2], axis=1))
@@ -530,10 +550,12 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
     dr1 = dotted(dr, e1)
     dr2 = dotted(dr, e2)
     membrane = np.stack([du1[:, 0], du2[:, 1], du1[:, 1] + du2[:, 0]], axis=1)
+
     if at.part.initial is not None:
         products = np.einsum("pcak,pcbk->pabk", du, du)
         second = [products[:, 0, 0] / 2, products[:, 1, 1] / 2, products[:, 0, 1]]
         membrane += np.stack(second, axis=1)
+
     # θ × n = (θ·e2) e1 − (θ·e1) e2
     bending = np.stack([dr2[:, 0], -dr1[:, 1], dr2[:, 1] - dr1[:, 0]], axis=1)
     leaning = _shear_rotations(at, rotations, frame)
@@ -552,6 +574,7 @@ def _shear_rotations(at: PointsInCells, rotations: Array, frame: SheetFrame) -> 
     space = at.part.form.space
     path = at.part.form.components["rx"]
     table = compat.tabulate(space, path, compat.edge_points())
+
     # θ×n along the reference directions at the points of the edges: n × J is θ·(n × J_d)
     rotated_tangents = np.cross(n[:, None, :], np.swapaxes(at.J, 1, 2))  # (P, 2, 3)
     covariant = np.einsum("qf,pfck,pdc->pdqk", table, rotations, rotated_tangents, optimize=True)

@@ -176,10 +176,12 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, Counter[str]]:
     rounds, remaining = _peeled(system)
     redundant = Counter[str]()
     dependent = [np.zeros(0, dtype=int)]
+
     if len(remaining):
         solved, pivots, redundant = _blocks(system, remaining)
         T = _substituted(T, solved, pivots)
         dependent.append(pivots)
+
     for solved_rows, pivots in reversed(rounds):
         T = _substituted(T, _for_pivots(system.C[solved_rows], pivots), pivots)
         dependent.append(pivots)
@@ -210,6 +212,7 @@ def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]
         solved = pivot >= 0
         rounds.append((remaining[solved], pivot[solved]))
         remaining = remaining[~solved]
+
     return rounds, remaining
 
 
@@ -255,6 +258,7 @@ def _blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, Cou
         pivots.append(pivot_dofs)
         if len({system.labels[owner] for owner in system.owner[rows]} - {""}) > 1:
             redundant.update(system.labels[owner] for owner in system.owner[dependent])
+
     del redundant[""]
     return scipy.sparse.vstack(parts).tocsr(), np.concatenate(pivots), redundant
 
@@ -315,6 +319,7 @@ def _independent(A: Array) -> IntArray:
         if size > DEPENDENT:
             basis[:, len(independent)] = column / size
             independent.append(k)
+
     return np.array(independent, dtype=int)
 
 
@@ -449,6 +454,7 @@ def _joined(
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
         rows += joint.constraints(layout, Constraints(rows, fixed, scale), label)
         elastic += [replace(support, name=label) for support in joint.elastic(layout, label)]
+
     for one in attached:
         elastic += terms_of(one, layout.plane, partial(_places, layout))
     elastic += [superelement(layout, support) for support in layout.condensed.values()]
@@ -464,6 +470,7 @@ def _joined(
             f"{count} constraint{'s' * (count > 1)} of {label} follow{'s' * (count == 1)} from "
             "those of joints that overlap with it: remove the repeated ones."
         )
+
     if eliminated.dependent.all():
         raise InputError("supports and joints hold every dof of the assembly: nothing moves.")
     added = Added(elastic, eliminated.T)
@@ -473,16 +480,19 @@ def _joined(
     motions, rigid = assembled.free_motions(layout, bodies, C, fixed, scale)
     movable = moving(bodies, motions) if motions.size else []
     _check_joined(layout, bodies, movable, rows, elastic)
+
     if mechanisms := motions.shape[1] - rigid:
         warn(
             f"the joints leave parts free to move without strain ({mechanisms} motions, of "
             f"{names_of(movable)}): join or hold them unless it is intended."
         )
+
     if rigid and (supports or any(len(m.part.fixed) for m in layout.members.values())):
         warn(
             f"the supports leave the assembly free to move as a rigid body ({rigid} motions): hold "
             "that too unless it is intended."
         )
+
     return _Joined(constraints, eliminated, added, motions, bodies)
 
 
@@ -496,6 +506,7 @@ def _fixed(layout: Layout) -> BoolArray:
         fixed[member.first + member.part.fixed] = True
     for part in layout.condensed.values():
         fixed[part.rows] = part.fixed
+
     for name in layout.points:
         if layout.plane:
             fixed[layout.of_point(name)[[2, 3, 4]]] = True
@@ -523,6 +534,7 @@ def _check_joined(
     body = np.zeros(layout.count, dtype=int)
     for k, body_k in enumerate(bodies):
         body[body_k.rows] = k
+
     # all functionals of one spring belong together
     springs = [Sparse(np.asarray(abs(e.G).sum(axis=0))) for e in elastic]
     links = stacked([*(r.matrix for r in rows if r.label), *springs], layout.count)
@@ -531,6 +543,7 @@ def _check_joined(
         (np.ones(links.nnz), (body[links.indices], of_row)), shape=(len(bodies), links.shape[0])
     )
     label = scipy.sparse.csgraph.connected_components(touched @ touched.T, directed=False)[1]
+
     largest = np.bincount(label, [len(body_k.rows) for body_k in bodies]).argmax()
     for k in np.flatnonzero(label != largest):
         body_k = bodies[k]
@@ -553,6 +566,7 @@ def _check_joined(
 def support_rows(layout: Layout, support: Support) -> Sparse:
     """The functionals (m, n) of u that a support fixes at zero."""
     names = support.components(["x", "y", "rz"] if layout.plane else COMPONENTS)
+
     if isinstance(support.where, str) and (
         support.where in layout.points or support.where.split(":", 1)[0] in layout.condensed
     ):
@@ -565,6 +579,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
                 "not have."
             )
         return point.components(names)
+
     rows_of_support = []
     for member, nodes in _nodes(layout, support):
         for kind in (DISPLACEMENTS, ROTATIONS):
@@ -572,12 +587,14 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
             motions = layout.at_nodes(member, nodes, kind)
             rows = (3 * np.arange(len(nodes))[:, None] + axes).ravel().astype(int)
             rows_of_support.append(motions[rows])
+
     result = scipy.sparse.vstack([layout.nothing(0), *rows_of_support]).tocsr()
     if not result.nnz:
         raise InputError(
             f"the support {support.label} fixes nothing: no node of the assembly that can "
             f"move along {', '.join(names)} lies there."
         )
+
     return result
 
 
@@ -588,6 +605,7 @@ def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
     if isinstance(support.where, NumberedNodes):
         numbered = [member for member in layout.members.values() if len(member.part.mesh.labels)]
         return [(member, member.nodes_of(support.where)) for member in numbered]
+
     return [
         (member, np.flatnonzero(support.selected(member.nodes)))
         for member in layout.members.values()
@@ -611,6 +629,7 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
         x = in_space(where)
         (place,) = places_at(layout.members.values(), x[None])
         return [motion(layout, (place.member.name, tuple(x)))]
+
     part, _, group = where.partition(":")
     if group and part in layout.members:
         member = layout.members[part]
@@ -619,4 +638,5 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
                 motion(layout, (member.name, tuple(member.nodes[node])))
                 for node in member.nodes_of(group)
             ]
+
     return [motion(layout, where)]

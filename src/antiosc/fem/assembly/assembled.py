@@ -69,9 +69,11 @@ def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
             nodes = np.flatnonzero(labels == label)
             rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
             bodies.append((member.name, member.first + rows, *_box_of(member.nodes[nodes], layout)))
+
     for name, part in layout.condensed.items():
         rows = np.arange(part.rows.start, part.rows.stop)
         bodies.append((name, rows, *_box_of(part.points, layout)))
+
     for name, x in layout.points.items():
         bodies.append((name, layout.of_point(name), x, layout.size / 2))
     places = layout.places
@@ -123,6 +125,7 @@ def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
         columns.append(np.tile(count + np.arange(motions.shape[1]), len(motions)))
         values.append(motions.ravel())
         count += motions.shape[1]
+
     indices = np.concatenate(rows), np.concatenate(columns)
     return scipy.sparse.csr_matrix((np.concatenate(values), indices), shape=(size, count))
 
@@ -133,6 +136,7 @@ def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
     nonzero = size > 0
     units = scipy.sparse.identity(len(fixed), format="csr")[np.flatnonzero(fixed)]
     units = scipy.sparse.diags(1 / scale[fixed]) @ units
+
     return scipy.sparse.vstack(
         [scipy.sparse.diags(1 / size[nonzero]) @ constraints[nonzero], units]
     ).tocsr()
@@ -171,6 +175,7 @@ def modes_of(
     """(M-orthonormal strain-free motions (n, r), first shift)."""
     comm = MPI.COMM_SELF
     motions = eliminated.coordinates(motions)
+
     modes = orthonormal(comm, M, motions)
     if modes.shape[1] < motions.shape[1]:
         values, rotation = np.linalg.eigh(dot(comm, motions, multiply(M, motions)))
@@ -179,6 +184,7 @@ def modes_of(
             f"the reference point {names_of(moving(bodies, eliminated.T @ massless))} moves "
             "without resistance and without mass: join it, support it, or give it a mass."
         )
+
     if not modes.shape[1]:
         return modes, 0.0
 
@@ -193,6 +199,7 @@ def modes_of(
                 f"{ratios.max():.1e}, limit {MECHANISM_FORCE:.0e}): parts or their distances "
                 "differ too much in size for double precision."
             )
+
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
         return modes, 1.0  # any will do
     size = float((layout.high - layout.low).max())
@@ -412,6 +419,7 @@ def block_diagonal(layout: Layout, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
     """The block-diagonal matrix (n, n) of the matrices of some parts."""
     counts = np.zeros(layout.count, dtype=PETSc.IntType)
     indices = [np.zeros(0, PETSc.IntType)]
+
     data = [np.zeros(0)]
     for name, matrix in matrices.items():  # in the order of their dofs
         rows = layout.members[name].rows
@@ -495,6 +503,7 @@ def point_of(
             if x is not None:
                 return member.at.placed(x[None])[0], member.name or None, None
         raise InputError(f"the structure has no node {node}, by its number in the file.")
+
     if not isinstance(point, str):
         return in_space(point or ()), part, None
     if part is not None:
@@ -514,6 +523,7 @@ def point_of(
                 f'a name on an assembly is "part:group"; got {point!r}, which is no reference '
                 f"point either; {points}."
             )
+
     member, group = group_of(matrices, point)
     x = centre(member.part.mesh, group)  # the point next to it is taken
     return member.at.placed(x[None])[0], member.name or None, None

@@ -44,6 +44,7 @@ def checked_end(name: str, end: object) -> End:
     """An end of a joint, checked; InputError for anything else."""
     if isinstance(end, str) and end:
         return end
+
     if isinstance(end, tuple | list) and len(end) in (2, 3) and isinstance(end[0], str) and end[0]:
         point = floats(f"the point of {name}", end[1], None)
         if point.shape in ((2,), (3,)):
@@ -53,6 +54,7 @@ def checked_end(name: str, end: object) -> End:
                 if len(end) == 2
                 else (*part_and_point, positive(f"the radius of {name}", end[2], "m"))
             )
+
     raise InputError(
         f'{name} must be "part:group", ("part", point), ("part", point, radius) or the name of a '
         f"reference point; got {shown(end)}."
@@ -100,6 +102,7 @@ def motion(layout: Layout, end: End) -> PointMotion:
         raise InputError(
             f"there is no reference point {end!r}; {points}{hint if end in layout.members else ''}."
         )
+
     member, group = _member_and_group(layout, end)
     nodes = member.nodes_of(group)
     if len(nodes) != 1:
@@ -122,12 +125,14 @@ def motion_without_mesh(layout: Layout, end: End) -> PointMotion | None:
 def _superelement_motion(layout: Layout, part: str, end: End) -> PointMotion:
     """The motion of a site or node of a superelement, by its name or its coordinates."""
     member = layout.condensed[part]
+
     if isinstance(end, str):
         name = end.split(":", 1)[1]
     else:
         distances = np.linalg.norm(member.points - in_space(end[1]), axis=1)
         nearest = int(np.argmin(distances))
         name = list(member.ends)[nearest] if distances[nearest] <= NEAR * layout.size else ""
+
     if name not in member.ends:
         names = [f"{part}:{site}" for site in member.ends]
         sites = name_list(end_text(end), names, "its sites and nodes")
@@ -169,6 +174,7 @@ def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
             f"{2 * faces.radii[near].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
             "the radius."
         )
+
     selected = WeightedPoints(*(getattr(points, f.name)[in_radius] for f in fields(WeightedPoints)))
     return replace(selected, x=member.at.placed(selected.x))
 

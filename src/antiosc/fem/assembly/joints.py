@@ -60,6 +60,7 @@ class _Pin(TwoEnds):
         if layout.plane:
             directions = directions * IN_PLANE
             directions = directions[np.abs(directions).max(axis=1) > 1e-9]
+
         rows = relative(label, directions, *carried(layout, label, ends, self.point))
 
         # without coefficients that are rounding errors
@@ -68,6 +69,7 @@ class _Pin(TwoEnds):
         rows.eliminate_zeros()
         if not rows.nnz:
             raise InputError(f"{label} joins nothing: both of its ends are the same point.")
+
         return [Rows.free(rows, label)]
 
     def _constrained(self) -> Array:
@@ -125,6 +127,7 @@ class _Axis(_Pin):
                 f"{label}: plane parts rotate about z and slide along x and y; the axis "
                 f"{tuple(self.axis)} allows neither."
             )
+
         return super().constraints(layout, held, label)
 
     def _across(self) -> Array:
@@ -189,6 +192,7 @@ def carried(
                 "where the joint is."
             )
         result.append((end, end_motion.at(x)))
+
     return result
 
 
@@ -209,6 +213,7 @@ def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
                     'do not rotate (give a group of faces, a radius, ("part", point, radius), or '
                     "a Ball), and a site of a model moves along its directions."
                 )
+
     return (scipy.sparse.csr_matrix(directions) @ (b[1].six - a[1].six)).tocsr()
 
 
@@ -233,6 +238,7 @@ class Equation(Joint):
             raise InputError(
                 f"terms must list (end, component, coefficient); got {shown(self.terms)}."
             )
+
         terms = tuple(_checked_term(term) for term in self.terms)
         if not any(coefficient for _, _, coefficient in terms):
             raise InputError("an Equation needs a coefficient that is not 0.")
@@ -252,6 +258,7 @@ class Equation(Joint):
                     "its direction."
                 )
             total = total + coefficient * row
+
         total = total.tocsr()
         total.eliminate_zeros()
         if not total.nnz:
@@ -265,12 +272,14 @@ def _checked_term(term: object) -> tuple[End, str, float]:
             f"a term must be (end, component, coefficient), as (('plate', (0, 0, 0)), 'z', 1.0); "
             f"got {shown(term)}."
         )
+
     end, component, coefficient = term
     if not isinstance(component, str) or component not in DISPLACEMENTS + ROTATIONS:
         raise InputError(
             f"a component must be one of {', '.join(DISPLACEMENTS + ROTATIONS)}; "
             f"got {shown(component)}."
         )
+
     return checked_end("end", end), component, number("a coefficient", coefficient)
 
 
@@ -286,6 +295,7 @@ def _branches(_: str, branches: object) -> tuple[tuple[dict[str, float], float],
         raise InputError(
             f"branches must list pairs ({{'z': 1e6}}, relaxation time in s); got {shown(branches)}."
         )
+
     return tuple(
         (
             by_components("stiffness of a branch", stiffness, "Bushing", AXES),
@@ -343,6 +353,7 @@ class Bushing(TwoEnds):
         names.sort(key=lambda name: name != "axial")  # it comes first
 
         functionals = []
+
         if "axial" in names:
             line = ends[1][1].point - ends[0][1].point
             length = float(np.linalg.norm(line))
@@ -350,6 +361,7 @@ class Bushing(TwoEnds):
                 raise InputError(f"{label} has no length: an axial spring needs two places.")
             axial = np.append(line / length, np.zeros(3))
             functionals.append(relative(label, axial[None], *ends))
+
         units = np.array([UNIT[name] for name in names if name != "axial"])
         if len(units):
             functionals.append(relative(label, units, *carried(layout, label, ends, self.point)))
@@ -362,6 +374,7 @@ class Bushing(TwoEnds):
         )
         times = [tau for _, tau in self.branches]
         branches = list(zip(of_branches, times, strict=True))
+
         return [
             ElasticTerm(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)
         ]
@@ -452,12 +465,14 @@ class Mean(Joint):
             raise InputError(
                 f"{label}: {self.group!r} is a single point; a Mean needs several (use Weld)."
             )
+
         leader = mean(layout, member, member.points_of(group))
         if set(leader.displacements.indices) & set(follower.displacements.indices):
             raise InputError(
                 f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "
                 "whose mean it should follow; take a group without it."
             )
+
         directions = _rows_of(leader.space @ follower.space)
         rows = relative(
             label, directions, (self.group, leader.at(follower.point)), (self.point, follower)
@@ -470,6 +485,7 @@ def _undetermined(member: Member, nodes: IntArray, leader: PointMotion) -> list[
     """Rows that fix the rotations of a leading point that would move none of its followers."""
     if member.has_rotations:
         return []
+
     arm = member.nodes[nodes] - leader.point
     J = np.einsum("pi,pi->", arm, arm) * np.eye(3) - arm.T @ arm
     values, axes = np.linalg.eigh(J)
@@ -520,12 +536,14 @@ class Bolt(TwoEnds):
                 f"{label} has no length: {end_text(self.a)} and {end_text(self.b)} have the same "
                 "centre; use a Weld."
             )
+
         for end, end_motion in zip((self.a, self.b), ends, strict=True):
             if not end_motion.turns(layout.rotations):
                 raise InputError(
                     f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
                     'one: give a group of faces, or a radius, ("part", point, radius).'
                 )
+
         axis = line / length
         middle = (ends[0].point + ends[1].point) / 2
         height = np.array([-axis[1], axis[0], 0.0])  # in the plane of plane parts
@@ -553,6 +571,7 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
     m = np.zeros((12, 12))
     bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
     line = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
+
     polar = section.I + section.side
     for first, stiffness, inertia in (
         (0, E * section.A, rho * section.A),
@@ -561,11 +580,13 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
         pair = np.ix_((first, first + 6), (first, first + 6))
         k[pair] += stiffness / length * bar
         m[pair] += inertia * length * line
+
     for plane, (dofs, sign) in enumerate(PLANES):
         signs = np.array([1.0, sign, 1.0, sign])
         own_k, own_m = _bending(beam, plane, length)
         k[np.ix_(dofs, dofs)] += own_k * np.outer(signs, signs)
         m[np.ix_(dofs, dofs)] += own_m * np.outer(signs, signs)
+
     return k, m
 
 
@@ -622,4 +643,5 @@ def _bending(beam: Beam, plane: int, L: float) -> tuple[Array, Array]:
     m = rho_A * np.einsum("iq,jq,q->ij", v, v, w) + rho_I * np.einsum(
         "iq,jq,q->ij", rotation, rotation, w
     )
+
     return k, m

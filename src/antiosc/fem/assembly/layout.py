@@ -92,6 +92,7 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
     size, count = len(reduced.K), len(model.k0)
     dependence = np.eye(count) if model.dependence is None else np.asarray(model.dependence)
     is_dof = (dependence == 1.0).any(axis=1) & (np.count_nonzero(dependence, axis=1) == 1)
+
     ends, patches = {}, {}
     positions, axes = np.zeros((2, size, 3))
     for k, (site, columns) in enumerate(model.columns.items()):
@@ -196,6 +197,7 @@ class Layout:
             if not isinstance(part, Superelement):
                 self.members[name] = Member(name, part, at[name], first)
                 first += self.members[name].size
+
         for name, part in parts.items():
             if isinstance(part, Superelement):
                 self.condensed[name] = part.placed(at[name], first)
@@ -279,6 +281,7 @@ class Layout:
         axes = np.vstack([np.eye(3), np.eye(3)])
         if self.plane:
             axes[[2, 3, 4]] = 0.0
+
         point_places = DofPlaces(
             x,
             np.repeat(np.arange(len(x)), POINT_DOFS),
@@ -305,6 +308,7 @@ class Layout:
                 weights = np.where(np.abs(weights) > ROUNDED_VALUE, weights, 0.0)
                 dofs = member.first + compat.cell_dofs(space, path, cell)
                 entries.append((dofs, weights[..., None] * member.at.rotation[:, axis]))
+
         return self._stacked(entries, len(cell))
 
     def at_nodes(
@@ -324,6 +328,7 @@ class Layout:
         _, J = member.part.mesh.geometry.at(cell, X)
         slopes = compat.tabulate_slopes(form.space, form.components["x"], X)
         gradient = np.einsum("pft,ptx->pfx", slopes, np.linalg.pinv(J))
+
         entries = []
         for axis, name in enumerate(DISPLACEMENTS):
             path = form.components.get(name)
@@ -331,11 +336,13 @@ class Layout:
                 dofs = member.first + compat.cell_dofs(form.space, path, cell)
                 of_axis = 0.5 * np.cross(gradient, np.eye(3)[axis])  # ½ ∇φ × e
                 entries.append((dofs, of_axis @ member.at.rotation.T))
+
         return self._stacked(entries, len(cell))
 
     def _stacked(self, entries: Sequence[tuple[IntArray, Array]], count: int) -> Sparse:
         """Three functionals of each of P points from pairs (dofs (P, k), values (P, k, 3))."""
         total = self.nothing(3 * count)
+
         if entries:
             rows = (3 * np.arange(count)[:, None] + np.arange(3))[:, None]
             indices = [np.broadcast_arrays(rows, dofs[..., None]) for dofs, _ in entries]
@@ -343,6 +350,7 @@ class Layout:
             value = np.concatenate([values.ravel() for _, values in entries])
             total = self.matrix(row, column, value, 3 * count)
             total.eliminate_zeros()
+
         return total
 
     def of_components(
@@ -378,6 +386,7 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement])
             f"the part {sheet!r} is plane (it moves along x and y) and the part {other!r} moves in "
             "space: an assembly has parts of one sort; read the mesh with gdim=3."
         )
+
     flat = any(plane.values())
     for name, part in condensed.items():
         along_z = part.places.axes[part.places.kind == MOVE, 2]
@@ -386,6 +395,7 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement])
                 f"the part {name!r} moves in space and the others in their plane: an assembly has "
                 "parts of one sort."
             )
+
     for name, m in members.items():
         R = m.at.rotation
         if flat and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
@@ -393,6 +403,7 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement])
                 f"at[{name!r}] moves a plane part out of its plane: rotate it about z and shift it "
                 "along x and y."
             )
+
     return flat
 
 
@@ -440,6 +451,7 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
             f"the part {name!r} must be a Structure, or a model of several sites; got "
             f"{shown(part)}."
         )
+
     refuse_prestress(part, f"assemble, of its parts ({name!r}),")
     if part.matrices.assembled:
         raise InputError(
@@ -455,6 +467,7 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
             f"an assembly works on one rank, and the part {name!r} is spread over "
             f"{meshed.comm.size}: read its mesh with comm=MPI.COMM_SELF, or start one process."
         )
+
     return meshed
 
 
@@ -463,6 +476,7 @@ def checked_places(members: Mapping[str, object], at: object) -> dict[str, Place
     placements = {} if at is None else at
     if not isinstance(placements, Mapping):
         raise InputError(f"at must be a dict: name -> Placement or (x, y, z); got {shown(at)}.")
+
     for name in placements:
         if not isinstance(name, str) or name not in members:
             parts = name_list(name, members, "the parts")
@@ -481,4 +495,5 @@ def checked_points(members: Mapping[str, object], points: object) -> dict[str, A
         if name in members:
             raise InputError(f"{name!r} names both a part and a reference point.")
         result[name] = in_space(coordinates(f"points[{name!r}]", x))
+
     return result

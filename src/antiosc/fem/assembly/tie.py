@@ -94,12 +94,14 @@ class Facets(Entities):
         xi, w = basix.make_quadrature(getattr(basix.CellType, shape), 2 * self.degree)
         xi = np.asarray(xi).reshape(len(w), self.dim)
         lattice = np.indices((pieces,) * self.dim).reshape(self.dim, -1).T[:, None]
+
         if shape == "triangle":  # upright pieces, and inverted ones between them
             inverted = lattice[lattice.sum(axis=2).ravel() < pieces - 1]
             upright = lattice[lattice.sum(axis=2).ravel() < pieces]
             xi = np.vstack([*(upright + xi), *(inverted + 1 - xi)]) / pieces
         else:
             xi = np.vstack([*(lattice + xi)]) / pieces
+
         w = np.tile(w, pieces**self.dim) / pieces**self.dim
 
         face = np.repeat(np.arange(len(self)), len(w))
@@ -155,6 +157,7 @@ def overlap(follower: Facets, leader: Facets, gap: float) -> Overlap:
     x = follower.at(face, xi)[0]
     leader_face, eta, y = closest(leader, x, gap)
     lies = np.linalg.norm(x - y, axis=1) <= gap
+
     if follower.dim == leader.dim:
         n = follower.normals[face]
         lies &= np.abs(np.einsum("nc,nc->n", n, leader.normals[leader_face])) > FACING
@@ -223,6 +226,7 @@ class Tie(TwoEnds):
                 f"{label} ties {first} ({self.a!r}) to {second} ({self.b!r}): a Tie takes groups "
                 "of faces and of edges."
             )
+
         tied = held.fixed.copy()
         for rows in held.rows:
             tied[rows.pivot[rows.pivot >= 0]] = True
@@ -234,6 +238,7 @@ class Tie(TwoEnds):
                 made = _projection(layout, follower, leader, common, unavailable, label)
                 if made:
                     return made
+
         raise InputError(
             f"{label} does nothing: too little of {self.a!r} and {self.b!r} lies on each other for "
             "a node to follow, or all nodes there are fixed or follow other joints."
@@ -249,12 +254,14 @@ class Tie(TwoEnds):
                 f"{label} touches nothing: {self.a!r} and {self.b!r} have no area in common within "
                 f"the gap of {gap:.3g} m. Move a part (at=...) or give a larger gap."
             )
+
         if len(orders) == 2:
             (a, b, of_a), (_, _, of_b) = orders
             alike = abs(of_a.share - of_b.share) <= EQUAL
             finer = a.radii.mean() < b.radii.mean()
             if not (finer if alike else of_a.share > of_b.share):
                 orders.reverse()
+
         return orders
 
 
@@ -278,6 +285,7 @@ def _projection(
     projection = _Projection(D, phi.T @ weight)
 
     constraints: list[Rows] = []
+
     if follower.is_edge_of_sheet and not leader.member.has_rotations and is_covered.any():
         displacements, rotated, normals = led_by_solid(layout, follower, leader, common, label)
         leader_motions: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
@@ -291,6 +299,7 @@ def _projection(
             )
     else:
         leader_motions = _leader_motions(layout, follower, leader, common)
+
     for names, motion in leader_motions:
         for name, functional in layout.of_components(follower.member, names, motion):
             dofs = layout.dofs(follower.member, nodes, name)
@@ -299,6 +308,7 @@ def _projection(
                 projected = projection.component(free, functional, layout, dofs)
                 row = layout.units(dofs[free]) - projected
                 constraints.append(Rows(row.tocsr(), dofs[free], label))
+
     return constraints
 
 
@@ -332,12 +342,14 @@ class _Projection:
         """(dual test functions of the free nodes, inverse of their mass matrix D)."""
         identity = scipy.sparse.identity(len(free), format="csr")
         spread = identity[free]
+
         if not free.all():
             # test functions of the others go to the adjacent free nodes
             adjacent = self.D[~free][:, free]
             total = np.asarray(adjacent.sum(axis=1)).ravel()
             fraction = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
             spread = spread + (scipy.sparse.diags(fraction) @ adjacent).T @ identity[~free]
+
         tested = (spread @ self.D).tocsc()[:, free]
         return spread.tocsr(), np.linalg.inv(tested.toarray())
 
@@ -353,6 +365,7 @@ def _leader_motions(
     arm = common.x - common.y
     both_turn = follower.member.has_rotations and member.has_rotations
     rotations = layout.nothing(3 * len(cell))
+
     if np.abs(arm).max() > CLOSED * layout.size:
         rotations = (
             layout.at_points(member, cell, X, ROTATIONS)
@@ -364,6 +377,7 @@ def _leader_motions(
         displacements = displacements + lever @ rotations
     elif both_turn:
         rotations = layout.at_points(member, cell, X, ROTATIONS)
+
     return [
         (DISPLACEMENTS, displacements.tocsr()),
         *([(ROTATIONS, rotations)] if both_turn else []),
@@ -411,6 +425,7 @@ def led_by_solid(
     weight = w / 2 * (on_face & (heights <= OFF * thickness[:, None]))
     total = weight.sum(axis=1)
     middle = (weight * height).sum(axis=1) / np.where(total > 0, total, 1.0)
+
     second = (weight * (height - middle[:, None]) ** 2).sum(axis=1)
     if (second < ENOUGH * thickness**2 / 12).any():
         k = int(np.argmin(second / thickness**2))
@@ -419,6 +434,7 @@ def led_by_solid(
             f"{thickness[k]:.3g} m lies on the face of {face.member.name!r} to hold its rotation; "
             "give all faces that it ends on."
         )
+
     slope = weight * (height - middle[:, None]) / second[:, None]
     mean = weight / total[:, None] - middle[:, None] * slope
     displacement = layout.at_points(
@@ -469,6 +485,7 @@ def rotation_rows(
     """
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
+
     rows, pivots = [], []
     for i, normal in enumerate(normals):
         unit = normal / np.linalg.norm(normal)
@@ -483,6 +500,7 @@ def rotation_rows(
         right = scipy.sparse.csr_matrix(inverse @ E) @ motion[3 * i : 3 * i + 3]
         rows.append(free_rows - right)
         pivots += list(dofs[i, components])
+
     matrix = scipy.sparse.vstack(rows).tocsr()
     matrix.data[np.abs(matrix.data) < 1e-14 * np.abs(matrix.data).max()] = 0.0
     matrix.eliminate_zeros()

@@ -120,8 +120,10 @@ class Section(Checked):
         t = positive("t", t, "m")
         if t >= d / 2:
             raise InputError(f"the wall t must be thinner than d/2 = {d / 2:g} m; got {t:g}.")
+
         inner = d - 2 * t
         A, I = math.pi * (d**2 - inner**2) / 4, math.pi * (d**4 - inner**4) / 64  # noqa: E741
+
         return cls(A=A, I=I, shear=shear, outline=_circle(d))
 
 
@@ -204,9 +206,11 @@ class Layer(Checked):
         Q /= 1 - self.nu12 * nu21
         Q[2, 2] = self.G12
         c, s = _cosine_sine(self.angle)
+
         # strains in the axes of the fibres, of strains in the laminate's
         shear = [-2 * c * s, 2 * c * s, c * c - s * s]
         T = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], shear])
+
         return np.asarray(T.T @ Q @ T)
 
     def contraction(self) -> Array:
@@ -279,6 +283,7 @@ class PlateSection:
         """The section with its middle at z = `offset` (m) instead of 0."""
         if not offset:
             return self
+
         return replace(
             self,
             B=self.B + offset * self.A,
@@ -320,12 +325,14 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
             "layers lists the Layer objects of the stack, at least one, from the bottom to the "
             f"top; got {shown(layers)}."
         )
+
     z, powers, Q = _levels(layers)
     h = float(sum(layer.thickness for layer in layers))
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     rho = np.array([layer.rho for layer in layers])
     I0, I1, I2 = (float(value) for value in powers @ rho)
     B = np.where(np.abs(B) > ROUNDING * h * np.abs(A).max(), B, 0.0)
+
     return PlateSection(
         thickness=h,
         A=A,
@@ -344,14 +351,17 @@ def _transverse_shear(
 ) -> Array:
     """Transverse shear stiffness S (2, 2) [N/m], by the energy of shear in equilibrium."""
     shear_at = _equilibrium(z, Q, A, B, D)
+
     # f is quadratic in z within a layer, its energy of degree four: three Gauss points
     points, weights = np.polynomial.legendre.leggauss(3)
+
     compliance = np.zeros((2, 2))
     for k, (layer, low, high) in enumerate(zip(layers, z[:-1], z[1:], strict=True)):
         for x, w in zip(points, weights, strict=True):
             f = shear_at(k, (low + high) / 2 + x * (high - low) / 2)
             energy = f.T @ np.linalg.solve(layer.transverse_shear(), f)
             compliance += w * (high - low) / 2 * energy
+
     return np.asarray(np.linalg.inv((compliance + compliance.T) / 2))
 
 

@@ -147,6 +147,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
     v = ufl.TestFunction(space)
     t, y, z = axes_of_beams(mesh, parts)
     offset = coefficient(mesh, parts, lambda b: b.offset)
+
     # A stiffener follows the twist of its sheet by warping, without shear.
     twist_shifts = not on_sheet and any(b.offset for b, _ in parts)
 
@@ -167,6 +168,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
     def strains(q: Expr) -> Expr:  # times √stiffness
         _, rotation = halves(mesh, q)
         slope_u, slope_turn = halves(mesh, ufl.dot(ufl.grad(q), tangent(mesh)))
+
         # Bending stretches a centroid that is off the line, and twist shifts it sideways.
         shift = -offset * ufl.dot(slope_turn, z) * t
         if twist_shifts:
@@ -193,6 +195,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
         motion += inertia * ufl.dot(rotation, axis) * ufl.dot(turn_v, axis)
 
     degree = 2 * order - 1  # `order` Gauss points, with which shear does not lock
+
     return WeakForm(
         space=space,
         stiffness=[ufl.dot(strains(w), strains(v)) * measure(mesh, degree)],

@@ -67,6 +67,7 @@ def material(
     }
     if loss is True:
         constants_given["loss"] = record.loss
+
     overrides = {key: value for key, value in constants_given.items() if value is not None}
     if record.G is not None:
         if overrides or thickness is not None or section is not None:
@@ -76,6 +77,7 @@ def material(
                 "or those of a ply to Layer."
             )
         return AnisotropicSolid.orthotropic(record.E, record.nu, record.G, record.rho)
+
     constants: dict[str, Any] = {
         "E": record.E,
         "nu": record.nu,
@@ -91,9 +93,11 @@ def material(
     if "yield_strength" in overrides:
         constants |= {"yield_range": None, "brittle": False, "tensile": None}
         constants["rate"] = record.rate and record.rate[:2]  # in proportion to this strength
+
     constants |= overrides
     if thickness is not None:
         return Shell(**constants, thickness=thickness)
     if section is None:
         return Solid(**constants)
+
     return Beam(**constants, section=section, orientation=orientation)

@@ -143,6 +143,7 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
     e2 = frame.e2
     n = frame.n
     u, rotation = _halves(w)
+
     # columns: the derivatives along e1 and e2
     du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
     dr = ufl.dot(ufl.grad(rotation), ufl.transpose(frame.along))
@@ -155,6 +156,7 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
     gradient = ufl.as_matrix(
         [[ufl.dot(e1, u1), ufl.dot(e1, u2)], [ufl.dot(e2, u1), ufl.dot(e2, u2)]]
     )
+
     # θ × n = (θ·e2) e1 − (θ·e1) e2
     curvature = ufl.as_matrix(
         [[ufl.dot(e2, r1), ufl.dot(e2, r2)], [-ufl.dot(e1, r1), -ufl.dot(e1, r2)]]
@@ -199,6 +201,7 @@ def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
     u, rotation = _halves(w)
     u_v, turn_v = _halves(v)
     motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(rotation, turn_v)
+
     if section.I1 is not None:
         offset_product = ufl.dot(u, ufl.cross(turn_v, frame.n)) + ufl.dot(
             ufl.cross(rotation, frame.n), u_v
@@ -206,6 +209,7 @@ def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
         motion += section.I1 * offset_product
         about_n = ufl.dot(rotation, frame.n) * ufl.dot(turn_v, frame.n)
         motion += (section.spin - section.I2) * about_n
+
     return motion
 
 
@@ -225,6 +229,7 @@ def areas_of(mesh: Mesh) -> Expr:
 def rise_of(mesh: Mesh) -> Expr:
     """Height [m] of a quadrilateral's middle node over its corners' mean; 0 for order 1."""
     rise = compat.cellwise(mesh.dolfinx)
+
     if mesh.order > 1:
         x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
         normal = np.cross(x[:, 3] - x[:, 0], x[:, 2] - x[:, 1])
@@ -266,6 +271,7 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
     zeros = [0] * (3 - mesh.gdim)
     axes = [ufl.as_vector([*(J[i, a] for i in range(mesh.gdim)), *zeros]) for a in (0, 1)]
     third = compat.reference_derivatives(motion, 3)
+
     # the sums at each monomial are constants of a flat cell; powers of 3 would be calls in C
     terms: list[dict[tuple[int, int], Expr]] = [{}, {}]
     for (p, q), fields in zip(CUBIC, _dropped_of_cubics(), strict=True):
@@ -278,6 +284,7 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
                 for power, factor in zip((*QUADRATIC, (p, q)), factors, strict=True):
                     if factor:
                         term[power] = term.get(power, 0) + factor * size
+
     covariant = [
         sum(prod([X[0]] * r + [X[1]] * s) * factor for (r, s), factor in term.items())
         for term in terms
@@ -306,6 +313,7 @@ def _dropped_of_cubics() -> Array:
             interpolated = np.einsum("pcbn,nb->pc", interpolation, values)
             result[nth, direction, :, :6] = -np.linalg.solve(vandermonde, interpolated).T
             result[nth, direction, direction, 6] = 1
+
     # multiples of 1/120: without rounding, forms are compiled once
     return np.round(120 * result) / 120
 
@@ -362,6 +370,7 @@ class Sheet(Checked):
 
         membrane, shear, bending = energies(section, strains(w), strains(v))
         motion = inertia(section, frame, w, v)
+
         if triangles:
             curved = 2 * (mesh.order - 1)
             stiffness = [(membrane + shear + bending) * measure(mesh, 6 + curved)]
@@ -374,6 +383,7 @@ class Sheet(Checked):
             reduced = (1 - for_membrane) * membrane + (1 - for_shear) * shear
             stiffness = [full * measure(mesh, 5), reduced * measure(mesh, 3)]
             mass = [motion * measure(mesh, 5)]
+
         return WeakForm(
             space=space,
             stiffness=stiffness,

@@ -153,6 +153,7 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     directed = any(isinstance(material, AnisotropicSolid) for material, _ in parts)
     if directed and mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
+
     for material, _ in parts:
         if not isinstance(material, AnisotropicSolid):
             _check_plane(material, mesh)
@@ -161,12 +162,14 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     u = ufl.TrialFunction(space)
     v = ufl.TestFunction(space)
     depth = depth_of(mesh, parts)
+
     if directed:
         C = coefficient(mesh, parts, lambda s: s.voigt)
         work = ufl.inner(C * _voigt_strain(u), _voigt_strain(v))
     else:
         stress = isotropic_stress(mesh, parts)
         work = depth * ufl.inner(stress(ufl.sym(ufl.grad(u))), ufl.sym(ufl.grad(v)))
+
     density = depth * coefficient(mesh, parts, lambda s: s.rho)
 
     for_k, for_m = _degrees(mesh, order)
@@ -192,6 +195,7 @@ def _is_thin(mesh: Mesh) -> bool:
     """
     if mesh.gdim != 3 or mesh.n_cells > MOST_THIN_CELLS:
         return False
+
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     corners = x[:, : len(mesh.geometry.corners)]
     ends = corners[:, SOLID_EDGES[mesh.cell]]
@@ -285,6 +289,7 @@ class AnisotropicSolid(FieldsRepr):
                 "stiffness must be positive definite, else the strain energy is not positive; its "
                 f"least eigenvalue is {smallest_eigenvalue:.3g} Pa."
             )
+
         store(self, stiffness=read_only((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
         store(self, axes=read_only(_axes(self.axes)))
 
@@ -309,14 +314,17 @@ class AnisotropicSolid(FieldsRepr):
         for name, values in (("E", moduli), ("G", shear)):
             for value in values:
                 positive(f"each of {name}", value, "Pa")
+
         S = np.diag(np.concatenate([1 / moduli, 1 / shear[::-1]]))
         for (i, j), ratio in zip(((0, 1), (0, 2), (1, 2)), ratios, strict=True):
             S[i, j] = S[j, i] = -ratio / moduli[i]
+
         if np.linalg.eigvalsh(S).min() <= 0:
             raise InputError(
                 "the strain energy of these constants is not positive: each nu_ij² must be below "
                 "E_i/E_j, and 1 - nu12 nu21 - nu23 nu32 - nu13 nu31 - 2 nu21 nu32 nu13 above 0."
             )
+
         return cls(np.linalg.inv(S), rho, axes)
 
     @property

@@ -57,6 +57,7 @@ def cell_by_cell(
     isotropic = all(isinstance(material, Solid) for material, _ in parts)
     if not (is_large and tetrahedra and isotropic) or form.degree != 2 or form.strains is not None:
         return None
+
     return Tetrahedra(mesh, form, parts, conditions)
 
 
@@ -83,10 +84,12 @@ class Tetrahedra:
         self.comm = mesh.comm
         self._exchange = compat.Exchange(form.space)
         self.rows = compat.local_size(form.space)
+
         #: dofs of this rank, ghosts included
         self._dofs = self.rows + 3 * form.space.dofmap.index_map.num_ghosts
         self._fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
         self._held = self._fixed[self._fixed < self.rows]
+
         #: matrices added to K and M at points, and whether they have entries
         self.added = empty(self.rows, self.comm), empty(self.rows, self.comm)
         self.carries = False
@@ -102,6 +105,7 @@ class Tetrahedra:
         """K and M of some cells of this rank; nothing where no rank has such cells."""
         if not self.comm.allreduce(len(cells)):
             return ()
+
         forms = (self._form.stiffness, self._form.mass)
         return tuple(
             compat.assemble(
@@ -117,6 +121,7 @@ class Tetrahedra:
         rows = self.comm.allreduce(self.rows)
         share = stored / 2 / (TETRAHEDRA.row * rows)
         more = 2 * MATRIX * share
+
         return replace(
             TETRAHEDRA,
             bytes=TETRAHEDRA.bytes + more,
@@ -148,6 +153,7 @@ class Tetrahedra:
         lame = k * data[:, 9] * 20
         shear = k * data[:, 10] * 20
         density = m * data[:, 11]
+
         result = np.zeros((self._dofs // 3, 3, 3))
         for node, ends in enumerate(ENDS):
             G = _squares(slopes, ends)
@@ -158,6 +164,7 @@ class Tetrahedra:
                 blocks[:, a, a] += diagonal
                 for b in range(3):
                     result[:, a, b] += np.bincount(nodes[:, node], blocks[:, a, b], len(result))
+
         return result.reshape(-1, 3)
 
     def product(self, x: Array, k: float, m: float) -> Array:
@@ -184,6 +191,7 @@ class Tetrahedra:
         result = product[: self.rows]
         for factor, matrix in self._matrices(k, m):
             result += factor * multiply(matrix, x)
+
         result[self._held] = k * x[self._held]
         return result
 
@@ -245,6 +253,7 @@ class Tetrahedra:
                 total = matrix
             else:
                 total.axpy(1.0, matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+
         return total
 
 
@@ -252,10 +261,12 @@ def _data_of(x: Array, parts: Parts) -> Array:
     """Gradients, and constants times volume, of straight cells with these corners: (n, DATA)."""
     edges = x[:, 1:4] - x[:, :1]
     data = np.empty((len(x), DATA))
+
     # x = x0 + Σ λ_i (x_i - x_0): the gradients are the columns of the inverse
     data[:, :9] = np.linalg.inv(edges).transpose(0, 2, 1).reshape(len(x), 9)
     for material, cells in parts:
         data[cells[cells < len(x)], 9:] = _constants(material)
+
     data[:, 9:] *= np.abs(np.linalg.det(edges))[:, None] / 6
     return data
 
@@ -269,6 +280,7 @@ def _straight(x: Array) -> BoolArray:
         a, b = x[:, ends[0]], x[:, ends[1]]
         off = np.linalg.norm(x[:, node] - (a + b) / 2, axis=1)
         straight &= off <= STRAIGHT * np.linalg.norm(b - a, axis=1)
+
     return straight
 
 
@@ -277,8 +289,10 @@ def _squares(slopes: Array, ends: Sequence[int]) -> Array:
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
+
     h = slopes[:, ends[1]]
     gradient_sum = g + h  # 2 gg + 2 hh + gh + hg = gg + hh + (g + h)(g + h)
+
     return np.asarray(
         0.8 * sum(vector[:, :, None] * vector[:, None] for vector in (g, h, gradient_sum))
     )

@@ -178,6 +178,7 @@ def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -
         edges, sign, compared, points = map(np.concatenate, zip(*tables, strict=True))
         _, edge, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
         edge = edge.ravel()
+
         bad = (count == 2) & (np.bincount(edge, compared) == 2) & (np.bincount(edge, sign) != 0)
         if bad.any():
             place = point_text(points.reshape(-1, 3)[np.argmax(bad[edge])])
@@ -310,6 +311,7 @@ def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
             "prony must list pairs (stiffness over the long-term one, relaxation time in s), all "
             f"> 0; got {shown(value)}."
         )
+
     return tuple((ratio, tau) for ratio, tau in pairs.tolist())
 
 
@@ -333,6 +335,7 @@ def _checked_rate(name: str, value: object) -> tuple[float, ...]:
             f"{name} must be D in 1/s and q, and the strength in Pa if it is not the yield "
             f"strength that grows so; got {len(numbers)} numbers."
         )
+
     return numbers
 
 
@@ -404,6 +407,7 @@ def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Material], float | Ar
     values = function.x.array.reshape(-1, size)
     for material, cells in parts:
         values[cells] = np.ravel(value(material))
+
     if not shape:
         return function
     rows, columns = shape

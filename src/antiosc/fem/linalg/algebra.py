@@ -110,12 +110,14 @@ def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
     """
     if not by_scipy(matrix):
         return _petsc().hold(matrix, rows, value)
+
     free = np.ones(matrix.shape[0])
     constrained = np.zeros(matrix.shape[0])
     free[rows], constrained[rows] = 0.0, value
     projector = scipy.sparse.diags(free)
     result = (projector @ matrix @ projector + scipy.sparse.diags(constrained)).tocsr()
     result.eliminate_zeros()
+
     return result
 
 
@@ -162,6 +164,7 @@ def conjugate_gradients(
     p = inverse(r)
     residual_products = inner(r, p)
     yield X, residual_products, energy
+
     for _ in range(most):
         Ap = product(p)
         step = quotient(residual_products, inner(p, Ap))

@@ -136,6 +136,7 @@ def loaded_cholmod() -> ctypes.CDLL:
         raise MissingDependencyError(
             "this PETSc is built without CHOLMOD (SuiteSparse), as PyPI's is."
         )
+
     lib.cholmod_l_analyze_p.restype = POINTER(Factor)
     lib.cholmod_l_analyze_p.argtypes = [c_void_p, c_void_p, c_void_p, c_size_t, c_void_p]
     lib.cholmod_l_factorize.argtypes = [c_void_p, POINTER(Factor), c_void_p]
@@ -177,6 +178,7 @@ def without_openmp() -> Iterator[None]:
     if openmp is None or not levels:  # of 0, another thread has set it, and puts it back
         yield
         return
+
     openmp.omp_set_max_active_levels(0)
     try:
         yield
@@ -315,6 +317,7 @@ class Cholesky:
         """The same with L, without its copy of A; NotPositiveDefiniteError if there is none."""
         memory, common = self._memory, self._memory.common
         assert self._matrix is not None
+
         with without_openmp(), blas_threads(self._fronts()):
             succeeded = memory.lib.cholmod_l_factorize(
                 byref(self._matrix), memory.factor, byref(common)
@@ -328,6 +331,7 @@ class Cholesky:
             raise NotPositiveDefiniteError(
                 f"column {factor.minor} of {factor.n} is not positive definite"
             )
+
         self._matrix, self._arrays = None, ()
         return self
 
@@ -341,11 +345,13 @@ class Cholesky:
         right = Dense(rows, columns, B.size, rows, B.ctypes.data, None, REAL, 0)
         memory = self._memory
         x, *work = memory.work
+
         with without_openmp(), one_thread():
             succeeded = memory.lib.cholmod_l_solve2(
                 *(SOLVE, memory.factor, byref(right), None, byref(x), None),
                 *(*map(byref, work), byref(memory.common)),
             )
+
         if not succeeded:
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
         X = memory.array(ctypes.cast(x, POINTER(Dense)).contents.x, B.size, c_double)
@@ -388,12 +394,14 @@ def refusal() -> str:
     The declared structures are tried on a small matrix, whose inverse a solve must give.
     """
     A = np.array([[4.0, 1.0, 0.5, 0.2], [1.0, 5.0, 0.3, 2.0], [0.5, 0.3, 3.0, 1.0], [0.2, 2, 1, 6]])
+
     try:
         factor = Cholesky(scipy.sparse.csr_matrix(A)).factorized()
         L = np.tril(factor.supernodes.values.reshape(A.shape).T)
         product = A @ factor.solve(np.eye(4))
     except AntioscError as error:
         return str(error)
+
     permuted = A[np.ix_(factor.permutation, factor.permutation)]
     right = np.allclose(L @ L.T, permuted) and np.allclose(product, np.eye(4), atol=1e-12)
     return "" if right else f"CHOLMOD {version(loaded_cholmod())} factors wrongly."

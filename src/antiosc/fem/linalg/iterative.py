@@ -76,6 +76,7 @@ class PetscSolver(Solver):
         watch(self._ksp)
         self._ksp.setOperators(self.A)
         self._ksp.setOptionsPrefix(f"antiosc_{id(self)}_")
+
         try:
             self._configure()
             self._ksp.setUp()
@@ -83,6 +84,7 @@ class PetscSolver(Solver):
             if error.ierr == PETSC_NO_MEMORY:
                 raise allocation_failed(f"the solver of {self.A.getSize()[0]} dofs") from error
             raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
+
         self._b, self._x = self.A.createVecs()
 
     @abstractmethod
@@ -145,10 +147,12 @@ class Multigrid(PetscSolver):
         noise = np.random.default_rng(self.comm.rank).standard_normal(self.A.getLocalSize()[0])
         old_limit = self._ksp.max_it
         self._ksp.max_it = most
+
         try:
             self.solve(diagonal(self.A) * noise)
         finally:
             self._ksp.max_it = old_limit
+
         return int(self._ksp.getIterationNumber())
 
     @contextmanager
@@ -180,6 +184,7 @@ def set_near_null_space(A: PETSc.Mat, motions: Array) -> None:
         if x.norm() > 0.0:
             x.normalize()
             basis.append(x)
+
     if basis:
         A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
 
@@ -222,11 +227,13 @@ class TwoLevels(Multigrid):
     def _precondition(self, pc: PETSc.PC) -> None:
         coarse = coarse_of(self.A, self._P) if self._known is None else self._known
         self._known = None
+
         if coarse.getSize()[0] <= FACTORED:
             solve, steps = self._inverse(coarse), STEPS
         else:
             set_near_null_space(coarse, at_vertices(self._P, self._motions()))
             solve, steps = Aggregation(coarse), STEPS_AGGREGATED
+
         del coarse, self._inverse  # an analysis in it became the factor in double precision
         free(self.A.getComm().tompi4py())
         self._cycle = pc  # what becomes another type stays as long as the solver
@@ -263,6 +270,7 @@ class Cycle:
         for _ in range(POWERS):
             x = self._inverse @ multiply(self._A, x / self._real(size))
             size = float(np.sqrt(comm.allreduce(float(x @ x))))
+
         return size
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -283,6 +291,7 @@ class Cycle:
         sigma = self._middle / self._half
         rho = 1 / sigma
         step = self._inverse @ residual / self._middle
+
         total = step.copy()
         for _ in range(self._steps - 1):
             residual -= multiply(self._A, step)
@@ -290,8 +299,10 @@ class Cycle:
             step = next_rho * rho * step + 2 * next_rho / self._half * (self._inverse @ residual)
             total += step
             rho = next_rho
+
         if not last:
             residual -= multiply(self._A, step)
+
         return np.asarray(total), residual
 
 
@@ -318,12 +329,14 @@ class Aggregation:
 def inverse_blocks(A: PETSc.Mat) -> scipy.sparse.bsr_matrix:
     """D⁻¹ on the rows of this rank, D the diagonal blocks of the nodes of A."""
     size = A.getBlockSize()
+
     if by_cells(A):
         product = A.getAttr(CELLS)
         blocks = product.cells.blocks(product.k, product.m).reshape(-1, size, size)
         blocks = np.linalg.inv(blocks)
     else:
         blocks = np.ascontiguousarray(A.invertBlockDiagonal()).reshape(-1, size, size)
+
     pointers = np.arange(len(blocks) + 1)
     return scipy.sparse.bsr_matrix((blocks, pointers[:-1], pointers))
 
@@ -347,11 +360,13 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
     """Values (coarse rows, r) at the coarse dofs of motions (rows, r) of the fine dofs."""
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
+
     vertex_rows = vertices(P)
     for k, column in enumerate(motions.T):
         fine.setArray(np.where(vertex_rows, column, 0.0))
         P.multTranspose(fine, coarse)
         result[:, k] = coarse.array_r
+
     return result
 
 

@@ -104,6 +104,7 @@ def from_csr(name: str, matrix: scipy.sparse.csr_matrix) -> PETSc.Mat:
     """A one-rank PETSc matrix from a SciPy matrix with sorted entries."""
     if max(matrix.shape[0], matrix.nnz) > np.iinfo(PETSc.IntType).max:
         raise InputError(f"{name} has {matrix.nnz} entries, more than this PETSc's integers count.")
+
     arrays = (
         matrix.indptr.astype(PETSc.IntType),
         matrix.indices.astype(PETSc.IntType),
@@ -120,6 +121,7 @@ def copied(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
         raise InputError(f"{name} is an empty PETSc matrix, or one that was destroyed.")
     if not matrix.assembled:
         raise InputError(f"{name} is not assembled: call {name}.assemble() first.")
+
     try:
         copy = matrix.convert(PETSc.Mat.Type.AIJ, PETSc.Mat())
     except PETSc.Error as error:
@@ -127,6 +129,7 @@ def copied(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
             f"{name} is a PETSc matrix of type {matrix.getType()}, whose entries are not "
             "accessible: give one of type aij."
         ) from error
+
     copy.setAttr(PRODUCT, matrix.getAttr(PRODUCT))
     return copy
 
@@ -163,6 +166,7 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
         return np.asarray(accurate(x))
     if by_cells(matrix):
         return np.asarray(matrix.getAttr(CELLS)(x))
+
     if x.ndim == 2 and x.shape[1] >= BLOCK_PRODUCT_FROM:
         block = dense(matrix, x)
         product = matrix.matMult(block)
@@ -170,14 +174,17 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
         product.destroy()
         block.destroy()
         return result
+
     source, target = matrix.createVecs()
     result = np.empty((target.getLocalSize(), *x.shape[1:]))
     columns = x[:, None] if x.ndim == 1 else x
+
     out = result[:, None] if x.ndim == 1 else result
     for k in range(columns.shape[1]):
         source.setArray(columns[:, k])
         matrix.mult(source, target)
         out[:, k] = target.array_r
+
     source.destroy()
     target.destroy()
     return result
@@ -222,15 +229,19 @@ def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
     comm = matrix.getComm().tompi4py()
     arrays = [np.ascontiguousarray(part) for part in with_entries(matrix).getValuesCSR()]
     arrays[0] = np.diff(arrays[0])  # entries of each row
+
     parts = []
     for part in arrays:
         counts = comm.gather(len(part), root=root)
         total = np.empty(sum(counts or ()), part.dtype)
         comm.Gatherv(part, (total, counts), root=root)
         parts.append(total)
+
     if comm.rank != root:
         return None
+
     sizes, columns, values = parts
+
     return scipy.sparse.csr_matrix(
         (values, columns, np.concatenate([[0], np.cumsum(sizes)])), shape=matrix.getSize()
     )
@@ -242,12 +253,14 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
         return K
     if by_cells(K) and by_cells(M):
         return of_cells(K.getAttr(CELLS).cells, 1.0, shift)
+
     A = with_entries(K).copy()
     pattern = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
     A.axpy(shift, with_entries(M), structure=pattern)
     accurate = K.getAttr(PRODUCT)
     if accurate is not None:
         A.setAttr(PRODUCT, lambda x: accurate(x) + shift * multiply(M, x))
+
     return A
 
 

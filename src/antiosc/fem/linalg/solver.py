@@ -203,6 +203,7 @@ class Solver(ABC):
         algebra.declare_definite(A)
         with one_thread():  # but for factors that are worth more
             self._set_up()
+
         #: what the set-up took
         self.seconds = time.perf_counter() - start_time
         log.info("%s of %d dofs: %.1f s", type(self).__name__, algebra.size(A), self.seconds)
@@ -237,6 +238,7 @@ class Solver(ABC):
             )
         if r.ndim == 1:
             return X[:, 0]
+
         return X
 
     @contextmanager
@@ -293,8 +295,10 @@ class SuperLU(Factorization):
             raise process.allocation_failed(
                 f"the factor of {self.A.shape[0]} dofs", error, REDUCE
             ) from error
+
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             raise NotConvergedError(SINGULAR.format("a pivot is zero"))
+
         pivots = self._lu.U.diagonal()
         if not (pivots > 0).all():
             row = int(np.flatnonzero(~(pivots > 0))[0])

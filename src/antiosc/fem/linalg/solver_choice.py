@@ -169,6 +169,7 @@ class Refined(Solver):
         ):
             if (residual_energy <= ENERGY**2 * energy).all():
                 return X
+
         relative_error = float(np.max(np.sqrt(np.abs(quotient(residual_energy, energy)))))
         if not relative_error <= STALLED:
             raise AccuracyError(
@@ -371,6 +372,7 @@ def _iterative(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -
     noun = f"the iterative solver of {A.getSize()[0]} dofs"
     process.require(sizes.bytes, noun, SMALLER_MESH, free)
     solver: Multigrid
+
     if coarser is None:
         solver = Multigrid(with_entries(A), levels.motions())
     else:
@@ -381,6 +383,7 @@ def _iterative(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -
             return lambda b: factor.solve_block(b[:, None])[:, 0]
 
         solver = TwoLevels(A, levels.motions, coarser, inverse, coarse)
+
     solver.cost = Cost(sizes.bytes)
     return solver
 
@@ -521,6 +524,7 @@ def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Arr
 def _solved(solver: Solver, loads: scipy.sparse.csr_matrix) -> Iterator[tuple[slice, Array, Array]]:
     """Yield (numbers of some loads, these as columns, A⁻¹ times these)."""
     count = loads.shape[1]
+
     with counting("sites of the map", count, solver.comm.rank) as report:
         for first in range(0, count, SOLVED):
             part = slice(first, first + SOLVED)
@@ -541,6 +545,7 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     supernode = np.repeat(np.arange(len(columns)), columns)
     parent = _parents(L.row, L.rows, columns, supernode)
     loaded_rows = np.flatnonzero(np.diff(B.indptr))
+
     # columns in postorder: neighbours in the tree follow one another
     first = np.array(
         [position[B.indices[B.indptr[k] : B.indptr[k + 1]]].min() for k in loaded_rows], int
@@ -548,12 +553,14 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     order = loaded_rows[np.argsort(first, kind="stable")]
     result = np.zeros(B.shape[1])
     W = np.zeros((len(position), LOADS_PER_WALK))
+
     with counting("sites of the map", len(order)) as report:
         for start in range(0, len(order), LOADS_PER_WALK):
             sites = order[start : start + LOADS_PER_WALK]
             part = B[:, sites].tocoo()
             rows = position[part.row]
             W[rows, part.col] = part.data
+
             Z = W[:, : len(sites)]
             for s in _branch(np.unique(supernode[rows]), parent):
                 row_numbers = L.rows[L.row[s] : L.row[s + 1]]
@@ -568,7 +575,9 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
                 result[sites] += np.einsum("ij,ij->j", z[:width], z[:width])
                 Z[row_numbers[width:]] = z[width:]
                 Z[L.start[s] : L.start[s + 1]] = 0.0
+
             report(min(start + LOADS_PER_WALK, len(order)))
+
     return result
 
 

@@ -175,6 +175,7 @@ class Mesh(ReprMixin):
         high = x.max(axis=1)
         if self.order > 1:  # a curved side may bulge out of the box of its nodes
             low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
+
         return low, high
 
     @cached_property
@@ -238,6 +239,7 @@ class Mesh(ReprMixin):
                 f"{self.name} has neither a group {name!r} nor faces on that side: {reason}; give"
                 " a group, or a function of the coordinates."
             )
+
         return {dim: facets}
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -272,4 +274,5 @@ def local_groups(
         parts = np.split(at, np.cumsum([len(part) for part in rows])[:-1])
         for name, entities in zip(names, parts, strict=True):
             groups[name][dim] = np.unique(entities[entities >= 0]).astype(np.int32)
+
     return groups

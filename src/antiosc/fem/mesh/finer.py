@@ -62,12 +62,14 @@ def scheme(shape: str) -> Scheme:
     ordered = sorted(compat.nodes_between(shape), key=lambda pair: pair[1])
     members = [vertices for vertices, _ in ordered]
     lattice = np.vstack([corners, *(corners[vertices].mean(axis=0) for vertices in members)])
+
     if shape in SIMPLICES:
         pairs = [[list(map(int, pair)) for pair in half.split()] for half in SIMPLICES[shape]]
         vertices_of_halves = corners[np.array(pairs)].mean(axis=2)
     else:
         shifts = np.array(list(product((0.0, 0.5), repeat=corners.shape[1])))
         vertices_of_halves = shifts[:, None] + corners / 2
+
     distance = np.linalg.norm(vertices_of_halves[:, :, None] - lattice, axis=-1)
     halves = distance.argmin(axis=-1)
     of_cell = [[corners[vertices].mean(axis=0) for vertices in members]]
@@ -100,6 +102,7 @@ def with_cells_of(size: float, raw: RawMesh, name: str) -> RawMesh:
             f"{name} has cells of up to {longest:.3g} m: halved to {size:g} m they would be "
             f"{count:.1e}, more than {MOST_CELLS:.0e}; choose a larger size."
         )
+
     for _ in range(rounds):
         raw = halved(raw)
     return raw
@@ -118,6 +121,7 @@ def halved(raw: RawMesh) -> RawMesh:
     order = compat.node_order(kind.shape, kind.nodes, "vtk")
     nodes = raw.cells[:, order]
     old_corners = nodes[:, : kind.vertices]
+
     if kind.order == 1:
         middles, first = _middles(old_corners, shape, len(raw.points))
         lattice = np.hstack([nodes, middles])
@@ -131,6 +135,7 @@ def halved(raw: RawMesh) -> RawMesh:
     places = np.einsum("hmk,cki->chmi", shape.weights[kind.order - 1], raw.points[nodes])
     x = places.reshape(-1, raw.points.shape[1])[first]
     without = np.full(len(x) if len(raw.labels) else 0, -1)
+
     return replace(
         raw,
         points=np.vstack([raw.points, x]),
@@ -175,6 +180,7 @@ def _groups(
         for name, part in zip(names, np.split(halves, ends), strict=True):
             rows = part.reshape(-1, part.shape[-1])
             groups[name][dim] = rows[(rows >= 0).all(axis=1)].astype(np.int64)
+
     return groups
 
 
@@ -186,6 +192,7 @@ def _halves_of_sides(
     order = compat.node_order(SIDES[count], count, "vtk")
     sides = sides[:, order]
     shape = scheme(SIDES[count])
+
     columns = [sides]
     for vertices in shape.members:
         middles = [
@@ -196,6 +203,7 @@ def _halves_of_sides(
         rows, nodes = (np.concatenate(parts) for parts in zip(*middles, strict=True))
         at = positions(sides[:, vertices], rows)
         columns.append(np.where(at >= 0, nodes[at], -1)[:, None])
+
     return np.hstack(columns)[:, shape.halves][:, :, np.argsort(order)]
 
 
@@ -222,11 +230,13 @@ def near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
             f"{mesh.name}: refine divides straight triangles and tetrahedra, not {mesh.cell} cells"
             f" of order {mesh.order}; size makes all cells smaller."
         )
+
     for _ in range(MOST_DIVISIONS):
         ratio = np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0)
         if mesh.comm.allreduce(float(np.sum(ratio < DIVIDED))) == 0:
             break
         mesh = refined(mesh, ratio)
+
     return mesh
 
 
@@ -234,11 +244,13 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     """Sizes [m] of the cells of this rank near the points of `refine`, as gmsh is given them."""
     nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
     centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
+
     sizes = np.full(len(centres), np.inf)
     for point, local in refine:
         distance = np.linalg.norm(centres - np.pad(point, (0, 3 - len(point))), axis=1)
         size_there = local + GRADING[0] * np.maximum(distance - GRADING[1] * local, 0.0)
         sizes = np.minimum(sizes, size_there)
+
     return sizes
 
 
@@ -281,6 +293,7 @@ def refined(mesh: Mesh, ratio: Array) -> Mesh:
             if not np.any(pieces.values < DIVIDED):
                 break
             pieces = divided(pieces, mesh.cell)
+
     pieces = mesh.comm.bcast(pieces)
     kind = KINDS[KIND_OF[mesh.cell]]
     raw = RawMesh(pieces.points, pieces.cells, kind, pieces.groups)
@@ -345,6 +358,7 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
         for name, parts in pieces.groups.items():
             if dim in parts:
                 groups[name][dim] = entities[positions(carriers, parts[dim]) >= 0]
+
     return Pieces(x, cells, groups, values)
 
 

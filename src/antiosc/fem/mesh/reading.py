@@ -115,17 +115,20 @@ def sound(
         "repeat another one, or share two sides with it",
         "delete the copies, or make one cell of both",
     )
+
     if kind.dim == raw.points.shape[1]:
         refuse(
             crowded,
             "share a side with more than one other",
             "they overlap; delete the superfluous ones",
         )
+
     refuse(
         collapsed(raw.points, cells, kind.shape, kind.order),
         f"have no {('length', 'area', 'volume')[kind.dim - 1]}",
         "merge the nodes that coincide, or mesh it anew",
     )
+
     # gmsh bends a few curved cells too far where a mesh is coarse for its curves
     if not (made_here and kind.order > 1):
         refuse(
@@ -133,10 +136,12 @@ def sound(
             "cross themselves, as a bowtie does",
             "give their nodes in order around each side, or mesh it anew",
         )
+
     if not pieces:
         _refuse_pieces(raw, name, by)
     if made_here and kind.order == 2 and kind.shape in SIMPLICES:
         return replace(raw, points=straightened(raw.points, raw.cells, kind.shape))
+
     if kind.dim > 1:
         bad = folded(raw.points, cells, kind.shape, kind.order)
         if len(bad):
@@ -145,6 +150,7 @@ def sound(
                 "Mesh.HighOrderOptimize = 2) or read it with order 1"
             )
             errors.warn(message(bad, "fold over themselves", remedy))
+
     return raw
 
 
@@ -241,6 +247,7 @@ def refuse_degenerate(mesh: Mesh) -> None:
     owned_cells = compat.cell_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:owned_cells].astype(np.int64)
     points = mesh.dolfinx.geometry.x[:, : mesh.gdim]
+
     size = ("length", "area", "volume")[mesh.tdim - 1]
     for check, fault in ((collapsed, f"have no {size}"), (crossed, "cross themselves")):
         bad = check(points, nodes, mesh.cell, mesh.order) if owned_cells else nodes[:0, 0]
@@ -266,6 +273,7 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     first = int(edges.max()) + 1
     reordered = cells[:, compat.node_order(shape, cells.shape[1], "vtk")]
     bad = folded(points, reordered, shape, 2, SOUND)
+
     straight = np.zeros(len(cells), dtype=bool)
     while len(bad):
         if straight[bad].all():
@@ -275,6 +283,7 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
         points[middles] = points[cells[straight][:, edges]].mean(axis=2)
         suspects = np.flatnonzero(np.isin(cells, middles).any(axis=1))
         bad = suspects[folded(points, reordered[suspects], shape, 2, SOUND)]
+
     return points
 
 
@@ -408,6 +417,7 @@ def read_mesh(
     suffix = file.suffix.lower()
     made_here = suffix in GEOMETRY or solid
     kept: dict[str, Any] = {"solid": solid, "fragments": fragments, "piece": piece}
+
     if size is None and made_here and suffix not in SCRIPTS:
         metres = 1.0 if units is None else units.length
         box = metres * on_root(comm, lambda: outline(file, **kept).points)
@@ -459,6 +469,7 @@ def check_refinements(refine: Sequence[Refinement]) -> None:
     """InputError unless `refine` is a sequence of (point, size)."""
     if not isinstance(refine, Sequence) or isinstance(refine, str):
         raise InputError(f"refine must be a list of pairs (point, size); got {shown(refine)}.")
+
     for refinement in refine:
         try:
             point, local = refinement
@@ -564,6 +575,7 @@ def box_mesh(
     kind, last = GROUPS[len(sides) - 1 : len(sides) + 1]
     lines = ['SetFactory("OpenCASCADE");', whole_body, f'Physical {last}("{name}") = {{1}};']
     lines += [f'Physical {kind}("{side}") = {{{tags}}};' for side, tags in groups.items()]
+
     with TemporaryDirectory() as folder:
         script = Path(folder, f"{name}.geo")
         script.write_text("\n".join(lines) + "\n", encoding="ascii")

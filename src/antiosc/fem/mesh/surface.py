@@ -49,6 +49,7 @@ def projected(
     xi = np.array(start)
     step = np.zeros_like(xi)
     least = np.full(len(points), np.inf)
+
     moving = np.arange(len(points))
     for _ in range(1 if affine else FOOT_STEPS):
         trial = xi[moving] + step[moving]
@@ -59,6 +60,7 @@ def projected(
             gap = gap - n * np.einsum("nd,nd->n", n, gap)[:, None]
             J = J - n[:, :, None] * np.einsum("nd,ndt->nt", n, J)[:, None, :]
         distance = np.linalg.norm(gap, axis=1)
+
         # A step that leads away is halved: far from a curved cell, whole ones can grow for ever.
         closer = (distance <= least[moving])[:, None]
         least[moving] = np.minimum(least[moving], distance)
@@ -69,6 +71,7 @@ def projected(
         moving = moving[(np.abs(step[moving]).max(axis=1) > FOOT_SETTLED) & ~far]
         if not len(moving):
             break
+
     return xi + step
 
 
@@ -100,6 +103,7 @@ def pairs_within(centres: Array, reach: Array, points: Array) -> tuple[IntArray,
     """Pairs (item, point) of numbers with |centre of item − point| <= reach of item: two arrays."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+
     low, high = points.min(axis=0), points.max(axis=0)
     gap = np.maximum(0.0, np.maximum(low - centres, centres - high))
     close = np.flatnonzero(np.linalg.norm(gap, axis=1) <= reach)
@@ -161,12 +165,14 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
     """
     cell, X, distance = _cells_containing(mesh, points)
     in_cell = np.array(mesh.comm.allgather(np.isfinite(distance)))
+
     x = points.copy()
     for i in np.flatnonzero(~in_cell.any(axis=0)):
         nearest = _closest_here(mesh, points[i])
         if nearest is not None:
             cell[i], X[i] = nearest.cell, nearest.X
             x[i], distance[i] = nearest.x, nearest.distance
+
     rank = np.array(mesh.comm.allgather(distance)).argmin(axis=0)
     on_rank = rank == mesh.comm.rank
     mine_or_zero = [
@@ -202,6 +208,7 @@ def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array
     low, high = mesh.boxes
     if not len(low):
         return cell, X, distance
+
     reach = 0.5 * np.linalg.norm(high - low, axis=1)
     item, point = pairs_within((low + high) / 2, reach * (1 + OUTSIDE_CELL), points)
     geometry = mesh.geometry
@@ -231,11 +238,13 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
     n_cells = compat.cell_map(mesh.dolfinx).size_local
     if not n_cells:
         return None
+
     geometry = mesh.geometry
     low, high = mesh.boxes
     from_box = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)), axis=1)
     from_nodes = np.linalg.norm(geometry.nodes[:n_cells] - point, axis=2).min()
     near_cells = np.flatnonzero(from_box <= from_nodes)
+
     cells = []
     feet = []
     for dim in range(1, mesh.tdim + 1):
@@ -245,6 +254,7 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
         entities = CellEntities(geometry, cell, origin[of_cells], axes[of_cells])
         cells.append(cell)
         feet.append(_feet(entities, point))
+
     cell = np.concatenate(cells)
     X = np.concatenate(feet)
     x = geometry.at(cell, X)[0]
@@ -286,6 +296,7 @@ def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
     )
     if dim < 0:
         raise InputError(f"the group {group!r} of {mesh.name} is empty.")
+
     return dim, np.asarray(by_dimension.get(dim, np.zeros(0, dtype=np.int32)))
 
 
@@ -294,6 +305,7 @@ def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArr
     topology = mesh.dolfinx.topology
     if dim == mesh.tdim:
         return np.asarray(entities), np.zeros(len(entities), dtype=int)
+
     topology.create_entities(dim)
     topology.create_connectivity(dim, mesh.tdim)
     to_cell = topology.connectivity(dim, mesh.tdim)
@@ -351,6 +363,7 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Weighte
     xi, weights = np.zeros((1, 0)), np.ones(1)
     if dim:
         xi, weights = basix.make_quadrature(getattr(basix.CellType, shape(mesh, dim)), degree)
+
     on = Entities(mesh, dim, entities)
     count = len(entities)
     item = np.repeat(np.arange(count), len(weights))
@@ -413,6 +426,7 @@ class Faces(Entities):
             )
         else:
             self.facets = np.sort(compat.exterior_facets(mesh.dolfinx))
+
         super().__init__(mesh, mesh.tdim if sheet else mesh.tdim - 1, self.facets)
 
     def across(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
@@ -422,12 +436,15 @@ class Faces(Entities):
             normal = np.column_stack([J[:, 1, 0], -J[:, 0, 0], np.zeros(len(J))])
         else:
             normal = np.cross(J[:, :, 0], J[:, :, 1])
+
         size = np.linalg.norm(normal, axis=1, keepdims=True)
         normal = normal / np.where(size > 0, size, 1.0)
+
         if not self.sheet:
             inner = self.mesh.geometry.nodes[self.cells[face]].mean(axis=1)
             outward = np.einsum("nd,nd->n", normal, self.centres[face] - inner)
             normal = normal * np.where(outward < 0, -1.0, 1.0)[:, None]
+
         return x, normal
 
     @cached_property
@@ -467,14 +484,17 @@ class Faces(Entities):
         face, site, normal, gap = self._feet(points, radii)
         depth = _least_over_ranks(comm, gap, site, count)
         facing = np.einsum("nd,nd->n", normal, directions[site])
+
         if self.sheet:
             is_flipped = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
             normal[is_flipped] = -normal[is_flipped]
             facing[is_flipped] = -facing[is_flipped]
+
         best = np.flatnonzero(gap <= depth[site] + AT_EDGE * mean[face])
         for measure in (facing, normal @ OBLIQUE):  # the second decides between equals
             best_measure = _least_over_ranks(comm, measure[best], site[best], count)
             best = best[measure[best] <= best_measure[site[best]] + LEVEL]
+
         first = _mean(comm, normal[best], site[best], count)
         same = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE)
         face, site, normal, gap = face[same], site[same], normal[same], gap[same]
@@ -482,6 +502,7 @@ class Faces(Entities):
         normals = _mean(comm, normal[nearest], site[nearest], count)
         label = _least_over_ranks(comm, labels[face[nearest]].astype(float), site[nearest], count)
         height = np.einsum("nvd,nd->nv", self.corners[face] - points[site, None], normals[site])
+
         return SurfaceAtSites(
             normals,
             depth,
@@ -517,6 +538,7 @@ class Faces(Entities):
             reach = self.radii + radii[alike].max()
             face, point = pairs_within(self.centres, reach, points[alike])
             pairs.append(np.array([face, alike[point]]))
+
         face, point = np.hstack(pairs)
         return face, point
 
@@ -544,6 +566,7 @@ class Faces(Entities):
         hit = np.flatnonzero(
             (excess(feet, self.simplex) <= OUTSIDE_FACE) & (cosine > SAME_FACE) & (gap <= rise)
         )
+
         # the nearest, then the first, is written last
         hit = hit[np.lexsort((-item[hit], -gap[hit], point[hit]))]
         face[point[hit]], xi[point[hit]], distance[point[hit]] = item[hit], feet[hit], gap[hit]
@@ -583,6 +606,7 @@ def _measure(corners: Array, dim: int) -> float:
     """Total measure of simplices (n, dim + 1, 3), or of cells with the corners of a cube."""
     if not len(corners):
         return 0.0
+
     if corners.shape[1] == dim + 1:
         sides, share = corners[:, 1:] - corners[:, :1], factorial(dim)
     else:
@@ -590,6 +614,7 @@ def _measure(corners: Array, dim: int) -> float:
         axes = range(1, dim + 1)
         spans = [np.diff(cubes, axis=k).reshape(len(cubes), -1, 3).mean(axis=1) for k in axes]
         sides, share = np.stack(spans, axis=1), 1
+
     gram = np.abs(np.linalg.det(sides @ sides.transpose(0, 2, 1)))
     return float(np.sqrt(gram).sum() / share)
 
@@ -620,6 +645,7 @@ def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
     if len(gap):
         best = int(np.argmin(gap))
         nearest = float(gap[best]), x[best], -normals[best]
+
     _, point, direction = min(mesh.comm.allgather(nearest), key=lambda entry: entry[0])
     return point, direction
 

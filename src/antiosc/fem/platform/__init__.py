@@ -120,6 +120,7 @@ def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
                 default = WORLD  # it may be a real one on other ranks
             elif (comm := _comm_of(item)) is not None:
                 found.append(comm)
+
     comm = max(found, key=attrgetter("size"), default=default)
     return WORLD if alike(comm, WORLD) else comm
 
@@ -133,6 +134,7 @@ def _comm_of(value: object) -> MPI.Comm | None:
                 "communicator alone."
             )
         return value
+
     try:
         comm = getattr(value, "comm", None)
         if comm is None or isinstance(comm, Serial):
@@ -140,6 +142,7 @@ def _comm_of(value: object) -> MPI.Comm | None:
         comm = comm if isinstance(comm, MPI.Comm) else comm.tompi4py()  # one of PETSc's
     except Exception:
         return None
+
     return None if comm == MPI.COMM_NULL else comm
 
 
@@ -194,6 +197,7 @@ def _portable(error: Exception | None) -> Exception | None:
     """
     if error is None:
         return None
+
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

@@ -60,6 +60,7 @@ def create_mesh(
     if comm.size > 1 and (joints or cell == "interval"):
         many = {"max_facet_to_cell_links": 64}
         options = many if DOLFINX >= (0, 10) else {"partitioner": _all_on_root}
+
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=x, e=domain, **options)
 
 
@@ -72,6 +73,7 @@ def _element(family: str, cell: str, degree: int, size: int, gdim: int) -> objec
 
     scheme = "default" if family == "Quadrature" else None
     scalar = ufl.FiniteElement(family, ufl.Cell(cell, gdim), degree, quad_scheme=scheme)
+
     return ufl.VectorElement(scalar, dim=size) if size else scalar
 
 
@@ -164,8 +166,10 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     vertices = dolfinx.cpp.mesh.cell_num_vertices(kind)
     if not len(entities):  # 0.9 would divide by their number
         return np.zeros((0, vertices), dtype=np.int32)
+
     cpp_mesh = mesh._mesh if EARLY else mesh._cpp_object
     nodes = dolfinx.cpp.mesh.entities_to_geometry(cpp_mesh, dim, entities, False)
+
     # From 0.9 on the nodes inside edges and faces of curved cells follow those at the vertices.
     return np.asarray(nodes).reshape(len(entities), -1)[:, :vertices]
 
@@ -240,6 +244,7 @@ def from_linear(space: fem.FunctionSpace, linear: fem.FunctionSpace | None = Non
     fine, coarse = (cell_dofs(space_here, (0,), cells) // size for space_here in (space, linear))
     points = space.element.interpolation_points
     weights = tabulate(linear, (0,), np.asarray(points() if callable(points) else points))
+
     # one cell of each node, and its place in this cell
     nodes, places = np.unique(fine, return_index=True)
     owned_nodes = space.dofmap.index_map.size_local
@@ -259,6 +264,7 @@ def from_linear(space: fem.FunctionSpace, linear: fem.FunctionSpace | None = Non
     matrix = PETSc.Mat().createAIJ(sizes, bsize=size, csr=rows, comm=communicator(space.mesh))
     matrix.assemble()
     matrix.setAttr("keep", (linear, space))
+
     return matrix
 
 
@@ -385,6 +391,7 @@ def assemble(
     """
     zero = np.zeros((), dtype=PETSc.ScalarType)
     bcs = [fem.dirichletbc(zero, dofs, subspace(space, path)) for path, dofs in fixed.items()]
+
     total = None
     for form in forms:
         compiled = _compiled(form)
@@ -396,14 +403,17 @@ def assemble(
             if "basic_string" in str(error):
                 raise MemoryError("PETSc has no memory for a matrix") from error
             raise
+
         # From 0.9 the layouts of the matrix point into the mesh: they must not die first.
         matrix.setAttr("keep", (compiled, space))
         if total is None:
             total = matrix
         else:
             total.axpy(1.0, matrix, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+
     if total is None:
         raise ValueError("no form to assemble")
+
     return total
 
 
@@ -436,6 +446,7 @@ class GaussPoints:
         weighted = scipy.sparse.csr_matrix((values, columns, pointers), shape=matrix.getSize())
         if not np.array_equal(_nodes(scalars), _nodes(space)):
             raise ValueError("the nodes of a scalar and of a vector differ")
+
         return scipy.sparse.diags(np.repeat(1 / self.weight, count)) @ weighted
 
 
@@ -457,6 +468,7 @@ def strain_matrix(
     scale = S.createVecLeft()
     scale.setArray(1 / np.sqrt(weights))
     S.diagonalScale(scale, None)
+
     return S
 
 
@@ -501,6 +513,7 @@ def quadratic(
         x.x.array[: len(vector)] = vector
         x.x.scatter_forward()
         total += weight * _assembled(compiled, len(total))
+
     return total
 
 
@@ -575,11 +588,13 @@ def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
     """Columns on the owned dofs of this rank, extended by the values of the ghosts."""
     if communicator(space.mesh).size == 1:
         return block
+
     imap = space.dofmap.index_map
     rows = (imap.size_local + imap.num_ghosts) * space.dofmap.index_map_bs
     result = np.empty((rows, block.shape[1]))
     result[: len(block)] = block
     Exchange(space).fetch(result)
+
     return result
 
 

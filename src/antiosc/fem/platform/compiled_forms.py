@@ -112,6 +112,7 @@ def place() -> Path:
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid():
         raise PermissionError(EPERM, "a link, or a folder of another user", str(folder))
+
     if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):  # anybody may have put something there
         shutil.rmtree(folder)
         folder.mkdir(mode=0o700)
@@ -190,6 +191,7 @@ def _mended() -> Iterator[None]:
 
     tables.get_ffcx_table_values = in_the_cell
     jit.open = claimed
+
     try:
         yield
     finally:

@@ -115,6 +115,7 @@ class LoadedPart:
             region = (group, *largest(mesh, group))
             work = pressure_energy(mesh, part.parts, self._u, region)
             of_loads += [-p * work] if p else []
+
         if loads.spin is not None and loads.spin.omega:
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
                 raise InputError(
@@ -123,9 +124,11 @@ class LoadedPart:
                 )
             spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
             of_loads.append(-spin)
+
         forces = [ufl.derivative(energy, self._u, v) for energy in (second, *of_loads)]
         slopes = [ufl.derivative(force, self._u, w) for force in forces]
         of_stress = stretch.of_stress(self._u, free, v, w) * dx
+
         # sums, as matrices of cells and of facets have entries at different places
         self._forces = sum(forces)
         self._tangent = sum(slopes)
@@ -170,6 +173,7 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
                 "force={…} on both ends of what pulls."
             )
         strain_of_cells.x.array[cells] += strain
+
     return strain_of_cells
 
 
@@ -191,6 +195,7 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
     """Constant forces on groups (rows of this rank,)."""
     rows = part.rows
     forces = np.zeros(rows)
+
     v = ufl.TestFunction(part.form.space)
     for group, resultant in loads.force.items():
         dim, entities = largest(part.mesh, group)
@@ -208,6 +213,7 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
             raise InputError(
                 f"a force acts on points, faces or cells; group {group!r} holds edges."
             )
+
     return freed(part, forces)
 
 
@@ -220,6 +226,7 @@ def _at_points(part: MeshedStructure, group: str, force: Array) -> Array:
         dofs = dofs_of_entities(part.mesh, part.form, {0: part.mesh.group(group)[0]}, path)
         owned_dofs = dofs[dofs < rows]
         forces[owned_dofs] = force[axis] / part.comm.allreduce(len(owned_dofs))
+
     return forces
 
 
@@ -262,6 +269,7 @@ def pressure_energy(
         normal_change = ufl.tr(slope) * n - ufl.dot(ufl.transpose(slope), n)
         against = -depth_of(mesh, parts) * factor
         return against * (ufl.dot(u, n) + ufl.dot(u, normal_change) / 2) * dx
+
     frame = frames(mesh, parts)
     _, side = axes_and_sides(mesh, parts)
     J = ufl.Jacobian(mesh.dolfinx)
@@ -402,6 +410,7 @@ def equilibrium(
     stiffest = max(comm.allgather(diagonal(part.K).max(initial=0.0)))
     rounding = stiffest * (LEAST_MOTION * part.mesh.extent()) ** 2
     q = elastic.solve(dead - loaded.forces(np.zeros(len(dead))))
+
     no_motions = np.zeros((len(q), 0))
     for _ in range(MOST_STEPS):
         K = sum_of(part.K, 1.0, loaded.stiffness(q))

@@ -68,6 +68,7 @@ def _checked_angle(name: str, value: object) -> float:
             f"{name} = {angle:g} rad is more than a turn (6.283 rad): angles are in radians; if "
             f"degrees are meant, give {np.deg2rad(angle):.6g}."
         )
+
     return angle
 
 
@@ -183,6 +184,7 @@ class DofPlaces:
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
         powers += [(j, k) for j in axes for k in axes[axes >= j]]
         result = np.empty((len(self.kind), len(axes) * len(powers)), order="F")
+
         is_rotation = self.kind == TURN
         for column, (axis, factors) in zip(result.T, product(axes, powers), strict=True):
             direction = np.eye(3)[axis]
@@ -195,6 +197,7 @@ class DofPlaces:
             rotation = np.cross(gradient, direction) / (2 * size)
             turned = np.einsum("nc,nc->n", self.axes, rotation[self.node])
             column[is_rotation] = turned[is_rotation]
+
         return result
 
 
@@ -204,6 +207,7 @@ def placement(name: str, at: Placement | Sequence[float] | None) -> Placement:
         return Placement()
     if isinstance(at, Placement):
         return at
+
     try:
         return Placement(shift=at)
     except InputError as error:
@@ -299,6 +303,7 @@ def modes_and_shift(
     regular = _regular(comm, K) if null_vectors is None else None
     if regular is not None:
         return np.zeros((n, 0)), 0.0, regular
+
     # Block inverse iteration, first far below the top of the spectrum; then again from the
     # elastic value that it finds, so that the shift sits where the modes are.
     shift = 1e-7 * frequency(K, M)
@@ -308,6 +313,7 @@ def modes_and_shift(
         if null_vectors is None
         else np.hstack([null_vectors, rng.standard_normal((n, 6))])
     )
+
     values = np.zeros(0)
     for _ in range(2):
         factor = _positive(K, shift, M)
@@ -326,20 +332,24 @@ def modes_and_shift(
         if lowest <= np.finfo(float).eps * values[-1]:
             raise InputError(INDEFINITE.format(f"xᵀK x/xᵀM x = {lowest:.1e} rad²/s² for some x"))
         shift = SHIFT * lowest
+
     null_space = block[:, zero]
     if null_vectors is not None and null_vectors.shape[1] != null_space.shape[1]:
         raise InputError(
             f"rigid_modes has {null_vectors.shape[1]} columns but K has {null_space.shape[1]} null"
             " vectors."
         )
+
     for _ in range(REFINEMENTS):
         null_space = null_space - factor.solve_block(multiply(K, null_space))
+
     return orthonormal(comm, M, null_space), shift, None
 
 
 def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
     """A solver of K; None if K is singular, which a failing factor or a soft solve shows."""
     n = algebra.rows(K)
+
     try:
         factor = _solver(K)
         x = np.random.default_rng(comm.rank).standard_normal(n)
@@ -347,6 +357,7 @@ def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
             x = factor.solve_checked(x / norm(comm, x))
     except AntioscError:
         return None
+
     X = x[:, None]
     return None if softness(K, X, multiply(K, X))[0] < _rigid(K) * 1e-3 else factor
 
@@ -388,6 +399,7 @@ def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = No
         if remaining > SPANNED * size:
             basis[:, count] = column / remaining
             count += 1
+
     return basis[:, :count]
 
 
@@ -399,19 +411,24 @@ def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
     """
     comm = factor.comm
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
+
     blocks = []
     for _ in range(4):
         x = factor.solve_block(multiply(M, x))
         x = orthonormal(comm, M, x - motions @ dot(comm, motions, multiply(M, x)))
         blocks.append(x)
+
     # a small structure exhausts the blocks: what rounding leaves of them must not be rigid
     basis = orthonormal(comm, M, np.hstack([motions, *blocks]))[:, motions.shape[1] :]
     if not basis.shape[1]:  # all motions are rigid
         return float("inf")
+
     values, rotation = np.linalg.eigh(dot(comm, basis, multiply(K, basis)))
+
     # xᵀK x is a sum of terms of the size of xᵀD x, known to ε of that.
     softest = basis @ rotation[:, :1]
     cancelled = 0.0 if by_strains(K) else norms(comm, roots(K)[:, None] * softest)[0] ** 2
+
     rounding = np.finfo(float).eps * (cancelled + values[-1])
     if values[0] <= rounding:
         raise AccuracyError(
@@ -420,6 +437,7 @@ def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
             "line (join it along a face), or is too slender for double precision (use fewer "
             "elements)."
         )
+
     return SHIFT * float(values[0])
 
 
@@ -502,6 +520,7 @@ class StructureMatrices:
         if self.solver_of_K is not None:
             factor, self.solver_of_K = self.solver_of_K, None  # held by one alone
             return factor, shift
+
         factor = self.solver_of(shift, columns)
         for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
             new_shift = closer_shift(factor, self.K, self.M, self.rigid_modes)
@@ -510,6 +529,7 @@ class StructureMatrices:
             shift = new_shift
             del factor  # there may be no room for two
             factor = self.solver_of(shift, columns)
+
         return factor, shift
 
     def solver_of(self, shift: float, columns: float) -> Solver:
@@ -601,6 +621,7 @@ class NodalMatrices(StructureMatrices):
         for axis in range(3):
             on_axis = self.map.component[located] == axis + 1
             rows[index.ravel()[on_axis], axis] = located[on_axis]
+
         return self.map.points[located[first]], rows
 
     @property
@@ -645,6 +666,7 @@ class NodalMatrices(StructureMatrices):
                 "the total mass is known only of free bodies with coordinates: matrices lack "
                 "the mass of fixed dofs."
             )
+
         return inertia[0].mass
 
     def uniform_inertia(self, direction: Array) -> Array | None:

@@ -71,11 +71,13 @@ def by_components(
     """Checked values > 0 by component: the stiffness or damping of a `kind`."""
     if not isinstance(values, Mapping):
         raise InputError(f"the {name} of a {kind} is a dict, as {{'z': 1e6}}; got {shown(values)}.")
+
     for component in values:
         if component not in allowed:
             raise InputError(
                 f"a {kind} acts on {', '.join(allowed)}; {shown(component)} is not one of them."
             )
+
     return {
         component: positive(f"the {name} along {component}", value)
         for component, value in values.items()
@@ -177,6 +179,7 @@ def attachments_of(attached: object) -> list[Attachment]:
         for number, k in enumerate(of_kind, start=1):
             if attachments[k].name is None:
                 attachments[k] = replace(attachments[k], name=f"{kind.__name__.lower()} {number}")
+
     return attachments
 
 
@@ -206,6 +209,7 @@ class ElasticTerm:
         if self.rigid is not None:
             basis, _ = np.linalg.qr(self.rigid, mode="complete")
             return np.asarray(basis[:, self.rigid.shape[1] :].T)
+
         nonzero_rows = np.flatnonzero(np.diff(self.G.indptr))
         values, vectors = np.linalg.eigh(self.k[np.ix_(nonzero_rows, nonzero_rows)])
         vectors = vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)]
@@ -277,6 +281,7 @@ def terms_of(
         else:
             term = replace(term, branches=[(diagonal / attached.tau, attached.tau)])
         terms.append(term)
+
     return terms
 
 
@@ -293,6 +298,7 @@ def add(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
             dofs = dofs.astype(PETSc.IntType)
             entries = value * np.outer(weights, weights)
             matrix.setValues(dofs, dofs, entries, addv=PETSc.InsertMode.ADD_VALUES)
+
     matrix.assemble()
 
 
@@ -372,6 +378,7 @@ def beams_on(
             f"stiffeners (group {name!r}) deform in shear with their shell: shear=False is for "
             "beams without a shell only."
         )
+
     line = _edge_mesh(mesh, edges, f"the edges of group {name!r}")
     cells = compat.cell_map(line.dolfinx)
     parts = [(beam, np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32))]
@@ -382,6 +389,7 @@ def beams_on(
     for axis, component in enumerate("xyz"):
         dofs, _ = compat.dof_coordinates(form.space, form.components[component])
         directions[dofs[dofs < len(directions)], axis] = 1.0
+
     loads = multiply(M, directions)
     mass = line.comm.allreduce(float(directions[:, 0] @ loads[:, 0]))
     inertia = multiply(T.transpose(PETSc.Mat()), loads)
@@ -403,12 +411,14 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     owned_edges = edges[edges < topology.index_map(1).size_local]
     nodes = np.zeros((len(owned_edges), mesh.order + 1), dtype=np.int64)
     of_cell = compat.geometry_nodes(mesh.dolfinx)
+
     table = SHEET_EDGES[mesh.cell]
     for row, edge in enumerate(owned_edges):
         cell = topology.connectivity(1, 2).links(edge)[0]
         local = int(np.flatnonzero(topology.connectivity(2, 1).links(cell) == edge)[0])
         positions = [*table[local], len(table) + local][: mesh.order + 1]
         nodes[row] = of_cell[cell][positions]
+
     x = np.zeros((len(mesh.dolfinx.geometry.x), 3))
     x[:] = mesh.dolfinx.geometry.x
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[nodes]
@@ -421,6 +431,7 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     if mesh.comm.rank:
         cells = cells[:0]
         points = points[:0]
+
     line = compat.create_mesh(mesh.comm, cells, points, "interval", mesh.order)
     return Mesh(line, {}, name)
 
@@ -456,5 +467,6 @@ def _shared_dofs(
     for node, k in enumerate(nearest):
         for component in components[~is_fixed[k]]:
             T.setValue(first_row + block * node + component, numbers[k, component], 1.0)
+
     T.assemble()
     return T

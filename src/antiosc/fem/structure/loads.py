@@ -98,6 +98,7 @@ def loads(comm: MPI.Comm, form: WeakForm, points: Points, directions: Array) -> 
     for number, columns_sent, values_sent in comm.allgather(sent):
         is_owned = (number >= first) & (number < first + size)
         entries.append((number[is_owned] - first, columns_sent[is_owned], values_sent[is_owned]))
+
     row, column, value = (np.concatenate(part) for part in zip(*entries, strict=True))
     return Sparse((value, (row, column)), shape=(size, len(directions)))
 

@@ -138,6 +138,7 @@ class Member:
         graph = scipy.sparse.coo_matrix(
             (np.ones(len(first)), (first, nodes[:, 1:].ravel())), shape=(count, count)
         )
+
         return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1])
 
     def closest(self, points: Array) -> ClosestPoints:
@@ -216,11 +217,13 @@ class PartsMatrices(StructureMatrices):
                     Dissipation(matrix=K, factor=ratio, tau=tau, owner=name)
                     for ratio, tau in material.prony
                 ]
+
         return terms
 
     def loss_stiffness(self, V: Array) -> Array | None:
         if not self.lossy:
             return None
+
         terms = (
             material.loss * dot(self.comm, u, multiply(K, u))
             for member, u in self.fields(V)
@@ -374,6 +377,7 @@ class MeshedStructure(PartsMatrices):
             free_loads = multiply(mass, free)
             free_loads[owned_fixed] = 0.0
             loads += multiply(mass, motions) - free_loads
+
         return loads
 
     def surface_below(self, points: Array, directions: Array, radii: Array) -> SurfaceAtSites:
@@ -432,10 +436,12 @@ class MeshedStructure(PartsMatrices):
                 forms = restricted(self.form.stiffness, self.mesh, cells)
                 K = compat.assemble(forms, self.form.space, self.conditions, 0.0)
                 result.append((number, material, K))
+
         for group, lines in self.stiffeners.items():
             beam = lines.parts[0][0]
             if getattr(beam, name, None):
                 result.append((group, beam, lines.K.ptap(lines.shared)))
+
         return result
 
     def describe(self, dofs: int) -> str:
@@ -476,15 +482,18 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
     """(materials of the cells, beams on edges of a sheet as (group, beam, edges))."""
     if not isinstance(material, Mapping) or mesh.tdim != 2:
         return material, []
+
     beams = {name: item for name, item in material.items() if isinstance(item, Beam)}
     if not beams:
         return material, []
+
     cells = {name: item for name, item in material.items() if name not in beams}
     if not cells or not all(_family(item).kind.sheet for item in cells.values()):
         raise InputError(
             f"a Beam on edges (group {next(iter(beams))!r}) stiffens a shell: give the cells of "
             f"{mesh.name} a Shell or Laminate; a frame of beams alone needs a mesh of lines."
         )
+
     on_edges = []
     for name, beam in beams.items():
         edges = mesh.group(name).get(1)
@@ -494,6 +503,7 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
                 "let its lines lie in the surface that is meshed (in gmsh: BooleanFragments)."
             )
         on_edges.append((name, beam, edges))
+
     return cells, on_edges
 
 
@@ -505,6 +515,7 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
         return [(_family(material), np.arange(n_cells, dtype=np.int32))]
     if not material:
         raise InputError("material is an empty dict: give {group name: material}.")
+
     times = np.zeros(n_cells, dtype=int)
     parts: list[tuple[Family, IntArray]] = []
     for name, value in material.items():
@@ -514,11 +525,13 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
             raise InputError(f"group {name!r} holds no cells (dimension {mesh.tdim}).")
         times[cells] += 1
         parts.append((family, cells))
+
     if len({family.kind for family, _ in parts}) > 1:
         raise InputError(
             "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
             "and Laminate."
         )
+
     uncovered = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
     repeated = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
     if uncovered or repeated:
@@ -526,6 +539,7 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
             f"every cell needs one material: of {mesh.n_cells} cells {uncovered} have none and "
             f"{repeated} more than one; the groups named are {', '.join(map(repr, material))}."
         )
+
     return parts
 
 
@@ -589,21 +603,25 @@ def assembled(
     if form.strains is not None:
         added_to_K = K.duplicate()
         added_to_K.zeroEntries()
+
     lines = {name: beams_on(mesh, form, fixed, name, beam, edges) for name, beam, edges in beams}
     kind = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
     for beam in lines.values():
         added_to_K.axpy(1.0, beam.K.ptap(beam.shared), structure=kind)
         added_to_M.axpy(1.0, beam.M.ptap(beam.shared), structure=kind)
+
     places = partial(mesh_points, mesh, form, fixed)
     plane = "z" not in form.components
     terms = [term for one in attachments for term in terms_of(one, plane, places)]
     for term in terms:
         add(added_to_K, term.G, term.k.diagonal())
         add(added_to_M, term.G, term.m.diagonal())
+
     if form.strains is not None:
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
         _take_by_strains(K, S, added_to_K, fixed)
+
     if by_cells is not None:
         by_cells.carries = bool(attachments)
 
@@ -631,6 +649,7 @@ def assembled(
         )
 
     thickness, along_line = _stretched(mesh, form, fixed, [entry for entry, _ in parts])
+
     return MeshedStructure(
         K,
         M,
@@ -683,6 +702,7 @@ def _stretched(
         thickness = wide = mean_thickness(mesh) if mesh.tdim == 3 else 0.0
         if not 0 < thickness <= THIN * mesh.extent():
             return None, False
+
     nodes = np.unique(fixed // form.space.dofmap.index_map_bs)
     x = np.vstack(mesh.comm.allgather(form.space.tabulate_dof_coordinates()[nodes]))
     extents = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)

@@ -67,6 +67,7 @@ def places_at(
             if one
         ]
         places.append(near[0] if len(near) == 1 else min(near, key=_facing))
+
     return places
 
 

@@ -71,6 +71,7 @@ DOMINATES = 1e12
 def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
     """A checked copy of a square matrix (SciPy, dense or PETSc) in the chosen library."""
     copy: Matrix
+
     if of_petsc(matrix) or backend == "petsc" or (backend == "auto" and fem.missing is None):
         with finite_element_packages():
             from antiosc.fem.linalg import petsc_algebra
@@ -95,6 +96,7 @@ def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
 def _csr_of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     """A sorted copy of a SciPy or dense matrix of real numbers; InputError for anything else."""
     sparse = scipy.sparse.issparse(matrix)
+
     try:
         entries: Matrix = matrix if sparse else np.asarray(matrix)
     except Exception:  # rows of different lengths, or objects that are no arrays at all
@@ -151,11 +153,13 @@ def matrices_of_pair(
     `Structure.from_matrices`.
     """
     K, M, fixed = supported(K, M)
+
     if supports is not None:
         fixed_rows = rows_of(supports, rows)
         K = algebra.hold(K, fixed_rows, 1.0)
         M = algebra.hold(M, fixed_rows, 0.0)
         fixed = np.union1d(fixed, fixed_rows)
+
     null_vectors = None
     if rigid_modes is not None:
         null_vectors = floats("rigid_modes", rigid_modes, (algebra.rows(K), None))
@@ -175,6 +179,7 @@ def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
             f"C must be of the size and distribution of K; got {algebra.size(C)} rows for "
             f"{algebra.size(K)}."
         )
+
     _checked_diagonal("C", C)
     first, _ = algebra.row_range(C)
     return algebra.hold(C, fixed[fixed < algebra.rows(C)] + first, 0.0)
@@ -213,6 +218,7 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     if len(constrained):
         K = algebra.hold(K, of_rank, 1.0)
         M = algebra.hold(M, of_rank, 0.0)
+
     return K, M, of_rank - first
 
 
@@ -382,6 +388,7 @@ class Structure(ReprMixin):
         with finite_element_packages():
             from antiosc.fem.prestress.state import with_prestress
             from antiosc.fem.structure.meshed import assembled
+
         options: Options = {
             "order": order, "attached": attached, "solver": solver, "prestress": prestress,
         }  # fmt: skip
@@ -478,6 +485,7 @@ class Structure(ReprMixin):
         start_time = clock()
         choice("backend", backend, BACKENDS)
         files: list[tuple[Any, Any, object]] = [(K, M, map)]
+
         if isinstance(K, list):
             maps = [None] * len(K) if map is None else map
             if not all(isinstance(each, list) and len(each) == len(K) for each in (M, maps)):
@@ -506,10 +514,12 @@ class Structure(ReprMixin):
     ) -> Structure:
         matrices, factor = matrices_of_pair(*pair, rows, supports, rigid_modes, damping)
         self = holding(matrices, start_time)
+
         if factor is not None:  # it has shown that K is regular
             self._factored = factor, 0.0
             self.seconds["assembly"] -= factor.seconds
             self.seconds["factorization"] = factor.seconds
+
         return self
 
     def _hold(self, matrices: StructureMatrices, start_time: float) -> None:
@@ -549,24 +559,28 @@ class Structure(ReprMixin):
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
         if self._factored is not None and self._factored[0].columns < columns:
             self._factored = None
+
         if self._factored is None:
             start_time = clock()
             with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
                 factor, shift = self.matrices.factored(columns)
             self.seconds["factorization"] = clock() - start_time
             self._factored = factor, shift
+
         return self._factored[0]
 
     def factorize_at(self, shift: float, columns: float = 1.0) -> Solver:
         """A solver of K + shift·M [rad²/s²] for `columns` loads; the last one is kept."""
         shift = checks.positive("shift", shift, "rad²/s²")
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
+
         if self._expanded is None or self._expanded[1] != shift:
             self._expanded = None  # there may be no room for two
             start_time = clock()
             with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
                 self._expanded = self.matrices.solver_of(shift, columns), shift
             self.seconds["expansion"] = clock() - start_time
+
         return self._expanded[0]
 
     def drop_factor(self) -> None:

@@ -80,11 +80,13 @@ class Support(FieldsRepr):
         regions = {"near": ball, "box": _box, "plane": _plane, "nodes": NumberedNodes.of}
         if given_places and given_places[0] in regions:
             store(self, where=regions[given_places[0]](places[given_places[0]]))
+
         if not isinstance(self.where, str) and not callable(self.where):
             raise InputError(
                 "where must be the name of a group or a function of coordinates x (3, n), or near, "
                 f"box or plane be given; got {shown(self.where)}."
             )
+
         names = self.fix
         if not isinstance(names, str):
             if isinstance(names, set | frozenset):  # each rank has an order of its own of it
@@ -95,6 +97,7 @@ class Support(FieldsRepr):
                     f"fix {shown(self.fix)} is not a component: it must be 'all' or such names as "
                     "'x', 'rz' or ('x', 'y')."
                 )
+
         store(self, fix=names)
 
     def components(self, known: Iterable[str]) -> list[str]:
@@ -108,6 +111,7 @@ class Support(FieldsRepr):
                 f"fix {self.fix!r} is not a component of this structure: it must be 'all' or of "
                 f"{', '.join(map(repr, names))}."
             )
+
         return fixed
 
     def selected(self, x: Array, **size: float) -> BoolArray:
@@ -119,6 +123,7 @@ class Support(FieldsRepr):
                 f"a support's function must return one bool per point: shape ({len(x)},); "
                 f"got {mask.shape}."
             )
+
         return mask
 
     @property
@@ -149,6 +154,7 @@ def fixed_dofs(
                 f"the support {support.label} fixes nothing: no point of the mesh lies "
                 f"there; check the group or the coordinates (the mesh spans {low} to {high})."
             )
+
     return fixed
 
 
@@ -157,6 +163,7 @@ def _there(mesh: Mesh, form: WeakForm, support: Support, path: tuple[int, ...]) 
         return dofs_of_entities(mesh, form, mesh.group(support.where), path)
     if isinstance(support.where, NumberedNodes):
         return dofs_of_entities(mesh, form, support.where.entities(mesh), path)
+
     dofs, x = compat.dof_coordinates(form.space, path)
     size = {"size": mesh.extent()} if isinstance(support.where, Region) else {}
     return dofs[agreed(mesh.comm, lambda: support.selected(x, **size))]
@@ -251,6 +258,7 @@ def _box(value: object) -> Region:
             f"box has a lower corner {point_text(lower)} above the upper corner "
             f"{point_text(upper)} in some direction: exchange these coordinates."
         )
+
     words = f"in the box from {point_text(lower)} to {point_text(upper)}"
     return Region(words, partial(_off_box, lower, upper))
 
@@ -269,6 +277,7 @@ def _plane(value: object) -> Region:
     length = float(np.linalg.norm(normal))
     if length == 0:
         raise InputError("the normal of plane must not be the zero vector.")
+
     normal_text = ", ".join(f"{c:g}" for c in normal / length)
     words = f"on the plane through {point_text(point)} across ({normal_text})"
     return Region(words, partial(_off_plane, point, normal / length))
@@ -304,6 +313,7 @@ def mesh_modes(
     modes = orthonormal(comm, M, modes)
     if not modes.shape[1]:
         return modes, 0.0
+
     largest_ratio = force_ratios(K, modes, multiply(K, modes)).max()
     if largest_ratio > RIGID_FORCE:
         raise AccuracyError(
@@ -311,6 +321,7 @@ def mesh_modes(
             "from rounding: 1e-16); the mesh or the element order cannot represent rigid motions, "
             "or a spring is so stiff that it should be a Support."
         )
+
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
     fields = places_of(form).polynomials(comm, (low + high) / 2, float((high - low).max()))
     fields = _vanishing(comm, fields, fixed, springs)
@@ -340,12 +351,14 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
     if not scale.all():
         fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
+
     owned_fixed = fixed[fixed < len(fields)]
     at_fixed = fields[owned_fixed]
     stretch = dot(comm, springs, fields)
     gram = comm.allreduce(at_fixed.T @ at_fixed) + stretch.T @ stretch
     if not gram.any():
         return fields
+
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     combinations = (vectors / scale[:, None])[:, values < VANISHING]
     result = fields @ combinations
@@ -362,14 +375,17 @@ def first_elastic(
     for column, share in zip(fields.T, shares.T, strict=True):
         elastic = column - motions @ share
         full_norm, elastic_norm = comm.allreduce(np.array([column @ column, elastic @ elastic]))
+
         # A rigid field leaves rounding only, which must not be scaled up to a field of its own.
         if elastic_norm > STRAINING_SHARE**2 * full_norm:
             fields[:, count] = elastic
             count += 1
+
     basis = orthonormal(comm, M, fields[:, :count], into=fields)
     stiffness = [dot(comm, basis, multiply(K, column)) for column in basis.T]
     values = np.linalg.eigvalsh(np.array(stiffness).reshape(len(stiffness), -1))
     if not len(values):
         return frequency(K, M)
+
     # Below the rounding of the largest nothing is told: `closer_shift` comes after.
     return float(max(values[0], DOMINATED * values[-1]))

@@ -106,10 +106,12 @@ def too_large(matrices: MeshedParts) -> str:
             f"it takes {name} with each cell divided, and {finer:.0f} dofs are more than"
             f" {MOST_DOFS}: {remedy}."
         )
+
     free = process.free_memory()
     if need > process.MEMORY_SHARE * free:
         what = f"{name} with each cell divided, which it takes,"
         return f"{process.shortage(what, need, free)}: {remedy}."
+
     return ""
 
 
@@ -179,8 +181,10 @@ def _sites_of(model: AntiOscillators) -> list[Site]:
         raise InputError(
             "the error 'estimate' of beams and shells needs a Site with point and direction."
         )
+
     directions = np.atleast_2d(model.direction)
     radii = model.radius if model.sites else (model.radius,)
+
     return [
         Site(points[name], directions[i[0]], radius=radius, tangential=len(i) > 1)
         for (name, i), radius in zip(columns.items(), radii, strict=True)
@@ -196,6 +200,7 @@ def divided(matrices: MeshedParts) -> Structure:
             groups, supports = _by_groups(part)
             fine = part.again(finer(replace(part.mesh, groups=groups)), supports)
             _divided[matrices] = holding(fine, start_time)
+
     return _divided[matrices]
 
 
@@ -209,6 +214,7 @@ def _by_groups(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArray]], l
             groups[name] = support.where.entities(part.mesh)
             support = Support(name, support.fix)
         supports.append(support)
+
     return groups, supports
 
 
@@ -228,6 +234,7 @@ def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
     lack, surplus = (
         (vectors * part) @ vectors.T for part in (np.maximum(values, 0), np.minimum(values, 0))
     )
+
     return lack, surplus
 
 
@@ -260,6 +267,7 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
     places = _places_of_halves(part)
     input_number = np.asarray(fine.mesh.dolfinx.topology.original_cell_index)
     parent, half = np.divmod(input_number, len(places))
+
     blocks = []
     for path in part.form.components.values():
         tables = np.stack([compat.tabulate(part.form.space, path, X) for X in places])
@@ -269,6 +277,7 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
         columns = compat.cell_dofs(part.form.space, path, parent)[cell]
         fine_rows = np.repeat(rows[:, None], columns.shape[1], axis=1)
         blocks.append((tables[half[cell], function], fine_rows, columns))
+
     values, rows, columns = (np.concatenate([entry[k] for entry in blocks]) for k in range(3))
     shape = tuple(compat.local_size(entry.form.space) for entry in (fine, part))
     entries = values.ravel(), (rows.ravel(), columns.ravel())
@@ -325,12 +334,14 @@ def source_of(source: str | Path | Mesh, order: int = 2) -> MeshSource:
         if source.tdim == 1:
             return OfLines(source)
         return OfMesh(source)
+
     path = Path(source)
     if path.suffix.lower() in GEOMETRY:
         geometry = OfGeometry(path, order)
         if geometry.coarsest.tdim == 1:
             return OfLines(geometry.coarsest, path)
         return geometry
+
     mesh = read_mesh(path)
     if mesh.tdim == 1:
         return OfLines(mesh)
@@ -391,6 +402,7 @@ class OfGeometry(MeshSource):
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
         coarsest_size = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
         size_field = wished_sizes(coarse, max(size, coarsest_size) / edge_lengths(coarse))
+
         try:
             return self._meshed(coarse, size_field, FIRST_GRADING)
         except InputError:
@@ -415,6 +427,7 @@ class OfGeometry(MeshSource):
                 1 / mesh.tdim
             )
             size_field = replace(size_field, sizes=sizes.tolist())
+
         return self._meshed(mesh, size_field, GRADING)
 
     def _meshed(self, like: Mesh, wished: SizeField | None, grading: Sequence[float]) -> Mesh:

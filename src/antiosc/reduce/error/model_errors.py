@@ -100,6 +100,7 @@ def _refuse(part: MeshedStructure) -> None:
             "the error 'estimate' compares the strains of neighbouring cells, and"
             f" {part.mesh.name} has one: give a smaller size."
         )
+
     strained = [m for m, _ in part.parts if getattr(m, "plane", None) != "stress"]
     nu = max((getattr(material, "nu", 0.0) for material in strained), default=0.0)
     if part.form.degree == 1 and nu >= LOCKING:
@@ -147,6 +148,7 @@ def _regions(part: MeshedStructure) -> Iterator[tuple[Array, IntArray]]:
     for material, cells in part.parts:
         root = np.linalg.cholesky(stiffness(material, part.mesh.gdim)).T
         regions.setdefault(root.tobytes(), (root, []))[1].append(cells[cells < owned])
+
     for root, groups in regions.values():
         yield root, np.concatenate(groups)
 
@@ -178,6 +180,7 @@ class Strains:
         slopes = mesh.geometry.slopes(self.X)[: 1 if mesh.geometry.affine else None]
         J = np.swapaxes(mesh.geometry.nodes[:owned, :, : mesh.gdim], 1, 2)[:, None] @ slopes
         self._inverse = np.linalg.inv(J)
+
         #: (cells, points), volumes included
         self.weights = np.abs(np.linalg.det(J)) * weights
         self._space, self._paths = form.space, list(form.components.values())
@@ -194,6 +197,7 @@ class Strains:
         """Strains (cells · points, components · k) at all points of some cells."""
         slopes = np.swapaxes(self._inverse[cells], -1, -2) @ np.swapaxes(self._slopes, -1, -2)
         dofs = [compat.cell_dofs(self._space, path, cells) for path in self._paths]
+
         # derivatives ∂u_i/∂x_j as [i] (cells, points, j, k)
         slopes = slopes.reshape(len(cells), -1, slopes.shape[-1])
         gradients = [
@@ -206,6 +210,7 @@ class Strains:
             gradients[i][:, :, j] + (gradients[j][:, :, i] if i != j else 0.0)
             for i, j in STRAIN_PLACES[self.mesh.gdim]
         ]
+
         return np.stack(strains, axis=2).reshape(len(cells) * len(self.X), -1)
 
 
@@ -220,11 +225,13 @@ class Projection:
         self._corners = compat.cell_dofs(self._space, (0,), cells)
         self._weights = strains.weights[cells]
         index_map = self._space.dofmap.index_map
+
         #: corners of this rank, ghosts included
         self.size = int(index_map.size_local + index_map.num_ghosts)
         functions, weights = self.functions(slice(None))
         self._mass = (functions.T @ functions.multiply(weights)).tocsr()
         diagonal = compat.ghosts_added(self._space, self._mass.diagonal()[:, None])
+
         # corners of other cells have no function here
         self._inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
 
@@ -246,6 +253,7 @@ class Projection:
         ):
             if np.all(residuals <= CG_RESIDUAL**2 * start):
                 return compat.with_ghosts(self._space, x)
+
         raise NotConvergedError(
             f"the recovery of strains did not converge in {CG_STEPS} steps: the mesh has cells of"
             " nearly no volume; mesh the part anew, or leave the error out."
@@ -316,6 +324,7 @@ class ModelErrors:
         if not (model.sites or self._estimator.divided):
             (site,) = sites.values()
             patch = patch_of(self._structure, self._matrices, site)
+
         spent = model.info.get("seconds", {})
         info = model.info.having(
             divided=parts[0].mesh.cell if self._estimator.divided else None,
@@ -325,6 +334,7 @@ class ModelErrors:
             no_estimate=None,
             seconds={**spent, "error": time.perf_counter() - start_time},
         )
+
         return replace(model, strain_error=energies, strain_misfit=misfit, info=info)
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
@@ -366,6 +376,7 @@ def flat_cells(part: MeshedStructure) -> str:
     largest = max(mesh.comm.allgather(float(small.max(initial=0.0))))
     if not largest:
         return ""
+
     return (
         f"Not included: the straight cells of {mesh.name}, which meet at angles of up to"
         f" {largest:.2g}°, if they stand for a curve; cells of order 2 have it curved."
@@ -378,11 +389,13 @@ def _angles(x: Array, corners: IntArray) -> Array:
     """
     points = x[corners]
     along = points[:, -1] - points[:, 0]
+
     if corners.shape[1] > 2:
         along = np.cross(
             along if corners.shape[1] == 4 else points[:, 1] - points[:, 0],
             points[:, 2] - points[:, 1 if corners.shape[1] == 4 else 0],
         )
+
     unit = along / np.linalg.norm(along, axis=1, keepdims=True)
     places = {2: [[0], [1]], 3: [[0, 1], [0, 2], [1, 2]], 4: [[0, 1], [0, 2], [1, 3], [2, 3]]}
     sides = [corners[:, place] for place in places[corners.shape[1]]]
@@ -423,13 +436,16 @@ def patch_of(
     facts = {"faces": float(first.size[0]), "cut": float(first.share[0] < WHOLE_PATCH)}
     if facts["cut"] or not site.local_compliance:
         return facts
+
     for factor in RADII:
         second = of_radius(factor * site.radius)
         if second.share[0] >= WHOLE_LOAD:
             break
     else:
         return facts
+
     b = matrices.joined(second.loads[:, 0].toarray().ravel(), member.rows)
+
     # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
     solution = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
     change = float(dot(structure.comm, solution, b + site.b))

@@ -145,6 +145,7 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
         phi = np.hstack([phi, elastic])
 
     m_phi = multiply(structure.M, phi)
+
     return SiteShapes(
         kept=columns,
         dependence=dependence,
@@ -203,6 +204,7 @@ def _basis(
         inverse_LT = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
         W = W @ inverse_LT
         Y = Y @ inverse_LT
+
     sigma = np.append(sigma, np.zeros(len(columns) - len(sigma)))
     return columns, dependence, W, Y, V, sigma
 
@@ -262,6 +264,7 @@ def statics(structure: Structure, solver: Solver, loads: Array) -> Array:
         lambda x, y: np.asarray(comm.allreduce(np.einsum("ij,ij->j", x, y))),
         STATIC_STEPS,
     )
+
     # rᵀA⁻¹r is the square of the error in energy, to the tenth that A differs from K
     for k, (x, squares, _) in enumerate(steps):
         first = squares if k == 0 else first
@@ -270,6 +273,7 @@ def statics(structure: Structure, solver: Solver, loads: Array) -> Array:
         goal = STATIC_SOUND if idle_steps >= STATIC_IDLE else STATIC_TOL
         if (best <= goal**2 * first).all():
             return elastic(x)
+
     raise NotConvergedError(
         f"the static mode of a structure with {R.shape[1]} rigid-body modes did not converge in "
         f"{STATIC_STEPS} steps: the matrices are ill-conditioned (very uneven elements or "

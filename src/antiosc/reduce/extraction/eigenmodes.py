@@ -102,6 +102,7 @@ def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
         return np.asarray(x - modes @ (known_loads.T @ x))
 
     shape = (structure.size, structure.size)
+
     try:
         values, shapes = eigsh(
             structure.K,
@@ -116,6 +117,7 @@ def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
         raise NotConvergedError(
             f"ARPACK did not find {search.wanted} modes ({error}): ask for fewer modes."
         ) from error
+
     return values, shapes
 
 
@@ -144,6 +146,7 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
     eps.setInitialSpace([_vector(structure.K, search.start())])
     if search.known.shape[1]:
         eps.setDeflationSpace([_vector(structure.K, shape) for shape in search.known.T])
+
     try:
         eps.solve()
     except (PETSc.Error, SystemError) as error:  # code 95: a vector with xᵀMx < 0, by rounding
@@ -154,6 +157,7 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
             "motions have little mass the search finds no further shapes; ask for other modes, or "
             "give the parts slightly different sections."
         ) from None
+
     count = eps.getConverged()
     if count < search.wanted:
         raise NotConvergedError(
@@ -228,6 +232,7 @@ class ModeSolver:
         self._structure = structure
         self._rows = structure.rows
         self._held = held
+
         #: rigid-body modes that remain
         self._rigid = structure.rigid_modes if held is None else held.nodal
         sites = 0 if held is None else held.load.shape[1]
@@ -264,6 +269,7 @@ class ModeSolver:
                 if rows > DENSE_MANY:
                     raise
                 self._found = self._by_lapack()
+
         return self._found
 
     def _by_krylov(self, count: int) -> Modes:
@@ -285,12 +291,14 @@ class ModeSolver:
         method = _by_arpack if by_scipy(structure.K) else _by_slepc
         with doing(text, structure.comm.rank), structure.factorize(AS_SITES).accurately():
             values, vectors = method(search)
+
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
         # others
         massive = values > -structure.shift
         values = values[massive]
         vectors = vectors[:, massive]
         omega = np.concatenate([found_modes.omega, np.sqrt(np.maximum(values, 0.0))])
+
         # the solve amplifies the rigid-body modes in their rounding
         vectors = vectors - self._rigid @ dot(
             structure.comm, multiply(structure.M, self._rigid), vectors
@@ -299,6 +307,7 @@ class ModeSolver:
         order = np.argsort(omega, kind="stable")[:count]
         complete = len(omega) >= self.limit or not massive.all()
         modes = Modes(omega[order], phi[:, order], complete)
+
         # those of slender beams span so many decades of ω² that the first show in the last
         modes = _polished(structure, modes) if by_strains(structure.K) else modes
         limit = allowed(structure, modes) if self._held is None else LOST_CONSTRAINT
@@ -361,6 +370,7 @@ def _dense_modes(
     A = basis.T @ (stiffness + sigma * mass) @ basis
     theta, vectors = scipy.linalg.eigh(basis.T @ mass @ basis, (A + A.T) / 2)
     shapes = basis @ vectors
+
     # displacements without mass have no frequency: what they seem to have is rounding of M's terms
     terms = np.einsum("ij,ij->j", np.abs(shapes), np.abs(mass) @ np.abs(shapes))
     is_elastic = (theta > 1e-14 * theta.max(initial=0.0)) & (theta > NO_MASS * terms)
@@ -378,6 +388,7 @@ def residuals(structure: Structure, modes: Modes, sites: SiteShapes | None = Non
         residual_forces = residual_forces - sites.load @ dot(
             structure.comm, sites.phi, residual_forces
         )
+
     size_of_residual, size = np.split(
         structure.factorize().force_sizes(np.hstack([residual_forces, forces])), 2
     )
@@ -431,6 +442,7 @@ def polish(
         strain, mass = (_symmetric(turned.T @ one @ turned) for one in (strain, mass))
         poles, mixing, _ = _mixing(strain, mass)
         phi = phi @ (turned + turned @ mixing)
+
     return poles, phi
 
 
@@ -460,6 +472,7 @@ def _close_separated(strain: Array, mass: Array) -> Array:
             block = np.ix_(members, members)
             with suppress(np.linalg.LinAlgError):  # modes of no mass: the check refuses them
                 turned[block] = scipy.linalg.eigh(strain[block], mass[block])[1]
+
     return turned
 
 

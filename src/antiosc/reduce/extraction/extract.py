@@ -126,6 +126,7 @@ def _model(
             "modes": time.perf_counter() - start_time,
         },
     )
+
     if band is not None and remainder is not None:
         bound, lowest = error_bound(known, remainder, selected, band)
         ends = {"bottom": lowest / (2 * np.pi), "top": band / (2 * np.pi)}
@@ -156,6 +157,7 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
             "contains these; reduce tol for more.",
             AccuracyWarning,
         )
+
     settled = bool(model.info.converged) or model.n < SETTLED_FROM or bool(options.expansion)
     if not settled and model.strain_error is None:  # else the bar of the truncation tells it
         warn(
@@ -165,11 +167,13 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
             "it.",
             AccuracyWarning,
         )
+
     band = model.info.get("band")
     if options.band is None or band is None:
         return
     error = band["error_bound"]
     top = engineering(band["top"], "Hz")
+
     if not error <= options.accuracy:
         warn(
             f"with {model.n} anti-oscillators the error of Z up to {top} is at most {error:.1e}, "
@@ -321,6 +325,7 @@ def extract(
     targets = iter(functionals(structure, [one for group in asked for one in group.values()]))
     groups = [{name: next(targets) for name in group} for group in asked]
     factored = "factorization" in structure.seconds
+
     # a model has as many anti-oscillators, and a static shape of each site
     columns = [sum(target.B.shape[1] for target in group.values()) for group in groups]
     solves = sum(1 + (count - 1) / SOLVES for count in columns)
@@ -340,6 +345,7 @@ def extract(
         if damping_of_modes is not None:
             model = replace(model, damping=damping_of_modes)
         models.append(model)
+
     return models if isinstance(site, list | tuple) else models[0]
 
 
@@ -371,6 +377,7 @@ def _checked_options(
             f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
             "ask for fewer anti-oscillators."
         )
+
     if band is not None:
         band = checks.band(band)
     else:

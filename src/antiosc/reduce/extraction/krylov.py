@@ -89,6 +89,7 @@ def with_damping(
             "a damper brakes a rigid-body motion that the site does not see, and that matrices "
             "without coordinates do not tell: give them a map with coordinates."
         )
+
     return _with_losses(structure, model, in_coordinates(damping, np.eye(len(braked))[:, kept]))
 
 
@@ -112,6 +113,7 @@ def _with_losses(
     ratio = np.maximum(ratio, 0.0)
     if damping is None:
         return replace(model, damping=Damping(ratio=ratio.tolist()))
+
     # in the coordinates of the matrix: q of what moves, by the inverse of the modes
     amplitude = phi.T.copy()
     amplitude[: model.unit.size] /= model.unit[:, None]
@@ -166,6 +168,7 @@ class Lanczos:
         self.steps = 0
         self.H = np.zeros((0, 0))
         self.applied = -1
+
         # V. In front stand the rigid-body modes that do not move the sites, which no step may pick
         # up again, and A times these.
         self._V = np.empty((rows, self._locked + room), order="F")
@@ -176,9 +179,11 @@ class Lanczos:
             self._forces = scale * multiply(self._M, static.nodal)
         self._c = np.zeros((0, len(static.kept)))  # VᵀMΦ
         self._ends: list[int] = []  # numbers of vectors with those of each block
+
         #: lengths of what was dropped of TΦ and of TV, and of what the solver left out
         self._dropped = np.zeros(2)
         self.load = static.m_phi
+
         #: how many of the loads are inertia, the others those of damping
         self._inertial = static.m_phi.shape[1]
         forces = dashpot_patterns(terms)
@@ -201,10 +206,12 @@ class Lanczos:
         V = self._V[:, :k]
         w = self._constrained(w)
         load_energy = max(float(dot(self._comm, w, load)), size)
+
         # VᵀAw = Vᵀ load but for the solver's error: V does not feel the forces that hold the sites
         w = self._constrained(w - V @ dot(self._comm, V, load))
         f = multiply(self._A, w)
         h = dot(self._comm, V, f)  # twice is enough (Kahan)
+
         # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
         h[: self._locked] = dot(self._comm, self._forces, w)
         w = self._constrained(w - V @ h)
@@ -245,11 +252,13 @@ class Lanczos:
         noise = int(np.sum(theta <= NOISE * theta[-1])) if n else 0
         resolved = theta[noise:]
         vectors = eigenvectors[:, noise:]
+
         if len(resolved) and resolved[0] < WIDE_RANGE * resolved[-1]:
             poles, x = polish(vectors / np.sqrt(resolved), lambda x: x.T @ x, lambda x: x.T @ H @ x)
             order = np.argsort(-poles)
             resolved = 1 / poles[order]
             vectors = (x / np.sqrt(poles))[:, order]
+
         theta = np.concatenate([np.zeros(noise), resolved])
         return theta[::-1], np.column_stack([eigenvectors[:, :noise], vectors])[:, ::-1]
 
@@ -371,6 +380,7 @@ def by_krylov(
     # room for a few more than are wanted: the system gives memory only to what is written
     run = Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
     count = 0 if band is None and n == 0 else None
+
     with doing("extracting anti-oscillators", structure.comm.rank) as report:
         step = 0
         while count is None:

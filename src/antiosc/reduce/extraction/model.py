@@ -112,11 +112,13 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
     comm = structure.comm
     phi = modes.phi
     residual = static.phi
+
     P = np.zeros((phi.shape[1], static.phi.shape[1]))
     for _ in range(2):  # twice is enough (Kahan)
         part = dot(comm, phi, multiply(structure.M, residual))
         P = P + part
         residual = residual - phi @ part
+
     m0 = semidefinite(dot(comm, residual, multiply(structure.M, residual)))
     massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
     m0[massless] = 0.0
@@ -130,9 +132,11 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
             [*products, _forces_left(structure, static, modes.omega[columns], k_phi, m_phi)]
         )
         del k_phi, m_phi  # before the next ones are made
+
     stiffnesses, masses, residual_forces = (
         np.concatenate(arrays, axis=-1) for arrays in zip(*parts, strict=True)
     )
+
     return ConstraintModes(
         static=static,
         modes=modes,
@@ -158,6 +162,7 @@ def _forces_left(
     k_phi -= m_phi
     for column, reaction in zip(k_phi.T, dot(structure.comm, k_phi, static.phi), strict=True):
         column -= static.load @ reaction
+
     return sizes(k_phi) / np.maximum(size, np.finfo(float).tiny)
 
 
@@ -193,6 +198,7 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     mixed = [(group, u) for group in groups for u in _distinct_motions(known, group).T]
     P = np.array([u @ known.P[group] for group, u in mixed]).reshape(-1, known.P.shape[1])
     poles = np.array([u**2 @ known.poles[group] for group, u in mixed])
+
     # ω = 0 is left only by rounding: rigid modes that do not move the sites are deflated.
     observable = np.flatnonzero(shares_at_sites(static.k0, known.m0, P, poles) > tol)
     modes = sum({group[0]: len(group) for group, _ in (mixed[i] for i in observable)}.values())
@@ -200,7 +206,9 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     combination = np.zeros((len(omega), len(order)))
     for column, i in enumerate(order):
         combination[mixed[i][0], column] = mixed[i][1]
+
     lumped_rows = known.P - combination @ P[order]  # what is not kept goes back to m0
+
     return Selection(
         m0=semidefinite(known.m0 + lumped_rows.T @ lumped_rows),
         P=P[order],
@@ -219,7 +227,9 @@ def every_mode(known: ConstraintModes, n: int) -> Selection:
     if P.shape[1] == 1:  # of which the masses must be > 0
         least = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
         P = np.where(np.abs(P) < least, least, P)
+
     lumped_rows = np.delete(known.P, order, axis=0)
+
     return Selection(
         m0=semidefinite(known.m0 + lumped_rows.T @ lumped_rows),
         P=P,
@@ -234,12 +244,15 @@ def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
     """Combinations (g, k) of g modes of equal frequency that move the sites differently."""
     if len(group) < 2:
         return np.eye(len(group))
+
     scale = np.sqrt(known.static.mass.diagonal())
     U, size, _ = np.linalg.svd(known.P[group] / scale)
     count = int(np.sum(size > DISTINCT * size[0]))
     if count == len(group):
         return np.eye(count)
+
     U = U[:, :count]
+
     # their own frequencies differ by rounding, and the stiffness between them is to vanish
     _, vectors = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
     return np.asarray(U @ vectors)
@@ -310,6 +323,7 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
         Z = stiffness_at_sites(x, k0, m0, P[positive], poles[positive])
         shares = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
         share[i] = np.abs(x**2 / (poles[i] - x) * shares)
+
     return share
 
 
@@ -404,6 +418,7 @@ def model_of(
     if not names:  # m_i moves with its site: lambda_i = lambda_0 + an amplitude
         phi = selected.phi
         phi *= P[0]  # in place: as large as the shapes
+
     shapes = np.hstack([static.phi @ static.W.T, selected.phi])
     k0, m0 = (semidefinite(static.W @ one @ static.W.T) for one in (static.k0, selected.m0))
 
@@ -422,6 +437,7 @@ def model_of(
         dependence=static.dependence,
         rigid=static.rigid,
     )
+
     if names:
         info = info.having(independent=static.kept.tolist())
         info = replace(info, points=points) if has_directions else info
@@ -439,6 +455,7 @@ def model_of(
         hidden=None if structure.rigid_inertia is None else static.nodal,
         info=info,
     )
+
     return _with_second_order(structure, model)
 
 
@@ -506,6 +523,7 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
     """Warn of a measured error above `limit`; AccuracyError for one above USABLE times `limit`."""
     if value <= limit:
         return
+
     reason = (
         "the matrices are ill-conditioned by very slender or thin parts, penalties, very uneven "
         "elements or materials: take fewer elements, more even ones, smaller penalties."
@@ -515,6 +533,7 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
             f"the constraint modes fail their own check: {name} {value:.1e}, limit "
             f"{USABLE * limit:.0e}; {reason}"
         )
+
     warn(
         comm,
         f"the constraint modes satisfy their check only to {value:.1e} ({name}, usually below "
@@ -543,6 +562,7 @@ def checked_modes(
             "rigid body: some part is attached by a hinge, a single common point or line; join it "
             "along a face."
         )
+
     residual_forces = known.off
     scale = np.sqrt(modes.omega**2 + structure.shift)
     projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)

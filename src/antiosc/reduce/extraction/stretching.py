@@ -118,6 +118,7 @@ def _second_order(
     if preload is not None:
         states = matrices.fields(preload.q[:, None])
         points = [at.about(q[:, 0]) for at, (_, q) in zip(points, states, strict=True)]
+
     pieces = [
         _Piece(at, member.rows, [at.slopes(shape) for shape in shapes.T])
         for at, (member, shapes) in zip(points, fields, strict=True)
@@ -154,6 +155,7 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
         block = U[:, sizes > EXHAUSTED * sizes.max(initial=0.0)]
         basis = np.hstack([basis, block])
         block = flexible * block
+
     return basis[:, :count]
 
 
@@ -191,6 +193,7 @@ def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
     slopes = piece.slopes
     stresses = [points.stress(slope) for slope in slopes]
     loads: list[Array] = []
+
     with counting(WORDS, len(pairs)) as done:
         for i, j in pairs:
             strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
@@ -198,6 +201,7 @@ def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
             slope_forces = slope_forces + points.along(stresses[j], slopes[i])
             loads.append(points.load(strained, slope_forces / 2))
             done(len(loads))
+
     return np.column_stack(loads)
 
 
@@ -212,6 +216,7 @@ def _quartic(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
     """⅛ ∫η:C:η of all pairs of pairs of motions: (pairs, pairs)."""
     points = piece.points
     slopes = piece.slopes
+
     total = np.zeros((len(pairs), len(pairs)))
     for start in range(0, points.weight.size, AT_ONCE):
         span = slice(start, start + AT_ONCE)

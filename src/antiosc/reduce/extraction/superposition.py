@@ -94,11 +94,13 @@ class StructureModes(ReprMixin):
         if shares is not None:
             rows[0] += "".join(f" {'m_eff ' + axis:>9}" for axis in "xyz")
             shares = shares / (self.mass or 1.0)
+
         for i, f in enumerate(self.frequency):
             row = f"{i + 1:>4} {f:>12.6g} {self.multiplicity[i]:>5}"
             if shares is not None:
                 row += "".join(f" {share:>9.2%}" for share in shares[i])
             rows.append(row)
+
         if shares is not None:
             total = " ".join(f"{share:>9.2%}" for share in shares.sum(axis=0))
             rows.append(f"{'sum':>4} {'':>12} {'':>5} {total}")
@@ -154,6 +156,7 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
     elastic = max(0, n - rigid.shape[1])
     omega = np.zeros(rigid.shape[1])
     shapes = rigid
+
     if elastic:
         solver = ModeSolver(structure)
         modes = solver.lowest(
@@ -163,12 +166,14 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
         check_modes(structure, modes)
         omega = np.append(omega, modes.omega)
         shapes = np.hstack([rigid, modes.phi])
+
     count = _multiplicity(omega)
     try:
         mass: float | None = structure.mass
     except InputError:
         mass = None
     lowest = shapes[:, :n]
+
     return StructureModes(
         omega=omega[:n],
         multiplicity=count[:n],
@@ -282,6 +287,7 @@ def superposition(
     solver = ModeSolver(structure)
     most = SEARCHED * (n + DEFAULT_COUNT)
     modes = solver.lowest(n + 2, lambda modes: len(visible_of(modes).omega) >= n, most)
+
     visible = visible_of(modes)
     if len(visible.omega) < n and not modes.complete:
         message = (
@@ -289,6 +295,7 @@ def superposition(
             f"the site, fewer than n = {n}: the model contains these."
         )
         on_root(structure.comm, partial(warn, message, AccuracyWarning))
+
     selected = Modes(visible.omega[:n], visible.phi[:, :n], len(visible.omega) <= n)
     all_kept = selected.complete and len(modes.omega) == solver.limit
     correction = static_correction and not all_kept
@@ -320,6 +327,7 @@ def full(
             f"most {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a "
             "coarser mesh, or superposition() or extract() with a growing n."
         )
+
     checked_damping = as_damping(damping)
     site_load = functional(structure, site)
     static = site_shapes(structure, site_load.b[:, None])
@@ -353,11 +361,13 @@ def _observable_modes(
     omega = modes.omega[visible]
     b = b[visible]
     phi = modes.phi[:, visible]
+
     if len(omega):
         start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
         size = np.sqrt(np.add.reduceat(b**2, start))
         phi = np.add.reduceat(phi * b, start, axis=1) / size
         omega = omega[start]
+
     omega = np.append(np.zeros(int(moves_site.sum())), omega)
     return Modes(omega, np.hstack([rigid[:, moves_site], phi]), modes.complete)
 
@@ -417,6 +427,7 @@ def _model(
         converged=len(modes.omega),
         point=None if where.point is None else where.point.tolist(),
     )
+
     return NaturalModes(
         modes.omega, b, modes.phi, body, where.local_compliance, where.radius, damping, info
     )

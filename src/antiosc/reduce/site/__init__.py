@@ -54,6 +54,7 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
 
         on_mesh = functionals_at(matrices, [sites[k] for k in at_points])
         found = dict(zip(at_points, on_mesh, strict=True))
+
     return [
         found[k] if k in found else algebraic(structure.matrices, site)
         for k, site in enumerate(sites)
@@ -78,4 +79,5 @@ def surfaces(
             surfaces_found[name] = surface.as_dict()
         except InputError as error:
             surfaces_found[name] = {NOT_KNOWN: str(error)}
+
     return surfaces_found

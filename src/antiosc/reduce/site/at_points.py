@@ -74,6 +74,7 @@ def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functio
         assert functional.point is not None
         place = repr(site.point) if isinstance(site.point, str) else f"at {text(functional.point)}"
         raise SiteError(constrained(f"the site {place}"))
+
     return replace(functional, B=B)
 
 
@@ -101,6 +102,7 @@ def before_joining(
         functionals = _site_functionals(part, struck, places, found)
         for k, place, functional in zip(of_part, places, functionals, strict=True):
             by_site[k] = _on_whole(structure, place, functional)
+
     return [by_site[k] for k in range(len(sites))]
 
 
@@ -131,6 +133,7 @@ def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | Poin
         numbers, points, directions = zip(*aimed, strict=True)
         places = places_at(matrices.members(part), np.array(points), np.array(directions))
         found.update(zip(numbers, places, strict=True))
+
     return [found[k] for k in range(len(sites))]
 
 
@@ -143,6 +146,7 @@ def _on_whole(structure: MeshedParts, place: Place, functional: Functional) -> F
     if structure.assembled:
         B = np.zeros((algebra.size(structure.K), B.shape[1]))  # u and q have as many dofs
         B[member.rows] = functional.B
+
     return replace(
         functional,
         B=B,
@@ -162,6 +166,7 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) ->
         raise InputError(
             f"direction {site.direction} leaves the plane in which the assembly moves."
         )
+
     if site.radius is not None or site.tangential:
         raise InputError(
             f"the site {site.point!r} of a superelement has the patch and the directions with "
@@ -170,11 +175,13 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) ->
             else f"the reference point {site.point!r} has no surface: leave radius and tangential "
             "out, or give each direction a site of its own."
         )
+
     if not end.has(np.append(direction, np.zeros(3))):
         raise InputError(
             f"the site {site.point!r} of a superelement does not move along the direction of "
             "impact: extract its model with a tangential site."
         )
+
     b = np.asarray(end.displacements.T @ direction)
     place = place_at(structure, end.point, direction)
     functional = Functional(b[:, None], point=end.point, directions=direction[None], place=place)
@@ -236,6 +243,7 @@ def _site_functionals(
 ) -> list[Functional]:
     """The load vectors and patch data of each site."""
     columns, axes = [found.loads], [found.directions]
+
     if found.weighted is not None and any(site.tangential for site in sites):
         for across in tangents(found.directions, "z" not in structure.form.components):
             B = loads(structure.comm, structure.form, found.weighted, across)
@@ -261,6 +269,7 @@ def _site_functionals(
                 cell_and_waves(structure, place.nearest, directions[0], high - low, thickness),
             )
         )
+
     return functionals
 
 
@@ -287,12 +296,14 @@ def cell_and_waves(
     x = corners_at(mesh, nearest)
     edges = x[:, None] - x[None]
     size = float(np.linalg.norm(edges, axis=2).max())
+
     if structure.kind.outside:
         thin = np.eye(3)[int(np.argmin(sides[: mesh.gdim]))]
         bending_share = abs(float(direction @ thin))
     else:  # how far it points out of the cell's tangents
         tangents = np.linalg.svd(edges.reshape(-1, 3), full_matrices=False)[2][: mesh.tdim]
         bending_share = float(np.linalg.norm(direction - (direction @ tangents.T) @ tangents))
+
     speed = material.bar_speed()
     gyration = thickness / sqrt(12) if bending_share > ALONG else 0.0
     return size, speed * gyration, speed
@@ -358,6 +369,7 @@ class Released:
                 "reactions of an assembly with superelements are not known: the supports and the "
                 f"inertia inside of the part {name!r} are not."
             )
+
         self._parts: dict[int, MeshedStructure] = {}
         self._motions = np.zeros((0, 0))
         self.centres, self.pulled = self._released(supports)
@@ -415,6 +427,7 @@ class Released:
         """(centre of each support, forces on the free dofs for unit motions of each)."""
         centres: dict[str, Array] = {}
         places = self._of.places
+
         moved: dict[str, tuple[IntArray, Array]] = {}  # dofs of a support, their motions
         for member in self._of.members():
             prefix = f"{member.name}:" if member.name else ""
@@ -429,6 +442,7 @@ class Released:
         names = names_of(supports, centres) if constraints else []
         for name, row in zip(names, rows, strict=False):
             centres[name] = places.points[np.unique(row.matrix.indices)].mean(axis=0)
+
         if not centres:
             raise InputError(
                 "the structure has no supports: it has no reactions; the force of a spring to the"
@@ -439,6 +453,7 @@ class Released:
         motions = np.zeros((len(places.kind), 6 * len(centres)))
         for name, (dofs, motions_of_dofs) in moved.items():
             motions[dofs, column[name]] = motions_of_dofs
+
         if constraints:
             prescribed = [np.asarray(-row.matrix @ motions) for row in rows]
             for name, row, values in zip(names, rows, prescribed, strict=False):
@@ -447,6 +462,7 @@ class Released:
             eliminated = eliminate(rows, constraints.fixed, constraints.scale, all_values)
             assert eliminated.particular is not None
             motions = motions + eliminated.particular
+
         self._motions = motions
         return centres, -self._forces("K", motions)
 
@@ -505,4 +521,5 @@ def dofs_by_support(part: MeshedStructure) -> dict[str, IntArray]:
         dofs = np.unique(np.concatenate([fixed[:0], *paths.values()]))
         result[name] = np.setdiff1d(dofs[dofs < rows], fixed)
         fixed = np.union1d(fixed, result[name])
+
     return result

@@ -81,6 +81,7 @@ def targets(where: object) -> Sequence[str] | None:
         raise InputError(
             "where lists names and points; give names of groups and parts alone, or points alone."
         )
+
     repeated = [name for k, name in enumerate(names) if name in names[:k]]
     if repeated:
         raise InputError(f"where lists {repeated[0]!r} twice.")
@@ -101,6 +102,7 @@ def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
         for surface, start in zip(surfaces, starts[:-1], strict=True)
         if surface.elements.shape[1] == corners
     ]
+
     return MapSites(
         Sites.joined([surface.sites for surface in surfaces]),
         np.concatenate([np.zeros((0, corners), dtype=int), *elements]),
@@ -158,6 +160,7 @@ def sites_of(
         on_part, is_movable = _on_part(structure, member, sample, direction, radius, name)
         on_part = on_part.only(is_movable)
         surfaces.append(on_part if names is None else movable(on_part, name))
+
     return movable(concatenated(surfaces), None)
 
 
@@ -169,6 +172,7 @@ def movable(sites: MapSites, where: object) -> MapSites:
             f"no site of the map can move{place}: supports fix the whole surface, or there is no "
             "surface under the patches; give another group."
         )
+
     return sites
 
 
@@ -217,6 +221,7 @@ def _on_part(
             f"shells and beams have no outward normal{suffix}: give the direction of impact, for "
             "instance (0, 0, -1)."
         )
+
     R = member.at.rotation
     count = len(sample.points)
     directions = -sample.normals
@@ -259,6 +264,7 @@ def thinned(ground: SurfaceSample, most: int | None) -> SurfaceSample:
     places = np.hstack([ground.points, OPPOSITE / 2 * extent * ground.normals])
     kept = [0]
     nearest = np.zeros(len(places), dtype=int)
+
     gap = np.linalg.norm(places - places[0], axis=1)
     while len(kept) < most:
         i = int(gap.argmax())
@@ -266,6 +272,7 @@ def thinned(ground: SurfaceSample, most: int | None) -> SurfaceSample:
         nearest[further < gap] = len(kept)
         gap = np.minimum(gap, further)
         kept.append(i)
+
     elements = nearest[ground.elements]
     corners = np.sort(elements, axis=1)
     own = (np.diff(corners, axis=1) > 0).all(axis=1)
@@ -296,6 +303,7 @@ def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
         depth = float(contact(extent).depth[0])
         reach = TOUCHING * extent + (depth if np.isfinite(depth) else 0.0)
         largest = float(contact(reach).largest[0])
+
     if largest <= 0:
         return None
 
@@ -321,11 +329,13 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
     in_group = np.ones(len(faces.facets), dtype=bool)
     if group is not None:
         in_group = np.isin(faces.facets, mesh.group(group).get(faces.dim, []))
+
     if not mesh.comm.allreduce(int(in_group.sum())):
         raise InputError(
             f"group {group!r} holds no outer faces of {mesh.name} (dimension {faces.dim}): a map "
             "needs a surface; name one, or leave it out for all."
         )
+
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices[in_group]]
     normals = faces.normals[in_group] if is_solid else np.zeros((int(in_group.sum()), 3))
     of_rank = numbers, faces.corners[in_group], normals

@@ -107,12 +107,15 @@ class Site(FieldsRepr):
         at_node = self.node is not None
         if (places_given[0] or places_given[2]) if at_node else sum(places_given) != 1:
             raise InputError("a Site needs one of: point with direction, dof, vector, or node.")
+
         if at_node:
             store(self, node=whole("node", self.node))
             if places_given[1] == (self.direction is not None):
                 raise InputError("a Site at a node needs one of: dof, as 'z', or direction.")
+
         if self.radius is not None:
             store(self, radius=positive("radius", self.radius, "m"))
+
         if isinstance(self.snap, bool) or not isinstance(self.snap, Real):
             store(self, snap=flag("snap", self.snap))
         else:
@@ -158,6 +161,7 @@ def tangents(directions: Array, plane: bool) -> list[Array]:
     """Unit vectors (P, 3) perpendicular to the directions (P, 3): two arrays; one in a plane."""
     if plane:
         return [np.cross([0.0, 0.0, 1.0], directions)]
+
     # rounded, so that rounding errors do not decide between equally oblique axes
     helper_axis = np.argmin(np.abs(directions).round(6), axis=1)
     first = np.cross(np.eye(3)[helper_axis], directions)
@@ -240,11 +244,13 @@ def motions_without_mesh(
             f"{name!r} is a point without a mesh and has no {quantity}: ask for its "
             f"{', '.join(MOTIONS)}."
         )
+
     from antiosc.fem.structure.loads import UNIT  # needs dolfinx
 
     matrices = cast("AssembledMatrices", structure.matrices)
     plane = matrices.layout.plane
     rotated = quantity == "rotation"
+
     names = ROTATIONS[2 * plane :] if rotated else DISPLACEMENTS[: 3 - plane]
     if not all(end.has(UNIT[name]) for name in names):
         raise InputError(
@@ -255,6 +261,7 @@ def motions_without_mesh(
                 else " along all axes: extract its model with a tangential site."
             )
         )
+
     return np.asarray(end.components(names) @ matrices.expanded(shapes))
 
 
@@ -270,12 +277,14 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
         )
     if site.radius is not None:
         raise InputError(PATCH)
+
     if site.vector is not None:
         b = floats("vector", site.vector, (n,))[first:last].copy()
     else:
         if not isinstance(site.dof, int) or not 0 <= site.dof < n:
             raise InputError(f"dof must be a number from 0 to {n - 1}; got {site.dof!r}.")
         b = (np.arange(first, last) == site.dof).astype(float)
+
     return Functional(_on_free_rows(structure, b[:, None], "the site"))
 
 
@@ -327,6 +336,7 @@ def functional_on_nodes(matrices: NodalMatrices, site: Site) -> Functional:
     B = np.zeros((algebra.size(matrices.K), loads.shape[1]))
     B[rows] = loads
     point = matrices.map.points[rows[0]]
+
     return Functional(
         _on_free_rows(matrices, B, f"node {node}"),
         point=point if np.isfinite(point).all() else None,
@@ -348,4 +358,5 @@ def _node_at(matrices: NodalMatrices, site: Site) -> int:
             f"the point is no node: the nearest is node {node}, {distances[nearest]:.3g} m away;"
             " use that."
         )
+
     return node

@@ -85,12 +85,14 @@ def patches(
     rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), most_rings[faces.dim])
     rings = rings.astype(int)
     flat = contact.rise <= FLAT_RISE * radii  # then few faces come into question for a point
+
     # one large patch would have the small ones projected as far as itself
     octave = np.frexp(radii)[1]
     groups, group = np.unique(np.column_stack([rings, flat, octave]), axis=0, return_inverse=True)
     share = np.zeros(len(points))
     point_sets = []
     done = 0
+
     with counting("patches of the sites", len(points), faces.mesh.comm.rank) as ready:
         for number, (count, is_flat, _) in enumerate(groups.tolist()):
             rule, weights = disc(count) if faces.dim == 2 else segment(4 * count)
@@ -104,6 +106,7 @@ def patches(
                 point_sets.append(points_of_rule[0])
                 done += len(part)
                 ready(done)
+
     return Points.joined(point_sets), share
 
 
@@ -120,6 +123,7 @@ def _rule_on_faces(
     """The points of one quadrature rule, projected on the faces at some sites; see `patches`."""
     comm = faces.mesh.comm
     normal = normals[part]
+
     # between axes that are equally oblique rounding must not decide how the rule is oriented
     helper_axis = np.argmin(np.abs(normal).round(6), axis=1)
     first = np.cross(normal, np.eye(3)[helper_axis])
@@ -314,6 +318,7 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = Fals
             " its half-space compliance does not hold; move the site or take a smaller radius."
         )
         doubts.append((cut, text))
+
     for which, text in doubts:
         if which.any():
             count = f" (At {which.sum()} of {len(sites)} sites.)" if len(sites) > 1 else ""
@@ -348,6 +353,7 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
 
     i = int(np.argmax(np.where(is_coarse, sites.size / sites.radii, 0.0)))
     size, radius = float(sites.size[i]), float(sites.radii[i])
+
     # where an edge cuts the patch, its radius must not be larger
     larger_radius = f", or a radius of {engineering(rounded_up(size), 'm', 2)}"
     yield (

@@ -133,6 +133,7 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
         raise InputError(
             "beams and plane parts have no surface in space: give the law of the contact."
         )
+
     patch = _patch(faces, point)
     touching = patch.only(patch.touching)
     normal = _normal(touching, direction, faces.sheet)
@@ -140,6 +141,7 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
     surfaces = len(np.unique(touching.surfaces(faces.sheet)))
     if surfaces > 1:
         return _sharp(EDGE if surfaces == 2 else CORNER, x, normal)
+
     towards = normal if direction is None or not faces.sheet else direction
     if abs(float(towards @ normal)) < RIM * float(np.linalg.norm(towards)):
         return _sharp(EDGE, x, normal)
@@ -185,6 +187,7 @@ def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
     if sheet:
         reference = normals[0] if direction is None else -direction
         normals = normals * np.where(normals @ reference < 0, -1.0, 1.0)[:, None]
+
     mean = normals.sum(axis=0)
     size = float(np.linalg.norm(mean))
     return np.asarray(mean / size if size > 0 else normals[0])
@@ -238,6 +241,7 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     error = max(2 * fit.deviation, 2 * change, LEAST_ERROR * largest)
     if error > largest / 2 and _level(nodes[:COEFFICIENTS]):
         return _plane(x, normal)  # a flat beside a rounded edge
+
     values, kind = _kind(fit.values, error)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)
 
@@ -327,6 +331,7 @@ def largest_ball(
     if radii.size:
         i = int(np.argmin(radii))
         ball = float(radii[i]), faces.samples[i]
+
     everywhere: list[tuple[float, Array]] = faces.mesh.comm.allgather(ball)
     return min(everywhere, key=lambda found: found[0])
 
@@ -358,10 +363,12 @@ def surface_of(structure: Structure, place: Place, radius: float | None) -> Surf
         raise InputError("a plane part has no surface in space.")
     if isinstance(material, Beam):
         return _bar_surface(material, matter, radius)
+
     curved = _curvature(place)
     surface = placed(curved, matter, corner_radius(structure), radius)
     if curved.kind in SHARP:
         return surface
+
     ball_radius, second_contact = _room(with_parts(structure), curved, radius or 0.0)
     return replace(surface, largest_ball=ball_radius, meets=second_contact)
 
@@ -386,6 +393,7 @@ def _room(
             best = radius
             x, y, z = member.at.placed(touched[None])[0].tolist()
             second_contact = (x, y, z)
+
     return best, second_contact
 
 
@@ -410,10 +418,12 @@ def _curvature(place: Place) -> Curvature:
     part = place.member.part
     at = place.member.at
     along = place.direction if place.direction.any() else None
+
     if part.kind.sheet and part.mesh.gdim == 2:
         curved = _flat(place.point, along)
     else:
         curved = curvature(part.mesh, part.faces, place.point, along)
+
     if part.kind.sheet:
         curved = curved.beyond(place.material.section.thickness / 2)
     return curved.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
@@ -442,6 +452,7 @@ def flat_face(structure: Structure) -> Surface | None:
         member = with_parts(structure, "matrices have no material.").members()[0]
     except InputError:
         return None
+
     matter = _contact_material(member.part.parts[0][0])
     if matter is None:
         return None
@@ -478,6 +489,7 @@ def _contact_material(material: Any) -> Matter | None:
         if isclose(outer.E1, outer.E2):
             return Matter(outer.E2, outer.nu12)
         return Matter(outer.E2, 0.0, critical=CRITICAL, name="laminate")
+
     try:
         return matter_of(material)
     except InputError:
