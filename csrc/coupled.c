@@ -5,23 +5,6 @@
  * 2 d gamma) J', J the displacement that a modal force of this history causes, J' its rate. */
 #include "internal.h"
 
-/* Add what the rates of the modes do to a row of a slot. */
-void add_rates(const aom_stepper *st, slot *s, int i) {
-    int J = st->system.n_modes;
-    const double *omega = st->system.omega, *decay = st->system.decay;
-    const double *W = s->response + J, *S = W + J;
-    const double *beta = beta_row(st, i), *gamma = gamma_row(st, i);
-    for (int part = 0; part < 2; part++)
-        for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
-            double *at = row_of(st, s, i, j) + (j & 1);
-            double pull = omega[j] * omega[j] * S[j];
-            at[0] -= gamma[j] * pull;
-            at[2] += gamma[j] * W[j];
-            at[4] = -omega[j] * omega[j] * at[2];
-            at[6] = beta[j] * W[j] - gamma[j] * (pull + 2.0 * decay[j] * W[j]);
-        }
-}
-
 /* Add what the forces 1, t, t^2/2 on b do to a row, or a, after the time of the responses: the rate by
  * the first, then displacements. */
 void couple(const aom_stepper *st, const double *response, const row_span *span, modal_vector a,
@@ -109,15 +92,10 @@ void parabolas(aom_stepper *st, double h) {
     }
 }
 
-void move_modes(const aom_stepper *st, const double *response, double *x) {
+/* The modal state after the time of the responses under the loads alone. */
+static void move_freely(const aom_stepper *st, const double *response, double *q, double *v) {
     int J = st->system.n_modes;
-    double *q = x, *v = x + J;
     turn(J, st->system.omega, response, q, v);
-    for (int i = 0; i < st->system.n_rows; i++) {
-        const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
-        if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
-            apply_force(st, response, st->spans + i, row_vector(st, i), f, q, v);
-    }
     if (!st->loaded)
         return;
 
@@ -129,62 +107,67 @@ void move_modes(const aom_stepper *st, const double *response, double *x) {
         apply_force(st, response, &all, load_rate, (double[]){0.0, -1.0, 0.0}, q, v);
 }
 
-/* What a row sees of displacements q of the modes, or of their rates. */
-double seen_by_row(const aom_stepper *st, int i, const double *q) {
-    const row_span *span = st->spans + i;
-    double total = 0.0;
-    for (int part = 0; part < 2; part++) {
-        int begin = span->begin[part];
-        total += sum_of_products(beta_row(st, i) + begin, q + begin, span->end[part] - begin);
-    }
-    return total;
-}
+void force_ahead(aom_stepper *st, int index, int stage) {
+    double *q = st->work.ahead + stage * (ptrdiff_t)st->system.n_modes, *v = q + 2 * st->system.n_modes;
+    if (st->work.forced[stage])
+        return;
 
-motion row_of_modes(const aom_stepper *st, int i, const double *x) {
-    const aom_system *s = &st->system;
-    const double *q = x, *v = x + s->n_modes;
-    motion out = {seen_by_row(st, i, q), seen_by_row(st, i, v)};
-    for (int j = 0; j < s->n_modes && s->gamma != NULL; j++) {
-        double gamma = gamma_at(st, i, j), w = s->omega[j];
-        out.depth += gamma * v[j];
-        out.rate -= gamma * (w * w * q[j] + 2.0 * s->decay[j] * v[j]);
-    }
-    return out;
-}
-
-/* The modes at a stage of the attempt, into work.ahead: q and v, q' = v and v' without forces. */
-void modes_ahead(aom_stepper *st, const double *response, int stage) {
-    const aom_system *s = &st->system;
-    int J = s->n_modes;
-    double *x = st->work.modal, *out = st->work.ahead;
-    memcpy(x, st->x, 2 * (size_t)J * sizeof *x);
-    move_modes(st, response, x);
-    for (int j = 0; j < J; j++) {
-        double w = s->omega[j], q = x[j], v = x[J + j];
-        out[4 * j + stage] = q;
-        out[4 * j + 2 + stage] = v;
-        out[4 * (J + j) + stage] = v;
-        out[4 * (J + j) + 2 + stage] = -(w * w * q + 2.0 * s->decay[j] * v);
+    st->work.forced[stage] = true;
+    for (int i = 0; i < st->system.n_rows; i++) {
+        const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
+        if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
+            apply_force(st, st->slots[index + 1 - stage].response, st->spans + i,
+                        row_vector(st, i), f, q, v);
     }
 }
 
-/* Add what a factor of each mode from `begin` to `end` makes of four numbers of each. */
-static void add_products(int begin, int end, const double *factor, const double *of, double sum[4]) {
-    for (int j = begin; j < end; j++)
+void modes_ahead(aom_stepper *st, int index) {
+    size_t J = (size_t)st->system.n_modes;
+    for (int stage = 0; stage < 2; stage++) {
+        double *q = st->work.ahead + (size_t)stage * J, *v = q + 2 * J;
+        memcpy(q, st->x, J * sizeof *q);
+        memcpy(v, st->x + J, J * sizeof *v);
+        st->work.forced[stage] = false;
+        if (index >= 0)
+            move_freely(st, st->slots[index + 1 - stage].response, q, v);
+    }
+}
+
+/* Add what the factors of the modes from `begin` to `end` make of four numbers of each, J apart. */
+static void add_products(ptrdiff_t J, int begin, int end, const double *factor, const double *of,
+                         double sum[4]) {
+    lanes total[4][LANES];
+    int j = begin;
+    memset(total, 0, sizeof total);
+    for (; j + 2 <= end; j += 2)
         for (int k = 0; k < 4; k++)
-            sum[k] += factor[j] * of[4 * j + k];
+            for (int s = 0; s < LANES; s++)
+                total[k][s] += ((const anywhere *)(factor + j))[s] *
+                               ((const anywhere *)(of + k * J + j))[s];
+    for (int k = 0; k < 4; k++) {
+        double part[2];
+        memcpy(part, total[k], sizeof part);
+        sum[k] += part[0] + part[1];
+        if (j < end)
+            sum[k] += factor[j] * of[k * J + j];
+    }
 }
 
-/* Indentations and rates of a row at both stages by the modes of modes_ahead. */
-void seen_ahead(const aom_stepper *st, int i, stages *out) {
+void seen_ahead(const aom_stepper *st, int i, double h, stages *out) {
     const row_span *span = st->spans + i;
-    const double *ahead = st->work.ahead;
-    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+    const double *ahead = st->work.ahead, *omega = st->system.omega, *decay = st->system.decay;
+    ptrdiff_t J = st->system.n_modes;
+    double offset = st->work.offset[i], drift = st->work.drift[i];
+    double sum[4] = {-offset - 0.5 * h * drift, -offset - h * drift, -drift, -drift};
     for (int part = 0; part < 2; part++) {
         int begin = span->begin[part], end = span->end[part];
-        add_products(begin, end, beta_row(st, i), ahead, sum);
-        if (st->system.gamma != NULL)
-            add_products(begin, end, gamma_row(st, i), ahead + 4 * st->system.n_modes, sum);
+        add_products(J, begin, end, beta_row(st, i), ahead, sum);
+        for (int j = begin; j < end && st->system.gamma != NULL; j++)
+            for (int s = 0; s < 2; s++) {
+                double gamma = gamma_row(st, i)[j], q = ahead[s * J + j], v = ahead[(2 + s) * J + j];
+                sum[s] += gamma * v;
+                sum[2 + s] -= gamma * (omega[j] * omega[j] * q + 2.0 * decay[j] * v);
+            }
     }
     *out = (stages){{sum[0], sum[1]}, {sum[2], sum[3]}};
 }

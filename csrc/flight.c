@@ -4,67 +4,6 @@
 #define OVERDAMPED 1.25 /* of the frequency: a decay beyond it */
 #define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
 
-/* What n pairs of modes add to a row at `count` times, of which rows[k] are its responses. Two sums
- * of each, so that additions need not wait for each other. */
-static inline void add_modes(int n, const double *const *rows, int count, const double *from_q,
-                             const double *from_v, motion *out) {
-    const anywhere *q = (const anywhere *)from_q, *v = (const anywhere *)from_v;
-    lanes x[2][LANES], y[2][LANES];
-    memset(x, 0, sizeof x);
-    memset(y, 0, sizeof y);
-    for (int p = 0; p < n; p++, q += LANES, v += LANES)
-        for (int k = 0; k < count; k++) {
-            const anywhere *at = (const anywhere *)(rows[k] + 8 * p);
-            for (int s = 0; s < LANES; s++) {
-                x[k][s] += at[s] * q[s] + at[LANES + s] * v[s];
-                y[k][s] += at[2 * LANES + s] * q[s] + at[3 * LANES + s] * v[s];
-            }
-        }
-    for (int k = 0; k < count; k++) {
-        double depth[2], rate[2];
-        memcpy(depth, x[k], sizeof depth);
-        memcpy(rate, y[k], sizeof rate);
-        out[k].depth += depth[0] + depth[1];
-        out[k].rate += rate[0] + rate[1];
-    }
-}
-
-/* What the loads add to a row after the time of a slot. */
-static void add_loads(const aom_stepper *st, int i, const slot *s, motion *out) {
-    const double *of[2] = {st->work.load, st->work.load_rate};
-    for (int n = 0; n <= st->rising; n++) {
-        double by[4] = {0.0, 0.0, 0.0, 0.0};
-        couple(st, s->response, st->spans + i, row_vector(st, i), load_vector(st, of[n]), by);
-        out->depth += by[n + 1];
-        out->rate += by[n];
-    }
-}
-
-/* Indentation and rate of a row without contact forces after the times of `count` slots. */
-static inline void free_row(aom_stepper *st, int i, slot *const *slots, const double *t, int count,
-                            motion *out) {
-    const row_span *span = st->spans + i;
-    for (int k = 0; k < count; k++) {
-        ready_row(st, slots[k], i);
-        out[k] = (motion){0.0, 0.0};
-    }
-    for (int part = 0; part < 2; part++) {
-        const double *rows[2], *q = st->x + (span->begin[part] & ~1);
-        int pairs = (span->end[part] + 1) / 2 - span->begin[part] / 2;
-        if (span->end[part] <= span->begin[part])
-            continue;
-        for (int k = 0; k < count; k++)
-            rows[k] = row_of(st, slots[k], i, span->begin[part]);
-        add_modes(pairs, rows, count, q, q + st->system.n_modes, out);
-    }
-    for (int k = 0; k < count; k++) {
-        if (st->loaded)
-            add_loads(st, i, slots[k], out + k);
-        out[k].depth -= st->work.offset[i] + st->work.drift[i] * t[k];
-        out[k].rate -= st->work.drift[i];
-    }
-}
-
 /* What the slopes with which the last step ended add to the rate of row i at h/2 (ready_local). */
 static double slopes_before(const aom_stepper *st, int i) {
     double total = 0.0;
@@ -77,16 +16,13 @@ static double slopes_before(const aom_stepper *st, int i) {
 
 /* Indentations and rates at h/2 and h without contact forces; under contact of rows that touch. */
 void free_step(aom_stepper *st, int index, double h, stages *to) {
-    slot *const slots[2] = {st->slots + index + 1, st->slots + index};
-    const double t[2] = {0.5 * h, h};
+    modes_ahead(st, index);
     for (int i = 0; i < st->system.n_rows; i++) {
-        motion out[2];
         if (!st->now.flying && !touches(st, i))
             continue;
-        free_row(st, i, slots, t, 2, out);
+        seen_ahead(st, i, h, to + i);
         if (with_slope(st))
-            out[0].rate += slopes_before(st, i);
-        to[i] = (stages){{out[0].depth, out[1].depth}, {out[0].rate, out[1].rate}};
+            to[i].rate[0] += slopes_before(st, i);
     }
 }
 

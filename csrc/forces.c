@@ -7,7 +7,7 @@
 enum { NEWTON = 100 }; /* friction along a soft sheet converges by 0.7 a step */
 
 #define SQUARED 1e-7 /* of the forces: Newton's correction after which none is needed */
-#define SETTLED 1e-12 /* of the forces: a sweep that changes them by less is the last */
+#define SETTLED 1e-12 /* of the forces: none that changes them by less follows, as changes go on */
 
 /* Newton's method for the two forces of one contact without friction. */
 bool one_force(aom_stepper *st, double h, const influence *local) {
@@ -200,19 +200,14 @@ void move_open(aom_stepper *st, int index, double h, int only) {
 
     parabolas(st, h);
     for (int stage = 0; stage < 2; stage++)
-        modes_ahead(st, st->slots[index + 1 - stage].response, stage);
+        force_ahead(st, index, stage);
     for (int i = 0; i < st->system.n_rows; i++) {
         stages *to = st->work.motion + i;
         if (touches(st, i) || (only >= 0 && i != only))
             continue;
-        seen_ahead(st, i, to);
-        for (int stage = 0; stage < 2; stage++) {
-            double t = 0.5 * (stage + 1) * h;
-            to->depth[stage] -= st->work.offset[i] + st->work.drift[i] * t;
-            to->rate[stage] -= st->work.drift[i];
-            if (st->softens[i])
-                subtract_massless(st, i, stage, h, to->depth + stage, to->rate + stage);
-        }
+        seen_ahead(st, i, h, to);
+        for (int stage = 0; stage < 2 && st->softens[i]; stage++)
+            subtract_massless(st, i, stage, h, to->depth + stage, to->rate + stage);
     }
 }
 
@@ -513,6 +508,7 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
 bool all_forces(aom_stepper *st, int index) {
     const influence *local = st->slots[index].local;
     nodes *force = st->work.force;
+    double before = 0.0; /* change of the last sweep */
     start_forces(st, local);
     for (int tries = st->rated ? SWEEPS : 0; tries < SWEEPS + NEWTON; tries++) {
         double found[3] = {0.0, 1e-3 * st->now.force_scale, 0.0}, total = 0.0, far = 0.0;
@@ -522,6 +518,7 @@ bool all_forces(aom_stepper *st, int index) {
                 force[i].f[1] = force[i].f[2] = force[i].f[0];
             }
             add_up(st);
+            before = 0.0;
         }
         if (tries >= SWEEPS && !together(st, local, &far))
             return false;
@@ -532,7 +529,9 @@ bool all_forces(aom_stepper *st, int index) {
         }
         if (!(total + found[0] < 1e300) || st->law_failed)
             return false;
-        if (found[0] > SETTLED * found[1] + found[2] || far > SQUARED * found[1])
+        double next = found[0] * smaller(found[0] / before, 1.0);
+        before = found[0];
+        if (next > SETTLED * found[1] + found[2] || far > SQUARED * found[1])
             continue;
         move_rows(st, index);
         return true;

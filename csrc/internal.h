@@ -92,8 +92,6 @@ typedef struct nodes {
 typedef struct slot {
     double span; /* [s], NaN: none */
     double *response; /* [6][J]: P, W, S, J0, J1, J2 */
-    double *rows;     /* [m][(J + 1)/2][4][2]: depth by q, by v; rate by q, by v, of two modes */
-    bool *has_row;    /* [m] */
     double *coupling; /* [pairs][4]: beta S beta^T, beta J0 beta^T, ... */
     influence *local; /* [pairs]; of this step and the slot of its half */
     int *held;        /* [n_held] groups that they are of */
@@ -169,13 +167,12 @@ typedef struct workspace {
     double *offset, *drift;         /* [m] */
     double *matrix, *rest;          /* [n][n], [n], n = 2 G; of stretching 2 (p + s) if that is more */
     newton_row *newton;   /* [p] */
-    int *place;           /* [G] of a group among those that touch */
+    int *place;           /* [G] of a group among those that touch, or -1: others have no force */
     nodes *sum;           /* [n_touching] of the forces of a group */
-    double *modal;        /* [2][J]: q and v of the modes at h/2, or h */
-    double *ahead;        /* [2][J][4]: q, v at h/2 and h; their rates without forces */
+    double *ahead;        /* [2][2][J]: q at h/2 and h, v */
+    bool forced[2];       /* with the contact forces */
     double *kicks;        /* [J][4]: S, J0, J1, J2 of the modes */
-    bool *touches;        /* [G] a contact of the group does, or it stretches: others have no force */
-    int *touching;        /* [n_touching] these groups */
+    int *touching;        /* [n_touching] groups of which a contact does, or that stretch */
     int *closed;          /* [n_closed] their rows */
     int *kept;            /* [n_touching] where a slot holds these groups, or -1 */
     double *coupling;     /* [pairs][4] into which that of a slot is brought */
@@ -223,8 +220,6 @@ struct aom_stepper {
 
 /* ---- responses.c */
 static void ready_step(aom_stepper *st, int slot, double h);
-static void ready_row(aom_stepper *st, slot *s, int i);
-static void empty_slot(aom_stepper *st, int slot);
 static void find_touching(aom_stepper *st);
 static void ready_local(aom_stepper *st, int slot, double h);
 static int count_groups(const aom_system *system);
@@ -232,20 +227,18 @@ static void find_groups(aom_stepper *st);
 static void find_spans(aom_stepper *st);
 
 /* ---- coupled.c */
-static void add_rates(const aom_stepper *st, slot *s, int i);
 static void couple(const aom_stepper *st, const double *response, const row_span *span,
                    modal_vector a, modal_vector b, double total[4]);
 static void apply_force(const aom_stepper *st, const double *response, const row_span *span,
                         modal_vector a, const double f[3], double *q, double *v);
 /* The forces of the attempt as value, slope and curvature at its start. */
 static void parabolas(aom_stepper *st, double h);
-/* The modal state x [2][J] after the time of the responses, under these forces and the loads. */
-static void move_modes(const aom_stepper *st, const double *response, double *x);
-static void modes_ahead(aom_stepper *st, const double *response, int stage);
-static void seen_ahead(const aom_stepper *st, int i, stages *out);
-/* Indentation and rate of a row by the modal state x [2][J]. */
-static motion row_of_modes(const aom_stepper *st, int i, const double *x);
-static double seen_by_row(const aom_stepper *st, int i, const double *q);
+/* The modes after both stages of a step under the loads alone, or now (index < 0), into work.ahead. */
+static void modes_ahead(aom_stepper *st, int index);
+/* The same at a stage under the contact forces of the attempt too, by its parabolas. */
+static void force_ahead(aom_stepper *st, int index, int stage);
+/* Indentations and rates of a row at both stages of a step h by these modes. */
+static void seen_ahead(const aom_stepper *st, int i, double h, stages *out);
 static void add_contact_work(aom_stepper *st, double h);
 
 /* ---- laws.c */
@@ -346,7 +339,7 @@ static inline bool nothing_touches(const aom_stepper *st) {
     return true;
 }
 /* Whether a contact touches where row i acts, or it stretches. */
-static inline bool touches(const aom_stepper *st, int i) { return st->work.touches[st->group[i]]; }
+static inline bool touches(const aom_stepper *st, int i) { return st->work.place[st->group[i]] >= 0; }
 static inline bool pressing(int branch) { return branch == AOM_FORWARD || branch == AOM_BACK; }
 /* Whether a row has forces: of a contact that presses, or of stretching. */
 static inline bool acts(const aom_stepper *st, int i) {
@@ -355,10 +348,6 @@ static inline bool acts(const aom_stepper *st, int i) {
 }
 static inline const double *beta_row(const aom_stepper *st, int i) {
     return st->system.beta + (ptrdiff_t)i * st->system.n_modes;
-}
-/* Where the responses of mode j of a row begin; of the mode beside it they stand one behind. */
-static inline double *row_of(const aom_stepper *st, const slot *s, int i, int j) {
-    return s->rows + 8 * ((ptrdiff_t)i * ((st->system.n_modes + 1) / 2) + j / 2);
 }
 static inline const double *gamma_row(const aom_stepper *st, int i) {
     return st->system.gamma + (ptrdiff_t)i * st->system.n_modes;
@@ -391,20 +380,6 @@ static inline double scale_of(const aom_stepper *st, int c) {
 static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {
     const int *place = st->work.place;
     return st->system.n_rows + (ptrdiff_t)place[g] * st->n_touching + place[h];
-}
-/* Products of n numbers, in sums that do not wait for each other. */
-static inline double sum_of_products(const double *x, const double *y, int n) {
-    enum { SUMS = 8 };
-    double part[SUMS] = {0.0}, total = 0.0;
-    int k = 0;
-    for (; k + SUMS <= n; k += SUMS)
-        for (int i = 0; i < SUMS; i++)
-            part[i] += x[k + i] * y[k + i];
-    for (; k < n; k++)
-        total += x[k] * y[k];
-    for (int i = 0; i < SUMS; i++)
-        total += part[i];
-    return total;
 }
 /* Whether the step takes the slopes with which the last one ended (ready_local). */
 static inline bool with_slope(const aom_stepper *st) { return st->rated && st->now.smooth; }

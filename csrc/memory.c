@@ -33,13 +33,11 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
     for (int k = 0; k < SLOTS; k++) {
         slot *s = st == NULL ? NULL : st->slots + k;
         double *response = take(a, 6 * J, sizeof(double));
-        double *rows = take(a, 8 * m * ((J + 1) / 2), sizeof(double));
-        bool *has_row = take(a, m, sizeof(bool));
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
         int *held = take(a, G, sizeof(int));
         if (s != NULL)
-            *s = (slot){NAN, response, rows, has_row, coupling, local, held, 0, NO_LOCAL};
+            *s = (slot){NAN, response, coupling, local, held, 0, NO_LOCAL};
     }
 }
 
@@ -62,10 +60,8 @@ static void lay_out_work(workspace *w, arena *a, size_t J, size_t L, size_t m, s
     w->newton = take(a, p, sizeof(newton_row));
     w->place = take(a, G, sizeof(int));
     w->sum = take(a, G, sizeof *w->sum);
-    w->modal = take(a, 2 * J, sizeof(double));
-    w->ahead = take(a, 8 * J, sizeof(double));
+    w->ahead = take(a, 4 * J, sizeof(double));
     w->kicks = take(a, 4 * J, sizeof(double));
-    w->touches = take(a, G, sizeof(bool));
     w->touching = take(a, G, sizeof(int));
     w->closed = take(a, m, sizeof(int));
     w->kept = take(a, G, sizeof(int));

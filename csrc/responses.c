@@ -147,39 +147,6 @@ static void responses_twice(int n, const double *omega, const double *decay, dou
 
 /* ---- slots */
 
-/* Have a slot hold nothing but responses. */
-void empty_slot(aom_stepper *st, int index) {
-    slot *s = st->slots + index;
-    memset(s->has_row, 0, (size_t)st->system.n_rows * sizeof *s->has_row);
-    s->n_held = 0;
-}
-
-/* See to it that a slot holds what gives indentation and rate of row i from (q, v). */
-void ready_row(aom_stepper *st, slot *s, int i) {
-    int J = st->system.n_modes;
-    const double *omega = st->system.omega, *beta = beta_row(st, i);
-    const double *P = s->response, *W = P + J, *S = W + J;
-    if (s->has_row[i])
-        return;
-
-    s->has_row[i] = true;
-    for (int part = 0; part < 2; part++)
-        for (int j = st->spans[i].begin[part] & ~1; j < st->spans[i].end[part]; j += 2) {
-            double *at = row_of(st, s, i, j);
-            for (int k = 0; k < 2; k++) {
-                bool there = j + k < J; /* beyond the span beta is 0 */
-                double b = there ? beta[j + k] : 0.0, w = there ? omega[j + k] : 0.0;
-                double by_v = there ? b * S[j + k] : 0.0;
-                at[k] = there ? b * P[j + k] : 0.0;
-                at[2 + k] = by_v;
-                at[4 + k] = -w * w * by_v;
-                at[6 + k] = there ? b * W[j + k] : 0.0;
-            }
-        }
-    if (st->system.gamma != NULL)
-        add_rates(st, s, i);
-}
-
 /* See to it that a slot holds the responses after h, and the next one those after h/2.
  *
  * They are found together for a step that is used once; those of the levels each by itself, so that
@@ -198,7 +165,7 @@ void ready_step(aom_stepper *st, int index, double h) {
         if (!once)
             aom_responses(system->n_modes, system->omega, system->decay, &t, 0, whole[k].response);
         whole[k].span = t;
-        empty_slot(st, index + k);
+        whole[k].n_held = 0;
     }
 }
 
@@ -286,17 +253,18 @@ void find_touching(aom_stepper *st) {
     const aom_system *system = &st->system;
     workspace *w = &st->work;
     int first = system->n_rows - system->n_stretch;
-    memset(w->touches, 0, (size_t)st->n_groups * sizeof *w->touches);
+    for (int g = 0; g < st->n_groups; g++)
+        w->place[g] = -1;
     for (int i = 0; i < system->n_rows; i++)
         if (i >= first || st->contacts[st->owner[i]].branch != AOM_APART)
-            w->touches[st->group[i]] = true;
+            w->place[st->group[i]] = 0;
 
     st->n_touching = st->n_closed = 0;
-    for (int g = 0; g < st->n_groups; g++) {
-        w->place[g] = w->touches[g] ? st->n_touching : -1;
-        if (w->touches[g])
+    for (int g = 0; g < st->n_groups; g++)
+        if (w->place[g] == 0) {
+            w->place[g] = st->n_touching;
             w->touching[st->n_touching++] = g;
-    }
+        }
     for (int i = 0; i < system->n_rows; i++)
         if (touches(st, i))
             w->closed[st->n_closed++] = i;

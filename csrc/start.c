@@ -66,12 +66,14 @@ static void start_rows(aom_stepper *st) {
     const aom_system *s = &st->system;
     int m = s->n_rows;
     memset(st->rows, 0, (size_t)m * sizeof *st->rows);
+    modes_ahead(st, -1);
     for (int i = 0; i < m; i++) {
         row_state *row = st->rows + i;
-        motion start = row_of_modes(st, i, st->x);
+        stages start;
+        seen_ahead(st, i, 0.0, &start);
         row->fresh = true;
-        row->depth = start.depth - s->offsets[i];
-        row->rate = start.rate;
+        row->depth = start.depth[0] - s->offsets[i];
+        row->rate = start.rate[0];
     }
 }
 

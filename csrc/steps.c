@@ -31,12 +31,12 @@ static bool attempt(aom_stepper *st, int index, double h) {
     int m = st->system.n_rows;
     const influence *local = st->slots[index].local;
     ready_step(st, index, h);
+    find_touching(st);
     if (st->now.flying) {
         free_step(st, index, h, st->work.motion);
         memset(st->work.force, 0, (size_t)m * sizeof *st->work.force);
         return true;
     }
-    find_touching(st);
     ready_local(st, index, h);
     free_step(st, index, h, st->work.base);
     st->now.lacking = 0.0;
