@@ -334,7 +334,7 @@ REFUSED = [
     (lambda: ao.read_mesh(MESHES / "bracket.step", size=5), "larger.*0.08.* m.*0.005 m"),
     (lambda: ao.extract(bar(order=1), ao.Site((0.1, 0.02, 0.04), (0, 0, -1), radius=4.0), n=2),
      "radius 4 m.*larger than the part.*0.004 m"),
-    (lambda: plausible.impact_doubt(soft(), [ball(3e4)]), "30 .30000 mm/s. is probably"),
+    (lambda: plausible.impact_doubts([soft()], [ball(3e4)]), "30 .30000 mm/s. is probably"),
 ]  # fmt: skip
 
 

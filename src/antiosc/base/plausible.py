@@ -136,10 +136,17 @@ def patch_doubt(radius: float, extent: float) -> str:
     )
 
 
-def impact_doubt(model: object, movers: Iterable[object], *velocities: object) -> str:
-    """Why a blow of movers, or velocities, on a model is implausible, or ""; else InputError."""
+def impact_doubts(
+    models: Iterable[object], movers: Iterable[object], *velocities: object
+) -> list[str]:
+    """Why a blow of movers, or velocities, on models is implausible, or ""; else InputError."""
     all_velocities = [*velocities, *[getattr(mover, "velocity", 0.0) for mover in movers]]
     speed = max(map(_fastest, all_velocities), default=0.0)
+    return [_impact_doubt(model, speed) for model in models]
+
+
+def _impact_doubt(model: object, speed: float) -> str:
+    """Why a blow of this speed [m/s] on a model is implausible, or ""; else InputError."""
     notes = getattr(getattr(model, "info", None), "notes", {})
     wave = float(notes.get("wave_speed") or 0.0)
 

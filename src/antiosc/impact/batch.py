@@ -153,7 +153,7 @@ def simulate_many(
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers = columns["impactors"]
     speeds = columns["initial_velocity"]
-    plausible.warn_each([plausible.impact_doubt(m, movers, *speeds) for m in columns["models"][:1]])
+    plausible.warn_each(plausible.impact_doubts(columns["models"][:1], movers, *speeds))
     steps = cast("list[float | None]", columns.pop("step"))
     columns["contacts"] = _laws(columns["contacts"], columns["models"], movers)
     scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
@@ -302,7 +302,7 @@ def _row_of(
 
 def _doubts(scene: Impact) -> list[str]:
     """Sentences on an implausible blow."""
-    blow = plausible.impact_doubt(scene.model, [scene.impactor], scene.initial_velocity)
+    (blow,) = plausible.impact_doubts([scene.model], [scene.impactor], scene.initial_velocity)
     return [blow] if blow else []
 
 

@@ -136,8 +136,7 @@ class Scene(SceneParts):
         settings = Settings(tol, method, step, max_contacts, max_steps)
         bodies = list(self.bodies.values())
         motions = list(self.motion.values())
-        blows = [plausible.impact_doubt(body, bodies, *motions) for body in bodies]
-        doubts = plausible.warn_each(blows)
+        doubts = plausible.warn_each(plausible.impact_doubts(bodies, bodies, *motions))
         history, check = _run_scene(self, settings, duration)
         warn_large_rotation(*history.largest_rotation())
         check.warn()
@@ -478,7 +477,7 @@ def simulate(
         n, accuracy, proof = None, min(accuracy, DEFAULT_TOL), True
     settings = Settings(accuracy, method, step, max_contacts, max_steps)
     law = law_of(contact, model, impactor)
-    doubts = plausible.warn_each([plausible.impact_doubt(model, [impactor], initial_velocity)])
+    doubts = plausible.warn_each(plausible.impact_doubts([model], [impactor], initial_velocity))
     first = DURATION if is_auto(duration) else checks.positive("duration", duration, "s")
     scene = Impact(model, impactor, law, first, initial_velocity, gravity, gap)
     if is_auto(duration):

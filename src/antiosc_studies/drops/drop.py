@@ -141,7 +141,7 @@ def drop(
         checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     _check_flight(body, setting, ensemble, **motion)
     arrival = float(np.sqrt(2 * setting.gravity * setting.height))
-    plausible.warn_each([plausible.impact_doubt(None, (), arrival, motion["velocity"])])
+    plausible.warn_each(plausible.impact_doubts([None], (), arrival, motion["velocity"]))
     R = orientation(body, tilt, face, edge, corner, toward)
     start = initial_state(body, setting, R, **motion)
     if ensemble is None:
