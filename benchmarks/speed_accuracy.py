@@ -31,7 +31,7 @@ import numpy as np
 import options
 from mpi4py import MPI
 from speed_cases import ROOT, Case, memory
-from speed_methods import STEPS, explicit, measured, peers, reduced, unreduced
+from speed_methods import STEPS, explicit, measured, peers, proved, reduced, unreduced
 from speed_tables import plot, tables
 
 import antiosc as ao
@@ -91,7 +91,10 @@ def chart(name: str, size: float | None, quick: bool) -> dict[str, Any]:
         if name == "bracket" and not quick:
             rows.append(explicit(case))
         rows += peers(case, name == "beam")
-    return _chart(case, rows)
+    made = _chart(case, rows)
+    if name == "bracket":
+        made["proved"] = [proved(case, n) for n in (20, 30, 50, 80)]
+    return made
 
 
 def _chart(case: Case, rows: list[dict[str, Any]]) -> dict[str, Any]:

@@ -50,6 +50,9 @@ def main(picture: Path = PICTURE) -> None:
     for ax, (name, title) in zip(axes[0], CASES.items(), strict=True):
         styles = {word: "".join(STYLE[method]) for method, word in METHODS.items()}
         error_charts.plot_errors(curves(found[name]), ax, styles=styles)
+        if bounds := found[name].get("proved"):
+            cost, width = ([one[key] for one in bounds] for key in ("total", "width"))
+            ax.loglog(cost, width, "k^--", ms=4, lw=1.2, label="proved bounds of the peak")
         mesh = found[name].get("mesh error of the peak")
         if mesh:
             ax.axhline(mesh, color="C7", ls=":")

@@ -55,6 +55,17 @@ def reduced(case: Case, method: str, n: int, tol: float | None = None) -> dict[s
     }
 
 
+def proved(case: Case, n: int) -> dict[str, Any]:
+    """The width of the proved bounds on the peak of the first contact, over the peak."""
+    contact = case.hit.contact_time
+    started = time.perf_counter()
+    model = ao.extract(case.part, case.site, n=n, proof=contact)
+    hit = ao.simulate(model, *case.impact[:2], 1.3 * contact, proof=True)
+    total = case.before + time.perf_counter() - started
+    low, high = hit.enclosure.peak
+    return {"n": n, "total": total, "width": (high - low) / hit.peak_force}
+
+
 def unreduced(case: Case, steps: int) -> dict[str, Any]:
     """All dofs in time: Newmark's average acceleration, `steps` to one contact."""
     structure, (striker, law, duration) = case.part, case.impact
