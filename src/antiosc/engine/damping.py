@@ -485,7 +485,10 @@ def _real_clusters(poles: Numbers) -> list[list[int]]:
 
 
 def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
-    """Poles and modes of a cluster from its well-conditioned subspace, or as they are."""
+    """Poles and modes of a cluster, computed anew in the subspace that all its modes span.
+
+    They are returned unchanged where that subspace is not the cluster's alone.
+    """
     low = poles.real.min() * (1 + CLUSTERED / 2)
     high = poles.real.max() * (1 - CLUSTERED / 2)
 

@@ -286,7 +286,7 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int, fastest
 
 
 def _kappa(bodies: Sequence[_Body], spans: Array) -> Array:
-    """kappa (m, n_spans), |D| <= kappa √(2E) after motions that lasted the spans [s] (n_spans,)."""
+    """Factors kappa (m, n_spans) of |D| <= kappa √(2E), for motions that last the spans [s]."""
     x = 1 / np.append(spans, spans[-1] * 4.0 ** np.arange(1, 10)) ** 2
     H = np.zeros((len(bodies[0].beta), x.size))
     for body in bodies:

@@ -119,8 +119,9 @@ class Stretch(ReprMixin):
         return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array, omega: Array) -> Stretch:
-        """The forces in combinations of the modes, the orthonormal columns of `turn` (m, k), of
-        free modes with the frequencies `omega` (J,) rad/s.
+        """The same forces in k combinations of the m modes, the orthonormal columns of `turn` (m, k).
+
+        `omega` (J,): frequencies of the free modes [rad/s].
 
         Modes that are left out follow statically, as all other motion does. The result has no
         `shapes`; `shapes_in` and `following` give them.

@@ -157,7 +157,7 @@ def _size(contact: OneContact) -> tuple[float, float] | None:
 
 
 def unknown_dent(contact: OneContact) -> str:
-    """Why it is unknown that a contact without a dent has none, in words; "" if it is known."""
+    """Why a contact may have left a dent that its law does not know, in words; "" if it has not."""
     choice = choice_at(contact)
     if choice is None or not choice.unknown:
         return ""
@@ -253,7 +253,7 @@ WORDS = {"structure": "the part", "impactor": "the striker"}
 
 
 def weaker_side(contact: OneContact) -> str:
-    """The material that yields first, in words, or whose it is; "" if the user gave the law."""
+    """Name of the material that yields first, or else of its body; "" if the user gave the law."""
     choice = choice_at(contact)
     if choice is None or choice.law != contact.law or choice.soft is None:
         return ""
