@@ -119,7 +119,7 @@ class Stretch(ReprMixin):
         return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array, omega: Array) -> Stretch:
-        """The same forces in k combinations of the m modes, the orthonormal columns of `turn` (m, k).
+        """The same forces in k combinations of the modes: orthonormal columns of `turn` (m, k).
 
         `omega` (J,): frequencies of the free modes [rad/s].
 
