@@ -190,8 +190,8 @@ def _told(stressed: Stressed, hit: History, tol: float) -> Stressed:
         low, high = bar(field)
         cells = sum(len(numbers) for _, numbers in field._cells)
         sentence = (
-            f"{stressed.rounds} rounds of smaller cells, {cells} cells, {stressed.seconds:.0f} s:"
-            f" +{percent(high)} −{percent(low)} by the mesh{told}"
+            f"{stressed.rounds} of at most {MOST_ROUNDS} rounds of smaller cells, {cells} cells,"
+            f" {stressed.seconds:.0f} s: +{percent(high)} −{percent(low)} by the mesh{told}"
         )
         if max(low, high) > tol and stressed.why:
             sentence += f"; {_open(field)}, since {stressed.why}"
