@@ -15,6 +15,7 @@ import signal
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -61,7 +62,8 @@ def within(root: Path, name: str, base: Path | None = None) -> Path:
     """The path of a file below the folder `root`, links resolved; else Refusal."""
     try:
         path = ((base or root) / name).resolve()
-        path.exists()
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.stat()
     except (OSError, ValueError, RuntimeError):  # a name that no system takes
         raise Refusal("path", f"{checks.shown(name)} is no path of a file.") from None
     if not path.is_relative_to(root):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import html
 import http.server
@@ -11,6 +12,7 @@ import shutil
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import quote, unquote, urldefrag
@@ -68,23 +70,32 @@ def loaded(folder: Path) -> dict[str, dict[str, int]] | None:
     pages = [path.relative_to(folder) for path in folder.rglob("*.html")]
     names = sorted(str(page) for page in pages if page.parts[0] != "_static")  # no page: a report
     (folder / "probe.html").write_text(PROBE.replace("NAMES", json.dumps(names)), encoding="utf-8")
-    handler = functools.partial(Quiet, directory=str(folder))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
+    with served(folder) as address:
         command = [
             *(browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"),
             *("--virtual-time-budget=600000", "--timeout=600000", "--window-size=1200,900"),
             f"--user-data-dir={folder.parent / 'browser'}",
-            *("--dump-dom", f"http://127.0.0.1:{server.server_port}/probe.html"),
+            *("--dump-dom", f"{address}/probe.html"),
         ]
         said = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
-        server.shutdown()
     (folder / "probe.html").unlink()
     result = re.search(r"<pre[^>]*>(.*?)</pre>", said.stdout, re.DOTALL)
     assert result, said.stderr[-2000:]
     found = json.loads(html.unescape(result[1]))
     assert sorted(found) == names
     return found
+
+
+@contextlib.contextmanager
+def served(folder: Path) -> Iterator[str]:
+    """The address of a server of the folder: a search fetches pages, which files may not."""
+    handler = functools.partial(Quiet, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
@@ -100,19 +111,20 @@ def searched(folder: Path, words: list[str]) -> tuple[dict[str, str], list[str],
     The theme is the one after a click on its button.
     """
     first = {}
-    with Browser() as browser:
+    with served(folder) as address, Browser() as browser:
         for word in words:
-            browser.address(f"{(folder / 'search.html').as_uri()}?q={quote(word)}", 1300)
+            browser.address(f"{address}/search.html?q={quote(word)}", 1300)
             for _ in range(200):
                 first[word] = browser.run(FIRST)
                 if first[word]:
                     break
                 time.sleep(0.05)
         said = browser.said()
-        for name in ("index.html", "guide.html", "api/index.html"):
-            browser.address((folder / name).as_uri(), 1300)
+        for name in ("index.html", "glossary.html", "api/index.html"):
+            browser.address(f"{address}/{name}", 1300)
             said += browser.said()
         browser.run("document.querySelector('.content .theme-toggle').click()")
+        said = [message for message in said if "favicon.ico" not in message]  # pages have none
         return first, said, browser.run("return document.body.dataset.theme")
 
 

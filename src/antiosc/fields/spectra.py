@@ -228,11 +228,13 @@ def _oscillator_acceleration(f: float, Q: float, h: float, hold: str, x: Array) 
     """Absolute acceleration of an oscillator at steps h [s] of the base acceleration x, which is
     constant over each step ("zoh") or linear ("foh"): exact for either.
     """
-    from scipy.signal import cont2discrete, lfilter  # which take long to load
+    from scipy.signal import cont2discrete, lfilter, ss2tf  # which take long to load
 
     w = 2 * np.pi * f
-    transfer = [w / Q, w**2], [1.0, w / Q, w**2]
-    numerator, denominator, _ = cont2discrete(transfer, h, hold)
+    A, B = np.array([[-w / Q, -(w**2)], [1.0, 0.0]]), np.array([[1.0], [0.0]])
+    C, D = np.array([[w / Q, w**2]]), np.zeros((1, 1))
+    *discrete, _ = cont2discrete((A, B, C, D), h, hold)
+    numerator, denominator = ss2tf(*discrete)
     return np.asarray(lfilter(numerator.ravel(), denominator, x))
 
 

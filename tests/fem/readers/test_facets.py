@@ -129,6 +129,7 @@ def test_an_open_surface_is_no_solid(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the closed surfaces of two.stl pierce each other")
 def test_bodies_that_pierce_each_other_are_united_and_one_alone_is_read(tmp_path):
     points, triangles = block(2, 10.0)
     mirrored, far = 10.0 - points, points + 4.3  # each begins within the other
@@ -182,6 +183,7 @@ def pierced(path: Path, deep: float) -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:gmsh cannot mesh dent.stl")
 def test_a_surface_that_pierces_itself_is_filled_by_ftetwild(tmp_path, monkeypatch):
     file = pierced(tmp_path / "dent.stl", deep=0.3)
     with monkeypatch.context() as missing:
