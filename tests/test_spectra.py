@@ -145,3 +145,15 @@ def test_srs_of_a_step_overshoots_by_its_damping():
     t = np.linspace(0, 1, 1001)
     found = ao.srs(t, np.ones_like(t), [5.0], Q=1e5)
     assert found.positive[0] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_shock_spectrum_of_almost_no_damping_is_finite():
+    t = np.linspace(0.0, 0.01, 101)
+    found = ao.srs(t, np.sin(1e3 * t), frequencies=[50.0, 500.0], Q=1e50)
+    assert np.isfinite(found.positive).all()
+
+
+@pytest.mark.parametrize("resolved", [np.ones(3), [1.0, 2.0], None, "all"])
+def test_a_resolved_frequency_that_is_no_number_is_refused(resolved):
+    with pytest.raises(ao.InputError, match="resolved must be a number"):
+        ao.srs([0.0, 0.1], [0.0, 1.0], resolved=resolved)

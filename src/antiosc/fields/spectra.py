@@ -135,7 +135,7 @@ def srs(
     if Q <= 0.5:
         raise InputError(f"Q must be above 0.5 (Q = 1/(2 ζ), and ζ below 1); got {Q:g}.")
     checks.choice("signal", signal, ("acceleration", "velocity"))
-    if resolved != inf:
+    if not checks.is_rigid(resolved):
         resolved = checks.nonnegative("resolved", resolved, "Hz")
 
     if frequencies is None:
