@@ -93,7 +93,7 @@ def chart(name: str, size: float | None, quick: bool) -> dict[str, Any]:
         rows += peers(case, name == "beam")
     made = _chart(case, rows)
     if name == "bracket":
-        made["proved"] = [proved(case, n) for n in (20, 30, 50, 80)]
+        made["proved"] = proved(case, (20, 30, 50, 80))
     return made
 
 

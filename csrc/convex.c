@@ -76,6 +76,7 @@ static double farther(const shape *s, double low, double energy, double reach) {
     double slope = convex_at(s, low).slope;
     return slope > 0.0 ? smaller(most, sqrt(2.0 * energy / slope)) : most;
 }
+
 static double nearer(const shape *s, double low, double energy, double reach) {
     double inside = low - s->low;
     if (!(inside > 0.0))

@@ -178,6 +178,17 @@ def test_a_contact_that_yields_is_as_the_proof_takes_it() -> None:
         assert np.all((falls & stiffer)[x > 1.12])
 
 
+def test_a_model_of_more_vectors_proves_no_less_with_few() -> None:
+    """The expansion is that of the contact time, whatever number of vectors a model has."""
+    counts = []
+    for n in (30, 90):
+        model, _ = model_of(False, n=n, proof=1e-3)
+        blow = ao.RigidMass(0.3, 1.0), ao.Hertz(1e9), DURATION
+        hit = ao.simulate(model, *blow, n="proved", tol=0.05)
+        counts.append(hit.enclosure.n)
+    assert counts[1] <= 1.3 * counts[0]
+
+
 def test_a_residual_that_is_too_small_is_seen() -> None:
     """The bounds hold for the residual of the model, and not for a hundredth of it."""
     model, matrices = model_of(False, n=6)

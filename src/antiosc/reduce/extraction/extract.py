@@ -349,8 +349,8 @@ def extract(
     return models if isinstance(site, list | tuple) else models[0]
 
 
-#: Periods of the expansion's frequency in a contact time, at least and by vector (docs/theory.md).
-LEAST_PERIODS, PERIODS = 6.0, 0.3
+#: Periods of the expansion's frequency in a contact time.
+PERIODS = 6.0
 
 
 def _checked_options(
@@ -394,7 +394,7 @@ def _checked_options(
     if expansion is not None:
         expansion = positive("expansion", expansion, "Hz")
     elif not isinstance(proof, bool):
-        expansion = max(LEAST_PERIODS, PERIODS * n) / positive("proof", proof, "s")
+        expansion = PERIODS / positive("proof", proof, "s")
     return ExtractOptions(n, method, tol, band, accuracy, expansion, proof is not False)
 
 
