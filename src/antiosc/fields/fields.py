@@ -278,13 +278,7 @@ def write_series(
 def skin(
     structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> tuple[Array, IntArray, Array]:
-    """Surface of a part and its displacements at one time, the same on all ranks.
-
-    Returns points (P, 3) [m]; corners of faces (F, 3 or 4) as indices of points, in order around
-    the face: outer faces of a solid, cells of a sheet or plane part; displacements (P, 3) [m] at
-    `time` [s]. InputError for a model without shapes or of another structure, and for a mesh of
-    lines.
-    """
+    """Points (P, 3), corners (F, 3 or 4) of outer faces, displacements (P, 3) [m] at a time."""
     points, cells, displacements = nodal_motion(structure, history, time, body=body)
     faces = outer_faces(cells)
     if faces.shape[1] < 3:

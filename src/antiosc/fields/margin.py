@@ -140,9 +140,7 @@ class Margin(ReprMixin):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Least and largest exposure within the errors of the stress and the range of the
-        strength.
-        """
+        """Least and largest exposure within the errors of the stress and of the strength."""
         weakest, strongest = self._strengths
         least, largest = self.stresses
         return least / strongest, largest / weakest
@@ -154,9 +152,7 @@ class Margin(ReprMixin):
 
     @property
     def answer(self) -> str:
-        """What becomes of the part where it is judged: "it stays elastic", "it bends for good", "it
-        may bend for good"; "cannot say" if a stress below the strength has no bar.
-        """
+        """What becomes of the part; "cannot say" of a low stress that has no bar."""
         event = CRITERIA[self.criterion][0]
         least, largest = self.bounds
         if least >= 1:
@@ -246,9 +242,7 @@ def _range_of(*ends: float) -> str:
 
 
 class Zones(NamedTuple):
-    """What a margin leaves out: the surroundings of contacts, and what lies closer than `distance`
-    [m] to points (n, 3) of sharp inner `edges` or of rigid `supports`.
-    """
+    """What a margin leaves out: about contacts, within `distance` [m] of edges and supports."""
 
     contacts: Sequence[ContactZone] = ()
     edges: Array = NOWHERE
@@ -268,9 +262,7 @@ class Zones(NamedTuple):
         return np.asarray(cKDTree(sharp).query(points)[0] <= self.distance)
 
     def judged(self, points: Array, known: BoolArray) -> tuple[BoolArray, str]:
-        """(which points (P, 3) are judged, in words); a zone has no effect if no point outside is
-        `known` to have a value.
-        """
+        """(which points (P, 3) are judged, in words); one `known` point at least."""
         radii = sorted(zone.ball[3] for zone in self.contacts)
         ends = dict.fromkeys(engineering(radius, "m", 2) for radius in (*radii[:1], *radii[-1:]))
         of_contacts = f"{CONTACT_RADII:g} radii of the contact ({' to '.join(ends)})"
@@ -389,11 +381,7 @@ def _at_edges(criterion: str, nodes: Nodal, zones: Zones, left_out: BoolArray) -
 
 
 def _hidden(nodes: Nodal, contacts: Sequence[ContactZone]) -> tuple[Array, ContactZone | None]:
-    """(stress [Pa] (P,) that a patch or cells larger than a contact hide anywhere in the cells of a
-    node, the first contact of which nothing is known).
-
-    Modes of the whole body show nothing of a contact that the cells do not resolve.
-    """
+    """(stress [Pa] (P,) that patches or large cells hide, a contact that is not resolved)."""
     hidden = np.zeros(len(nodes.points))
     unresolved = None
     for zone in contacts:

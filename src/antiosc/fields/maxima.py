@@ -67,11 +67,7 @@ class BodyMotion:
 def search_of(
     history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
 ) -> Search:
-    """The search over a run, at the `given` times alone or between those of the history.
-
-    `static`: with one more column, of factor 1, for the static state. Of a part that stretches,
-    whose columns are products of modes too, there is no error bound.
-    """
+    """The search over a run, at the `given` times alone or between; `static`: one more column."""
 
     def factors(at: Array) -> Array:
         found = amplitudes(history, at, body, derivative)
@@ -119,10 +115,7 @@ def searched_maxima(
 
 
 def _maxima(motion: BodyMotion, step: float, columns: Array, scalar: Scalar) -> tuple[Array, Array]:
-    """(largest value (S,), its time) in steps of a run [s].
-
-    Single precision finds the largest sample; its value and its neighbours' are double.
-    """
+    """(largest value (S,), its time) in steps of a run [s]; single precision finds the sample."""
     times = _sample_times(motion.nodes, step)
     blocks = (times[k : k + AT_ONCE] for k in range(0, len(times), AT_ONCE))
     factors = np.concatenate([motion.factors(block) for block in blocks])
@@ -153,9 +146,7 @@ def sampled_maxima(
 
 
 def _parabola_tops(t: Array, y: Array) -> tuple[Array, Array]:
-    """(largest values (S,), their times) of parabolas through the samples y (S, 3) at t (S, 3),
-    the middle one being the largest; its own where it is the first or the last of a run.
-    """
+    """(largest values (S,), their times) of parabolas through samples y (S, 3) at t (S, 3)."""
     before, after = t[:, 1] - t[:, 0], t[:, 2] - t[:, 1]
     inner = (before > 0) & (after > 0)
     before, after = np.where(inner, before, 1.0), np.where(inner, after, 1.0)
@@ -195,11 +186,7 @@ def _step(
 
 
 def _sample_times(nodes: Array, step: float) -> Array:
-    """The history times, with evenly spaced times between those farther apart than the step.
-
-    History times beyond the number of steps are thinned evenly by index, since most of them lie in
-    contacts.
-    """
+    """The history times, thinned to the number of steps, and others between distant ones."""
     nodes = np.unique(nodes)
     if not step:
         return nodes

@@ -131,9 +131,7 @@ class PeakField(Completed):
 
     @property
     def worst_point(self) -> Margin | None:
-        """The margin; where no strength is known, the largest von Mises stress of the same places
-        (its criterion is "stress"). None: neither.
-        """
+        """The margin; without a strength the largest von Mises stress there; None: neither."""
         return self._margin
 
     @property
@@ -166,9 +164,7 @@ class PeakField(Completed):
 
     @property
     def largest_mesh_error(self) -> float | None:
-        """Estimated mesh error of the judged value; None without an estimate, as of a node of one
-        cell and of a stress that has no bar.
-        """
+        """Estimated mesh error of the judged value; None without an estimate or a bar."""
         if self.mesh_error is None:
             return None
         if self._margin is not None and not self._margin.has_bar:
@@ -468,9 +464,7 @@ def _mesh_error(
     times: Array,
     body: str,
 ) -> Array | None:
-    """Estimated mesh errors (P,) [Pa] of the von Mises stress at each point's time, on rank 0; else
-    None.
-    """
+    """Estimated mesh errors (P,) [Pa] of the von Mises stress at each point's time, on rank 0."""
     from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
 
     instants, number = np.unique(times, return_inverse=True)
@@ -492,9 +486,7 @@ def _zones(
     r0: float | None,
     nodes: tuple[Array, list[tuple[str, IntArray]], Array],
 ) -> Zones:
-    """What is not judged on a part of these points, cells and motions: edges of solids alone, and
-    no contacts on beams, which are exact.
-    """
+    """What is not judged: edges of solids alone, and no contacts on beams, which are exact."""
     families = source(structure).families(structure, part)
     if not families & {"solid", "sheet"}:
         return Zones()

@@ -147,10 +147,7 @@ def plot_map(
 
 
 def _front_faces(impact_map: Any, axes: Axes3D) -> BoolArray:
-    """Mask (T,) of the faces to draw: of a solid that is struck against its surface the front ones.
-
-    matplotlib sorts faces by their centres; back faces would show through openings.
-    """
+    """Mask (T,) of the faces to draw: back faces of a solid would show through openings."""
     corners = impact_map.points[impact_map.elements]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     directions = impact_map.directions[impact_map.elements].mean(axis=1)
@@ -173,9 +170,7 @@ def _dots(axes: Axes3D, points: Array, colours: Array, outlined: BoolArray) -> N
 
 
 def _on_faces(value: Array) -> Array:
-    """Mean (T,) of the known values at the corners (T, 3) of faces; NaN where fewer than two are
-    known.
-    """
+    """Mean (T,) of the known values at corners (T, 3); NaN where fewer than two are known."""
     has_value = ~np.isnan(value)
     count = has_value.sum(axis=1)
     mean = np.where(has_value, value, 0.0).sum(axis=1) / np.maximum(count, 1)

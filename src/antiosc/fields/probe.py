@@ -348,11 +348,7 @@ def _filtered(
     signal: Callable[[AnyHistory, Array], Array],
     derivative: int,
 ) -> Array:
-    """A derivative by time of a signal (n, …) of a run at `times` [s], through the filter `name`.
-
-    `signal(history, t)` is the signal of a history at times. Before the start and after the end of
-    the run, which is repeated for longer where it can, the signal is what it is there.
-    """
+    """A derivative of `signal(history, t)` (n, …) through a filter, of a run that is longer."""
     if not isinstance(history, RunHistory):
         raise InputError(
             "a filter needs the motion before and after the times: probe the history of the scene,"

@@ -225,9 +225,7 @@ def _extremes(t: Array, a: Array, f: float, Q: float, signal: str) -> tuple[floa
 
 
 def _oscillator_acceleration(f: float, Q: float, h: float, hold: str, x: Array) -> Array:
-    """Absolute acceleration of an oscillator at steps h [s] of the base acceleration x, which is
-    constant over each step ("zoh") or linear ("foh"): exact for either.
-    """
+    """Absolute acceleration of an oscillator at steps h [s]; x is constant ("zoh") or linear."""
     from scipy.signal import cont2discrete, lfilter, ss2tf  # which take long to load
 
     w = 2 * np.pi * f

@@ -74,11 +74,7 @@ CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
 
 def opened_cad(gmsh: ModuleType, path: str) -> float:
-    """Open a file; returns metres per unit of its coordinates.
-
-    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and then uses
-    OpenCASCADE's millimetres.
-    """
+    """Open a file; returns metres per unit of its coordinates: gmsh takes no unit for IGES."""
     iges = path.endswith((".iges", ".igs"))
     gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
     gmsh.open(path)
@@ -86,9 +82,7 @@ def opened_cad(gmsh: ModuleType, path: str) -> float:
 
 
 def names_of(gmsh: ModuleType, ask: Request, scale: float) -> Names:
-    """Names of the solids, faces and holes of a CAD file, after its solids are cut at each other
-    (`fragments`), or all but one removed (`piece`); `scale`: metres per unit of the model.
-    """
+    """Names of solids, faces and holes of a CAD file, its solids cut at each other or one alone."""
     names = _labelled(gmsh, 3)
     if ask.fragments:
         names = _cut(gmsh, names, ask.name)
@@ -359,11 +353,7 @@ LISTS = {3: "ST", 4: "SS"}
 
 @dataclass
 class SizeField:
-    """Element sizes at the corners of simplices.
-
-    Lists, as they are sent to the reading process: points (n, 3) in m, cells (c, dim + 1), and the
-    sizes of edges wanted at the points (n,) in m.
-    """
+    """Element sizes at the corners of simplices, as lists for the reading process."""
 
     points: list[list[float]]
     cells: list[list[int]]
@@ -379,9 +369,7 @@ class SizeField:
         return float(share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
 
     def lay(self, gmsh: ModuleType, scale: float) -> int:
-        """Add the sizes to the current gmsh model, whose unit is `scale` m, as a size field; return
-        its tag.
-        """
+        """Add the sizes to gmsh's model, whose unit is `scale` m; returns the tag of the field."""
         x = np.array(self.points)[np.array(self.cells)] / scale
         sizes = np.array(self.sizes)[np.array(self.cells)] / (scale * EDGE_OVER_SIZE)
         rows = np.concatenate([x.transpose(0, 2, 1).reshape(len(x), -1), sizes], axis=1)
@@ -504,9 +492,7 @@ def _volume_told(gmsh: ModuleType, name: str, exact: float) -> list[str]:
 
 
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
-    """A line across the bounding box of each solid, the largest first, or of the model; each group,
-    of the physical ones and the names, has all lines.
-    """
+    """A line across the box of each solid, or of the model; each group and name has all lines."""
     entities = largest_first(gmsh) or [(-1, -1)]
     boxes = scale * np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)
@@ -546,11 +532,7 @@ def session() -> ModuleType:
 
 
 def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMesh:
-    """All cells and groups of the current gmsh model, entity by entity.
-
-    `names`: entity -> names of its groups, in addition to the physical ones; `numbered`: whether
-    the node numbers are those of the file.
-    """
+    """All cells of the current gmsh model, its physical groups and `names` (entity -> names)."""
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     by_tag = np.argsort(tags).astype(np.int64)
     sorted_tags = np.asarray(tags)[by_tag]

@@ -75,10 +75,7 @@ class Block:
 
 @dataclass
 class Deck:
-    """Nodes, elements and sets of a deck.
-
-    Elements are numbered consecutively through all blocks.
-    """
+    """Nodes, elements (numbered through all blocks) and sets of a deck."""
 
     name: str
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -138,10 +135,7 @@ def listed(counts: dict[str, int]) -> str:
 
 
 class NodeTable:
-    """The nodes of a file, and new ones between them: sums of the nodes of the file with weights.
-
-    New nodes in the middle of an edge lie halfway unless `place` has set them elsewhere.
-    """
+    """The nodes of a file, and new ones between them: weighted sums of the nodes of the file."""
 
     def __init__(self, points: Array) -> None:
         from scipy.sparse import eye, vstack  # the reading process needs it for few files
@@ -359,10 +353,7 @@ def _note_middles(block: Block, nodes: NodeTable) -> None:
 
 
 def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> csr_matrix:
-    """Weights of the middles of faces of four corners, or of hexahedra.
-
-    They are −1/4 for corners, and for the middles of edges 1/2 on a face and 1/4 in a hexahedron.
-    """
+    """Weights of the middles of faces of four corners, or of hexahedra, by their functions."""
     corners = block.corners[:, list(face)] if face else block.corners
     edges = np.stack([face, np.roll(face, -1)], axis=1) if face else np.array(EDGES[block.shape])
     mids = nodes.between(block.corners[:, edges])

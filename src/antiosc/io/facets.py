@@ -57,11 +57,7 @@ def volumes(points: Array, triangles: IntArray) -> Array:
 
 
 def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]:
-    """(triangles with consistent orientation, number of the connected piece of each).
-
-    Pieces that enclose a volume are oriented outward. If a piece is one-sided, or more than two
-    triangles meet at an edge, neighbours may differ.
-    """
+    """(triangles of one orientation, outward on closed pieces; number of the piece of each)."""
     count = len(triangles)
     consistent, pairs, _ = _edges(triangles)
 
@@ -82,9 +78,7 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
 
 
 def _edges(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
-    """(whether two triangles at an edge have one orientation, their numbers (k, 2); of all edges
-    the number of triangles).
-    """
+    """(whether triangles at an edge agree, their numbers (k, 2); uses of all edges)."""
     ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
     _, edge, uses = np.unique(
         np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
@@ -290,10 +284,7 @@ def winding(corners: Array, point: Array) -> float:
 
 
 def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
-    """(the closed surface that is filled, with the cavities turned inward; its bodies).
-
-    MeshError for a surface that is not closed; `UnmeshableError` for bodies that pierce each other.
-    """
+    """(the closed surface to be filled, cavities turned inward; its bodies), or MeshError."""
     surface = surface_of(ask)
     if surface.open_edges:
         raise MeshError(
@@ -320,10 +311,7 @@ def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
 
 
 def fill(gmsh: ModuleType, ask: Request) -> tuple[Surface, Names]:
-    """(the closed surface of a file, which is filled in gmsh's model, names of gmsh's surfaces).
-
-    Its sharp edges are kept.
-    """
+    """(the closed surface that is filled in gmsh's model, names of gmsh's surfaces)."""
     import trimesh
 
     surface, bodies = _wanted(ask)

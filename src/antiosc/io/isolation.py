@@ -54,10 +54,7 @@ SYSTEM = ("/proc", "/sys", "/dev")
 
 
 def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | None) -> FileMesh:
-    """The content of the file `path`, by the reader of its file type (`mesh_files`).
-
-    `geometry`: whether its mesh may be much larger than the file; `options`: of a `Request`.
-    """
+    """The content of a file by its reader; a `geometry` may be meshed much larger than the file."""
     name = printable(path.name)
     size = _size(path)
     most = int(READER_MEMORY_SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
@@ -228,10 +225,7 @@ class Request:
             resource.setrlimit(resource_kind, (most, hard))
 
     def allow(self, seconds: float) -> None:
-        """End this process after `seconds` of processor time, or at the caller's timeout.
-
-        The kernel does this, whatever code is running.
-        """
+        """Let the kernel end this process after so much processor time, or at the timeout."""
         for ending in OVERTIME:
             signal.signal(ending, signal.SIG_DFL)
         if self.timeout is None:
@@ -242,9 +236,7 @@ class Request:
             signal.setitimer(signal.ITIMER_REAL, remaining)
 
     def seal(self) -> None:
-        """Limit the size of files that are written from now on to 1 MB, unless the input is
-        trusted.
-        """
+        """Limit files that are written from now on to 1 MB, unless the input is trusted."""
         if not self.trust:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             with contextlib.suppress(ValueError):  # a lower limit is in force
@@ -266,10 +258,7 @@ OWN = "antiosc_decks."
 
 
 def registered(group: str) -> tuple[metadata.EntryPoint, ...]:
-    """The unloaded entry points of a group, those of other packages first.
-
-    "" in `sys.path` is the working folder, where no packages are installed.
-    """
+    """The unloaded entry points of a group, those of other packages first."""
     return _found(group, tuple(filter(None, sys.path)))
 
 
@@ -346,9 +335,7 @@ INTO_FILE = re.compile(r"[)\]]\s*>")
 
 
 def harmless(text: str, name: str) -> tuple[str, list[str]]:
-    """(the script `text` of the file `name` as gmsh may run it, the files beside it that it
-    merges); MeshError for a word that runs programs, or reads or writes files.
-    """
+    """(a script as gmsh may run it, the CAD that it merges); MeshError for any other file."""
     if "\0" in text:
         raise MeshError(f"{name} is binary and no script of gmsh: write it as .step or .inp.")
 

@@ -64,9 +64,7 @@ class MatrixFile:
         return InputError(f"{self.name}, byte {offset}: {text}")
 
     def table(self, lines: Sequence[bytes], numbers: Sequence[int], columns: int) -> Array:
-        """Values (lines, columns) of lines with `columns` numbers each; `numbers`: line numbers,
-        for messages.
-        """
+        """Values (lines, columns) of lines with `columns` numbers each, at the line `numbers`."""
         rows = [line.replace(b",", b" ") for line in lines]
         values = _floats(b"\n".join(rows))
         if values is None or any(len(row.split()) != columns for row in rows):
@@ -77,9 +75,7 @@ class MatrixFile:
         return values.reshape(-1, columns)
 
     def rows(self, lines: Sequence[bytes], numbers: Sequence[int], size: int | None) -> Entries:
-        """The matrix of lines of row, column, value, in one triangle or both; `size` None: the last
-        row that is named.
-        """
+        """The matrix of lines of row, column, value; `size` None: the last row that is named."""
         table = self.table(lines, numbers, 3)
         whole = (table[:, :2] % 1 == 0) & (table[:, :2] >= 1) & (table[:, :2] < 2**31)
         self.needs(whole.all(), numbers[int(whole.all(axis=1).argmin())], WHOLE)
@@ -147,10 +143,7 @@ class Entries:
 
 
 def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
-    """Entries from a table (node, component, node, component, value), rows sorted by label.
-
-    `triangle` None: the file does not state whether it contains one triangle or both.
-    """
+    """Entries from a table (node, component, node, component, value); `triangle` None: unknown."""
     pairs = table[:, :4].reshape(-1, 2).astype(np.int64)
     labels, index = np.unique(pairs, axis=0, return_inverse=True)
     row, column = index.reshape(-1, 2).T
@@ -265,18 +258,7 @@ def read_pair(
     mass: str | os.PathLike[str],
     names: tuple[str, str] | None = None,
 ) -> MatrixPair:
-    """Read K and M.
-
-    Matrix Market, Abaqus `*MATRIX GENERATE`, Harwell–Boeing (Ansys HBMAT), Nastran OP4 (text or
-    binary) or DMIG, Sierra/SD's text for MATLAB, by their content; both may be one file. `names`:
-    those of K and M in files that hold more matrices.
-
-    Raises
-    ------
-    InputError
-        A file that is missing, cut, or of another kind; complex, infinite or NaN entries; matrices
-        of different sizes or dofs. Says file and line (of binary files the byte).
-    """
+    """Read K and M from files recognised by their content; `names`: among several matrices."""
     pair = (None, None) if names is None else names
     if not isinstance(pair, list | tuple) or len(pair) != 2:
         raise InputError("names must be two, of K and of M: names=('KAA', 'MAA').")
@@ -364,10 +346,7 @@ def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
 
 
 def read_sierra(source: MatrixFile) -> Entries:
-    """The matrix of Sierra/SD's text for MATLAB: a function with lines of row, column, value.
-
-    Symmetric matrices have one triangle.
-    """
+    """The matrix of Sierra/SD's function for MATLAB, with lines of row, column, value."""
     lines = [line.strip() for line in source.lines()]
     size = re.search(rb"NumRows *= *(\d+)", source.content)
     source.needs(size and b"a=[" in lines, 1, "'NumRows =' and 'a=[' are expected before entries.")
@@ -385,12 +364,7 @@ def read_sierra(source: MatrixFile) -> Entries:
 
 
 def read_abaqus(source: MatrixFile) -> Entries:
-    """The matrix of Abaqus `*MATRIX GENERATE`.
-
-    Lines of node, dof, node, dof, value, or of row, column, value: `*MATRIX OUTPUT` writes the
-    first with FORMAT=MATRIX INPUT and LABELS, the second with FORMAT=COORDINATE; of symmetric
-    matrices one triangle. Abaqus writes supports as 1e36 on the diagonal.
-    """
+    """The matrix of Abaqus `*MATRIX GENERATE`: node, dof, node, dof, value, or by rows."""
     texts = {k: line.strip().rstrip(b",") for k, line in enumerate(source.lines(), 1)}
     entries = {k: text for k, text in texts.items() if text and not text.startswith(b"*")}
     source.needs(entries, 1, "the file has no entries.")
@@ -500,15 +474,7 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
 
 
 def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
-    """The map of the rows of matrices.
-
-    `source` has a row for every one of the `size` rows of the matrices: node, dof, or node, dof, x,
-    y, z; in a file also row, node, dof, and the dof as a name (UX). Or a row for every node: node,
-    x, y, z, for matrices whose files name nodes and dofs (`labels`, (size, 2)). Or a tuple of
-    columns, (nodes, dofs) or (nodes, dofs, points (size, 3)), with dofs as numbers or names. Or
-    Sierra/SD's two files, of the number of each node (gid) and of the row of each of its dofs
-    (ASetMap).
-    """
+    """The map of the rows of matrices, as `Structure.from_matrices` and `from_files` take it."""
     if source is None:
         if labels is None:
             return None

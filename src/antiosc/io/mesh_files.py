@@ -80,9 +80,7 @@ def _content(path: Path, name: str) -> meshio.Mesh:
 
 
 def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
-    """Yield (group name, block, rows) from every way in which meshio's formats store cell
-    groups.
-    """
+    """Yield (group name, block, rows) of cell groups, as meshio's formats store them."""
     physical = dict(_group_names(mesh))
     families = getattr(mesh, "cell_tags", {})  # MED: tag -> names
     for key, blocks in mesh.cell_data.items():
@@ -107,9 +105,7 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
 
 
 def _group_names(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
-    """Yield ((tag, dimension), name) of groups; fields of MED and VTK with other values are
-    skipped.
-    """
+    """Yield ((tag, dimension), name) of groups."""
     for name, value in mesh.field_data.items():
         pair = np.asarray(value)
         if pair.shape == (2,) and np.issubdtype(pair.dtype, np.integer):

@@ -142,11 +142,7 @@ def _one_kind(rows: Rows, name: str) -> tuple[str, IntArray]:
 
 
 def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str]:
-    """Sentences on the elements of a file that are not those of the mesh, with their numbers.
-
-    MeshError if some are not sides of the mesh: they may be beams and shells. Those of CAD are
-    told: they may be sketches, axes or construction planes.
-    """
+    """Sentences on elements beside those of the mesh; MeshError if some may be parts of it."""
     made_here = mesh.of_gmsh and not name.lower().endswith(".msh")
     top = raw.kind.dim
     grouped = _grouped(mesh, list(mesh.cells))
@@ -196,10 +192,7 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 
 def keys(rows: IntArray) -> NDArray[np.uint64]:
-    """A hash of each row that does not depend on the order of its entries.
-
-    Two different rows have the same number with a probability of 1e-19.
-    """
+    """A hash of each row, whatever the order of its entries; equal by chance with 1e-19."""
     mixed = np.zeros(len(rows), dtype=np.uint64)
 
     with np.errstate(over="ignore"):
@@ -237,10 +230,7 @@ def outer_facets(raw: RawMesh) -> IntArray:
 
 
 def _add_node_sets(raw: RawMesh, node_sets: Rows) -> None:
-    """Add node sets as boundary facets with all vertices in one, and remaining vertices.
-
-    A support on a node set must also fix the mid-side motions between its nodes.
-    """
+    """Add node sets as facets that they span, with their mid-side nodes, and other vertices."""
     outer = outer_facets(raw)
     is_vertex = np.zeros(len(raw.points), dtype=bool)
     is_vertex[raw.cells[:, : raw.kind.vertices]] = True
@@ -291,12 +281,7 @@ def read(
     sound: Callable[[RawMesh], RawMesh] = lambda raw: raw,
     **options: Any,
 ) -> RawMesh:
-    """Read or mesh the file `path`; see `antiosc.read_mesh`.
-
-    `sizes`: element sizes in the whole geometry; `sound`: checks the mesh, and may raise;
-    `options`: other fields of a `Request`. A geometry that cannot be meshed as asked is meshed once
-    more: with elements that follow its curvature, a surface of triangles by fTetWild.
-    """
+    """Read or mesh a file (`antiosc.read_mesh`); a geometry once more if gmsh cannot mesh it."""
     name = printable(path.name)
     suffix = path.suffix.lower()
     solid = bool(options.get("solid"))
@@ -341,11 +326,7 @@ def read(
 
 
 def piece_of_cells(raw: RawMesh) -> IntArray:
-    """Number of the connected piece of each cell (cells,), 0 for the largest.
-
-    The rank is that of the length, area or volume, so that it is the same however fine the cells
-    are; pieces that are as large as each other keep the order of the file.
-    """
+    """Number of the connected piece of each cell (cells,), 0 for the largest by its measure."""
     label = connected([raw.cells], len(raw.points))[raw.cells[:, 0]]
     pieces, piece_index = np.unique(label, return_inverse=True)
     piece_index = piece_index.ravel()
@@ -360,11 +341,7 @@ def piece_of_cells(raw: RawMesh) -> IntArray:
 
 
 def _relative_measures(raw: RawMesh) -> Array:
-    """Length, area or volume of each cell (cells,) up to a factor of the kind.
-
-    Its square is the determinant of the covariance of the corners, for images of one reference cell
-    under affine maps.
-    """
+    """Length, area or volume of each cell up to a factor, by the covariance of its corners."""
     x = raw.points[raw.cells[:, : raw.kind.vertices]]
     x = x - x.mean(axis=1, keepdims=True)
     squares = np.linalg.eigvalsh(x.transpose(0, 2, 1) @ x)[:, -raw.kind.dim :]
@@ -476,10 +453,7 @@ def content_of(
 
 
 def merged(mesh: FileMesh, distance: float) -> FileMesh:
-    """The mesh with nodes merged that are at most `distance` [m] apart.
-
-    Decks of several parts and STL files need it.
-    """
+    """The mesh with nodes merged that are at most `distance` [m] apart."""
     n = len(mesh.points)
     pairs = cKDTree(mesh.points).query_pairs(distance, output_type="ndarray")
     if mesh.model and mesh.model["apart"]:  # the released ends of beams

@@ -97,10 +97,7 @@ def read_model_file(
     expected: str = FORMAT,
     largest: int = _LARGEST,
 ) -> tuple[Named, Arrays]:
-    """(header, arrays) of a file of format `expected` with the arrays `needed`.
-
-    InputError for another file, or one with more than `largest` bytes of arrays.
-    """
+    """(header, arrays) of a file with the arrays `needed`; InputError for any other file."""
     source = checks.path("path", path)
     files.check_readable(source, "a model")
     file_text = f"an {expected} file"
@@ -223,24 +220,18 @@ def _damping(values: Named | None) -> Damping | DampingMatrix | None:
 
 @dataclass(frozen=True, eq=False)
 class ReducedMatrices(FieldsRepr):
-    """K and M of a reduced model.
+    """K and M of a reduced model."""
 
-    Attributes
-    ----------
-    K, M : (n, n) N/m and kg, the dofs of the sites first, then one for each anti-oscillator.
-    labels : (n, 2) node and dof (1 to 6; 0 for scalar points) of each row.
-    """
-
+    #: K, M: (n, n) N/m and kg, the dofs of the sites first, then one for each anti-oscillator
     K: Array
     M: Array
-    labels: IntArray
+    labels: IntArray  # (n, 2) node and dof (1 to 6; 0 for scalar points) of each row
 
     def save(self, path: str | os.PathLike[str]) -> list[Path]:
-        """Write K and M as Matrix Market, two files `<name>_K.mtx` and `<name>_M.mtx`.
+        """Write K and M as Matrix Market, `<name>_K.mtx` and `<name>_M.mtx`, beside `<name>.map`.
 
-        `path`: `<name>.mtx`. Beside them `<name>.map` lists node and dof of each row, which
-        `Structure.from_files(K, M, map=…)` reads. The files written are returned, each complete
-        or absent; InputError for another ending, or a file that cannot be written.
+        `path`: `<name>.mtx`. `Structure.from_files(K, M, map=…)` reads them. Returns the files,
+        each complete or absent; InputError for another ending, or a file that cannot be written.
         """
         target = checks.path("path", path)
         if target.suffix.lower() != ".mtx":

@@ -255,9 +255,7 @@ class Body:
 
     @property
     def patch_radius(self) -> float | None:
-        """Radius [m] of the patch over which the contact point's displacement is averaged; None: a
-        point.
-        """
+        """Radius [m] of the patch that averages the contact's displacement; None: a point."""
         return None
 
     def surface(self, site: str = "") -> Surface | None:
@@ -316,10 +314,7 @@ class _UserBody(Body):
 
 
 def checked_body(name: str, body: object) -> Body:
-    """Return `body` as a `Body` of one contact point; a user's body gets the defaults.
-
-    InputError for one without a modal() method, and for one with several contact points.
-    """
+    """`body` as a `Body` of one contact point, with defaults for a user's, or InputError."""
     if isinstance(body, Body):
         if body.sites:
             raise InputError(several_sites_message(name, body.sites))
@@ -391,9 +386,7 @@ def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
 
 
 def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
-    """The patch at a site if it is too wide for the bending waves of a contact at a point, since
-    it moves the mass under it in one piece; otherwise None.
-    """
+    """The patch at a site if it is too wide for the bending waves of a contact, or None."""
     cell = (info_of(model).cells or {}).get(site)
     radius = getattr(model, "patch_radius", None)
     if cell is None or radius is None or not cell[1]:
@@ -458,18 +451,12 @@ def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
 
 
 def choice_at_sites(first: object, second: object, sites: tuple[str, str] = ("", "")) -> Choice:
-    """The law for the contact of two bodies at their sites, with the reason.
-
-    InputError if the material or the shape of a body is unknown.
-    """
+    """The law for a contact of two bodies at their sites; InputError for unknown surfaces."""
     return choose(_surface(first, sites[0]), _surface(second, sites[1]))
 
 
 def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -> str:
-    """Sentence on a round striker that meets a part beside its site; "" if it does not.
-
-    Of the two bodies one is a model of a part, the other a ball or a mass with a round tip.
-    """
+    """Sentence on a round striker that meets a part beside its site; "" if it does not."""
     bodies = first, second
     surfaces = [
         body.surface(site) if isinstance(body, Body) else None

@@ -49,18 +49,14 @@ SITES_AT_ONCE = 500
 
 @dataclass(frozen=True, eq=False)
 class SiteModels:
-    """Anti-oscillator parameters of S sites, as arrays.
+    """Anti-oscillator parameters of S sites, as arrays."""
 
-    Attributes
-    ----------
-    k0, m0, m_st : (S,) static stiffness [N/m], residual mass [kg], static mass [kg].
-    omega, m : (S, n) frequencies [rad/s], ascending, and masses [kg]; the row of a site with
-        fewer than n anti-oscillators ends in m = 0, omega = inf.
-    """
-
+    #: k0, m0, m_st: (S,) static stiffness [N/m], residual mass [kg], static mass [kg]
     k0: Array
     m0: Array
     m_st: Array
+    #: omega, m: (S, n) frequencies [rad/s], ascending, and masses [kg]; the row of a site with
+    #: fewer than n anti-oscillators ends in m = 0, omega = inf
     omega: Array
     m: Array
 

@@ -42,22 +42,13 @@ def _ratio(damping: Damping) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModes:
-    """The free modes of a Galerkin model, of unit mass, and their residual.
+    """The free modes of a Galerkin model, of unit mass, and their residual."""
 
-    Attributes
-    ----------
-    omega : (J,) [rad/s]; rigid-body modes are the first ones, with 0.
-    b : (J, p) displacements of the sites.
-    residual : (k, J) f of each mode over (d²/dt² - s) q, where (W f)ᵀA(W f) = |f|².
-    inertia : WᵀMW (k, k).
-    shift : s [rad²/s²].
-    """
-
-    omega: Array
-    b: Array
-    residual: Array
-    inertia: Array
-    shift: float
+    omega: Array  # (J,) [rad/s]; rigid-body modes are the first ones, with 0
+    b: Array  # (J, p) displacements of the sites
+    residual: Array  # (k, J) f of each mode over (d²/dt² - s) q, where (W f)ᵀA(W f) = |f|²
+    inertia: Array  # WᵀMW (k, k)
+    shift: float  # s [rad²/s²]
 
     def _rows(self, square: Array, by: dict[int, Array | float]) -> Array:
         """Channels (k, 5, J) of |root of square · f| with f of each mode by its five numbers."""
@@ -118,23 +109,15 @@ class ReferenceModes:
 
 @dataclass(frozen=True, eq=False)
 class Recurrence(FieldsRepr):
-    """What the Krylov space of sites says of the structure, beside the anti-oscillators.
+    """What the Krylov space of sites says of the structure, beside the anti-oscillators."""
 
-    Attributes
-    ----------
-    k0, mass : ΦᵀKΦ [N/m] and ΦᵀMΦ [kg], (p, p).
-    start : (N, p) VᵀMΦ.
-    H : (N, N) VᵀMV, the next vectors last.
-    n : largest number of vectors of a model whose residual is known.
-    shift : s [rad²/s²].
-    """
-
+    #: k0, mass: ΦᵀKΦ [N/m] and ΦᵀMΦ [kg], (p, p)
     k0: Array
     mass: Array
-    start: Array
-    H: Array
-    n: int
-    shift: float
+    start: Array  # (N, p) VᵀMΦ
+    H: Array  # (N, N) VᵀMV, the next vectors last
+    n: int  # largest number of vectors of a model whose residual is known
+    shift: float  # s [rad²/s²]
 
     def __post_init__(self) -> None:
         size, sites = checks.floats("start", self.start, (None, None)).shape
@@ -189,9 +172,8 @@ def recurrence_of(
 ) -> Recurrence | None:
     """The recurrence with start = VᵀMΦ and H = VᵀMV, up to where it breaks down; None: at once.
 
-    `ends`: numbers of vectors with those of each block. In exact arithmetic a block couples with
-    that before it alone, and Φ with the first. `dropped`: length of the next vector, where the
-    space of one site has no further one but for rounding.
+    `ends`: numbers of vectors with those of each block, which couples with that before it alone.
+    `dropped`: length of the next vector, where one site has none but for rounding.
     """
     size_of = np.sqrt(np.maximum(H.diagonal(), 0.0))  # of V; the next lines by Cauchy and Schwarz
     beside = np.abs(H / size_of.max())

@@ -115,11 +115,7 @@ def _with_hidden(shape: Array, hidden: int) -> Array:
 
 
 def _coordinates(model: Parameters) -> tuple[Array, Array]:
-    """Matrices of the coordinates of u and eta, and of the amplitudes of the shapes in coordinates.
-
-    One site without a name has lambda_i = lambda_0 + eta_i/sqrt(m_i), and the amplitudes lambda_0
-    and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8).
-    """
+    """Matrices of the coordinates of u and eta, and of the amplitudes of shapes (Article (8))."""
     of_lambda = np.diag(model.unit)
     to_shapes = np.eye(len(of_lambda))
     if not model.sites:
@@ -188,25 +184,15 @@ def _damping_of(
 
 @dataclass(frozen=True)
 class ReducedModes:
-    """Mass-normalised free modes of a model of several sites.
+    """Mass-normalised free modes of a model of several sites."""
 
-    Attributes
-    ----------
-    omega : (J,) ascending, exactly 0 for rigid-body modes [rad/s].
-    shape : (p + N, J) the modes in u and eta.
-    residual : (p + N, p) displacements per force without inertia; its first p rows are r.
-    """
-
-    omega: Array
-    shape: Array
-    residual: Array
+    omega: Array  # (J,) ascending, exactly 0 for rigid-body modes [rad/s]
+    shape: Array  # (p + N, J) the modes in u and eta
+    residual: Array  # (p + N, p) displacements per force without inertia; its first p rows are r
 
 
 def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) -> ReducedModes:
-    """The free modes; `rigid` (p, q): displacements of the sites in rigid-body modes of unit mass.
-
-    InputError where a combination of the sites has neither mass nor stiffness.
-    """
+    """The free modes; `rigid` (p, q): displacements of the sites in unit rigid-body modes."""
     p, q = rigid.shape
     size = p + omega.size
     K = np.diag(np.append(np.zeros(p), omega**2))

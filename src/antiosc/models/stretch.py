@@ -99,19 +99,14 @@ class Stretch(ReprMixin):
         return stretch_energy(self.quadratic, self.cubic, a)
 
     def pairs(self, a: Array, b: Array | None = None) -> Array:
-        """Amplitudes (n, m (m + 1)/2) of pairs of modes at amplitudes (n, m) of the modes.
-
-        With `b` those of the product of two motions, symmetric in both.
-        """
+        """Amplitudes (n, m (m + 1)/2) of pairs of modes; with `b` of products of two motions."""
         i, j = np.triu_indices(self.size)
         b = a if b is None else b
         products = (a[:, i] * b[:, j] + a[:, j] * b[:, i]) / 2
         return np.asarray(np.where(i == j, 1, 2) * products)
 
     def pair_motion(self, a: Array, v: Array, w: Array, derivative: int) -> Array:
-        """Amplitudes of pairs in motions a with rates v and w (n, m): values, first or second
-        rates.
-        """
+        """Amplitudes of pairs in motions a with rates v, w (n, m), or rates of these."""
         if derivative == 0:
             return self.pairs(a)
         if derivative == 1:
@@ -119,13 +114,7 @@ class Stretch(ReprMixin):
         return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array, omega: Array) -> Stretch:
-        """The same forces in k combinations of the modes: orthonormal columns of `turn` (m, k).
-
-        `omega` (J,): frequencies of the free modes [rad/s].
-
-        Modes that are left out follow statically, as all other motion does. The result has no
-        `shapes`; `shapes_in` and `following` give them.
-        """
+        """The same forces in k combinations `turn` (m, k) of the modes, which others follow."""
         k = turn.shape[1]
         quadratic = _transformed(self.quadratic, turn).reshape((k,) * 3)
         cubic = _transformed(self.cubic, turn).reshape((k,) * 4)
@@ -139,11 +128,7 @@ class Stretch(ReprMixin):
         return np.asarray(np.einsum("mij,ik,jl->mkl", self.quadratic, turn, turn, optimize=True))
 
     def following(self, turn: Array, omega: Array) -> Array:
-        """The static motion of the modes that are left out (m, k, k), in products of two amplitudes
-        of the k combinations `turn` (m, k).
-
-        It is -K⁻¹h of all modes under their quadratic forces h, without that of the combinations.
-        """
+        """Static motion (m, k, k) of the modes left out, in products of amplitudes of `turn`."""
         stiffness = self.modes.T @ (omega[:, None] ** 2 * self.modes)
         forces = self._of_pairs(turn)
         columns = forces.reshape(self.size, -1)
@@ -151,9 +136,7 @@ class Stretch(ReprMixin):
         return np.asarray((taken - np.linalg.solve(stiffness, columns)).reshape(forces.shape))
 
     def shapes_in(self, modes: Array) -> Array | None:
-        """Second-order displacements (n_dofs, k (k + 1)/2) of pairs of combined modes (J, k), or
-        None.
-        """
+        """Second-order displacements (n_dofs, pairs) of combined modes (J, k), or None."""
         if self.shapes is None:
             return None
 

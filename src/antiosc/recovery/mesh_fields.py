@@ -49,11 +49,7 @@ def tensors_of_part(
     place: Place,
     materials: Sequence[int],
 ) -> tuple[IntArray, IntArray, Array]:
-    """Tensors at the nodes of this rank: (nodes (S,), materials (S,), components (S, 6, columns)).
-
-    `quantity` is "strain" or "stress", and `shapes` has the shape (rows of this rank, columns).
-    Only cells of `materials`, numbers in `part.parts`, contribute. To be called on all ranks.
-    """
+    """(nodes (S,), materials (S,), components (S, 6, columns)) on this rank; collective."""
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
     evaluate = evaluator(part, quantity, place)
@@ -113,14 +109,11 @@ def _at_nodes_of(
 
 
 def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
-    """Estimated error (nodes,) of the von Mises stress [Pa] at each node of this rank.
+    """Estimated error (nodes,) of the von Mises stress [Pa] at each node of this rank; collective.
 
-    Zienkiewicz and Zhu: the mean over the cells of one material stands for the smooth stress, and
-    the error is the largest von Mises stress of the cells' differences from it; in sheets, whose
-    axes turn from cell to cell, the difference of the von Mises stress itself, the larger of both
-    faces. A node of a single cell, or at a fold of a sheet, takes the largest error at the other
-    nodes of its cells. `factors` (nodes, columns) multiply the shapes at each node. To be called on
-    all ranks.
+    Zienkiewicz and Zhu: the mean over the cells of one material stands for the smooth stress; in
+    sheets, whose axes turn, that of the von Mises stress of the worse face. A node of one cell, or
+    at a fold, takes the largest error at the other nodes of its cells.
     """
     mesh = part.mesh
     cells_of_rank = compat.cell_map(mesh.dolfinx).size_local
@@ -150,10 +143,7 @@ def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
 
 
 def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> tuple[Array, Array]:
-    """(stresses, products of the normal's components (…, 6)) at the nodes (C, n) of the cells of
-    this rank: of solids the components (C, n, 6) of the stress and no normals, of sheets the von
-    Mises stress (C, n, 1), the larger of both faces.
-    """
+    """(stresses, products of normals) at nodes (C, n) of cells: (C, n, 6), of sheets (C, n, 1)."""
     shapes = compat.with_ghosts(part.form.space, shapes)
     is_solid = part.kind.name == "solid"
     places = [Place()] if is_solid else [Place("top"), Place("bottom")]
@@ -183,9 +173,7 @@ def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> 
 
 
 def _products_of_normals(part: MeshedStructure, cells: IntArray, X: Array) -> Array:
-    """Products (C, n, 6) of the components of the normals of a sheet at the nodes of cells; they do
-    not depend on which face is the top.
-    """
+    """Products (C, n, 6) of the components of a sheet's normals, whichever face is the top."""
     _, J = part.mesh.geometry.at(np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
     normal = np.cross(J[:, :, 0], J[:, :, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -208,9 +196,7 @@ def _is_fold(products: Array) -> BoolArray:
 def _join_ranks(
     part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
 ) -> None:
-    """Combine `total` (by `joined`) and `count` (sum) with those of other ranks in shared slots, in
-    place.
-    """
+    """Combine `total` (by `joined`) and `count` (sum) in place with those of other ranks."""
     comm = part.mesh.comm
     parts = len(part.parts)
     if comm.size == 1:
@@ -236,10 +222,7 @@ def _join_ranks(
 def at_point(
     structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
 ) -> Array:
-    """Displacements (gdim, columns) of shapes (rows, columns) at the point nearest to x (3,).
-
-    InputError for a point farther off than `reach`.
-    """
+    """Displacements (gdim, columns) of shapes (rows, columns) at the point nearest to x (3,)."""
     moved = recovered(structure, shapes, x[None], part, "displacement", Place(), reach)[0]
     forms = [member.part.form for member in with_parts(structure).members(part)]
     return np.asarray(moved[: max(len(set(form.components) & set("xyz")) for form in forms)])
@@ -255,12 +238,7 @@ def recovered(
     reach: Reach,
     second_order: bool = False,
 ) -> Array:
-    """A quantity (P, …, columns) of every shape at the points nearest to `points` (P, 3).
-
-    second_order : include the second-order strain of each shape.
-
-    InputError for a point farther from the structure than `reach`.
-    """
+    """A quantity (P, …, columns) of every shape at the points nearest to `points` (P, 3)."""
     _refuse_relaxing(structure, quantity)
     parts = with_parts(structure).fields(shapes, part)
     if place.stiffener is not None:
@@ -351,9 +329,7 @@ def at_nodes(
 
 
 def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
-    """[(part, its static displacements under the prestress)] of the parts with second-order
-    strains.
-    """
+    """[(part, its static displacements under the prestress)] of parts with second-order strains."""
     preload = structure.matrices.preload
     assert preload is not None
 
@@ -468,11 +444,7 @@ def _requests(
 
 
 def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
-    """Displacements (nodes, 3, N + 1) of the shapes at the geometry nodes of this rank.
-
-    Nodes and dofs of a cell have one order, vertices first: a geometry node is the dof of the same
-    local number. Where a cell has other dofs than mid-side nodes, the shapes are evaluated there.
-    """
+    """Displacements (nodes, 3, columns) of shapes at the geometry nodes of this rank."""
     geometry = mesh.geometry
     nodes = compat.geometry_nodes(mesh.dolfinx)
 
@@ -538,10 +510,7 @@ ESTIMATED = {"solid", "sheet"}
 def stress_jumps(
     structure: Structure, shapes: Array, factors: Array, part: str | None = None
 ) -> Array | None:
-    """Estimated errors [Pa] of von Mises stress at the points of `at_nodes`, on rank 0.
-
-    `factors` (P, columns) of the shapes at each point. 0 in beams; None of beams alone.
-    """
+    """Estimated errors [Pa] of von Mises stress at the points of `at_nodes`, on rank 0, or None."""
     if not families(structure, part) & ESTIMATED:
         return None
     parts = with_parts(structure).fields(shapes, part)

@@ -21,10 +21,7 @@ NO_ELEMENTS = (
 def at_point(
     structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
 ) -> Array:
-    """Displacements (3, columns) of shapes (rows, columns) at the node nearest to x (3,).
-
-    InputError for a node farther off than `reach`.
-    """
+    """Displacements (3, columns) of shapes (rows, columns) at the node nearest to x (3,)."""
     _one_part(part)
     nodal = cast(NodalMatrices, structure.matrices)
     points, rows = nodal.nodes()

@@ -33,26 +33,18 @@ SURFACES = ("top", "bottom", "middle")
 
 @dataclass(frozen=True)
 class Reach:
-    """Largest distance of a given point from the structure, onto which it is projected.
+    """Largest distance of a given point from the structure, onto which it is projected."""
 
-    Attributes
-    ----------
-    what : the point in words, for messages.
-    snap : largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element.
-    remedy : the remedy for messages.
-    """
-
-    what: str
+    what: str  # the point in words, for messages
+    #: largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element
     snap: float | None = None
+    #: the remedy for messages
     remedy: str = "give a point on it, or the length that it may be moved (snap)"
 
     def check(
         self, point: Array, nearest: Array, size: float, element: Callable[[], float]
     ) -> None:
-        """InputError for a point (3,) whose nearest point (3,) of the structure is too far [m].
-
-        `size` [m]: size of the part; `element`: returns the size [m] of its element there.
-        """
+        """InputError for a point whose nearest one is too far [m] from a part of `size` [m]."""
         distance = float(np.linalg.norm(point - nearest))
         limit = SNAP_SHARE * size if self.snap is None else self.snap
         if distance > limit and self.snap is None:
@@ -75,10 +67,7 @@ class Reach:
 
 
 def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None:
-    """`Reach.check` for the node `nearest` of `points` (P, 3).
-
-    The size of an element there is the distance to the next node.
-    """
+    """`Reach.check` for a node of `points` (P, 3), whose element reaches to the next node."""
     x = points[nearest]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     reach.check(
@@ -88,22 +77,16 @@ def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None
 
 @dataclass(frozen=True)
 class Place:
-    """A position within the thickness or the section, from the arguments of `probe`.
+    """A position within the thickness or the section, from the arguments of `probe`."""
 
-    Attributes
-    ----------
-    surface : "top", "bottom" or "middle" of a sheet or of its `layer`.
-    layer : number of a layer, from the bottom, 0 the first; None: the whole thickness.
-    fibre : (y, z) distances from the centroid of a beam's section along its axes, m, or the number
-        of a point of its outline; None: not given.
-    local : whether tensors are in the local axes, not in those of the mesh.
-    stiffener : group of beams on edges of a sheet whose quantity is taken; None: that of the cells.
-    """
-
-    surface: str = "top"
+    surface: str = "top"  # "top", "bottom" or "middle" of a sheet or of its `layer`
+    #: number of a layer, from the bottom, 0 the first; None: the whole thickness
     layer: int | None = None
+    #: (y, z) distances from the centroid of a beam's section along its axes, m, or the number of a
+    #: point of its outline; None: not given
     fibre: tuple[float, float] | int | None = (0.0, 0.0)
-    local: bool = False
+    local: bool = False  # whether tensors are in the local axes, not in those of the mesh
+    #: group of beams on edges of a sheet whose quantity is taken; None: that of the cells
     stiffener: str | None = None
 
 
@@ -127,18 +110,11 @@ class Origin(NamedTuple):
 
 
 class NodeTensors(NamedTuple):
-    """Tensors at nodes, on rank 0; a node may have several.
+    """Tensors at nodes, on rank 0; a node may have several."""
 
-    Attributes
-    ----------
-    nodes : (S,) node of each tensor.
-    columns : (S, 6, columns) components.
-    origin : (S,) index of each tensor in `origins`.
-    """
-
-    nodes: IntArray
-    columns: Array
-    origin: IntArray
+    nodes: IntArray  # (S,) node of each tensor
+    columns: Array  # (S, 6, columns) components
+    origin: IntArray  # (S,) index of each tensor in `origins`
     origins: list[Origin]
 
 
@@ -149,9 +125,7 @@ def layers_of(material: object) -> Sequence[Layer]:
 
 
 def strength_of(material: object, place: Place) -> AnyStrength:
-    """Yield strength of a material, its strength in tension if it cracks, or strengths of a
-    laminate's layer; None if unknown.
-    """
+    """Yield strength, strength in tension of what cracks, or a layer's; None: not known."""
     layers = layers_of(material)
     if not layers:
         tensile = getattr(material, "tensile", None)

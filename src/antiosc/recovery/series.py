@@ -47,10 +47,7 @@ def write_vtu_file(
 
 
 def listing(path: str | os.PathLike[str]) -> Path:
-    """Path of the `.pvd` file of a series: `path`, with the suffix `.pvd` where it is missing.
-
-    The part after a point belongs to the name: `run_v=1.5` and `run_v=1.7` are two series.
-    """
+    """Path of a series with `.pvd`; what follows a point belongs to the name, as `run_v=1.5`."""
     path = checks.new_file("path", path)
     target = path if path.suffix.lower() == ".pvd" else path.with_name(f"{path.name}.pvd")
     if not target.stem.isprintable():
@@ -69,10 +66,7 @@ def write_frames(
     times: Array,
     fields: Iterable[Array],
 ) -> None:
-    """Write displacements (points, 3) [m] at times, and finally their list `target` (`listing`).
-
-    Meanwhile there is no list. Frames of a longer series of this name stay, without being listed.
-    """
+    """Write displacements (points, 3) [m] at times, and finally their list `target` (`listing`)."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.unlink(missing_ok=True)

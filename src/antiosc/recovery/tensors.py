@@ -35,14 +35,7 @@ def in_frame(local: Array, frame: Sequence[Array]) -> Array:
 
 
 class PointsInCells:
-    """Points of cells of this rank, and the dofs of their cells.
-
-    Parameters
-    ----------
-    part : MeshedStructure
-    shapes : (dofs of this rank, ghosts included; columns)
-    cells, X : (P,), reference coordinates (P, tdim)
-    """
+    """Points X (P, tdim) in cells (P,) of this rank; `shapes` (dofs with ghosts, columns)."""
 
     def __init__(self, part: MeshedStructure, shapes: Array, cells: IntArray, X: Array) -> None:
         self.part = part
@@ -97,9 +90,7 @@ class PointsInCells:
         return np.einsum("pf,pfck->pck", table, dofs, optimize=True)
 
     def slopes(self, dofs: Array, inverse: Array | None = None) -> Array:
-        """Derivatives (P, components, tdim, columns) along the reference directions, or along
-        coordinates with the `inverse` (P, tdim, n) of their slopes.
-        """
+        """Derivatives (P, components, tdim, columns) along reference axes, or by an `inverse`."""
         tdim = self.part.mesh.tdim if inverse is None else inverse.shape[2]
         if not len(self.X):
             return np.zeros((0, dofs.shape[2], tdim, dofs.shape[3]))
@@ -371,10 +362,7 @@ class Strains(NamedTuple):
 
 
 class SheetAxes:
-    """Directions of 0° and sides of all cells of this rank; collective.
-
-    0° of a sheet without an axis is x along its surface, or y where x is near its normal.
-    """
+    """Directions of 0° (by default x along the sheet, or y) and sides of cells; collective."""
 
     def __init__(self, part: MeshedStructure) -> None:
         self.axis, self.side = part.axes_and_sides
@@ -624,10 +612,7 @@ QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
 def evaluator(
     part: MeshedStructure, quantity: str, place: Place
 ) -> Callable[[PointsInCells], Array]:
-    """Function that evaluates one of `QUANTITIES` at points.
-
-    To be made on all ranks.
-    """
+    """Function that evaluates one of `QUANTITIES` at points; collective."""
     function = QUANTITIES[quantity].get(part.kind.name)
     if function is None:
         raise InputError(f"a {part.kind.name} has no {quantity.replace('_', ' ')}.")

@@ -103,14 +103,9 @@ class _System:
 def eliminate(
     rows: Sequence[Rows], fixed: BoolArray, scale: Array, prescribed: Array | None = None
 ) -> Eliminated:
-    """Solve the constraints for the dependent dofs; return T of u = T q.
+    """T of u = T q for constraints, the supports first, and zero dofs `fixed` (n,).
 
-    Parameters
-    ----------
-    rows : constraints of all joints, the supports first.
-    fixed : (n,) dofs that are zero.
-    scale : (n,) typical size of each dof: 1 for displacements, 1/length for rotations.
-    prescribed : (m, k) values of the rows, for `particular`. Values of dependent rows are ignored.
+    `scale` (n,): typical size of each dof; `prescribed` (m, k): values of rows, for `particular`.
     """
     n = len(fixed)
     C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
@@ -189,11 +184,7 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, Counter[str]]:
 
 
 def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
-    """(rounds of (rows, dofs for which they are solved), remaining rows).
-
-    A dof for which a row of one round is solved occurs in no other row of this round or of later
-    ones.
-    """
+    """(rounds of (rows, dofs for which they are solved, of no later row), remaining rows)."""
     rounds: list[tuple[IntArray, IntArray]] = []
     remaining = np.arange(system.C.shape[0])
     while len(remaining):

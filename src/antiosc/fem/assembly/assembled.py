@@ -98,9 +98,7 @@ def _rigid_body(
 def free_motions(
     layout: Layout, bodies: Sequence[RigidDofs], constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, int]:
-    """(strain-free motions (n, k) of the bodies that meet the constraints and vanish at fixed dofs,
-    how many of them are rigid motions of the whole).
-    """
+    """(strain-free motions (n, k) that meet all constraints, how many move the whole rigidly)."""
     rows = _rows(constraints, fixed, scale)
     whole = [_rigid_body(layout.places, "all", np.arange(layout.count), layout.middle, layout.size)]
     N, R = (_motions_of(of, layout.count) for of in (bodies, whole))
@@ -216,13 +214,7 @@ Loads = TypeVar("Loads")
 
 
 class Added:
-    """Contributions of joints and attachments to the matrices of the parts.
-
-    Attributes
-    ----------
-    K, M : (n, n) in q.
-    mass : total mass, kg.
-    """
+    """What joints and attachments add to K and M (n, n) on q, and to the mass [kg]."""
 
     def __init__(self, elastic: Sequence[ElasticTerm], T: Sparse) -> None:
         self._terms = elastic
@@ -257,10 +249,7 @@ class Added:
 
 @dataclass(eq=False)
 class AssembledMatrices(PartsMatrices):
-    """K and M of parts with the block-diagonal matrices K_b and M_b.
-
-    Dependent dofs keep their rows, as fixed ones do: 1 on K's diagonal, 0 in M.
-    """
+    """K and M of joined parts; dependent dofs keep their rows: 1 on K's diagonal, 0 in M."""
 
     _: KW_ONLY
     layout: Layout  # the parts in their places
@@ -386,12 +375,7 @@ def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
 
 
 def block_of(layout: Layout) -> int:
-    """Number of dofs per node if all parts have the same; otherwise 1.
-
-    The factor is ordered by the coupling of the first dof of each node. With blocks of half a node,
-    that of the rotations of a flat sheet would be coupled to no displacement, and the ordering
-    would be useless.
-    """
+    """Number of dofs per node if all parts have the same; otherwise 1: half nodes order badly."""
     blocks = {m.block for m in layout.members.values()}
     if len(blocks) > 1 or layout.condensed:
         return 1
@@ -491,11 +475,7 @@ def group_of(matrices: MeshedParts, name: str, what: str = "point") -> tuple[Mem
 def point_of(
     matrices: MeshedParts, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None).
-
-    `point`: coordinates, or the name of a group ("part:group" of an assembly), of a reference point
-    or of a superelement's site; `node`: in its place, the number of a node in the file.
-    """
+    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None)."""
     if node is not None:
         for member in matrices.members(part):
             mesh = member.part.mesh

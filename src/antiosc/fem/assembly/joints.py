@@ -117,9 +117,7 @@ class _Axis(_Pin):
     _turns_about_axis: ClassVar[bool] = True
 
     def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
-        """As `Weld.constraints`; InputError in a plane structure for an axis that its motions
-        exclude.
-        """
+        """As `Weld.constraints`; InputError for an axis out of a plane structure's motions."""
         rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
         free_rotation = self._turns_about_axis
         if layout.plane and abs(rotated - free_rotation) > COINCIDENT:
@@ -172,10 +170,7 @@ Moving: TypeAlias = tuple[End, PointMotion]
 def carried(
     layout: Layout, label: str, ends: Sequence[Moving], point: Sequence[float] | None
 ) -> list[Moving]:
-    """The motions of a point that is connected rigidly to each end; None: the place of the first.
-
-    InputError if an end lacks the rotation.
-    """
+    """The motions of a point (None: of the first) rigidly connected to each end, or InputError."""
     x = ends[0][1].point if point is None else in_space(point)
     result = []
     for end, end_motion in ends:
@@ -197,10 +192,7 @@ def carried(
 
 
 def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
-    """The motion (k, n) of end b less that of end a along directions (k, 6) of the six components.
-
-    InputError where an end does not have one of them.
-    """
+    """Motion (k, n) of b less that of a along directions (k, 6), which both must have."""
     for end, end_motion in (a, b):
         for direction in directions:
             turns = direction[3:].any()
@@ -560,10 +552,7 @@ class Bolt(TwoEnds):
 
 
 def element(beam: Beam, length: float) -> tuple[Array, Array]:
-    """ElasticTerm and mass (12, 12) of a beam along x, its height along y.
-
-    Dofs: x, y, z, rx, ry, rz of the first end, then of the second.
-    """
+    """Stiffness and mass (12, 12) of a beam along x, its height along y: six dofs an end."""
     section = beam.section
     E = beam.E
     rho = beam.rho

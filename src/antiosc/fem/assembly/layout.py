@@ -174,15 +174,7 @@ POINT_DOFS = 6
 
 
 class Layout:
-    """The dofs u of all parts of an assembly and of its reference points.
-
-    Attributes
-    ----------
-    members : name -> part with a mesh.
-    condensed : name -> superelement.
-    points : name -> coordinates (3,) of each reference point [m].
-    plane : whether the parts are plane: they move along x and y and rotate about z alone.
-    """
+    """The dofs u of an assembly: members and `condensed` superelements by name, points."""
 
     def __init__(
         self,
@@ -356,11 +348,7 @@ class Layout:
     def of_components(
         self, member: Member, names: tuple[str, ...], motions: Sparse
     ) -> Iterator[tuple[str, Sparse]]:
-        """Yield (name, functionals (P, n)) of each component that the part has, along the part's
-        axes.
-
-        `motions` (3P, n): displacements, or rotations, of P points in the axes of the assembly.
-        """
+        """Yield (name, functionals (P, n)) of the part's components of motions (3P, n)."""
         for axis, name in enumerate(names):
             if name in member.part.form.components:
                 local_axis = member.at.rotation[:, axis]

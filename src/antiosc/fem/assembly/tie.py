@@ -52,14 +52,7 @@ CLOSED = 1e-12
 
 
 class Facets(Entities):
-    """Entities of the largest dimension in a group of a part, in the assembly.
-
-    Attributes
-    ----------
-    member : the part.
-    dim : 0 points, 1 edges, 2 faces.
-    corners : (F, v, 3) in order around each [m].
-    """
+    """Entities of the largest dimension in a group of a part, in the assembly."""
 
     def __init__(self, member: Member, group: str) -> None:
         self.member = member
@@ -86,10 +79,7 @@ class Facets(Entities):
         return degree if self.simplex else 2 * degree
 
     def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:
-        """(face, ξ, weight [m or m²]) of a quadrature for products of shape functions on all faces.
-
-        `pieces`: number of pieces into which each edge of a face is divided.
-        """
+        """(face, ξ, weight [m or m²]) of a quadrature on all faces, with edges in `pieces`."""
         shape = ("interval", "triangle" if self.simplex else "quadrilateral")[self.dim - 1]
         xi, w = basix.make_quadrature(getattr(basix.CellType, shape), 2 * self.degree)
         xi = np.asarray(xi).reshape(len(w), self.dim)
@@ -214,8 +204,7 @@ class Tie(TwoEnds):
     late: ClassVar[bool] = True
 
     def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
-        """Constraints by which every free dof of the follower equals the displacement of the
-        leader."""
+        """Constraints by which every free dof of the follower equals that of the leader."""
         sides = [
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
@@ -320,10 +309,7 @@ class _Projection:
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """One component of the free nodes as functionals of the leader's motion.
-
-        `motion` (points, n): that component of the leader. The other nodes keep `dofs`, their dofs.
-        """
+        """One component of the free nodes, by the leader's (points, n) and the other `dofs`."""
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion
         fixed_columns = (spread @ self.D).tocsc()[:, ~free]
@@ -405,11 +391,7 @@ ENOUGH = 0.1
 def led_by_solid(
     layout: Layout, edge: Facets, face: Facets, common: Overlap, label: str
 ) -> tuple[Sparse, Sparse, Array]:
-    """Displacement u₀ (3Q, n), n × g (3Q, n) and normals (Q, 3) of a solid's face along an edge of
-    a shell.
-
-    u₀ + z g is the linear fit of the face's displacement over the thickness of the shell.
-    """
+    """u₀ (3Q, n) and n × g (3Q, n) of u₀ + z g, the normals (Q, 3), at an edge of a shell."""
     normals, thickness = _sheet(edge, common)
     s, w = np.polynomial.legendre.leggauss(LAYERS)
     points = common.x
@@ -479,10 +461,7 @@ def rotation_rows(
     motion: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Constraints by which the rotations of nodes, but those about the normals, follow `motion`.
-
-    `motion`: n × g, three values for each node.
-    """
+    """Constraints by which rotations of nodes, but those about the normals, follow n × g."""
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
 

@@ -113,11 +113,7 @@ class Beam(Isotropic):
         return on_lines(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
-        """(length, width, thickness) of a beam, as if its sections were rectangles with their A and
-        I.
-
-        The thickness is the least height, the width the largest A over it.
-        """
+        """(length, width, thickness) as of rectangles with A and I; the least height, largest A."""
         thickness = min(
             (12 * material.section.I / material.section.A) ** 0.5 for material in materials
         )
@@ -137,10 +133,7 @@ def halves(mesh: Mesh, q: Expr) -> tuple[Expr, Expr]:
 
 
 def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
-    """Weak form of beams, straight or curved; `on_sheet`: the beams stiffen a shell.
-
-    Order 3 matches the cubic triangles of a shell.
-    """
+    """Weak form of beams (order 3 beside cubic triangles); `on_sheet`: they stiffen a shell."""
     names = ("x", "y", "rz") if mesh.gdim == 2 else ("x", "y", "z", "rx", "ry", "rz")
     space = compat.lagrange(mesh.dolfinx, order, len(names))
     w = ufl.TrialFunction(space)
@@ -323,8 +316,6 @@ class Truss(Isotropic):
         )
 
     def dimensions(self, box: Box, materials: Sequence[Truss]) -> Box:
-        """(length, width, thickness) of a truss: sides of the thickest and the thinnest bar, if
-        square.
-        """
+        """(length, width, thickness): sides of the thickest and the thinnest bar, if square."""
         areas = [material.area for material in materials]
         return box[0], sqrt(max(areas)), sqrt(min(areas))

@@ -60,10 +60,7 @@ def tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
 
 
 class SecondOrderStrain(NamedTuple):
-    """Second-order strain η of an element family; the total strain is ε(u) + η(u, u)/2.
-
-    `strain` is ε(u), `eta` is η(a, b); `forces` gives N, which is linear in the strain.
-    """
+    """ε(u), η(a, b) and forces N, linear in the strain, of a family with ε(u) + η(u, u)/2."""
 
     strain: Callable[[Expr], Expr]
     eta: Callable[[Expr, Expr], Expr]
@@ -74,8 +71,7 @@ class SecondOrderStrain(NamedTuple):
     def energy(self, u: Expr, initial: Expr | None = None) -> Expr:
         """Energy density of u beyond ε:C:ε/2 of linear theory; `initial`: a stress-free strain.
 
-        Its second derivative at u is K_σ plus the change of the elastic stiffness: at u the strain
-        of a motion v is ε(v) + η(u, v).
+        Its second derivative at u is K_σ plus the change of the elastic stiffness.
         """
         strain = self.strain(u)
         eta = self.eta(u, u)
@@ -188,14 +184,10 @@ FLAT = 1e-3
 
 
 def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> float:
-    """Relative change [1/m] of the static force on a sheet per metre of displacement.
+    """Relative change [1/m] of the force on a sheet per metre; 0 of a flat one without prestress.
 
-    The reference is the static state under a prestress, if there is one. `shape` (rows of this
-    rank): displacements and rotations for 1 m of displacement at the site, which takes the static
-    force `stiffness` [N/m]. The strain energy of the motion q × shape is k q²/2 + g q³/2 + …, with
-    g = ∫ N : η and N the membrane forces of the shape; the force is k q (1 + 3 g q/(2 k)). The
-    result is 0 for a flat sheet without prestress, and negative if the sheet softens. Quartic
-    terms, which stiffen every sheet, are not included.
+    The energy of q × shape is k q²/2 + g q³/2, with k its `stiffness` [N/m], g = ∫ N : η and N the
+    membrane forces of the shape: the force is k q (1 + 3 g q/(2 k)), negative if it softens.
     """
     if is_flat(part) and part.preload is None:
         return 0.0
@@ -246,28 +238,17 @@ IN_PLANE = ((0, 0), (1, 1), (0, 1))
 
 @dataclass(eq=False)
 class PartPoints:
-    """The Gauss points of a part.
+    """The Gauss points of a part."""
 
-    Attributes
-    ----------
-    gradient : (n d, nodes) derivatives of functions on the nodes.
-    weight : (n,).
-    strain : T (n, s, d, b), or (1, s, d, b) where all points have one.
-    square : V (s, d, d).
-    stiffness : C (n, s, s).
-    components : number b of components of a node; the first `moved` of them are displacements.
-    held : dofs that are fixed.
-    base : derivatives (n, d, b) of the reference state; the linear strain is ε + η(base, ·).
-    """
-
-    gradient: scipy.sparse.csr_matrix
-    weight: Array
-    strain: Array
-    square: Array
-    stiffness: Array
-    components: int
+    gradient: scipy.sparse.csr_matrix  # (n d, nodes) derivatives of functions on the nodes
+    weight: Array  # (n,)
+    strain: Array  # T (n, s, d, b), or (1, s, d, b) where all points have one
+    square: Array  # V (s, d, d)
+    stiffness: Array  # C (n, s, s)
+    components: int  # number b of components of a node; the first `moved` of them are displacements
     moved: int
-    held: IntArray
+    held: IntArray  # dofs that are fixed
+    #: derivatives (n, d, b) of the reference state; the linear strain is ε + η(base, ·)
     base: Array | None = None
     _turned: scipy.sparse.csr_matrix = field(init=False)
 
@@ -303,11 +284,7 @@ class PartPoints:
         return np.asarray(product.reshape(len(a), -1) @ self._both().T)
 
     def load(self, strained: Array, pushed: Array) -> Array:
-        """Nodal forces (dofs,) whose work on any motion w is Σ strained·ε(w) + pushed·∇w.
-
-        `strained` (n, s) are weighted stresses, `pushed` (n, d, b). Forces on fixed dofs are
-        included.
-        """
+        """Nodal forces (dofs,), also on fixed dofs, of the work Σ strained·ε(w) + pushed·∇w."""
         if len(self.strain) == 1:
             stress = (strained @ self.strain[0].reshape(strained.shape[1], -1)).reshape(
                 pushed.shape

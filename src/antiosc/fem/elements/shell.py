@@ -178,12 +178,7 @@ def _engineering(e: Expr) -> Expr:
 def energies(
     section: SectionFields, a: SurfaceStrains, b: SurfaceStrains
 ) -> tuple[Expr, Expr, Expr]:
-    """(membrane and drilling, shear, bending) energy densities: bilinear forms of two strain
-    states.
-
-    The membrane energy is that of ε + A⁻¹Bκ, the strain of the neutral surface. Each energy is
-    therefore non-negative by itself, for any integration points.
-    """
+    """(membrane and drilling, shear, bending) energy densities, non-negative each (ε + A⁻¹Bκ)."""
 
     def stretch(e: SurfaceStrains) -> Expr:
         if section.coupling is None:
@@ -260,12 +255,7 @@ QUADRATIC = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of lower d
 
 
 def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
-    """The components of (1 − R)(θ×n), which the shear strain omits, along two tangents (UFL).
-
-    `X`: the reference coordinates; `motion`: the trial or test function, whose last three
-    components are θ; `n`: the normal (3,); `along` (2, gdim): the tangents. On curved triangles, n
-    and the reference directions at a point are used for the whole of θ.
-    """
+    """(1 − R)(θ×n), which the shear strain omits, along two tangents (UFL), n taken as constant."""
     J = ufl.Jacobian(mesh.dolfinx)
     inverse = ufl.JacobianInverse(mesh.dolfinx)
     zeros = [0] * (3 - mesh.gdim)
@@ -293,11 +283,7 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
 
 
 def _dropped_of_cubics() -> Array:
-    """Coefficients of (1 − R) applied to each cubic ξᵖηᑫ in each direction: (cubic, direction,
-    component, 7).
-
-    They multiply the six monomials of QUADRATIC and the cubic itself.
-    """
+    """Coefficients (cubic, direction, component, 7) of (1 − R)ξᵖηᑫ in QUADRATIC and the cubic."""
     lattice = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
     def powers(X: Array, p: int, q: int) -> Array:

@@ -85,14 +85,7 @@ DIRECTION = checked_by(checked)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
-    """Cell-wise functions (projected 0° direction of a sheet, sign ±1 of the normal toward its
-    top).
-
-    Raises
-    ------
-    InputError
-        An axis along the normal, a top along the surface, inconsistent normals of neighbours.
-    """
+    """(projected 0° direction of a sheet, sign ±1 of the normal toward its top) of cells."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     normals = _normals(mesh, x)
     axes = compat.cellwise(mesh.dolfinx, 3)
@@ -157,11 +150,7 @@ def shown_direction(direction: Direction) -> str:
 
 
 def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -> None:
-    """InputError if neighbouring cells have normals on different sides of the sheet.
-
-    `has_sides` (cells,): unsymmetric stacks without a `top`. Edges of three or more cells are not
-    checked.
-    """
+    """InputError if neighbours of unsymmetric stacks without `top` have opposite normals."""
     owned = compat.cell_map(mesh.dolfinx).size_local
     in_turn = CORNERS_IN_TURN[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
@@ -271,19 +260,11 @@ class Family(Protocol):
         ...
 
     def half_space_compliance(self, cosine: float) -> float:
-        """Compliance times radius [m²/N] of a patch on a half-space; 0 for families without local
-        indentation.
-
-        `cosine`: cosine of the angle between the load and the surface normal.
-        """
+        """Compliance times radius [m²/N] of a patch, by the cosine of load and normal; or 0."""
         ...
 
     def dimensions(self, box: Box, materials: Sequence[Material]) -> Box:
-        """Length, width and thickness [m] of a part whose bounding box is `box`.
-
-        The thickness is the depth along which it bends: for a plane part, which bends in its plane,
-        the lesser side. `materials`: all materials of the part.
-        """
+        """Length, width, thickness [m] of a part in a box; the thickness is that of bending."""
         ...
 
     def bar_speed(self) -> float:

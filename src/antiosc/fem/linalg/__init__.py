@@ -16,12 +16,7 @@ def solver_for(
     coarser: Callable[[], Matrix | None] = lambda: None,
     columns: float = 1.0,
 ) -> Solver:
-    """The solver of A named by `choice`; "auto": by forecasts of memory and time.
-
-    `motions` gives rigid-body motions (rows of this rank, r) and `coarser` an interpolation from a
-    coarse space for a multigrid. `columns` is the number of right-hand sides of one call; inf
-    requires a direct factor. A SciPy matrix is always solved directly.
-    """
+    """The solver of A named by `choice`; `columns`: loads of one call, inf: a direct factor."""
     if by_scipy(A):
         return SuperLU(A)
     from antiosc.fem.linalg import iterative, solver_choice  # need PETSc

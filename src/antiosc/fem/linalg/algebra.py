@@ -152,12 +152,7 @@ def conjugate_gradients(
     inner: Callable[[Array, Array], Array],
     most: int,
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield the steps of preconditioned conjugate gradients for the columns of R (rows, k), from
-    step 0.
-
-    `product` and `inverse` are A x and the preconditioner, `inner` (x, y) -> xᵀy of each column.
-    Yields (X, rᵀA⁻¹r by the preconditioner (k,), xᵀA x (k,)) at most `most` + 1 times.
-    """
+    """Yield (X, rᵀA⁻¹r (k,) by the preconditioner, xᵀA x (k,)) of each step for columns R."""
     X = np.zeros(R.shape)
     r = np.array(R)
     energy = np.zeros(R.shape[1])
@@ -206,10 +201,7 @@ def force_ratios(matrix: Matrix, X: Array, product: Array) -> Array:
 
 
 def softness(matrix: Matrix, X: Array, product: Array) -> Array:
-    """xᵀA x / xᵀD x of each column x of X (k,), about ±1e-16 for a null vector; `product` is A X.
-
-    Unlike `force_ratios` it is insensitive, to first order, to errors in x.
-    """
+    """xᵀA x / xᵀD x of columns x (k,), ±1e-16 for a null vector, whatever its small errors."""
     comm = communicator(matrix)
     root = roots(matrix)[:, None]
     energy = np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, product)))

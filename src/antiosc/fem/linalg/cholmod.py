@@ -163,13 +163,7 @@ def failure(common: Common, what: str, size: float | None = None) -> AntioscErro
 
 @contextmanager
 def without_openmp() -> Iterator[None]:
-    """Keep CHOLMOD's own OpenMP loops on one thread.
-
-    Up to SuiteSparse 5 they use four threads, independent of the environment. The loops are short,
-    and threads that wait for the next loop slow down those of BLAS and of other ranks: up to half
-    of the time of a factorization on two cores was lost. BLAS keeps its threads, unless it is built
-    on OpenMP.
-    """
+    """Keep CHOLMOD's own short OpenMP loops on one thread, which slow down BLAS and other ranks."""
     openmp, blas = _loaded("libgomp.so.1"), _loaded("libopenblas.so.0")
     levels = 0
     if openmp and blas and blas.openblas_get_parallel() != ON_OPENMP:
@@ -204,12 +198,7 @@ class NotPositiveDefiniteError(NotConvergedError):
 
 
 class Supernodes(NamedTuple):
-    """L of P A Pᵀ = L Lᵀ: dense blocks of columns with the same rows.
-
-    Supernode s has the columns start[s] … start[s+1] - 1 of L and the rows
-    rows[row[s]:row[s+1]], its own columns first; its entries stand in values[value[s]:], column by
-    column (the upper triangle of the first square is unused).
-    """
+    """L of P A Pᵀ = L Lᵀ: dense blocks, by columns, of columns start[s]… with rows[row[s]…]."""
 
     start: IntArray
     row: IntArray
@@ -246,25 +235,10 @@ class _Memory:
 
 
 class Cholesky:
-    """P A Pᵀ = L Lᵀ of a sparse symmetric positive definite matrix.
+    """P A Pᵀ = L Lᵀ of a sparse symmetric positive definite matrix, analysed at once.
 
-    It is analysed at once, which gives its ordering and the size of L; `factorized` makes L.
-
-    Parameters
-    ----------
-    A : csr_matrix (n, n)
-        At least its lower triangle.
-    block : rows of a node, one after the other; A is ordered by its nodes.
-    permutation : order of another matrix with the same pattern, used for this one too.
-
-    Raises
-    ------
-    OutOfMemoryError
-        There is no memory for it.
-    NotConvergedError
-        CHOLMOD failed; the message has its reason.
-    MissingDependencyError
-        This CHOLMOD is not one that can be called directly (`refusal`).
+    `block`: rows of a node, by which A is ordered; `permutation`: order of another matrix of its
+    pattern. OutOfMemoryError, NotConvergedError where CHOLMOD fails, MissingDependencyError.
     """
 
     def __init__(
@@ -376,10 +350,7 @@ class Cholesky:
 
 
 def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, Sequence[Array]]:
-    """(A as CHOLMOD's structure of an upper triangle, the arrays to which it points).
-
-    CHOLMOD stores columns: the rows of A's lower triangle are the columns of the upper one.
-    """
+    """(A as CHOLMOD's upper triangle by columns, the arrays to which it points)."""
     if not A.has_sorted_indices:  # A itself stays: another matrix may share its pattern
         A = A.sorted_indices()
     arrays = A.indptr.astype(np.int64), A.indices.astype(np.int64), np.ascontiguousarray(A.data)
@@ -389,10 +360,7 @@ def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, Sequence[Array]]:
 
 @cache
 def refusal() -> str:
-    """The reason why CHOLMOD cannot be called directly; empty if it can.
-
-    The declared structures are tried on a small matrix, whose inverse a solve must give.
-    """
+    """The reason why CHOLMOD cannot be called, by a trial on a small matrix; empty if it can."""
     A = np.array([[4.0, 1.0, 0.5, 0.2], [1.0, 5.0, 0.3, 2.0], [0.5, 0.3, 3.0, 1.0], [0.2, 2, 1, 6]])
 
     try:

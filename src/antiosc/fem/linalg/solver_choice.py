@@ -121,19 +121,7 @@ def attach(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None:
 
 
 class Refined(Solver):
-    """Conjugate gradients on A's accurate product, preconditioned by a solver of its stored
-    entries.
-
-    Parameters
-    ----------
-    A : a matrix whose product is by strains
-    make : gives a solver of a matrix
-
-    Raises
-    ------
-    NotConvergedError
-        A has no factor.
-    """
+    """Conjugate gradients on A's product by strains, preconditioned by a solver of its entries."""
 
     growth = SOLUTION_GROWTH_BY_STRAINS
 
@@ -156,10 +144,7 @@ class Refined(Solver):
             self._inner = self._make(stiffer)
 
     def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k).
-
-        Raises AccuracyError where the solver of the entries is too far from A.
-        """
+        """A⁻¹R for a block of vectors (rows, k); AccuracyError too far from its entries."""
         for X, residual_energy, energy in conjugate_gradients(
             R,
             lambda x: multiply(self.A, x),
@@ -194,12 +179,7 @@ WORKSPACE = 60
 
 
 class OnOneRank(Factorization):
-    """Cholesky factor of a matrix on one rank, by CHOLMOD.
-
-    Parameters
-    ----------
-    analysis : analysis of A from `analysed`, if there is one; it becomes the factor.
-    """
+    """Cholesky factor of a matrix on one rank, by CHOLMOD, from an `analysis` of it."""
 
     def __init__(self, A: PETSc.Mat, analysis: Cholesky | None = None) -> None:
         self._analysis = analysis
@@ -269,11 +249,7 @@ class Distributed(PetscSolver, Factorization):
 
 
 def entries_by_mumps(A: PETSc.Mat) -> float:
-    """Forecast of the entries of MUMPS's factor of A; 0 if A has no node blocks.
-
-    MUMPS gives the size of a factor only after the factorization. It therefore factors the rows of
-    one displacement component, every b-th row, with 1/b² of the entries and 1/b³ of the operations.
-    """
+    """Forecast of the entries of MUMPS's factor of A, by the factor of every b-th row; or 0."""
     block = A.getBlockSize()
     if block == 1:
         return 0.0
@@ -294,12 +270,7 @@ LARGE = 30_000
 
 
 def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float = 1.0) -> Solver:
-    """The solver of A named by `choice`; "auto": by forecasts of memory and time.
-
-    `levels` has the data of the part for a multigrid. `columns` is the number of right-hand sides
-    of one call; inf requires a direct factor. If products with A are computed from strains,
-    solutions with the factor of its entries are refined to their accuracy.
-    """
+    """The solver of A named by `choice`; "auto": by forecasts of memory and time."""
     levels = replace(levels, coarser=cache(levels.coarser))
     if by_strains(A):
         return Refined(A, lambda matrix: _chosen(matrix, choice, levels, columns))
@@ -358,10 +329,7 @@ def _faster(A: PETSc.Mat, forecast: Forecast, levels: Levels, columns: float) ->
 
 
 def _iterative(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -> Multigrid:
-    """The iterative solver; OutOfMemoryError before its matrices are made.
-
-    `forecast`: that of the factor; it may have the matrix of the coarse level already.
-    """
+    """The iterative solver; OutOfMemoryError before its matrices are made."""
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     coarser = levels.coarser()
     factored = coarser is not None and coarser.getSize()[1] <= FACTORED
@@ -423,10 +391,7 @@ class Forecast:
 
 
 def forecast_of(A: PETSc.Mat, coarser: PETSc.Mat | None = None) -> Forecast:
-    """The forecast of the factor of A, from a symbolic analysis.
-
-    `coarser`: the interpolation from linear elements, whose analysis takes a tenth of the memory.
-    """
+    """The forecast of the factor of A; by that of linear elements with their interpolation."""
     matrix = A if coarser is None else coarse_of(A, coarser)
     finer = 1.0 if coarser is None else FINER
     comm = A.getComm().tompi4py()
@@ -437,10 +402,7 @@ def forecast_of(A: PETSc.Mat, coarser: PETSc.Mat | None = None) -> Forecast:
 
 
 def factorize(A: PETSc.Mat, analysis: Cholesky | None = None) -> Factorization:
-    """The Cholesky factor of A: by CHOLMOD on one rank, by MUMPS on several.
-
-    `analysis`: the symbolic factor of A, if it is known, on one rank.
-    """
+    """The Cholesky factor of A: by CHOLMOD on one rank, from an `analysis`, by MUMPS on several."""
     comm = A.getComm().tompi4py()
     by_mumps = comm.size > 1 or cholmod_refused(comm)
     result: Factorization = Distributed(with_entries(A)) if by_mumps else OnOneRank(A, analysis)
@@ -469,14 +431,9 @@ class Factored(Protocol):
 def deflections(
     structure: Factored, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
 ) -> tuple[Array, Array]:
-    """(bᵀy [m/N], yᵀMy [kg m²/N²]) of y = (K + shift M)⁻¹b for every load, on every rank.
+    """(bᵀy [m/N], yᵀMy [kg m²/N²]) of y = (K + shift M)⁻¹b for columns b (rows, P), on every rank.
 
-    Parameters
-    ----------
-    loads : csr_matrix (rows of this rank, P)
-        The vectors b as columns.
-    omega, b : (J,) and (P, J)
-        The lowest frequencies [rad/s] and the values bᵀφ of their modes for each load.
+    `omega` (J,), `b` (P, J): the lowest frequencies [rad/s] and the values bᵀφ of their modes.
     """
     solver = structure.factorize()
     if not isinstance(solver, Factorization):

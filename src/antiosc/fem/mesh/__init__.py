@@ -24,9 +24,7 @@ SIMPLICES = ("interval", "triangle", "tetrahedron")
 
 
 class CellGeometry:
-    """Nodes (cells, k, 3) [m] and shape functions of the cells of one rank, of a shape that dolfinx
-    names `cell`, and of geometric order 1 or 2.
-    """
+    """Nodes (cells, k, 3) [m] and shape functions of cells of a shape, of order 1 or 2."""
 
     def __init__(self, nodes: Array, cell: str, order: int) -> None:
         kind = getattr(basix.CellType, cell)
@@ -43,9 +41,7 @@ class CellGeometry:
         return np.asarray(self._element.points)
 
     def at(self, cell: IntArray, X: Array) -> tuple[Array, Array]:
-        """Points (n, 3) [m] and derivatives (n, 3, tdim) of the map at X (n, tdim) in cells
-        (n,).
-        """
+        """Points (n, 3) [m] and derivatives (n, 3, tdim) at X (n, tdim) in cells (n,)."""
         if not len(X):  # Basix 0.5 aborts
             return np.zeros((0, 3)), np.zeros((0, 3, len(self.corners[0])))
         tables = self._element.tabulate(1, X)[..., 0]
@@ -63,9 +59,7 @@ class CellGeometry:
         return np.asarray(self.corners.mean(axis=0))
 
     def entities(self, dim: int) -> tuple[Array, Array]:
-        """Origins (n, tdim) and axes (n, tdim, dim) of the entities of one dimension (1 … tdim) in
-        the reference cell, in their local order: X = origin + axes ξ.
-        """
+        """Origins (n, tdim), axes (n, tdim, dim) of entities: X = origin + axes ξ."""
         vertices = np.array(self._topology[dim])
         neighbours = [1, 2, 3] if self.simplex else [1, 2, 4]
         origin = self.corners[vertices[:, 0]]
@@ -74,11 +68,7 @@ class CellGeometry:
 
 
 class CellEntities:
-    """Entities of one dimension of cells (n,).
-
-    A point of an entity has coordinates ξ in the reference entity, and X = origin + axes ξ in the
-    reference cell, with origins (n, tdim) and axes (n, tdim, dim).
-    """
+    """Entities of one dimension of cells (n,), with X = origin + axes ξ in the reference cell."""
 
     def __init__(self, geometry: CellGeometry, cells: IntArray, origin: Array, axes: Array) -> None:
         dim = axes.shape[2]
@@ -189,20 +179,14 @@ class Mesh(ReprMixin):
         return float(np.linalg.norm(high - low))
 
     def numbered(self, nodes: Sequence[int]) -> BoolArray:
-        """Mask of the nodes of this rank with one of these file numbers.
-
-        InputError for a mesh whose file has no numbers of nodes.
-        """
+        """Mask of nodes with these file numbers; InputError for a mesh without numbers."""
         if not len(self.labels):
             raise InputError(f"the nodes of {self.name} have no numbers: give a point or a group.")
         node_numbers = self.labels[np.asarray(self.dolfinx.geometry.input_global_indices)]
         return np.asarray(np.isin(node_numbers, np.asarray(nodes, dtype=np.int64)))
 
     def node(self, number: int) -> Array | None:
-        """Coordinates (3,) [m] of the node with a file number; None if there is none.
-
-        InputError if several nodes have it, as in instances of an assembly.
-        """
+        """Coordinates (3,) [m] of a node by its file number, or None; InputError for several."""
         coordinates = np.array(self.dolfinx.geometry.x)[self.numbered([number])]
         x = np.unique(np.vstack(self.comm.allgather(coordinates)), axis=0)
         if len(x) > 1:
@@ -211,10 +195,7 @@ class Mesh(ReprMixin):
         return x[0] if len(x) else None
 
     def group(self, name: str) -> Mapping[int, IntArray]:
-        """{dimension: local entities} of the group `name`, or of a side such as "-z".
-
-        InputError if there is no such group.
-        """
+        """{dimension: local entities} of a group, or of a side such as "-z"; else InputError."""
         if isinstance(name, str) and name in self.groups:
             return self.groups[name]
         if isinstance(name, str) and name in SIDES:
@@ -261,10 +242,7 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
 def local_groups(
     mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
 ) -> dict[str, dict[int, IntArray]]:
-    """The entities of this rank in each group, which `wanted` gives by vertices (input numbers).
-
-    There may be thousands of groups: those of one dimension are sorted together.
-    """
+    """The entities of this rank in each group, given by vertices; one dimension after the other."""
     groups: dict[str, dict[int, IntArray]] = {name: {} for name in wanted}
     numbers = np.asarray(mesh.geometry.input_global_indices)
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):

@@ -147,11 +147,7 @@ def halved(raw: RawMesh) -> RawMesh:
 
 
 def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, IntArray]:
-    """New nodes in the middles of cells with these corners, numbered from `start` on.
-
-    Returns the middles (cells, middles) of each cell, and of each new node its first place in this
-    table.
-    """
+    """(new nodes (cells, middles) of cells, numbered from `start` on, the first place of each)."""
     rows = np.full((len(corners), len(shape.members), 8), -1, dtype=np.int64)
     for k, vertices in enumerate(shape.members):
         rows[:, k, : len(vertices)] = corners[:, vertices]
@@ -221,10 +217,7 @@ MOST_DIVISIONS = 6
 
 
 def near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
-    """The mesh, divided until its cells have the sizes of `refine` around its points.
-
-    MeshError for other cells than straight triangles and tetrahedra.
-    """
+    """The mesh of straight simplices, divided to the sizes of `refine`; MeshError for others."""
     if refine and not divisible(mesh):
         raise MeshError(
             f"{mesh.name}: refine divides straight triangles and tetrahedra, not {mesh.cell} cells"
@@ -283,10 +276,7 @@ def divisible(mesh: Mesh) -> bool:
 
 
 def refined(mesh: Mesh, ratio: Array) -> Mesh:
-    """The mesh with cells bisected until their sizes are about `ratio` times the present ones.
-
-    `ratio` (cells that this rank owns,). The refinement is made on one rank and distributed anew.
-    """
+    """The mesh, bisected until its sizes are about `ratio` (cells,) times the present ones."""
     pieces = gathered(mesh, ratio)
     if pieces is not None:
         for _ in range(ROUNDS):
@@ -379,11 +369,7 @@ def _supports(pieces: Pieces, x: Array) -> IntArray:
 
 
 def _old_points_under(support: IntArray, entities: IntArray) -> IntArray:
-    """Old points (n, k) between which each new entity (n, k) lies; -1 for an entity with more than
-    k.
-
-    An entity lies in an old one of its own dimension if and only if k old points support it.
-    """
+    """Old points (n, k) under each new entity (n, k); -1 of those of a larger dimension."""
     k = entities.shape[1]
     rows = np.sort(support[entities].reshape(len(entities), -1), axis=1)
     first = np.ones(rows.shape, dtype=bool)

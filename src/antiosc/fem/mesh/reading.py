@@ -60,9 +60,7 @@ BY_PIECE = "piece 1 is the largest; or cells, its group"
 
 
 def misfits(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
-    """Numbers of cells (n, vertices) that share two sides or more with another one, on which
-    dolfinx 0.5 crashes, and of those with a side that three or more share.
-    """
+    """(cells that share two sides or more with another, cells with a side of three or more)."""
     sides = FACETS[kind.shape]
     facets = np.vstack([cells[:, list(side)] for side in sides])
     owner = np.tile(np.arange(len(cells)), len(sides))
@@ -187,10 +185,7 @@ SIMPLICES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 def _failing(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
-    """Numbers of cells whose Jacobian determinants (cells, q), of a positive sum in each, fail.
-
-    The cells are solids, or faces in a plane or in space, with nodes in dolfinx's order.
-    """
+    """Cells (nodes in dolfinx's order) whose Jacobian determinants (cells, q) fail."""
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), BLOCK):
@@ -263,11 +258,7 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
-    """`points` with the mid-side nodes of folded second-order simplices moved to the midpoints.
-
-    `cells` are in VTK's order. This is repeated until no cell is folded, since neighbours share
-    the nodes.
-    """
+    """`points` with the mid-side nodes of folded cells, and then of their neighbours, halfway."""
     points = points.copy()
     edges = np.array(SIMPLICES[shape])
     first = int(edges.max()) + 1

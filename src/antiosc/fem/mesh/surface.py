@@ -159,10 +159,7 @@ def closest(mesh: Mesh, point: Array) -> ClosestPoint:
 
 
 def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
-    """The points of the mesh closest to `points` (P, 3), the same on every rank.
-
-    Points inside cells are found together, the others one by one.
-    """
+    """The points of the mesh closest to `points` (P, 3), the same on every rank."""
     cell, X, distance = _cells_containing(mesh, points)
     in_cell = np.array(mesh.comm.allgather(np.isfinite(distance)))
 
@@ -197,11 +194,7 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell, reference coordinates, distance) of points in cells of this rank; distance inf
-    elsewhere.
-
-    If several cells share a point, the first is taken.
-    """
+    """(first cell, reference coordinates, distance or inf) of points in cells of this rank."""
     cell = np.zeros(len(points), dtype=int)
     distance = np.full(len(points), np.inf)
     X = np.zeros((len(points), mesh.tdim))
@@ -229,12 +222,7 @@ def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array
 
 
 def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
-    """The closest point on this rank, of a point in none of its cells; None if it has no cells.
-
-    The closest point is the foot of a perpendicular on a cell, a face or an edge, or an end of an
-    edge. A foot outside its entity is moved onto it: that point is on the structure too, but some
-    other entity has a closer one.
-    """
+    """The closest point on this rank: the closest foot on a cell, face or edge, moved onto it."""
     n_cells = compat.cell_map(mesh.dolfinx).size_local
     if not n_cells:
         return None
@@ -264,9 +252,7 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
 
 
 def _feet(entities: CellEntities, point: Array) -> Array:
-    """Reference coordinates (n, tdim) in the cells of the feet of perpendiculars from `point` on
-    entities, moved onto the entities.
-    """
+    """Reference coordinates (n, tdim) in cells of feet from `point`, moved onto the entities."""
     points = np.broadcast_to(point, (len(entities), 3))
     xi = projected(entities.at, points, entities.middle, affine=entities.affine)
     return entities.reference(np.arange(len(entities)), clamped(xi, entities.simplex))
@@ -473,11 +459,7 @@ class Faces(Entities):
     def contact(
         self, points: Array, directions: Array, radii: Array, labels: IntArray
     ) -> SurfaceAtSites:
-        """Properties of the surface at sites (P, 3) with unit directions of impact (P, 3).
-
-        At an edge, the face whose normal is most opposite to the direction is taken. `labels` (F,)
-        are numbers of the faces of this rank, `radii` (P,) the search radii.
-        """
+        """Properties of the surface at sites (P, 3), of the face most against the impact."""
         comm = self.mesh.comm
         count = len(points)
         mean = self.sizes
@@ -513,9 +495,7 @@ class Faces(Entities):
         )
 
     def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
-        """(face, point, unit normal, distance) of the nearest place on each face of this rank, for
-        near points.
-        """
+        """(face, point, unit normal, distance) of the nearest places within the radii."""
         face, point = self._within(points, radii)
         xi = projected(
             lambda k, xi: self.at(face[k], xi), points[point], self.middle[face], affine=self.affine
@@ -526,11 +506,7 @@ class Faces(Entities):
         return face[near], point[near], normal[near], gap[near]
 
     def _within(self, points: Array, radii: Array) -> tuple[IntArray, IntArray]:
-        """Pairs (face, point) that may be within the point's radius: two arrays.
-
-        Points with radii of a factor of 2 are searched together: one long facet has a large radius,
-        within which all points would have all faces.
-        """
+        """Pairs (face, point) that may be within the point's radius, by octaves of the radii."""
         octave = np.frexp(radii)[1]
         pairs = [np.zeros((2, 0), dtype=int)]
         for one in np.unique(octave):
@@ -543,10 +519,7 @@ class Faces(Entities):
         return face, point
 
     def along(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, Array, Array]:
-        """Project points (n, 3) along unit normals (n, 3) onto the surface, by at most `rise` [m].
-
-        Returns (face, ξ, distance); the distance is inf if no face of this rank lies there.
-        """
+        """(face, ξ, distance or inf) of points (n, 3) projected along normals, within `rise`."""
         face = np.zeros(len(points), dtype=int)
         distance = np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
@@ -573,10 +546,7 @@ class Faces(Entities):
         return face, xi, distance
 
     def _crossed(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, IntArray]:
-        """Pairs (face, point) where the line through the point may cross the face: two arrays.
-
-        Most faces about a point on the wall of a hole lie aside, and need no projection.
-        """
+        """Pairs (face, point) where the line through the point may cross the face."""
         face, point = pairs_within(self.centres, self.radii + rise, points)
         gap = self.centres[face] - points[point]
         height = np.einsum("nd,nd->n", gap, normals[point])
@@ -626,11 +596,7 @@ def mean_thickness(mesh: Mesh) -> float:
 
 
 def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
-    """(point (3,) [m] of a group of faces nearest to its centroid, unit inward direction (3,)).
-
-    On a sheet the direction is against the normal of its cells. InputError for a group without
-    outer faces.
-    """
+    """(point (3,) [m] of outer faces next to their centroid, unit inward direction)."""
     faces = Faces(mesh, sheet=mesh.tdim < mesh.gdim)
     in_group = np.flatnonzero(np.isin(faces.facets, mesh.group(group).get(faces.dim, ())))
     x = faces.tangents[0][in_group]

@@ -86,11 +86,7 @@ _packages = threading.RLock()
 
 
 def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Guard a public function that all ranks must call with the same arguments.
-
-    An error of one rank is raised on all ranks. On one rank the function is called directly, by one
-    thread at a time. `default`: the communicator used if no argument has one.
-    """
+    """Guard a function that all ranks call: an error of one is raised on all, with one thread."""
 
     def guard(function: Callable[P, T]) -> Callable[P, T]:
         guarded_call = within_memory(function)
@@ -109,10 +105,7 @@ def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable
 
 
 def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
-    """The largest communicator of the values, and of those of mappings; `default` without one.
-
-    dolfinx and PETSc work on copies of their communicators.
-    """
+    """The largest communicator of the values, and of those of mappings; `default` without one."""
     found = []
     for value in values:
         for item in value.values() if isinstance(value, Mapping) else [value]:
@@ -184,17 +177,12 @@ def _tried(work: Callable[[], T]) -> tuple[T | None, Exception | None]:
 
 
 def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning) -> None:
-    """Warn once, on rank 0.
-
-    If the caller's filters turn the warning into an error, all ranks raise it.
-    """
+    """Warn once, on rank 0; as an error, if filters make it one, on all ranks."""
     on_root(comm, lambda: errors.warn(message, category))
 
 
 def _portable(error: Exception | None) -> Exception | None:
-    """The error, or a substitute that can be pickled: otherwise the other ranks would wait
-    forever.
-    """
+    """The error, or a substitute that can be pickled for the other ranks."""
     if error is None:
         return None
 

@@ -42,19 +42,14 @@ EARLY = DOLFINX < (0, 9)
 def create_mesh(
     comm: MPI.Comm, cells: IntArray, x: Array, cell: str, degree: int
 ) -> dolfinx.mesh.Mesh:
-    """A mesh from arrays that rank 0 holds; the other ranks pass empty ones.
-
-    `cells` (n, nodes) in dolfinx's node order, `x` (n, gdim). If more than two lines or facets may
-    meet, dolfinx 0.9 would silently separate them when it partitions the mesh; such a mesh stays
-    whole on rank 0. MeshError if a corner of a cell is the mid-side node of another, at which
-    dolfinx would end the process.
-    """
+    """A mesh from arrays of rank 0, in dolfinx's order; MeshError at what would end the process."""
     gdim = x.shape[1]
     _refuse_double_nodes(comm, cells, cell)
     domain = ufl.Mesh(_element("Lagrange", cell, degree, gdim, gdim))
     if EARLY:
         return dolfinx.mesh.create_mesh(comm, cells, x, domain)
 
+    # more than two cells at a side would be separated when the mesh is partitioned
     joints = {"interval": 1, "triangle": 2, "quadrilateral": 2}.get(cell, 3) < gdim
     options: Mapping[str, object] = {}
     if comm.size > 1 and (joints or cell == "interval"):
@@ -129,12 +124,7 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
 
 
 def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
-    """Name the coordinate element of a mesh as FFCx 0.5 names it at its first form.
-
-    The name is part of the signature of a form. Without this, the second form of a mesh would have
-    one signature in the process that compiles the first form and another in the next process,
-    which would compile it again.
-    """
+    """Name the coordinate element as FFCx 0.5 does at a mesh's first form, for one signature."""
     if EARLY:
         domain = mesh.ufl_domain()
         (points, *_) = domain.ufl_coordinate_element().sub_elements()
@@ -175,12 +165,7 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
 
 
 def communicator(mesh: dolfinx.mesh.Mesh) -> MPI.Comm:
-    """The communicator for Python objects of a mesh.
-
-    A mesh frees its copy of a communicator when it is deleted, together with the data that mpi4py
-    attached to it. In dolfinx 0.9 that callback hangs while an exception is raised. Therefore the
-    permanent communicators of all ranks or of one are used if they have the mesh's ranks.
-    """
+    """The communicator for Python objects of a mesh: a permanent one, which dolfinx 0.9 needs."""
     for permanent in (MPI.COMM_WORLD, MPI.COMM_SELF):
         if MPI.Comm.Compare(mesh.comm, permanent) in (MPI.IDENT, MPI.CONGRUENT):
             return permanent
@@ -234,10 +219,7 @@ def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpa
 
 
 def from_linear(space: fem.FunctionSpace, linear: fem.FunctionSpace | None = None) -> PETSc.Mat:
-    """Interpolation matrix from the linear to this blocked Lagrange space on the same mesh.
-
-    dolfinx's own function takes four times as long and much more memory.
-    """
+    """Interpolation matrix from the linear to this blocked Lagrange space on the same mesh."""
     size = space.dofmap.index_map_bs
     linear = linear or lagrange(space.mesh, 1, size)
     cells = np.arange(cell_map(space.mesh).size_local + cell_map(space.mesh).num_ghosts)
@@ -306,10 +288,7 @@ class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
 
 
 def reference_derivatives(argument: Expr, n: int) -> Expr:
-    """n-th derivatives of a Lagrange test or trial function along the reference directions.
-
-    UFL differentiates in physical space only; its transformation to the cell is slow to compile.
-    """
+    """n-th derivatives of a test or trial function along the reference directions."""
     result = _PulledBack(argument)
     for _ in range(n):
         result = ufl.classes.ReferenceGrad(result)
@@ -328,9 +307,7 @@ def edge_points() -> Array:
 
 
 def edge_interpolation(X: Array) -> Array:
-    """Array (points, 2, 2, n): at X, the field of Nédélec's second triangle of degree 2 with the
-    moments of a field that has unit values (2, n) at `edge_points`.
-    """
+    """(points, 2, 2, n): at X, Nédélec's field with the moments of unit values at `edge_points`."""
     element = _edge_element()
     to_moments = np.asarray(element.interpolation_matrix).reshape(element.dim, 2, -1)
     tables = np.asarray(element.tabulate(0, X)[0])  # (points, dofs, 2)
@@ -345,10 +322,7 @@ def subspace(space: fem.FunctionSpace, path: Sequence[int]) -> fem.FunctionSpace
 
 
 def dof_coordinates(space: fem.FunctionSpace, path: Sequence[int]) -> tuple[IntArray, Array]:
-    """(dofs of this rank, ghosts included; their coordinates (n, 3)) of a component of a space.
-
-    dolfinx's own `collapse` fails on ranks without cells.
-    """
+    """(dofs of this rank with ghosts, their coordinates (n, 3)) of a component of a space."""
     (component,) = path
     x = space.tabulate_dof_coordinates()
     dofs = component + space.dofmap.index_map_bs * np.arange(len(x))
@@ -453,11 +427,7 @@ class GaussPoints:
 def strain_matrix(
     strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
-    """Matrix S: SᵀS is the integral of |strains|² by quadrature; columns of `fixed` are empty.
-
-    `strains`: a UFL vector, linear in the trial function. S has a row for each component at each
-    Gauss point.
-    """
+    """Matrix S with a row for each component and Gauss point: SᵀS is the integral of |strains|²."""
     mesh = space.mesh
     size = len(strains)
     points = _space(mesh, "Quadrature", degree, size)
@@ -490,11 +460,7 @@ def quadratic(
     weights: Array,
     degree: int,
 ) -> Array:
-    """Σ over the columns x of `vectors` of weight × xᵀ A_c x, for each cell c of this rank.
-
-    A: the sum of the bilinear forms on `space`, by quadrature of at most `degree`; `vectors`
-    (dofs of this rank, k).
-    """
+    """Σ of weight × xᵀ A_c x over columns x of `vectors`, for each cell c of this rank."""
     x = fem.Function(space)
     cell = cellwise(space.mesh)
     q = ufl.TestFunction(cell.function_space)

@@ -40,10 +40,7 @@ SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
 
 @contextmanager
 def user_folder() -> Iterator[None]:
-    """Context in which dolfinx compiles into, and loads from, the user's folder only.
-
-    OSError if the folder cannot be written.
-    """
+    """Context in which dolfinx compiles into, and loads from, the user's folder; or OSError."""
     folder = place()
     options = {"cache_dir": folder, "timeout": PATIENCE}
 
@@ -61,11 +58,7 @@ _cleared: set[Path] = set()
 
 @contextmanager
 def _shared(folder: Path) -> Iterator[None]:
-    """Context of a process that compiles beside others.
-
-    A process that was ended while it compiled leaves a source without a library that is ready, or
-    the reverse, for which the next one would wait: it goes as soon as nobody else compiles.
-    """
+    """Context beside other processes; leftovers of ended ones go once nobody else compiles."""
     with (folder / "lock").open("w") as file:
         if folder not in _cleared:
             with suppress(OSError):  # somebody else compiles, or the file system has no locks
@@ -131,11 +124,10 @@ _compiling = threading.RLock()
 
 @contextmanager
 def compiler() -> Iterator[None]:
-    """Context in which forms are compiled: without log output, outside the seconds of `clock`, and
-    with the faults of FFCx 0.5 mended.
+    """Context in which forms are compiled quietly, outside the seconds of `clock`.
 
-    InputError if the system refuses to write the compiled files, or another process does not end
-    compiling the same form; MissingDependencyError without a C compiler.
+    InputError for a folder that cannot be written, or a form that another process does not finish;
+    MissingDependencyError without a C compiler.
     """
     try:
         with uncounted(), _compiling, restored(), quiet(*NOISY), _mended(), user_folder():

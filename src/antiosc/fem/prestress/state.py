@@ -82,13 +82,9 @@ class Tendon:
 
 
 class LoadedPart:
-    """Loads on a part: their forces, and the tangent stiffness that they add to its K.
+    """Loads on a part: their forces, and what they add to its tangent stiffness.
 
-    Parameters
-    ----------
-    part : MeshedStructure without prestress.
-    loads : in the axes of the part; gravity and tensions are ignored.
-    initial : group -> stress-free strain of its beams or bars.
+    `loads` in its axes, without gravity and tensions; `initial`: group -> stress-free strain.
     """
 
     def __init__(
@@ -141,10 +137,7 @@ class LoadedPart:
         return freed(self.part, total)
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
-        """d²Π/du² at u, with empty rows of fixed dofs.
-
-        `geometric`: only K_σ and the terms of the loads, which are proportional to the loads.
-        """
+        """d²Π/du² at u, rows of fixed dofs empty; `geometric`: what is proportional to loads."""
         self._move(u)
         part = self.part
         form = self._geometric if geometric else self._tangent
@@ -402,10 +395,7 @@ def tightened(loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver) -
 def equilibrium(
     part: MeshedStructure, loaded: LoadedPart, dead: Array, elastic: Solver
 ) -> tuple[Array, PETSc.Mat, Solver]:
-    """(displacements q, tangent stiffness K, its solver) under constant forces `dead` and loads.
-
-    The first step is that of linear theory. InputError beyond buckling, or if none is found.
-    """
+    """(displacements q, tangent stiffness K, its solver); InputError beyond buckling."""
     comm = part.comm
     stiffest = max(comm.allgather(diagonal(part.K).max(initial=0.0)))
     rounding = stiffest * (LEAST_MOTION * part.mesh.extent()) ** 2
@@ -436,10 +426,7 @@ def equilibrium(
 
 
 def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
-    """The smallest λ > 0 for which K + λ geometric is singular; inf above `FAR`.
-
-    SLEPc solves −geometric x = (1/λ) K x.
-    """
+    """The smallest λ > 0 for which K + λ geometric is singular; inf above `FAR`."""
     if not geometric.norm():
         return math.inf
 

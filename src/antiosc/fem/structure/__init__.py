@@ -176,9 +176,7 @@ class DofPlaces:
         return result
 
     def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
-        """All fields of at most second order in (x − centre)/size, with half their curl as the
-        rotations: (dofs, k), k alike on all ranks.
-        """
+        """Fields (dofs, k) of second order at most in (x − centre)/size; half their curl turns."""
         s = (self.nodes - centre) / size
         axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
@@ -294,10 +292,7 @@ FAR = 0.1
 def modes_and_shift(
     K: Matrix, M: Matrix, null_vectors: Array | None
 ) -> tuple[Array, float, Solver | None]:
-    """(M-orthonormal null vectors of K (rows of this rank, r), shift in rad²/s², solver of K).
-
-    The solver is None for a singular K. `null_vectors` is a basis of K's null space, if known.
-    """
+    """(M-orthonormal null vectors of K (rows, r), shift in rad²/s², solver of a regular K)."""
     comm = communicator(K)
     n = algebra.rows(K)
     regular = _regular(comm, K) if null_vectors is None else None
@@ -382,11 +377,7 @@ def _solver(A: Matrix) -> Solver:
 
 
 def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
-    """M-orthonormal basis of the columns (rows of this rank, k), by Gram–Schmidt.
-
-    Dependent columns are left out. The basis is written into the columns of `into` (columns in
-    memory one by one), which may be the block.
-    """
+    """M-orthonormal basis of the independent columns (rows, k), by Gram–Schmidt, in `into`."""
     basis = np.empty(block.shape, order="F") if into is None else into
     count = 0
     for column in block.T:
@@ -404,11 +395,7 @@ def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = No
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
-    """An improved shift [rad²/s²], by block inverse iteration with the factor for the first shift.
-
-    The polynomial fields of the first shift do not represent slender members, whose frequencies may
-    be ten times lower.
-    """
+    """A shift [rad²/s²] near slender members' first elastic ω², by block inverse iteration."""
     comm = factor.comm
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
 
@@ -446,13 +433,7 @@ CLOSER = 6
 
 
 class Plausibility(TypedDict, total=False):
-    """The data from which the validity of linear theory is judged.
-
-    doubts : sentences on implausible properties of a part; wave_speed : largest speed of waves in
-        bars [m/s];
-    thickness : least thickness of sheets, or mean thickness of a thin solid [m]; None for others,
-        and if they are supported along one line alone.
-    """
+    """`doubts` in words, largest speed of waves in bars [m/s], least `thickness` [m] of a part."""
 
     doubts: list[str]
     wave_speed: float
@@ -501,10 +482,7 @@ class StructureMatrices:
 
     @property
     def rigid_motions(self) -> Array:
-        """Rigid-body motions of the unsupported body (rows of this rank, r), where they are known.
-
-        The multigrid starts from them.
-        """
+        """Rigid-body motions (rows, r) of the unsupported body, where they are known."""
         return np.zeros((algebra.rows(self.K), 0))
 
     def coarser(self) -> Matrix | None:
@@ -512,10 +490,7 @@ class StructureMatrices:
         return None
 
     def factored(self, columns: float = 1.0) -> tuple[Solver, float]:
-        """(solver of K + sM, s); the shift s is improved until it is near the first elastic ω².
-
-        `columns`: number of right-hand sides of one call; inf requires a direct factor.
-        """
+        """(solver of K + sM, s); s is brought near the first elastic ω²."""
         shift = self.first_shift
         if self.solver_of_K is not None:
             factor, self.solver_of_K = self.solver_of_K, None  # held by one alone
@@ -547,11 +522,7 @@ class StructureMatrices:
 
     @property
     def dimensions(self) -> Box:
-        """Length, width and thickness of the part, m.
-
-        They are those of its bounding box along the axes; the thickness of a shell is its least, a
-        beam's width and thickness are those of the rectangle with its section's A and I.
-        """
+        """Length, width and thickness of the part, m, by its box, sheets and sections."""
         raise InputError("matrices have no dimensions: give length, width and thickness.")
 
     def constants(self) -> tuple[float, float, float]:
@@ -559,20 +530,13 @@ class StructureMatrices:
         raise InputError("matrices have no material: give E, nu and rho.")
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """M e on the rows of this rank, for a uniform unit motion e along `direction` (3,).
-
-        It is None for matrices alone, which do not define the direction of each row.
-        """
+        """M e of a uniform unit motion e along `direction` (3,); None for matrices alone."""
         floats("direction", direction, (3,))
         return None
 
     @property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The body's inertia, and M r of its rigid motions r (rows, 6).
-
-        The momentum of any shape is its product with M r. None for matrices without coordinates,
-        and for a structure without rigid-body modes.
-        """
+        """The inertia of a free body, and M r of its rigid motions r (rows, 6); or None."""
         return None
 
     def dissipation(self) -> list[Dissipation]:
@@ -610,10 +574,7 @@ class NodalMatrices(StructureMatrices):
         return self.map.located
 
     def nodes(self) -> tuple[Array, IntArray]:
-        """Coordinates (P, 3) of the located nodes, and their rows (P, 3) of x, y, z displacements.
-
-        A row is -1 where the displacement is not among the dofs.
-        """
+        """Coordinates (P, 3) of the located nodes, and rows (P, 3) of their x, y, z, or -1."""
         valid = np.isfinite(self.map.points).all(axis=1)
         _, first, index = np.unique(self.map.node[valid], return_index=True, return_inverse=True)
         located = np.flatnonzero(valid)
@@ -638,12 +599,7 @@ class NodalMatrices(StructureMatrices):
 
     @cached_property
     def _motions(self) -> tuple[Array, Array] | None:
-        """(reference point (3,), six rigid motions (rows, 6)), or None where these are not null
-        vectors of K.
-
-        This happens if a row has no coordinates, supports have taken rows away, or coordinates do
-        not fit.
-        """
+        """(reference point (3,), six rigid motions (rows, 6)); None: no null vectors of K."""
         component = self.map.component
         points = self.map.points
         is_motion = (component >= 1) & (component <= 6)

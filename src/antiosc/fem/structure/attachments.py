@@ -202,10 +202,7 @@ class ElasticTerm:
 
     @property
     def strains(self) -> Array:
-        """Unit combinations (r, functionals) of the functionals that vanish in strain-free motions.
-
-        Functionals without entries, such as motions out of a plane, take no part.
-        """
+        """Unit combinations (r, functionals) that vanish in strain-free motions."""
         if self.rigid is not None:
             basis, _ = np.linalg.qr(self.rigid, mode="complete")
             return np.asarray(basis[:, self.rigid.shape[1] :].T)
@@ -238,11 +235,7 @@ def terms_of(
     plane: bool,
     places: Callable[[str | Sequence[float]], Sequence[PointMotion]],
 ) -> list[ElasticTerm]:
-    """The terms of a mass, a grounded spring or a damper, one for each of its points.
-
-    `places` gives the points of `where` and of `to`. A mass on a `plane` structure has none along
-    z, nor about x and y.
-    """
+    """The terms of an attachment at each of its `places`; in a `plane` along x, y and about z."""
     values = _values(attached)
     names = list(values)
     if isinstance(attached, PointMass):

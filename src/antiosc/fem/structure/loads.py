@@ -37,19 +37,13 @@ MISSING_SHARE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """n weighted points in cells of this rank.
+    """n weighted points in cells of this rank."""
 
-    Attributes
-    ----------
-    site : (n,) number of the site of each point.
-    cell, X : (n,) cell of this rank and (n, tdim) reference coordinates in it.
-    weight : (n,) share of the site's unit force.
-    """
-
-    site: IntArray
+    site: IntArray  # (n,) number of the site of each point
+    #: cell, X: (n,) cell of this rank and (n, tdim) reference coordinates in it
     cell: IntArray
     X: Array
-    weight: Array
+    weight: Array  # (n,) share of the site's unit force
 
     @classmethod
     def joined(cls, parts: Sequence[Points]) -> Points:
@@ -110,19 +104,13 @@ def stacked(displacements: Sparse, rotations: Sparse) -> Sparse:
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """Displacement and rotation of a point: six functionals of u, and which of them it has.
+    """Displacement and rotation of a point: six functionals of u, and which of them it has."""
 
-    Attributes
-    ----------
-    six : (6, n) functionals of the displacement, then of the rotation.
-    space : (6, 6) projection on those that the point has: one of a solid has no rotation, a site of
-        a superelement may have one displacement alone.
-    point : (3,) coordinates, m.
-    """
-
-    six: Sparse
+    six: Sparse  # (6, n) functionals of the displacement, then of the rotation
+    #: (6, 6) projection on those that the point has: one of a solid has no rotation, a site of a
+    #: superelement may have one displacement alone
     space: Array
-    point: Array
+    point: Array  # (3,) coordinates, m
 
     @cached_property
     def displacements(self) -> Sparse:

@@ -162,10 +162,7 @@ class Member:
 
 @dataclass(eq=False)
 class PartsMatrices(StructureMatrices):
-    """K = Tᵀ K_b T and M = Tᵀ M_b T of parts with meshes: u = T q, for u the dofs of all parts.
-
-    One part alone has T = 1 but for its fixed dofs.
-    """
+    """K = Tᵀ K_b T and M of parts with meshes, u = T q; of one part T = 1 but for fixed dofs."""
 
     @property
     def comm(self) -> MPI.Comm:
@@ -673,10 +670,7 @@ def assembled(
 
 
 def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: IntArray) -> None:
-    """Add `remainder` to K, and let products with K be computed from the strains S as SᵀS + rest.
-
-    The rows of `fixed` dofs get 1 on the diagonal of `remainder`.
-    """
+    """Add `remainder` to K, and compute products with K from the strains S as SᵀS + rest."""
     K.axpy(1.0, remainder, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
     first, last = remainder.getOwnershipRange()
     for dof in fixed[fixed < last - first]:
@@ -688,12 +682,7 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: In
 def _stretched(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> tuple[float | None, bool]:
-    """(least thickness [m] of a sheet, or mean thickness of a thin solid; None for others, whether
-    supports along one line alone let it bend without stretching).
-
-    A sheet supported along one line only bends as a cantilever does, without stretching; so does a
-    thin solid whose fixed nodes lie within its thickness of a line.
-    """
+    """(thickness [m] of a sheet or thin solid, or None; whether one line alone holds it)."""
     sheet = materials[0].kind.sheet
     if sheet:
         thickness = float(min(material.section.thickness for material in materials))

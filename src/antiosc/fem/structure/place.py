@@ -49,10 +49,7 @@ class Place:
 def places_at(
     parts: Iterable[Member], points: Array, directions: Array | None = None
 ) -> list[Place]:
-    """The nearest places of some parts to points (P, 3), struck along directions (P, 3) if given.
-
-    Where parts touch, it is the one whose surface faces the impactor most.
-    """
+    """Nearest places of parts to points (P, 3); where they touch, the one that faces the impact."""
     members = list(parts)
     nearest = [member.closest(points) for member in members]
     distance = np.array([found.distance for found in nearest])
@@ -72,10 +69,7 @@ def places_at(
 
 
 def _facing(place: Place) -> float:
-    """Cosine between the direction of impact and the outward normal of the part.
-
-    0 for parts without an outside, and without a direction.
-    """
+    """Cosine between impact and outward normal; 0 without an outside or a direction."""
     part = place.member.part
     if not part.kind.outside or not place.direction.any():
         return 0.0

@@ -147,11 +147,7 @@ def matrices_of_pair(
     rigid_modes: ArrayLike | None,
     C: Matrix | None = None,
 ) -> tuple[StructureMatrices, Solver | None]:
-    """Checked matrices with their supports and null vectors, and the solver of a regular K.
-
-    C is the damping matrix; `rows` is the `map`, and `supports` and `rigid_modes` are those of
-    `Structure.from_matrices`.
-    """
+    """Checked matrices with their supports and null vectors, and the solver of a regular K."""
     K, M, fixed = supported(K, M)
 
     if supports is not None:
@@ -186,16 +182,7 @@ def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
 
 
 def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
-    """Check K and M, and turn penalties into supports: rows and columns zero, 1 on K's diagonal.
-
-    Returns both, and the dofs of this rank that are fixed by penalties.
-
-    Raises
-    ------
-    InputError
-        Matrices that are not a stiffness and a mass matrix, and penalties that couple dofs and hide
-        their stiffness by rounding.
-    """
+    """K and M, and the dofs of this rank that penalties fix, which become supports."""
     comm = communicator(K)
     same_rows = algebra.size(K) == algebra.size(M) and alike(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
@@ -264,10 +251,7 @@ def _forbid(comm: MPI.Comm, bad: BoolArray, entries: Entries, text: str) -> None
 
 
 def _penalised(K: Matrix, diagonal: Array) -> IntArray:
-    """Numbers, on every rank, of the dofs that a penalty on the diagonal fixes.
-
-    InputError for a penalty between two dofs that drowns their own stiffness in rounding.
-    """
+    """Dofs fixed by penalties on the diagonal; InputError for one that drowns two dofs."""
     comm = communicator(K)
     row, column, value = _entries(K)
     size = np.abs(value)
@@ -550,12 +534,7 @@ class Structure(ReprMixin):
         return algebra.size(self.K)
 
     def factorize(self, columns: float = 1.0) -> Solver:
-        """The one solver of K + shift·M that every site and every mode of this structure uses.
-
-        The first call makes it, and later calls return it. `columns` is the number of right-hand
-        sides of one call; inf requires a direct factor. If a call asks for more columns than the
-        solver was chosen for, a solver is chosen anew.
-        """
+        """The one solver of K + shift·M, for `columns` loads of one call; inf: a direct factor."""
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
         if self._factored is not None and self._factored[0].columns < columns:
             self._factored = None

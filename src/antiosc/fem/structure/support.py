@@ -304,10 +304,7 @@ DOMINATED = 1e-14
 def mesh_modes(
     form: WeakForm, fixed: IntArray, K: PETSc.Mat, M: PETSc.Mat, springs: Array
 ) -> tuple[Array, float]:
-    """(M-orthonormal rigid-body modes (rows of this rank, r), shift in rad²/s²).
-
-    `springs` (rows of this rank, k): columns b whose motions bᵀu grounded springs resist.
-    """
+    """(M-orthonormal rigid-body modes (rows, r) that no spring resists, shift [rad²/s²])."""
     comm: MPI.Comm = K.getComm().tompi4py()
     modes = _vanishing(comm, motions(form, K), fixed, springs)
     modes = orthonormal(comm, M, modes)

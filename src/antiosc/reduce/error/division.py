@@ -126,9 +126,7 @@ class Division:
         self._matrices = with_parts(structure)
 
     def energies(self, model: AntiOscillators) -> tuple[Array, Array | None]:
-        """(energies and products (p + N, p + N) that the mesh lacks in the shapes of a model, those
-        that it has in excess, or None).
-        """
+        """(energies (p + N, p + N) that the mesh lacks in a model's shapes, or has in excess)."""
         fine, _motions, forces = self._loaded(model)
         flexibility = forces.T @ statics(fine, fine.factorize(forces.shape[1]), forces)
         lack, surplus = lacking(model.stiffness, flexibility)
@@ -154,9 +152,7 @@ class Division:
         return np.asarray(of_input[coarse.original_cell_index])
 
     def _loaded(self, model: AntiOscillators) -> tuple[Structure, Array, Array]:
-        """(the divided structure, the shapes of a model as its displacements (rows, p + N), their
-        loads).
-        """
+        """(the divided structure, a model's shapes on it (rows, p + N), their loads)."""
         fine = divided(self._matrices)
         parts = self._matrices.members()[0].part, with_parts(fine).members()[0].part
         motions = np.asarray(interpolation(*parts) @ np.asarray(model.shapes))
@@ -219,12 +215,10 @@ def _by_groups(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArray]], l
 
 
 def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
-    """(energies that the mesh lacks (k, k), those that it has in excess, negative) of its shapes.
+    """(energies (k, k) that the mesh lacks of its shapes, negative ones of few integration points).
 
-    The latter come from few integration points, which make a mesh too flexible for some loads.
-
-    stiffness : (k, k) energies and products of the shapes on the mesh.
-    flexibility : (k, k) energies and products of what their loads cause on the divided mesh.
+    `stiffness`, `flexibility` (k, k): energies of shapes, and of what their loads cause on the
+    divided mesh.
     """
     size = np.sqrt(stiffness.diagonal())
     inverse_size = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
@@ -361,9 +355,7 @@ class OfMesh(MeshSource):
             )
 
     def thickness(self) -> float:
-        """Twice the volume over the surface [m]; for other cells than simplices the least
-        extent.
-        """
+        """Twice the volume over the surface [m]; of other cells than simplices the least extent."""
         if self.coarsest.cell in KIND_OF:
             return super().thickness()
         low, high = bounds(self.coarsest.comm, self.coarsest.dolfinx.geometry.x)
@@ -414,10 +406,7 @@ class OfGeometry(MeshSource):
             return self._divided.first(size, refine)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """The geometry meshed again, with about Σ 1 / ratio^d cells.
-
-        The patch stays resolved.
-        """
+        """The geometry meshed again, with about Σ 1 / ratio^d cells, and the patch resolved."""
         if self._divided is not None:
             return self._divided.finer(mesh, ratio)
         cell_goal = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
@@ -494,11 +483,7 @@ def largest(mesh: Mesh) -> float:
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
-    """Size field on rank 0 for `ratio`: at each corner the smallest size of its cells; None
-    elsewhere.
-
-    A mean would lose the small sizes of single cells, such as those under a patch.
-    """
+    """Size field on rank 0 for `ratio`: at each corner the smallest size of its cells."""
     pieces = gathered(mesh, ratio * edge_lengths(mesh))
     if pieces is None:
         return None
@@ -524,13 +509,10 @@ WIDEST = 50.0
 
 
 def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -> Array:
-    """New size over old size of each cell of this rank (cells,).
+    """New size over old size of each cell of this rank (cells,), not below `FINEST`.
 
-    Parameters
-    ----------
-    energies : (cells,) errors η² of the cells of this rank.
-    goal : required total error over the present one; not reached if it needs sizes below `FINEST`.
-    order, dim : order of the elements, dimension of the mesh.
+    `energies` (cells,): errors η²; `goal`: required total error over the present one; `order` of
+    the elements, `dim` of the mesh.
     """
     from scipy.optimize import brentq  # loaded where it is used: it takes long
 

@@ -120,10 +120,7 @@ def gram(part: MeshedStructure, shapes: Array) -> Array:
 
 
 def strain_errors(part: MeshedStructure, shapes: Array) -> Iterator[tuple[IntArray, Array]]:
-    """Yield (some cells of this rank, R e √w (cells, points · components, k)) of the errors e.
-
-    RᵀR is the stiffness C, w the weights of the points.
-    """
+    """Yield (some cells, R e √w (cells, points · components, k)) of errors e, RᵀR the stiffness."""
     strains = Strains(part, shapes)
     k = shapes.shape[1]
     for root, cells in _regions(part):
@@ -384,9 +381,7 @@ def flat_cells(part: MeshedStructure) -> str:
 
 
 def _angles(x: Array, corners: IntArray) -> Array:
-    """Angles in degrees between lines or faces with these corners (n, v) that share a side, which
-    no third one has.
-    """
+    """Angles in degrees between lines or faces (n, v) that share a side alone."""
     points = x[corners]
     along = points[:, -1] - points[:, 0]
 
@@ -419,9 +414,8 @@ def patch_of(
 ) -> dict[str, float] | None:
     """Data of a site's patch for an error budget, as JSON values; None for a point.
 
-    "faces" is the size of the faces under it [m], "cut" is 1 if an edge cuts it. Of a whole patch
-    on a half-space, "radius" is that of a second patch [m], and "compliance" the change of the
-    part's compliance beyond the half-space [m/N].
+    "faces": their size [m]; "cut": whether an edge cuts it; of a second patch "radius" [m] and
+    "compliance", the change of the part's compliance beyond the half-space [m/N].
     """
     place = site.place
     if site.radius is None or place is None:

@@ -55,40 +55,30 @@ AS_GOOD = 0.5
 
 @dataclass(frozen=True)
 class SiteShapes:
-    """Shapes Φ of unit displacements at p >= 1 independent sites, in the basis of loads `B W`.
+    """Shapes Φ of unit displacements at p >= 1 independent sites, in the basis of loads `B W`."""
 
-    Attributes
-    ----------
-    kept : (p,) numbers of the independent columns of B.
-    dependence : (c, p) displacements at all columns for unit displacements at the independent ones.
-    W : (p, p) transformation to the basis (see the module).
-    load : (rows, p) reactions that fix the sites: BW without its load on the rigid modes `nodal`.
-    phi, m_phi : (rows, p) the shapes, and M times them.
-    k0 : (p, p) ΦᵀKΦ.
-    mass : (p, p) ΦᵀMΦ.
-    moved : (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis];
-        0: none.
-    nodal : (rows, h) M-orthonormal rigid-body modes to which the constraint modes are orthogonal.
-    missed : (h, p) displacements of the sites in these modes, which the model omits.
-    y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
-    share : largest share σ² of a rigid-body mode in the compliances.
-    solver, shift : solver of A = K + sM, and s [rad²/s²].
-    """
-
-    kept: IntArray
+    kept: IntArray  # (p,) numbers of the independent columns of B
+    #: (c, p) displacements at all columns for unit displacements at the independent ones
     dependence: Array
-    W: Array
+    W: Array  # (p, p) transformation to the basis (see the module)
+    #: (rows, p) reactions that fix the sites: BW without its load on the rigid modes `nodal`
     load: Array
+    #: phi, m_phi: (rows, p) the shapes, and M times them
     phi: Array
     m_phi: Array
-    k0: Array
-    mass: Array
+    k0: Array  # (p, p) ΦᵀKΦ
+    mass: Array  # (p, p) ΦᵀMΦ
+    #: (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis]; 0:
+    #: none
     moved: Array
+    #: (rows, h) M-orthonormal rigid-body modes to which the constraint modes are orthogonal
     nodal: Array
-    missed: Array
+    missed: Array  # (h, p) displacements of the sites in these modes, which the model omits
+    #: y, bAb: (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load
     y: Array
     bAb: Array
-    share: float
+    share: float  # largest share σ² of a rigid-body mode in the compliances
+    #: solver, shift: solver of A = K + sM, and s [rad²/s²]
     solver: Solver
     shift: float
 
@@ -109,9 +99,7 @@ class SiteShapes:
 
     @property
     def rigid_shapes(self) -> Array:
-        """M-orthonormal rigid-body modes (rows, q + h): the q that move the sites, then the h of
-        `nodal`.
-        """
+        """M-orthonormal rigid-body modes (rows, q + h): those that move the sites, then `nodal`."""
         rigid_columns = np.flatnonzero(self.moved)
         return np.hstack([self.phi[:, rigid_columns] * self.moved[rigid_columns], self.nodal])
 
@@ -167,10 +155,7 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
 
 
 def expanded_at(structure: Structure, static: SiteShapes, shift: float) -> SiteShapes:
-    """The same shapes beside a solver of A = K + sM with this shift s [rad²/s²].
-
-    The Krylov space of this A is that about the expansion point √s.
-    """
+    """The same shapes beside a solver of A = K + sM with this shift s [rad²/s²]."""
     if shift <= structure.shift:
         return static
     solver = structure.factorize_at(shift, static.load.shape[1])
@@ -210,11 +195,7 @@ def _basis(
 
 
 def independent(C: Array) -> tuple[IntArray, Array]:
-    """(numbers of independent columns (p,), displacements (c, p) of all for unit ones of these).
-
-    This is a pivoted Cholesky factorization of the compliances C (c, c), scaled by their diagonal.
-    A column that cannot move has C = 0.
-    """
+    """(independent columns (p,), displacements (c, p) of all for these), by pivoted Cholesky."""
     size = np.sqrt(np.maximum(C.diagonal(), 0.0))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     unit = C * scale[:, None] * scale
@@ -236,10 +217,8 @@ def independent(C: Array) -> tuple[IntArray, Array]:
 
 
 def statics(structure: Structure, solver: Solver, loads: Array) -> Array:
-    """Displacements (rows, k) under loads (rows, k), M-orthogonal to the rigid motions.
-
-    With rigid-body modes these are K⁺ of the loads without their part on them, by conjugate
-    gradients with the `solver` of A = K + sM, which is close to K on the elastic space.
+    """Displacements (rows, k) under loads, M-orthogonal to rigid motions: K⁺ of what is
+    balanced.
     """
     comm = structure.comm
     R = structure.rigid_modes

@@ -89,9 +89,7 @@ class ModeSearch:
 
 
 def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
-    """(ω² [rad²/s²], shapes (rows of this rank, k)) of at least the wanted modes, in any order, by
-    ARPACK for SciPy matrices.
-    """
+    """(ω² [rad²/s²], shapes (rows, k)) of at least the wanted modes by ARPACK, in any order."""
     structure = search.structure
     modes = search.known
     known_loads = multiply(structure.M, modes)
@@ -245,9 +243,7 @@ class ModeSolver:
         enough: Callable[[Modes], bool] = lambda modes: True,
         most: float = math.inf,
     ) -> Modes:
-        """At least the `count` lowest modes, and more until they are `enough`, all that exist, or
-        about `most`.
-        """
+        """At least the `count` lowest modes, until they are `enough`, all, or about `most`."""
         modes = self._at_least(count)
         while not (modes.complete or len(modes.omega) >= most or enough(modes)):
             known = len(modes.omega)
@@ -273,12 +269,10 @@ class ModeSolver:
         return self._found
 
     def _by_krylov(self, count: int) -> Modes:
-        """One more round: modes found before are deflated, not computed again.
+        """One more round, with the modes found before deflated.
 
-        A Krylov space contains each frequency once. If equal parts repeat all frequencies, it ends
-        early, and the library continues with rounding errors that seem converged. Therefore shapes
-        with a large measured residual are rejected. LAPACK then computes the modes of a small
-        structure; those of a large one are searched again with the accepted ones deflated.
+        If equal parts repeat all frequencies, the Krylov space ends early, and rounding errors seem
+        converged: shapes of large residuals are rejected, and found by LAPACK or one more search.
         """
         structure = self._structure
         found_modes = self._found
@@ -320,11 +314,7 @@ class ModeSolver:
         return self._by_krylov(count)
 
     def _by_lapack(self) -> Modes:
-        """All modes of a small structure, from (M, K + σM) on a basis of the constrained space.
-
-        The rounding error of 1/(ω² + σ) is ε/σ. With σ equal to the geometric mean of the lowest
-        and the highest ω² it is small at both ends of the spectrum.
-        """
+        """All modes of a small structure, from (M, K + σM) with σ amid the spectrum."""
         structure = self._structure
         comm = self._structure.comm
         conditions = multiply(structure.M, self._rigid)
@@ -361,9 +351,7 @@ class ModeSolver:
 def _dense_modes(
     K: Matrix, M: Matrix, free: IntArray, conditions: Array, sigma: float
 ) -> tuple[Array, Array]:
-    """(ω ascending, shapes) on the rows `free` of SciPy matrices, under the constraints
-    `conditions`.
-    """
+    """(ω ascending, shapes) on the rows `free` of SciPy matrices, under `conditions`."""
     stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
     conditions = conditions / np.linalg.norm(conditions, axis=0)
     basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
@@ -396,10 +384,7 @@ def residuals(structure: Structure, modes: Modes, sites: SiteShapes | None = Non
 
 
 def allowed(structure: Structure, modes: Modes) -> Array:
-    """Relative residual (k,) up to which each natural mode is right: what rounding of K leaves.
-
-    Of a slender part the entries of K are far larger than the forces Kφ.
-    """
+    """Relative residual (k,) that rounding of K, large in slender parts, leaves of modes."""
     entries = diagonal(structure.K)[:, None]
     signs = np.random.default_rng(0).choice([-1.0, 1.0], modes.phi.shape)
     rounded = float(np.finfo(float).eps) * signs * entries * modes.phi
@@ -429,11 +414,9 @@ def polish(
 ) -> tuple[Array, Array]:
     """(ω², φ) of approximate eigenvectors φ of unit mass, by the step of Ogita and Aishima.
 
-    The error of a dense eigensolver is ε times the highest ω² in all ω², or ε over the lowest ω² in
-    all 1/ω²: too much if the spectrum spans many decades. For φ(1 + T) the products φᵀKφ and φᵀMφ,
-    measured by `strains` and `masses`, are diagonal up to the square of their previous error (Japan
-    J. Indust. Appl. Math. 35 (2018) 1007). Close modes, which this step does not separate, have ω²
-    of one size: a dense eigensolver separates them among themselves.
+    A dense eigensolver errs by ε times the highest ω² in all ω². For φ(1 + T) the products, by
+    `strains` and `masses`, are diagonal up to the square of their error (Japan J. Indust. Appl.
+    Math. 35 (2018) 1007); close modes are separated among themselves.
     """
     poles = np.zeros(phi.shape[1])
     for _ in range(2):

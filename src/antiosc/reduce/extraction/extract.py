@@ -147,9 +147,7 @@ def _model(
 
 
 def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
-    """Warn of missing modes, unconverged frequencies, or a band that is not reached or is too
-    low.
-    """
+    """Warn of missing modes, unconverged frequencies, or a band not reached or too low."""
     if options.band is None and model.n < options.n and not complete:
         warn(
             f"only {model.n} of the first {model.info['modes_computed']} modes are observable at "

@@ -73,9 +73,7 @@ UNDAMPED = 1e-12
 def with_damping(
     structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
 ) -> AntiOscillators:
-    """The model with the structure's damping; InputError for damping outside the model's
-    motions.
-    """
+    """The model with the structure's damping; InputError for damping outside its motions."""
     if not terms:
         return _with_losses(structure, model, None)
 
@@ -96,10 +94,9 @@ def with_damping(
 def _with_losses(
     structure: Structure, model: AntiOscillators, damping: DampingMatrix | None
 ) -> AntiOscillators:
-    """The model with this damping plus that of the materials' loss factors, by modal strain energy.
+    """The model with this damping and that of its loss factors, ζ_j = Σ η_m U_jm/(2 U_j).
 
-    ζ_j = Σ η_m U_jm/(2 U_j) with the shares U_jm of the materials in the strain energy of mode j
-    (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
+    By modal strain energy (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
     """
     body = model.free_modes
     assert body.basis is not None
@@ -140,12 +137,8 @@ MORE = 20
 class Lanczos:
     """The recurrence of one model of p >= 1 sites, in vectors V with VᵀAV = 1 that vanish there.
 
-    Attributes
-    ----------
-    load : the next right-hand sides (rows, k); `advance` takes their solutions.
-    steps : number of vectors; `room` is the number for which memory is reserved at first.
-    H : VᵀMV (steps, steps), the operator T in the basis.
-    applied : number of vectors to which T has been applied.
+    `load`: next right-hand sides (rows, k), which `advance` takes; `H`: VᵀMV (steps, steps);
+    `applied`: number of vectors to which T has been applied; `room`: memory for so many at first.
     """
 
     def __init__(
@@ -196,12 +189,7 @@ class Lanczos:
         return self._V[:, self._locked : self._locked + self.steps]
 
     def _add(self, w: Array, load: Array, size: float) -> float:
-        """Orthogonalise w = A⁻¹ load and append it to the basis; return the length of the dropped
-        part.
-
-        `size`: lower limit of the energy wᵀ load, which rounding may reduce. The length is an upper
-        bound; it is 0 if the space has no more dimensions.
-        """
+        """Append w = A⁻¹ load to the basis; returns a bound on the length of a dropped part."""
         k = self._locked + self.steps
         V = self._V[:, :k]
         w = self._constrained(w)
@@ -243,10 +231,7 @@ class Lanczos:
         return loads
 
     def ritz(self, n: int) -> tuple[Array, Array]:
-        """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of T on the first n vectors.
-
-        θ of very high frequencies is below the rounding of double precision and set to 0.
-        """
+        """θ = 1/(ω² + s), ω ascending, and eigenvectors of T on n vectors; 0 of rounding."""
         H = self.H[:n, :n]
         theta, eigenvectors = np.linalg.eigh(H)
         noise = int(np.sum(theta <= NOISE * theta[-1])) if n else 0
@@ -311,9 +296,8 @@ class Lanczos:
     def with_recurrence(self, modes: Modes) -> Modes:
         """The modes with the recurrence, which takes one step more.
 
-        There is none of iterative solves, which leave more than rounding in it, with dampers, and
-        of several sites whose space has no further vectors but for rounding; nor beside rigid-body
-        modes that the model omits though they move the sites.
+        There is none of inexact solves, with dampers, of several exhausted sites, and beside
+        rigid-body modes that the model omits though they move the sites.
         """
         static, solver = self._static, self._solver
         omitted = np.abs(static.missed * np.sqrt(static.mass.diagonal())).max(initial=0.0)
@@ -373,9 +357,8 @@ def by_krylov(
 ) -> tuple[Modes, Remainder | None]:
     """(Ritz pairs; with a band the bound on their truncation error) of a model.
 
-    Without a band there are `n` pairs with more than the share `tol` in Z, if the structure has so
-    many and the largest number of steps finds them. With a band, it is the least number of blocks
-    for which the error of Z is at most `accuracy`, and at most `n`. `proof`: with the recurrence.
+    Without a band `n` pairs above the share `tol` in Z, if they are found; with one the fewest
+    blocks for the `accuracy`. `proof`: with the recurrence.
     """
     # room for a few more than are wanted: the system gives memory only to what is written
     run = Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
@@ -404,9 +387,7 @@ def _kept_count(
     accuracy: float,
     damped: bool,
 ) -> int | None:
-    """Number of vectors to keep, or None to continue; vectors after `before` are from the last
-    block.
-    """
+    """Number of vectors to keep, or None to continue; those after `before` are the last block."""
     if damped:  # also vectors that move dampers but no site
         return min(n, run.steps) if run.steps >= n or run.exhausted else None
 

@@ -74,21 +74,14 @@ UNNAMED = ""
 
 @dataclass(frozen=True)
 class ConstraintModes:
-    """All computed constraint modes φ_i, and the static shapes Φ projected on them.
-
-    Attributes
-    ----------
-    P : φ_iᵀMΦ of the modes, kg^½ of the basis, (n, p).
-    m0 : residual mass (p, p).
-    off : residual forces of the modes over their elastic ones, (n,).
-    stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as computed, (n, n).
-    """
+    """All computed constraint modes φ_i, and the static shapes Φ projected on them."""
 
     static: SiteShapes
     modes: Modes
-    P: Array
-    m0: Array
-    off: Array
+    P: Array  # φ_iᵀMΦ of the modes, kg^½ of the basis, (n, p)
+    m0: Array  # residual mass (p, p)
+    off: Array  # residual forces of the modes over their elastic ones, (n,)
+    #: stiffnesses, masses: φ_iᵀKφ_j and φ_iᵀMφ_j as computed, (n, n)
     stiffnesses: Array
     masses: Array
 
@@ -106,9 +99,7 @@ class ConstraintModes:
 
 
 def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
-    """The constraint modes with the static shapes projected on them, computed without
-    cancellation.
-    """
+    """The constraint modes with the static shapes projected on them, without cancellation."""
     comm = structure.comm
     phi = modes.phi
     residual = static.phi
@@ -151,11 +142,7 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
 def _forces_left(
     structure: Structure, static: SiteShapes, omega: Array, k_phi: Array, m_phi: Array
 ) -> Array:
-    """Residual forces of the modes relative to their elastic forces (n,); KΦ and MΦ are
-    overwritten.
-
-    The reactions fix the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
-    """
+    """Residual forces of the modes over their elastic forces (n,), without reactions of sites."""
     sizes = static.solver.force_sizes
     size = sizes(k_phi)
     m_phi *= omega**2
@@ -168,29 +155,20 @@ def _forces_left(
 
 @dataclass(frozen=True)
 class Selection:
-    """The selected anti-oscillators of a model.
+    """The selected anti-oscillators of a model."""
 
-    Attributes
-    ----------
-    m0, P, omega : residual mass (p, p), P (N, p) and circular frequencies (N,).
-    phi : (rows, N) the modes of unit mass, on the rows of this rank.
-    unobservable, merged : numbers of modes that were dropped and merged.
-    """
-
+    #: m0, P, omega: residual mass (p, p), P (N, p) and circular frequencies (N,)
     m0: Array
     P: Array
     omega: Array
-    phi: Array
+    phi: Array  # (rows, N) the modes of unit mass, on the rows of this rank
+    #: unobservable, merged: numbers of modes that were dropped and merged
     unobservable: int
     merged: int
 
 
 def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
-    """The n lowest anti-oscillators with a share in Z above `tol`.
-
-    Modes of one frequency are reduced to those that move the sites differently, at most p. The
-    masses of all others are added to m0.
-    """
+    """The n lowest anti-oscillators above the share `tol`; the masses of others join m0."""
     static = known.static
     omega = known.modes.omega
     start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
@@ -276,10 +254,7 @@ def error_bound(
     selected: Selection,
     band: float,
 ) -> tuple[float, float]:
-    """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency) of the band up to `band` [rad/s].
-
-    Below that frequency Z is quasi-static.
-    """
+    """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency) up to `band` [rad/s]."""
     static = known.static
     lowest = lowest_frequency_at_sites(static.k0, static.mass, selected.omega**2)
     x = samples(band, lowest, SAMPLE_STEP) ** 2
@@ -299,10 +274,7 @@ def error_bound(
 
 
 def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array) -> Numbers:
-    """Z (..., p, p) = k0 - x m0 - sum_i P_i P_i' x poles_i/(poles_i - x) [N/m] at x = omega^2.
-
-    k0, m0 : (p, p) [N/m], [kg]. P : (N, p) [kg^1/2]. poles : (N,) omega_i^2 [rad^2/s^2].
-    """
+    """Z (..., p, p) = k0 - x m0 - sum_i P_i P_i' x poles_i/(poles_i - x) [N/m] at x = omega^2."""
     with np.errstate(divide="ignore", invalid="ignore"):
         weight = poles / (poles - x[..., None])
     outer = P[:, :, None] * P[:, None, :]
@@ -310,12 +282,7 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
 
 
 def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
-    """Spectral radius (N,) of Z^-1 times the change of Z at each damped pole if its mass is added
-    to m0.
-
-    Arguments as for `stiffness_at_sites`; 0 for a pole <= 0. The result does not depend on units
-    and combinations of the sites.
-    """
+    """Spectral radius (N,) of Z^-1 times the change of Z at each damped pole without its mode."""
     share = np.zeros(len(poles))
     positive = np.flatnonzero(poles > 0)
     for i in np.split(positive, range(AT_ONCE, len(positive), AT_ONCE)):
@@ -328,10 +295,7 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
 
 
 def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
-    """Frequency [rad/s] at which Z begins to vary: the lowest of k0 on m_st, or the first pole.
-
-    inf for a rigid mass, whose Z has no such frequency.
-    """
+    """Frequency [rad/s] at which Z begins to vary; inf for a rigid mass."""
     lowest = [float(x) for x in poles[:1]]
     scale = 1 / np.sqrt(np.maximum(m_st.diagonal(), np.finfo(float).tiny))
     values = np.linalg.eigvalsh(k0 * scale[:, None] * scale)
@@ -485,9 +449,7 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
 
 
 def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
-    """Inertia of a body that can move rigidly, with the momenta of the model's shapes; otherwise
-    None.
-    """
+    """Inertia of a body that can move rigidly, with the momenta of its shapes; or None."""
     if structure.rigid_inertia is None:
         return None
     inertia, loads = structure.rigid_inertia
@@ -495,10 +457,7 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
 
 
 def weights_of(structure: Structure, shapes: Array) -> Array | None:
-    """Generalised masses (k, 3) of shapes (rows, k) for unit uniform accelerations along x, y, z.
-
-    They are None for matrices. A plane structure does not move along z.
-    """
+    """Generalised masses (k, 3) of shapes for unit accelerations along x, y, z; or None."""
     loads = [structure.uniform_inertia(axis) for axis in np.eye(3)]
     if any(load is None for load in loads):
         return None
@@ -545,14 +504,7 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
 def checked_modes(
     structure: Structure, known: ConstraintModes, method: str
 ) -> tuple[dict[str, float], int]:
-    """Check constraint modes in their equations; AccuracyError for errors far above CHECK.
-
-    Ritz pairs may have large residuals, but must be orthogonal in K and in M.
-
-    Returns
-    -------
-    The measured errors by name, and the number of modes that have converged.
-    """
+    """(measured errors of constraint modes by name, number of converged ones), or AccuracyError."""
     modes = known.modes
     static = known.static
     comm = structure.comm
@@ -598,9 +550,7 @@ def _excess(mass: Array, P: Array) -> float:
 
 
 def check_modes(structure: Structure, modes: Modes) -> None:
-    """Measure the modes' M-orthogonality and residual; AccuracyError beyond CHECK, or beyond what
-    rounding of K leaves of the residual.
-    """
+    """AccuracyError for modes whose M-orthogonality or residual is beyond CHECK or rounding."""
     gram = dot(structure.comm, modes.phi, multiply(structure.M, modes.phi))
     worst = {
         "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),

@@ -64,11 +64,7 @@ def pairs_of(count: Count, most: int = MOST) -> int:
 def with_stretch(
     structure: Structure, model: AntiOscillators, count: Count, most: int = MOST
 ) -> AntiOscillators:
-    """The model with second-order forces of the modes that its sites move most.
-
-    count : number of modes that an impact takes, or "auto": of at most `most`. Two more are
-    computed, for the error.
-    """
+    """The model with second-order forces of the modes that its sites move most, and of two more."""
     if model.shapes is None:
         raise InputError("stretch needs the shapes of the model: extract it with shapes.")
     body = model.free_modes
@@ -95,13 +91,9 @@ class _Piece(NamedTuple):
 def _second_order(
     structure: Structure, motions: Array, pairs: list[tuple[int, int]]
 ) -> tuple[list[_Piece], Array]:
-    """(the parts of a structure with motions (dofs, k), about its static state under a prestress;
-    second-order loads g_ij (dofs, pairs) of pairs of motions, on free dofs).
+    """(parts with motions (dofs, k), second-order loads g_ij (dofs, pairs) on free dofs).
 
-    Raises
-    ------
-    InputError
-        A structure without second-order strain: several ranks, superelements, some families.
+    InputError for several ranks, superelements, and families without second-order strain.
     """
     from antiosc.fem.elements.second_order import points_of  # needs dolfinx
 
@@ -134,11 +126,10 @@ def _second_order(
 
 
 def candidates(omega: Array, B: Array, count: int) -> Array:
-    """Orthonormal combinations (J, m) of the free modes that forces at sites B excite, m <= count.
+    """Orthonormal combinations (J, m) of the modes that forces at sites B excite, m <= count.
 
-    They span the Krylov space of the flexibility Λ⁻¹ that starts from the static displacements
-    Λ⁻¹b. The first is the local dent of a sheet under its striker, which takes many modes; the
-    lowest modes follow.
+    They span the Krylov space of the flexibility that starts from the local dent Λ⁻¹b, which takes
+    many modes.
     """
     elastic = omega > 0
     if not elastic.any():
@@ -160,9 +151,7 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
 
 
 def second_order_energies(structure: Structure, motions: Array) -> Array:
-    """Energy of second-order strain of motions (dofs, k) to fourth order, over the linear energy of
-    each (k,): sizes without signs, and what follows a motion statically is relaxed.
-    """
+    """Sizes (k,) of second-order energies of motions (dofs, k), over the linear ones."""
     pairs = [(i, i) for i in range(motions.shape[1])]
     pieces, g = _second_order(structure, motions, pairs)
     third = np.sum(motions * g, axis=0) / 3
@@ -175,10 +164,7 @@ def second_order_energies(structure: Structure, motions: Array) -> Array:
 
 
 def tensors(structure: Structure, phi: Array) -> tuple[Array, Array, Array]:
-    """Tensors H (m, m, m), G (m, m, m, m) and second-order displacements (dofs, pairs).
-
-    phi : (dofs, m) motions.
-    """
+    """H (m, m, m), G (m, m, m, m), second-order displacements of motions φ (dofs, m)."""
     m = phi.shape[1]
     pairs = list(combinations_with_replacement(range(m), 2))
     pieces, g = _second_order(structure, phi, pairs)

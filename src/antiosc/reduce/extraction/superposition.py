@@ -80,9 +80,7 @@ class StructureModes(ReprMixin):
 
     @property
     def effective_mass(self) -> Array | None:
-        """Effective masses (n, 3) along x, y, z, kg: squares of the participation; None if it is
-        unknown.
-        """
+        """Effective masses (n, 3) along x, y, z, kg: squares of the participation; or None."""
         if self.participation is None:
             return None
         return self.participation**2
@@ -348,10 +346,7 @@ def _check_arguments(structure: Structure, site: Site) -> None:
 def _observable_modes(
     structure: Structure, where: Functional, static: SiteShapes, modes: Modes, tol: float
 ) -> Modes:
-    """The modes that move the site, with equal frequencies merged; the rigid-body mode comes first.
-
-    `tol`: lower limit of their share in the receptance.
-    """
+    """The modes above the share `tol`, the rigid-body one first, equal frequencies merged."""
     check_modes(structure, modes)
     b = dot(structure.comm, modes.phi, where.b)
     rigid, a = _rigid_modes(static)
@@ -373,10 +368,7 @@ def _observable_modes(
 
 
 def _rigid_modes(static: SiteShapes) -> tuple[Array, Array]:
-    """(M-orthonormal rigid-body modes (rows, r), displacements >= 0 of the site in them).
-
-    At most one of them moves the site.
-    """
+    """(M-orthonormal rigid-body modes (rows, r), displacements >= 0 of the site in them)."""
     a = np.append(static.rigid[0], np.zeros(static.nodal.shape[1]))
     return static.rigid_shapes * np.where(a < 0, -1.0, 1.0), np.abs(a)
 
@@ -436,9 +428,7 @@ def _model(
 def _left_out(
     structure: Structure, where: Functional, static: SiteShapes, modes: Modes, b: Array
 ) -> tuple[float, Array]:
-    """(compliance, shape) of the static deflection under a unit force that the modes do not
-    contain.
-    """
+    """(compliance, shape) of what the modes lack of the static deflection of a unit force."""
     elastic = static.y[:, 0] / static.W[0, 0]
     if structure.rigid_modes.shape[1]:
         elastic = statics(structure, structure.factorize(), where.B)[:, 0]

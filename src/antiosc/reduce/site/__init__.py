@@ -25,11 +25,7 @@ def functional(structure: Structure, site: Site) -> Functional:
 def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]:
     """The load vectors b of sites on `structure`.
 
-    Raises
-    ------
-    InputError
-        A point off the structure, a direction out of the plane of a plane structure, a patch
-        without a surface, a site that is fixed by supports.
+    InputError for one off the structure or its plane, without a surface under a patch, or fixed.
     """
     if structure.matrices.nodal:
         nodal = cast(NodalMatrices, structure.matrices)

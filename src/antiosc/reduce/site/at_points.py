@@ -65,9 +65,7 @@ def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functi
 
 
 def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functional:
-    """The functional with its load vectors on q instead of u; InputError if nothing at the site can
-    move.
-    """
+    """The functional with its load vectors on q instead of u; InputError if it is fixed."""
     B = structure.joined(functional.B)
     comm = structure.comm
     if norm(comm, B[:, 0]) <= LEAST_FREE_SHARE * norm(comm, functional.b):
@@ -81,10 +79,7 @@ def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functio
 def before_joining(
     structure: MeshedParts, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
-    """Load vectors of sites on the dofs of all parts before joining.
-
-    `part_of` returns the structure of a part, with or without its supports.
-    """
+    """Load vectors of sites on the dofs of all parts, of which `part_of` gives the structures."""
     by_site: dict[int, Functional] = {}
     by_part: dict[str, dict[int, Place]] = {}
     for k, place in enumerate(places_of(structure, sites)):
@@ -107,9 +102,7 @@ def before_joining(
 
 
 def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | PointMotion]:
-    """The places of sites at a point, a group, a face or a node; the motion of those that have no
-    mesh.
-    """
+    """The places of sites at a point, group, face or node; motions of those without a mesh."""
     found: dict[int, Place | PointMotion] = {}
     by_part: dict[str | None, list[tuple[int, Array, Array]]] = {}
     for k, site in enumerate(sites):
@@ -284,11 +277,7 @@ def cell_and_waves(
     sides: Array,
     thickness: float,
 ) -> tuple[float, float, float]:
-    """(longest edge of a cell [m], wave speed × radius of gyration in bending [m²/s], wave speed
-    [m/s]).
-
-    `sides` (3,) [m]: sides of the box around the part; `thickness`: that of a beam, or of that box.
-    """
+    """(longest edge of a cell [m], wave speed × radius of gyration [m²/s], wave speed [m/s])."""
     material = structure.material_at(nearest)
     if structure.kind.sheet:
         thickness = material.section.thickness
@@ -348,17 +337,10 @@ def _check_distance(site: Site, place: Place) -> None:
 
 
 class Released:
-    """The reactions of the supports of a structure and of its parts.
+    """The reactions of the supports of a structure and of its parts, by motions that release one.
 
-    They follow from motions in which one support is released. If a joint and supports fix the same
-    motion, the constraints of the joint that follow from the supports carry no force, as in the
-    assembly itself, which omits them.
-
-    Attributes
-    ----------
-    centres : support -> (3,) mean of its nodes, m.
-    pulled : (rows of this rank, 6 S) forces that unit rigid motions of each of the S supports exert
-        on the free dofs.
+    `centres`: support -> (3,) mean of its nodes, m; `pulled` (rows of this rank, 6 S): forces of
+    unit rigid motions of each on the free dofs. Rows that follow from supports carry none.
     """
 
     def __init__(self, matrices: MeshedParts, supports: Sequence[Support]) -> None:
@@ -375,11 +357,7 @@ class Released:
         self.centres, self.pulled = self._released(supports)
 
     def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
-        """(M g, M r), rows of this rank, for the motions g of the supports and rigid motions r.
-
-        `following` (rows of this rank, 6 S): the motions of the free dofs due to those of the
-        supports; `rigid` as in `applied`.
-        """
+        """(M g, M r) for motions g of the supports, by those `following`, and rigid motions r."""
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", rigid)
 
@@ -395,9 +373,7 @@ class Released:
         return dot(self._of.comm, b, self._motions), dot(self._of.comm, b, rigid)
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
-        """(relaxation time, reactions (6 S, B) due to motions of the shapes (rows of this rank, B))
-        of each term of the structure's damping, in its order. Call `inertia` first.
-        """
+        """(relaxation time, reactions (6 S, B)) of each damping term due to shapes (rows, B)."""
         u = self._of.expanded(shapes)
         own = self._assembly.added.dissipation(on_u=True) if self._assembly else []
         terms = [(slice(None), term) for term in own]
@@ -510,9 +486,7 @@ def names_of(supports: Sequence[Support], used: Container[str] = ()) -> list[str
 
 
 def dofs_by_support(part: MeshedStructure) -> dict[str, IntArray]:
-    """Name of each support of a part -> its dofs on this rank; a dof counts for its first
-    support.
-    """
+    """Name of each support of a part -> its dofs on this rank; the first support has a dof."""
     rows = len(part.attached_inertia)
     result = {}
     fixed = np.zeros(0, dtype=int)

@@ -40,22 +40,14 @@ LEAST_FREE_SHARE_ON_MAP = 0.05
 
 @dataclass(frozen=True, eq=False)
 class MapSites:
-    """Sites of a map, with the elements between them.
+    """Sites of a map, with the elements between them."""
 
-    Attributes
-    ----------
-    sites : the P sites that can move and have a surface.
-    elements : (T, 3) triangles between them, or (T, 2) segments of lines; none between points.
-    count : number of all requested sites.
-    names : (P,) name of the group or part of each site; "" for none.
-    dimension : dimension of the cells.
-    """
-
-    sites: Sites
+    sites: Sites  # the P sites that can move and have a surface
+    #: (T, 3) triangles between them, or (T, 2) segments of lines; none between points
     elements: IntArray
-    count: int
-    names: NDArray[np.str_]
-    dimension: int
+    count: int  # number of all requested sites
+    names: NDArray[np.str_]  # (P,) name of the group or part of each site; "" for none
+    dimension: int  # dimension of the cells
 
     def only(self, keep: BoolArray) -> MapSites:
         """The sites in the mask `keep`, and the elements all of whose corners are kept."""
@@ -89,10 +81,7 @@ def targets(where: object) -> Sequence[str] | None:
 
 
 def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
-    """The sites of several surfaces, concatenated.
-
-    If one surface has triangles, segments of lines are dropped: their sites stand alone.
-    """
+    """The sites of several surfaces; beside triangles segments of lines are dropped."""
     if len(surfaces) == 1:
         return surfaces[0]
     corners = max(surface.elements.shape[1] for surface in surfaces)
@@ -114,17 +103,11 @@ def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSample:
-    """Sample points of a surface, the same on all ranks.
+    """Sample points of a surface, the same on all ranks."""
 
-    Attributes
-    ----------
-    points : (P, 3) coordinates [m].
-    normals : (P, 3) unit normals out of the body; zero on sheets and lines.
-    elements : (T, 3) triangles between the points, (T, 2) segments of lines; (0, 3) for none.
-    """
-
-    points: Array
-    normals: Array
+    points: Array  # (P, 3) coordinates [m]
+    normals: Array  # (P, 3) unit normals out of the body; zero on sheets and lines
+    #: (T, 3) triangles between the points, (T, 2) segments of lines; (0, 3) for none
     elements: IntArray
 
 
@@ -135,11 +118,7 @@ def sites_of(
     radius: float | None,
     most: int | None = None,
 ) -> MapSites:
-    """The sites of a map: on groups ("part:group" of an assembly), on parts, or at points.
-
-    `where` None: on all surfaces; `most`: on each surface at most so many. InputError if no site of
-    a named surface can move.
-    """
+    """The sites of a map on groups, parts, points, or all surfaces; at most `most` on each."""
     names = targets(where)
     if where is not None and names is None:
         return _at_points(structure, where, direction, radius)
@@ -255,9 +234,7 @@ OPPOSITE = 0.5
 
 
 def thinned(ground: SurfaceSample, most: int | None) -> SurfaceSample:
-    """At most `most` points of a sample, each as far as possible from those before it, and the
-    triangles between them: those of the sample with each corner at the nearest of these points.
-    """
+    """At most `most` points of a sample, each far from those before it, and triangles of them."""
     if most is None or len(ground.points) <= most:
         return ground
     extent = float(np.ptp(ground.points, axis=0).max())
@@ -281,12 +258,7 @@ def thinned(ground: SurfaceSample, most: int | None) -> SurfaceSample:
 
 
 def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
-    """Radius [m] of the smallest patch at a site that all facets under it resolve; None of sheets
-    and bars.
-
-    It begins with the facets that touch the point, or the nearest ones: a point between the corners
-    of a curved facet lies within the solid.
-    """
+    """Radius [m] of the least patch at a site that facets resolve; None of sheets and bars."""
     (place,) = places_of(structure, [site])
     if isinstance(place, PointMotion) or not place.member.part.kind.outside:
         return None

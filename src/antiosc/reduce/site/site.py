@@ -214,12 +214,7 @@ class Functional:
 def point_of(
     structure: Structure, point: object, part: str | None, node: int | None = None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None) of a named
-    point.
-
-    `point`: coordinates, or the name of a group ("part:group" of an assembly), of a reference point
-    of an assembly, or of a site of a superelement ("part:site").
-    """
+    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None) of a probe."""
     if part is not None:
         checks.text("part", part)
     if (point is None) == (node is None):
@@ -289,10 +284,7 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
 
 
 def _on_free_rows(structure: StructureMatrices, B: Array, label: str) -> Array:
-    """Loads (rows of this rank, k) with zeros on fixed dofs, and in columns that cannot move.
-
-    SiteError if the first one cannot.
-    """
+    """Loads (rows, k) without fixed dofs and columns that cannot move; SiteError for the first."""
     comm = algebra.communicator(structure.K)
     size = [norm(comm, b) for b in B.T]
     B[structure.fixed[structure.fixed < len(B)]] = 0.0
@@ -303,13 +295,7 @@ def _on_free_rows(structure: StructureMatrices, B: Array, label: str) -> Array:
 
 
 def functional_on_nodes(matrices: NodalMatrices, site: Site) -> Functional:
-    """The load vectors of a site at a node.
-
-    Raises
-    ------
-    InputError
-        A node or dof that is not in the map, a point that is no node, a site whose dofs are fixed.
-    """
+    """The load vectors of a site at a node; InputError for an unknown or fixed one."""
     if site.radius is not None:
         raise InputError(PATCH)
     node = _node_at(matrices, site) if site.node is None else site.node

@@ -76,11 +76,7 @@ def patches(
     contact: SurfaceAtSites,
     most_rings: dict[int, int] = MOST_RINGS,
 ) -> tuple[Points, Array]:
-    """(weighted points of patches on this rank, share of each patch on its faces (P,)).
-
-    The quadrature resolves the smaller of the patch and the faces under it. If an edge cuts a
-    patch, its weights are scaled to a unit force.
-    """
+    """(weighted points of patches on this rank, share of each patch on its faces (P,))."""
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
     rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), most_rings[faces.dim])
     rings = rings.astype(int)
@@ -148,29 +144,21 @@ def _rule_on_faces(
 
 @dataclass(frozen=True, eq=False)
 class Sites:
-    """P sites with their load vectors; all data except `loads` are equal on all ranks.
+    """P sites with their load vectors; all data except `loads` are equal on all ranks."""
 
-    Attributes
-    ----------
-    points, directions : (P, 3) coordinates [m] and unit directions of impact.
-    loads : b of all sites as columns (rows of this rank, P), zero on fixed dofs.
-    radii : (P,) radii of the patches [m]; NaN for points.
-    local : (P,) half-space compliances of the patches [m/N].
-    share : (P,) share of each patch that lies on its face; 1 for points.
-    depth, size : (P,) distance of the site from the surface, and size of the faces there [m].
-    moving : (P,) share of the load on free dofs.
-    weighted : the points at which each load acts; None for a selection of sites.
-    """
-
+    #: points, directions: (P, 3) coordinates [m] and unit directions of impact
     points: Array
     directions: Array
+    #: b of all sites as columns (rows of this rank, P), zero on fixed dofs
     loads: scipy.sparse.csr_matrix
-    radii: Array
-    local: Array
-    share: Array
+    radii: Array  # (P,) radii of the patches [m]; NaN for points
+    local: Array  # (P,) half-space compliances of the patches [m/N]
+    share: Array  # (P,) share of each patch that lies on its face; 1 for points
+    #: depth, size: (P,) distance of the site from the surface, and size of the faces there [m]
     depth: Array
     size: Array
-    moving: Array
+    moving: Array  # (P,) share of the load on free dofs
+    #: the points at which each load acts; None for a selection of sites
     weighted: Points | None = None
     #: (P,) distances from the nearest supported node [m]; None but for the sites of a map
     clear: Array | None = None
@@ -206,11 +194,7 @@ def located(
     nearest: ClosestPoints | None = None,
     most_rings: dict[int, int] = MOST_RINGS,
 ) -> Sites:
-    """Sites at points (P, 3) of the structure with unit directions of impact (P, 3).
-
-    `radii` (P,) of the patches; NaN: the default of the material, which is a point, or on a sheet a
-    patch with the thickness as radius. `nearest`, the closest cells, are computed if not given.
-    """
+    """Sites at points (P, 3) with unit directions; `radii` (P,) NaN: the material's default."""
     mesh = structure.mesh
     kind = structure.kind
     count = len(points)
@@ -305,10 +289,7 @@ Doubt: TypeAlias = tuple[BoolArray, str]
 
 
 def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = False) -> None:
-    """Warn, on rank 0, of sites with an uncertain compliance.
-
-    `marked`: a map marks and counts those of `doubtful_patches`; they are not told here.
-    """
+    """Warn of sites with an uncertain compliance; a map has some of them `marked` itself."""
     doubts = list(_mesh_doubts(structure, sites))
     if not marked:
         cut = _cut(sites)

@@ -270,10 +270,7 @@ def _tangents(normal: Array) -> Array:
 
 
 def _fitted(nodes: Array, normal: Array) -> _Quadric:
-    """The quadric w = c + b·y + yᵀ H y/2 through nodes y (n, 3), w their height, by least squares.
-
-    It contains spheres, cylinders and ellipsoids exactly.
-    """
+    """The quadric w = c + b·y + yᵀ H y/2 through nodes y (n, 3), exact on spheres and cylinders."""
     radius = float(np.linalg.norm(nodes[-1])) * (1 + TOUCH)
     basis = np.vstack([_tangents(normal), normal])
     u, v, w = basis @ nodes.T / radius
@@ -316,10 +313,7 @@ STEEP = 0.3
 def largest_ball(
     faces: Faces, point: Array, normal: Array, patch_radius: float
 ) -> tuple[float, Array]:
-    """(radius [m], the point (3,) that a larger ball meets); inf if there is none.
-
-    `point`, `normal` : (3,) of the site; `patch_radius` : radius of its patch [m], 0 of a point.
-    """
+    """(radius [m], the point (3,) that a larger ball at a site meets); inf if there is none."""
     r = faces.samples - point
     distance = np.linalg.norm(r, axis=1)
     mean = faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))] if r.size else 0
@@ -350,13 +344,7 @@ def surface_at(
 
 
 def surface_of(structure: Structure, place: Place, radius: float | None) -> Surface:
-    """The surface of a structure at a place, under a patch of this radius [m]; None: a point.
-
-    Raises
-    ------
-    InputError
-        The surface is unknown: plane parts, anisotropic materials, too few nodes.
-    """
+    """The surface at a place, under a patch of a `radius` [m] or at a point; else InputError."""
     material = place.material
     matter = _contact_material(material)
     if matter is None:
@@ -376,11 +364,7 @@ def surface_of(structure: Structure, place: Place, radius: float | None) -> Surf
 def _room(
     matrices: MeshedParts, curved: Curvature, near: float
 ) -> tuple[float, tuple[float, float, float] | None]:
-    """Radius of the largest ball that touches the part only there, and the point that a larger one
-    meets.
-
-    `near`: radius of the patch [m].
-    """
+    """(radius of the largest ball that touches there alone, the point that a larger one meets)."""
     best = inf
     second_contact = None
     for member in matrices.members():
@@ -400,10 +384,7 @@ def _room(
 def curvature_at(
     structure: Structure, point: ArrayLike, direction: Sequence[float] | None = None
 ) -> Curvature:
-    """Principal curvatures of the outer surface of a structure at its point nearest to `point` [m].
-
-    A shell is struck on the face opposite to `direction`, half a thickness outside its middle.
-    """
+    """Principal curvatures of the outer surface at its point nearest to `point` [m]."""
     along = None if direction is None else in_space(direction)
     return _curvature(place_at(with_parts(structure, NO_SURFACE), in_space(point), along))
 
