@@ -3,9 +3,8 @@
 Cases: a steel sphere's worth of mass on the article's pinned beam, a sphere on a thin clamped
 plate, a sphere on the bracket at three sizes, a heavy mass on the bracket. Methods:
 anti-oscillators by Krylov and by modes, mode superposition with and without static correction, the
-unreduced model, and, where they are installed, other people's tools on the same matrices (SciPy,
-pyYeti, Exudyn). Besides: how time and memory grow with the size, what an extraction spends its time
-on, maps of every point of the bracket and of a stiffened panel, two ranks against one.
+unreduced model, and what an engineer writes with SciPy. Besides: how time and memory grow with the
+size, maps of every point of the bracket and of a stiffened panel, two ranks against one.
 
 Written: speed_accuracy.json, speed_accuracy.md (the tables) and a PNG for each case.
 
@@ -15,10 +14,8 @@ Written: speed_accuracy.json, speed_accuracy.md (the tables) and a PNG for each 
 from __future__ import annotations
 
 import argparse
-import cProfile
 import json
 import logging
-import pstats
 import sys
 import time
 import warnings
@@ -31,7 +28,7 @@ import numpy as np
 import options
 from mpi4py import MPI
 from speed_cases import ROOT, Case, memory
-from speed_methods import STEPS, explicit, measured, peers, proved, reduced, unreduced
+from speed_methods import STEPS, explicit, measured, peer_scipy, proved, reduced, unreduced
 from speed_tables import plot, tables
 
 import antiosc as ao
@@ -90,7 +87,7 @@ def chart(name: str, size: float | None, quick: bool) -> dict[str, Any]:
         rows += [unreduced(case, steps) for steps in STEPS[name][: 1 if quick else None]]
         if name == "bracket" and not quick:
             rows.append(explicit(case))
-        rows += peers(case, name == "beam")
+        rows += [peer_scipy(case, n) for n in (15, 60) if n < case.part.dofs // 2]
     made = _chart(case, rows)
     if name == "bracket":
         made["proved"] = proved(case, (20, 30, 50, 80))
@@ -160,38 +157,6 @@ def memory_of(name: str, size: float, method: str) -> float:
     else:
         ao.superposition(case.part, case.site, 20, static_correction=True)
     return memory()
-
-
-def profile(size: float) -> dict[str, Any]:
-    """What a whole extraction of 20 anti-oscillators spends its time on, seconds."""
-    case = Case("bracket", size)
-    run = cProfile.Profile()
-    started = time.perf_counter()
-    run.runcall(ao.extract, case.part, case.site, n=20)
-    spent = time.perf_counter() - started
-    found: dict[str, float] = {}
-    calls = 0
-    for (_, _, name), (count, _, _, total, _) in pstats.Stats(run).stats.items():  # type: ignore
-        if name in PROFILED:
-            found[PROFILED[name]] = found.get(PROFILED[name], 0.0) + total
-            calls += count if name == "solve_block" else 0
-    found["the rest"] = spent - sum(found.values())
-    return {
-        "dofs": case.part.dofs,
-        "assembly": case.seconds["assembly"],
-        "factorization": case.seconds["factorization"],
-        **found,
-        "number of solves": calls,
-    }
-
-
-#: functions whose time is told apart, none of which calls another
-PROFILED = {
-    "functional": "load of the site",
-    "solve_block": "solves",
-    "multiply": "products with K and M",
-    "dot": "inner products of the basis",
-}
 
 
 def mapped(name: str, size: float, group: str | None) -> dict[str, Any]:
@@ -271,7 +236,7 @@ def main(
         return _two_cases(out, sizes[0])
     if quick:
         sizes = sizes[:1]
-    result: dict[str, Any] = {"charts": [], "growth": [], "ranks": [], "profile": {}, "maps": []}
+    result: dict[str, Any] = {"charts": [], "growth": [], "ranks": [], "maps": []}
     for name, size in [("beam", None), ("plate", None), *(("bracket", s) for s in sizes)]:
         result["charts"].append(_apart("chart", name, size, quick))
         plot(result["charts"][-1], out)
@@ -284,7 +249,6 @@ def main(
     for size in sizes if quick else (*sizes, FINEST):
         result["growth"].append(_apart("growth", size))
     result["ranks"] = [_apart("growth", sizes[-1], ranks=2)]
-    result["profile"] = _apart("profile", sizes[-1])
     _report(result, out)
     middle = sizes[min(1, len(sizes) - 1)]
     result["maps"] = [_apart("mapped", "bracket", middle, None)]
@@ -326,7 +290,7 @@ def _task(text: str) -> None:
     logging.disable(logging.INFO)
     warnings.simplefilter("ignore")
     name, *arguments = json.loads(text)
-    tasks = (chart, heavy_mass, growth, peak, memory_of, profile, mapped)
+    tasks = (chart, heavy_mass, growth, peak, memory_of, mapped)
     result = {task.__name__: task for task in tasks}[name](*arguments)
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps(result))

@@ -1,11 +1,10 @@
 """The methods that `speed_accuracy.py` compares: model, seconds and errors of each.
 
-Besides those of antiosc, other people's tools on the same matrices: SciPy, pyYeti, Exudyn.
+Besides those of antiosc, what an engineer writes with SciPy on the same matrices.
 """
 
 from __future__ import annotations
 
-import importlib.util
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -184,88 +183,6 @@ def peer_scipy(case: Case, n: int) -> dict[str, Any]:
     return measured(case, "SciPy: eigsh, solve_ivp", n, made, simulated, case.time, force)
 
 
-def peer_pyyeti(case: Case, steps: int) -> dict[str, Any]:
-    """pyYeti's SolveNewmark (Nastran's scheme) on all dofs, contact explicit."""
-    from pyyeti import ode
-
-    K, M, b, mass = matrices(case)
-    law, _ = without_patch(case.impact[1], case.reference.local_compliance, "part", "striker")
-    size = len(b)
-    m = scipy.sparse.block_diag([M, [[mass]]]).toarray()
-    k = scipy.sparse.block_diag([K, [[0.0]]]).toarray()
-    push = np.append(b, -1.0)
-    h = case.hit.contact_time / steps
-    count = int(case.impact[2] / h)
-    forces = np.zeros(count)
-
-    def contact(d: Any, j: int, _: float) -> Any:
-        forces[j] = law.force(float(-push @ d[:, j]), 0.0, ())
-        return forces[j : j + 1]
-
-    started = time.perf_counter()
-    solver = ode.SolveNewmark(m, np.zeros_like(m), k, h)
-    solver.def_nonlin({"contact": (contact, push[:, None])})
-    start = np.zeros(size + 1)
-    start[-1] = case.impact[0].velocity
-    solver.tsolve(np.zeros((size + 1, count)), d0=np.zeros(size + 1), v0=start)
-    spent = time.perf_counter() - started
-    return measured(case, "pyYeti: SolveNewmark", size, 0.0, spent, h * np.arange(count), forces)
-
-
-def peer_exudyn(case: Case, steps: int) -> dict[str, Any]:
-    """Exudyn's GenericODE2 on all dofs, its trapezoidal rule."""
-    import exudyn as exu
-    from exudyn.utilities import NodeGenericODE2, ObjectGenericODE2, SensorNode
-
-    K, M, b, mass = matrices(case)
-    law, _ = without_patch(case.impact[1], case.reference.local_compliance, "part", "striker")
-    size = len(b) + 1
-    push = np.append(b, -1.0)
-    system = exu.SystemContainer().AddSystem()
-    start = np.zeros(size)
-    start[-1] = case.impact[0].velocity
-    node = system.AddNode(
-        NodeGenericODE2(
-            referenceCoordinates=[0.0] * size,
-            initialCoordinates=[0.0] * size,
-            initialCoordinates_t=list(start),
-            numberOfODE2Coordinates=size,
-        )
-    )
-
-    def contact(_mbs: Any, _t: float, _item: int, q: Any, _q_t: Any) -> Any:
-        return push * law.force(float(-push @ np.asarray(q)), 0.0, ())
-
-    system.AddObject(
-        ObjectGenericODE2(
-            nodeNumbers=[node],
-            massMatrix=scipy.sparse.block_diag([M, [[mass]]]).toarray(),
-            stiffnessMatrix=scipy.sparse.block_diag([K, [[0.0]]]).toarray(),
-            forceUserFunction=contact,
-        )
-    )
-    sensor = system.AddSensor(
-        SensorNode(
-            nodeNumber=node,
-            storeInternal=True,
-            outputVariableType=exu.OutputVariableType.Coordinates,
-        )
-    )
-    system.Assemble()
-    settings = exu.SimulationSettings()
-    settings.timeIntegration.endTime = case.impact[2]
-    settings.timeIntegration.numberOfSteps = int(case.impact[2] * steps / case.hit.contact_time)
-    settings.timeIntegration.verboseMode = 0
-    settings.solutionSettings.writeSolutionToFile = False
-    settings.solutionSettings.sensorsWritePeriod = case.hit.contact_time / steps
-    started = time.perf_counter()
-    system.SolveDynamic(settings, solverType=exu.DynamicSolverType.TrapezoidalIndex2)
-    spent = time.perf_counter() - started
-    data = system.GetSensorStoredData(sensor)
-    force = [law.force(float(-push @ row[1:]), 0.0, ()) for row in data]
-    return measured(case, "Exudyn: GenericODE2", size - 1, 0.0, spent, data[:, 0], force)
-
-
 def measured(
     case: Case, name: str, n: int, made: float, simulated: float, times: Any, force: Any
 ) -> dict[str, Any]:
@@ -278,13 +195,3 @@ def measured(
         "error Z": None,
         "error force": case.error_of_force(times, force),
     }
-
-
-def peers(case: Case, small: bool) -> list[dict[str, Any]]:
-    """What is installed, on what it can carry."""
-    rows = [peer_scipy(case, n) for n in (15, 60) if n < case.part.dofs // 2]
-    if small:
-        for module, run in (("pyyeti", peer_pyyeti), ("exudyn", peer_exudyn)):
-            if importlib.util.find_spec(module) is not None:
-                rows += [run(case, steps) for steps in STEPS[case.name]]
-    return rows

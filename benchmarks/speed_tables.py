@@ -20,8 +20,6 @@ STYLE = {
     "unreduced, explicit": ("C6", ">"),
     "unreduced, all modes": ("k", "*"),
     "SciPy: eigsh, solve_ivp": ("C1", "P"),
-    "pyYeti: SolveNewmark": ("C4", "X"),
-    "Exudyn: GenericODE2": ("C5", "p"),
 }
 
 
@@ -129,8 +127,6 @@ def tables(result: dict[str, Any]) -> str:
         alone = next(g for g in result["growth"] if g["dofs"] == two["dofs"])
         faster = alone["whole"] / two["whole"]
         lines.append(f"\ntwo ranks against one: {faster:.2f} times as fast")
-    lines += ["", "## What the largest extraction spends its time on", ""]
-    lines += [f"- {k}: {v:.3g}" for k, v in result["profile"].items()]
     for one in result["maps"]:
         lines += ["", f"## Map of the {one['part']}", ""]
         lines += [f"- {k}: {_short(v)}" for k, v in one.items()]
