@@ -50,7 +50,7 @@ from antiosc.impact.histories.bars import (
     QUANTITIES as QUANTITIES,
     ErrorBudget as ErrorBudget,
 )
-from antiosc.impact.histories.energy import energy_gain as energy_gain, impulses as impulses
+from antiosc.impact.histories.energy import impulses as impulses
 from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,
     open_contacts as open_contacts,

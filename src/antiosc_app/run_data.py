@@ -23,7 +23,6 @@ from antiosc.extension import (
     SceneBody,
     SceneParts,
     Settings,
-    energy_gain,
     inexact_message,
     integrate,
     integrate_exact,
@@ -31,7 +30,6 @@ from antiosc.extension import (
     scene_body,
 )
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.models.stretch import stretch_of
 
 #: Outputs of a contact and of a site: `axm_kind` -> name, unit.
 OF_CONTACT = {
@@ -191,7 +189,7 @@ def model_run(model: LinearBody) -> RunData:
     _refuse_coupled({"model": body})
     if isinstance(model, Obstacle) or not body.B.size:
         raise InputError("an obstacle, or a model without a site, has no motion to export.")
-    if stretch_of(model) is not None:
+    if body.stretch is not None:
         raise InputError(
             "a model alone is linear in an exported file, and this one stretches: export its"
             " impact, or extract it with stretch=False."
@@ -222,7 +220,7 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
                 f"the contact law {type(contact.law).__name__} is a class of your own and has no"
                 f" form in C: export a `Tabulated` law with its curve."
             )
-    shortest = CONTACT_TIMES * assemble_scene(scene, 1.0, stretch=True).contact_time_estimate
+    shortest = CONTACT_TIMES * assemble_scene(scene, 1.0).contact_time_estimate
     spans = [shortest * 2**k for k in range(MOST_DOUBLINGS + 1)] if duration is None else [duration]
     for span in spans:
         assembly = _assembled(scene, span, tol)
@@ -237,9 +235,7 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
             " chosen and its table printed; give a longer duration=.",
             AccuracyWarning,
         )
-    if message := inexact_message(
-        converged, tol, _MAX[1], lambda: energy_gain(assembly, converged.run)
-    ):
+    if message := inexact_message(converged, tol, _MAX[1]):
         warn(message, AccuracyWarning)
     names, modes, columns = _sites(assembly, without_body)
     shift = assembly.external_forces(assembly.system.breaks) @ assembly.r
@@ -266,10 +262,10 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
 
 def _assembled(scene: SceneParts, span: float, tol: float) -> Assembly:
     """The scene for a run of `span` seconds, with the second-order forces that `simulate` uses."""
-    assembly = assemble_scene(scene, span, stretch=True)
+    assembly = assemble_scene(scene, span)
     _refuse_coupled(assembly.bodies)
     set_initial_forces(assembly.system, assembly.scene.preload)
-    if all(stretch_of(body.body) is None for body in assembly.bodies.values()):
+    if not assembly.stretches:
         return assembly
     history, _ = integrate(SceneHistory, assembly, span, Settings(tol))
     return history.assembly

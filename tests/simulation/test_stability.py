@@ -70,7 +70,6 @@ class TestRuns:
         assert hit.peak_force == pytest.approx(truth.peak_force, rel=3e-3)
         assert hit.run.attempts < 10_000
 
-    @pytest.mark.filterwarnings("ignore:The scene gained energy")
     def test_short_contacts_are_resolved(self):
         """A step longer than the contact is halved until it resolves it."""
         striker = ao.RigidMass(0.01, 0.8)

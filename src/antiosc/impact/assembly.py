@@ -22,11 +22,10 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.engine.law_tables import packed, raise_error
 from antiosc.engine.system import BodyModes, System, posed
 from antiosc.impact import scene_parts
-from antiosc.impact.bodies import SceneBody, may_rotate, scene_body, stacked_first_order
+from antiosc.impact.bodies import SceneBody, scene_body, stacked_first_order
 from antiosc.impact.scene_parts import Contact, SceneParts
 from antiosc.impact.states import modal_loads
-from antiosc.models.body import is_thin
-from antiosc.models.stretch import Stretch, refuse_stretch, stretch_of
+from antiosc.models.stretch import Stretch
 
 DEPTH_TOL = 0.1  # relative error of a depth
 
@@ -175,9 +174,6 @@ class Assembly:
     laws : contact laws, without the compliance of patches; `notes` say so.
     system : the system that the march integrates.
     contact_time_estimate : shortest expected contact time [s].
-    may_rotate : whether the rotation of a body is known and not 0.
-    thin : whether a body is a supported sheet or thin solid.
-    stretches : whether a body has second-order forces.
     stretched : second-order forces of the bodies that stretch, which have rows in the march.
     stretch_effect : relative change of the largest force of a contact by these.
     stretch_settled : whether more of them would change the results by no more than the tolerance.
@@ -194,14 +190,16 @@ class Assembly:
     notes: list[str]
     system: System
     contact_time_estimate: float
-    may_rotate: bool
-    thin: bool
-    stretches: bool
     stretched: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
     stretch_effect: float = field(default=0.0, kw_only=True)
     stretch_settled: bool = field(default=True, kw_only=True)
     stretch_left_out: float = field(default=0.0, kw_only=True)
     hopeless: str = field(default="", kw_only=True)
+
+    @property
+    def stretches(self) -> bool:
+        """Whether a body has second-order forces."""
+        return any(body.stretch is not None for body in self.bodies.values())
 
     @cached_property
     def _stacked(self) -> scene_parts.StackedBodies:
@@ -243,12 +241,8 @@ class Assembly:
         return scene_parts.external_forces(self.scene.loads, self.bodies, self._stacked, t)
 
 
-def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) -> Assembly:
+def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     """Assemble a scene for integration; InputError for parts that do not fit together."""
-    stretches = any(stretch_of(body) is not None for body in scene.bodies.values())
-    if stretches and not stretch:
-        refuse_stretch(scene.bodies)
-
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     stacked = scene_parts.stacked_bodies(bodies)
     find = scene_parts.find_site
@@ -293,9 +287,8 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
     first = stacked_first_order(bodies.values())
     system = posed(modes, laws, R, offsets, breaks, tangents, first)
     time = expect_contacts(scene, system, local, duration)
-    can_rotate = any(map(may_rotate, bodies.values()))
-    thin = any(map(is_thin, scene.bodies.values()))
-    return Assembly(scene, bodies, G, laws, notes, system, time, can_rotate, thin, stretches)
+
+    return Assembly(scene, bodies, G, laws, notes, system, time)
 
 
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:

@@ -20,7 +20,6 @@ from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
-from antiosc.impact.histories.energy import GAIN
 from antiosc.impact.histories.run_end import CheckResult, RunEnd, check_result, several, warn_batch
 from antiosc.impact.many import Many
 from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
@@ -273,9 +272,9 @@ def _row_of(
     settings: Settings,
 ) -> _Row | None:
     """The row of an outcome of the C library; None if the impact must be integrated separately."""
-    answer, contacts, touches, goes_on, _, numbers, force, peak, certain, *further_values = outcome
-    end, contact_time_estimate, gained, highest = further_values
-    if answer == library.FULL or answer >= library.LAW_FAILED or gained > 0.1 * GAIN * highest:
+    answer, contacts, touches, goes_on, _, numbers, *others = outcome
+    force, peak, certain, end, contact_time_estimate, *_ = others
+    if answer == library.FULL or answer >= library.LAW_FAILED:
         return None
 
     run_end = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)

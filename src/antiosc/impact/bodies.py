@@ -28,9 +28,10 @@ from antiosc.engine.contact import Gonthier, Hertz
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, density_of, matter_of
 from antiosc.engine.damping import StackedModes
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import Body, LinearBody, checked_body
+from antiosc.models.body import Body, LinearBody, ModelInfo, checked_body, info_of
 from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
 from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
+from antiosc.models.stretch import Stretch, stretch_of
 
 
 @dataclass(frozen=True)
@@ -597,6 +598,21 @@ class SceneBody:
         """Modal forces of unit gravity: (J,) along its one coordinate, or (J, 3); or None."""
         return self.modes.weight
 
+    @property
+    def may_rotate(self) -> bool:
+        """Whether it can rotate, and its inertia in space is known."""
+        return self.inertia is not None and not self.omega.all()
+
+    @property
+    def info(self) -> ModelInfo:
+        """The record of the user's object; an empty one if it has none."""
+        return info_of(self.body)
+
+    @property
+    def stretch(self) -> Stretch | None:
+        """Its second-order forces; None: it is linear."""
+        return stretch_of(self.body)
+
     def columns_of(self, site: str) -> tuple[int, ...]:
         """The columns of a site; () for an obstacle."""
         if isinstance(self.body, Obstacle):
@@ -636,11 +652,6 @@ class SceneBody:
         size = float(np.abs(weights).max(initial=0.0))
 
         return bool(np.any(np.abs(weights[~rigid]) > SUPPORTED_SHARE * size))
-
-
-def may_rotate(body: SceneBody | ModalBody | SiteModes) -> bool:
-    """Whether a body can rotate, and its inertia in space is known."""
-    return body.inertia is not None and not body.omega.all()
 
 
 def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
@@ -759,6 +770,5 @@ def _initial_velocities(placed: SceneBody, motion: Motion | float) -> Array:
                 f"body {placed.name!r} moves in space: give its start as a Motion of velocity"
                 f" and spin, not as the number {motion!r}."
             )
-        motion = checks.number(f"motion of {placed.name!r}", motion, "m/s")
 
     return placed.modes.rigid_motion(motion)

@@ -36,7 +36,6 @@ from antiosc.impact.enclosure import enclosures, width_of_peaks
 from antiosc.impact.error_budget import error_budget, low_band_message
 from antiosc.impact.histories import History, SceneHistory, Source
 from antiosc.impact.histories.bars import ErrorBudget
-from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
 from antiosc.impact.histories.run_end import CheckResult, RunEnd, check_result, open_contacts
 from antiosc.impact.histories.site_motion import DURATION, LONGER, parted
@@ -49,11 +48,11 @@ from antiosc.impact.reference import (
 )
 from antiosc.impact.scene_parts import SceneParts
 from antiosc.impact.stretching import stretched
-from antiosc.impact.truncation import Run, choose_n, halved, is_reduced, too_few, too_few_in
+from antiosc.impact.truncation import Run, choose_n, too_few_in, warn_too_few
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import AUTO, AnyLaw, LinearBody, coarse_cell, info_of, is_auto, law_of
-from antiosc.models.motion import ModalState, Motion
+from antiosc.models.body import AUTO, AnyLaw, LinearBody, coarse_cell, is_auto, law_of
+from antiosc.models.motion import Motion
 
 H = TypeVar("H", bound=History)
 
@@ -141,18 +140,24 @@ class Scene(SceneParts):
         warn_large_rotation(*history.largest_rotation())
         check.warn()
         history = with_warning(history, large_deflection_message(history))
-        _warn_coarse_cells(self, history)
-        _warn_truncation(self, history, settings, duration)
-        check_range(history, doubts)
 
-        return proved(history) if proof else history
+        exact = replace(settings, method="exact", step=None)
+        warn_too_few(
+            history, lambda bodies: _run_scene(replace(self, bodies=bodies), exact, duration)[0]
+        )
+        check_range(history, doubts)
+        _warn_coarse_cells(self, history)
+
+        if not proof:
+            return history
+        return replace(history, enclosures=enclosures(history.assembly, history.run))
 
 
 def _run_scene(
     scene: Scene, settings: Settings, duration: float
 ) -> tuple[SceneHistory, CheckResult]:
     """Integrate a scene; returns its history and the result of its check before warnings."""
-    assembly = assemble_scene(scene, duration, stretch=True)
+    assembly = assemble_scene(scene, duration)
     set_initial_forces(assembly.system, scene.preload)
     kind = partial(SceneHistory, source=SceneSource(scene, settings, duration))
     return integrate(kind, assembly, duration, settings)
@@ -194,8 +199,8 @@ class SceneSource(Source):
         return other.run(changes.get("duration", self.duration), **options)
 
 
-def proved(history: H, tol: float = 0.0) -> H:
-    """The history with proved bounds on its forces; InputError outside their assumptions."""
+def proved(history: History, tol: float) -> History:
+    """The history with proved bounds on its force; a warning if they are wider than `tol`."""
     found = enclosures(history.assembly, history.run, tol)
     history = replace(history, enclosures=found)
     width = width_of_peaks(found)
@@ -264,7 +269,7 @@ def _integrate(
     still_open = open_contacts(run, assembly.system)
     errors = converged.force, converged.peak, converged.certain
     end = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
-    check = check_result(assembly, end, tol, limits, lambda: energy_gain(assembly, run))
+    check = check_result(assembly, end, tol, limits)
 
     often_refused = step is not None and run.refused > MOST_REFUSED * run.steps
     if often_refused and check.status in (COMPLETED, TOUCHING):
@@ -316,9 +321,7 @@ def check_range(history: History, doubts: Sequence[str] = ()) -> None:
         peak = history.contact_histories[c].peak_force
         if peak > law.valid_force:
             radius = a.bodies[contact.a.partition(":")[0]].patch_radius
-            stored = [
-                one for body in a.scene.bodies.values() for one in info_of(body).get("doubts", ())
-            ]
+            stored = [one for body in a.bodies.values() for one in body.info.get("doubts", ())]
             raise range_error(law, peak, radius, [*stored, *doubts], prefix)
 
 
@@ -340,43 +343,6 @@ def _warn_coarse_cells(scene: Scene, history: SceneHistory) -> None:
             if sentence := coarse_cell(scene.bodies.get(name), site, estimate):
                 of = f"{contact.a!r} and {contact.b!r}"
                 warn(f"{name!r} in the contact of {of}: {sentence}", AccuracyWarning)
-
-
-def _warn_truncation(
-    scene: Scene, history: SceneHistory, settings: Settings, duration: float
-) -> None:
-    """Warn of bodies of which half as many anti-oscillators change the largest force much."""
-    touched = [c.contacts for c in history.contact_histories]
-    ends = [{end.partition(":")[0] for end in (c.a, c.b)} for c in scene.contacts]
-    struck = set().union(*(names for names, pulses in zip(ends, touched, strict=True) if pulses))
-    coarse = dict[str, AntiOscillators]()
-    counts = dict[str, int]()
-
-    for name in struck:
-        body = scene.bodies[name]
-        given = isinstance(scene.motion.get(name), ModalState)  # in all modes of the body
-        if is_reduced(body) and body.stretch is None and not given:
-            coarse[name] = halved(body)
-            counts[name] = body.n
-
-    if not coarse:
-        return
-
-    exact = replace(settings, method="exact", step=None)
-    fewer = replace(scene, bodies={**scene.bodies, **coarse})
-
-    with without_warnings():
-        other = _run_scene(fewer, exact, duration)[0]
-
-    for c, contact in enumerate(scene.contacts):
-        reduced = sorted(ends[c].intersection(coarse))
-        if not reduced or not touched[c]:
-            continue
-        force, heavier = (one.contact_histories[c].peak_force for one in (history, other))
-        change = abs(heavier - force) / force if force else 0.0
-        if sentence := too_few(counts[reduced[0]], change):
-            names, of = (" and ".join(map(repr, x)) for x in (reduced, (contact.a, contact.b)))
-            warn(f"{names} in the contact of {of}: {sentence}", AccuracyWarning)
 
 
 #: Relative error of the forces by the step: little beside the errors of meshes and of laws.
@@ -516,7 +482,7 @@ def simulate_impact(
 
     def integrated(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
         impact = scene if model is scene.model else scene._replace(model=model)
-        assembly = assemble_pair(impact, stretch=True)
+        assembly = assemble_pair(impact)
         kind = partial(History, source=Blow(impact, settings))
         return integrate(kind, assembly, scene.duration, settings)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from ctypes import byref, c_int
 from dataclasses import replace
 
@@ -14,7 +14,6 @@ from antiosc.base._types import Array
 from antiosc.engine import library
 from antiosc.engine.march import Run
 from antiosc.engine.system import System
-from antiosc.impact.bodies import SceneBody, may_rotate
 
 Index = NDArray[np.intp]
 
@@ -283,16 +282,3 @@ def free_steps(run: Run, system: System) -> Array:
     """Displacements (n, J) of the free modes at the stored ends of steps."""
     assert run.states is not None
     return _free_modes(system, run.states[:, 0], run.states[:, 1])[0]
-
-
-def largest_rotation(
-    run: Run, system: System, bodies: Mapping[str, SceneBody], parts: Mapping[str, slice]
-) -> tuple[str, float]:
-    """(name of the free body that turned most, its angle [rad]), if known; ("", 0) of none."""
-    q = free_steps(run, system)
-    angles = [
-        (name, float(np.linalg.norm(body.rotation(q[:, span]), axis=1).max()))
-        for (name, body), span in zip(bodies.items(), parts.values(), strict=True)
-        if may_rotate(body)
-    ]
-    return max(angles, key=lambda pair: pair[1], default=("", 0.0))

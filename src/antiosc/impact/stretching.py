@@ -20,7 +20,7 @@ from antiosc.engine.system import stretch_forces
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.linear_theory import deflection, sampled_motion
-from antiosc.models.stretch import MOST, NARROWED, Stretch, stretch_of
+from antiosc.models.stretch import MOST, NARROWED, Stretch
 
 H = TypeVar("H", bound=History)
 #: Integrates an assembly.
@@ -112,7 +112,7 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
     """The motion of a body in a linear run; None for a body without second-order forces."""
     a = history.assembly
     body = history.assembly.bodies[name]
-    forces = stretch_of(body.body)
+    forces = body.stretch
     if forces is None:
         return None
 

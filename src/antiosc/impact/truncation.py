@@ -31,13 +31,14 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError, without_warnings
+from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import percent
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.impact.histories import History
 from antiosc.impact.histories.bars import all_changes, with_floor
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
+from antiosc.models.motion import ModalState
 
 #: Share of the force from which a warning is given.
 WARN_SHARE = 0.3
@@ -240,9 +241,6 @@ def _in_motions(
 
 def halved(model: AntiOscillators) -> AntiOscillators:
     """A model of the Krylov method, of one site or of several, with half of its Krylov space."""
-    if model.n < 2:
-        return model.truncated(0)
-
     P = np.sqrt(model.m)[None] if model.P is None else model.P
     modes, omega = _krylov(P, model.omega, _expansion(model), model.n // 2)
     p = model.n_sites
@@ -306,6 +304,41 @@ def too_few_in(hit: History, rerun: Run | None, tol: float) -> str:
         model, lambda other, tol: hit if other is model else rerun(other, tol), tol=tol
     )
     return too_few(model.n, error.peak_force)
+
+
+def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) -> None:
+    """Warn of bodies of a scene of which half as many anti-oscillators change the largest force of
+    a contact much; `rerun(bodies)` is the scene with other bodies.
+    """
+    scene = hit.assembly.scene
+    contacts = hit.contact_histories
+    ends = [{end.partition(":")[0] for end in contact.ends} for contact in contacts]
+    struck = set().union(
+        *(names for names, one in zip(ends, contacts, strict=True) if one.contacts)
+    )
+    reduced = {name: body for name in struck if is_reduced(body := scene.bodies[name])}
+    coarse: dict[str, object] = {}
+
+    for name, body in reduced.items():
+        given = isinstance(scene.motion.get(name), ModalState)  # in all modes of the body
+        if body.stretch is None and not given:
+            coarse[name] = halved(body)
+
+    if not coarse:
+        return
+
+    with without_warnings():
+        other = rerun({**scene.bodies, **coarse})
+
+    for names, contact, heavier in zip(ends, contacts, other.contact_histories, strict=True):
+        changed = sorted(names.intersection(coarse))
+        force = contact.peak_force
+        if not changed or not contact.contacts:
+            continue
+        change = abs(heavier.peak_force - force) / force if force else 0.0
+        if sentence := too_few(reduced[changed[0]].n, change):
+            bodies, of = (" and ".join(map(repr, pair)) for pair in (changed, contact.ends))
+            warn(f"{bodies} in the contact of {of}: {sentence}", AccuracyWarning)
 
 
 def _unconverged(model: AntiOscillators) -> bool:

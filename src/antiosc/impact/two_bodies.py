@@ -26,16 +26,15 @@ from antiosc.impact.bodies import (
     RigidMass,
     SceneBody,
     Sphere,
-    may_rotate,
     single_site_body,
     stacked_first_order,
 )
 from antiosc.impact.reference import Settings
 from antiosc.impact.scene_parts import gravity_load, two_body_parts
-from antiosc.models.body import AUTO, LAW, AnyLaw, LinearBody, checked_body, is_thin, law_of
+from antiosc.models.body import AUTO, LAW, AnyLaw, LinearBody, checked_body, law_of
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
-from antiosc.models.stretch import refuse_stretch, stretch_of
+from antiosc.models.stretch import stretch_of
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 LARGEST_PHASE = 1e15
@@ -117,14 +116,10 @@ class Impact(NamedTuple):
     gravity: float | Sequence[float] = 0.0
     gap: float | None = None
 
-    @property
-    def stretches(self) -> bool:
-        """Whether a body has second-order forces."""
-        return stretch_of(self.model) is not None or stretch_of(self.impactor) is not None
-
     def group(self) -> tuple[object, ...] | None:
         """Key that is equal for impacts which one C call can solve together; None for others."""
-        if not is_compiled(self.contact) or self.stretches:
+        stretches = stretch_of(self.model) or stretch_of(self.impactor)
+        if not is_compiled(self.contact) or stretches is not None:
             return None
         no_gravity = isinstance(self.gravity, int | float) and self.gravity == 0
         rigid = no_gravity and type(self.impactor) in (RigidMass, Sphere)
@@ -161,12 +156,8 @@ def modal_pair(impact: Impact) -> Pair:
     return Pair(*bodies, _gravity_loads(*bodies, gravity))
 
 
-def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
-    """Assemble "structure" and "impactor"; `stretch`: whether they may stretch afterwards."""
-    stretches = impact.stretches
-    if stretches and not stretch:
-        refuse_stretch({"structure": impact.model, "impactor": impact.impactor})
-
+def assemble_pair(impact: Impact) -> Assembly:
+    """Assemble "structure" and "impactor"."""
     model, impactor, contact, duration, _, gravity, gap = impact
     pair = modal_pair(impact)
     checks.instance("contact", contact, ContactLaw, LAW)
@@ -179,11 +170,8 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
 
     bodies = {"structure": pair.structure, "impactor": pair.impactor}
     scene = two_body_parts(model, impactor, contact, gap, gravity)
-    can_rotate = any(map(may_rotate, bodies.values()))
-    thin = is_thin(model) or is_thin(impactor)
-    return Assembly(
-        scene, bodies, _ROW, [law], notes, system, contact_time, can_rotate, thin, stretches
-    )
+
+    return Assembly(scene, bodies, _ROW, [law], notes, system, contact_time)
 
 
 def _gravity_loads(

@@ -179,11 +179,6 @@ def info_of(body: object) -> ModelInfo:
     return UNKNOWN
 
 
-def is_thin(body: object) -> bool:
-    """Whether a body is a supported sheet or thin solid: theory holds for small deflections."""
-    return info_of(body).thickness is not None
-
-
 def resolved_frequency(source: Any) -> float:
     """Frequency [Hz] up to which a model has the motion of points far from its site.
 

@@ -25,6 +25,7 @@ from antiosc.engine.damping import from_factors
 from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.extension import Impact, assemble_pair
 from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.models.stretch import refuse_stretch
 
 Turn = Callable[[AntiOscillators], AntiOscillators]
 #: Numbers by name: one, a list of them, a dict of them, or None of one that cannot decrease.
@@ -101,6 +102,7 @@ class Struck:
         if self.turn is not None:
             all_bodies["structure"] = self.turn(all_bodies["structure"])
 
+        refuse_stretch(all_bodies)
         if self._pair is None:
             motion = {**scene.motion, **(starts or {})}
             changes: dict[str, Any] = {"bodies": all_bodies, "contacts": all_contacts}

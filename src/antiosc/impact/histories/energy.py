@@ -160,8 +160,6 @@ def impulses(time: Array, force: Array) -> Array:
     return integrals
 
 
-GAIN = 1e-3  # of the highest energy: a scene that gains more says so
-BALANCED_NODES = 5000  # nodes up to which the balance of several contacts is always made
 SHORT_PHASE = 0.05  # phase of a mode over a step, below which the trapezoidal rule serves
 
 
@@ -206,26 +204,6 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
         dissipated=losses + braked,
         gravity=work,
     )
-
-
-def energy_gain(a: Assembly, run: Run) -> float:
-    """Largest spurious gain of energy over the run, relative to the highest energy.
-
-    The balance is costly: it is made only where the march reports a doubtful run, and for several
-    contacts up to BALANCED_NODES nodes. A user's law need not know its energy.
-    """
-    system = a.system
-    if not all(map(is_compiled, system.laws)):
-        return 0.0
-
-    is_doubtful = run.gained > 0.1 * GAIN * run.highest
-    if not is_doubtful and (len(system.beta) == 1 or run.time.size > BALANCED_NODES):
-        return 0.0
-
-    energy = energy_balance(a, run)
-    total = energy.total[::2]  # at the ends of steps
-    highest = float((energy.kinetic + energy.strain + energy.contact)[::2].max())
-    return float(total.max() - total[0]) / highest if highest > 0 else 0.0
 
 
 def _work_and_losses(

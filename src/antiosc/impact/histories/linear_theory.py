@@ -10,9 +10,7 @@ import numpy as np
 from antiosc.base import errors
 from antiosc.base._types import Array
 from antiosc.impact.histories.motion import RunHistory
-from antiosc.impact.states import free_steps
-from antiosc.models.body import info_of
-from antiosc.models.stretch import stretch_of
+from antiosc.impact.states import free_steps, locate, states
 
 #: Rotation [rad] of a body above which a warning is given.
 SMALL_ROTATION = 0.1
@@ -67,7 +65,7 @@ def large_deflection_message(history: RunHistory) -> str:
     message = ""
 
     for name, h in sheets(history, held=True):
-        stretches = stretch_of(history.assembly.bodies[name].body) is not None
+        stretches = history.assembly.bodies[name].stretch is not None
         w = deflection(history, name)
         change = change_of_curved(history, name)
         if abs(change) > CURVED_CHANGE and not stretches:
@@ -86,7 +84,7 @@ def large_deflection_message(history: RunHistory) -> str:
 def change_of_curved(history: RunHistory, name: str) -> float:
     """Largest share in the force on a curved sheet by second-order strain; 0 of others."""
     body = history.assembly.bodies[name]
-    shares = info_of(body.body).get("second_order", {})
+    shares = body.info.get("second_order", {})
     changes = [0.0]
 
     for site, share in shares.items():
@@ -108,8 +106,8 @@ def may_stretch(history: RunHistory) -> bool:
 
 def sheets(history: RunHistory, held: bool = False) -> Iterator[tuple[str, float]]:
     """Yield name and thickness [m] of each sheet or thin solid, or of the `held` ones alone."""
-    for name, body in history.assembly.bodies.items() if history.assembly.thin else ():
-        h = info_of(body.body).thickness
+    for name, body in history.assembly.bodies.items():
+        h = body.info.thickness
         if h is not None and (body.omega.all() or not held):
             yield name, h
 
@@ -139,4 +137,5 @@ def sampled_motion(history: RunHistory, omega: Array) -> Array:
     periods = periods if np.isfinite(periods) else 0.0
     t = np.linspace(0.0, end, int(min(MOST_SAMPLES, SAMPLES_PER_PERIOD * (1 + periods))))
 
-    return np.vstack([free_steps(history.run, history.assembly.system), history.states(t)[0]])
+    run, system = history.run, history.assembly.system
+    return np.vstack([free_steps(run, system), states(run, system, *locate(run, t))[0]])

@@ -25,7 +25,7 @@ from antiosc.impact.states import (
     blocks,
     damping_states,
     forces,
-    largest_rotation,
+    free_steps,
     locate,
     node_states,
     states,
@@ -210,9 +210,18 @@ class RunHistory(OneContact):
     def largest_rotation(self) -> tuple[str, float]:
         """(name of the free body that turned most, its angle [rad]); ("", 0.0) if unknown."""
         a = self.assembly
-        if not a.may_rotate:
+        free = {name: body for name, body in a.bodies.items() if body.may_rotate}
+        if not free:
             return "", 0.0
-        return largest_rotation(self.run, a.system, a.bodies, a.spans)
+
+        q = free_steps(self.run, a.system)
+        angles = {}
+        for name, body in free.items():
+            rotation = body.rotation(q[:, a.spans[name]])
+            angles[name] = float(np.linalg.norm(rotation, axis=1).max())
+
+        most = max(angles, key=angles.__getitem__)
+        return most, angles[most]
 
     # -- inside
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +16,6 @@ from antiosc.engine import library
 from antiosc.engine.march import Converged, Run, stopped
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.histories.energy import GAIN
 
 #: Contacts, and scenes of a batch, that a message names.
 _NAMED = 5
@@ -69,18 +68,14 @@ def open_contacts(run: Run, system: System) -> list[int]:
 
 
 def check_result(
-    assembly: Assembly,
-    ended: RunEnd,
-    tol: float,
-    limits: tuple[int, int],
-    gain: Callable[[], float] = lambda: 0.0,
+    assembly: Assembly, ended: RunEnd, tol: float, limits: tuple[int, int]
 ) -> CheckResult:
-    """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: of energy."""
+    """Status and message of a run; `limits`: max_contacts, max_steps."""
     if failure := stopped(ended.answer, ended.time, *limits):
         return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
 
     message = cut_short_message(assembly, ended)
-    if doubt := inexact_message(ended, tol, limits[1], gain):
+    if doubt := inexact_message(ended, tol, limits[1]):
         return CheckResult(INEXACT, f"{doubt} {message}".rstrip())
     if untouched := no_contact_message(assembly, ended):
         return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
@@ -89,9 +84,7 @@ def check_result(
     return CheckResult(COMPLETED, "Completed.")
 
 
-def inexact_message(
-    ended: RunEnd | Converged, tol: float, max_steps: int, gain: Callable[[], float]
-) -> str:
+def inexact_message(ended: RunEnd | Converged, tol: float, max_steps: int) -> str:
     """Why a complete run does not meet the tolerance; "" if it does."""
     worst = max(ended.force, ended.peak)
     if worst == np.inf:
@@ -109,13 +102,6 @@ def inexact_message(
             f"The contact forces did not converge: finer runs within max_steps = {max_steps} differ"
             f" by {worst:.2g}, not tol = {tol:g} (if they rattle, small errors grow). Up to"
             f" {ended.certain:.4g} s they agree; raise max_steps, or shorten the duration to that."
-        )
-
-    share = gain()
-    if share > GAIN:
-        return (
-            f"The scene gained energy, {share:.2g} of the highest that it had; use a smaller tol or"
-            f" step."
         )
     return ""
 
