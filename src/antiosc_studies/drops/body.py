@@ -12,7 +12,6 @@ a smooth solid's patch as part of a half-space is subtracted from r, since Hertz
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
@@ -25,7 +24,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.base.texts import engineering
 from antiosc.engine.contact.curvature import CURVED, LINE, PLANE
-from antiosc.engine.contact.surfaces import Matter, matter_of
+from antiosc.engine.contact.surfaces import RIGID, Matter
 from antiosc.models.modal import as_damping
 from antiosc_studies.drops.free_body import FreeBody
 from antiosc_studies.drops.skin import THIN, Skin, hull, skin_of
@@ -44,8 +43,6 @@ RATIO = 0.01
 #: If the hull has at most so many vertices, the patches of all are computed together with the
 #: modes.
 FEW = 16
-#: Poisson's ratio for the tangential compliance of a patch, if the material's is unknown.
-UNKNOWN_NU = 0.3
 
 
 def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
@@ -88,15 +85,11 @@ def _rigid(
     """A body without modes whose points have a radius [m]; without a material it is rigid."""
     count = len(points)
     empty = np.zeros(0)
-    material = (np.nan, np.nan) if matter is None else (matter.E, matter.nu)
-    strength = None if matter is None else matter.yield_strength
+    materials = np.full(count, matter or RIGID, dtype=object)
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) or float(np.abs(points).max())
-    points_data = np.full(count, ball), np.full((count, 2), radius), np.full((count, 2), material)
+    points_data = np.full(count, ball), np.full((count, 2), radius), materials
     modes = empty, empty, np.zeros((count, 0, 3))
-    body = FreeBody(mass, tensor, points, centre, *points_data, *modes, extent or 2 * radius)
-    body.strengths = np.full(count, strength) if strength else None
-    body.matters = () if matter is None else (matter,)
-    return body
+    return FreeBody(mass, tensor, points, centre, *points_data, *modes, extent or 2 * radius)
 
 
 def _elastic(
@@ -136,7 +129,6 @@ def _elastic(
     centre = rigid.centre
     arm = rigid.point - rigid.centre
     tensor = rigid.matrix[3:, 3:] - rigid.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    strengths = skin.strengths[hull_points]
     body = FreeBody(
         mass=rigid.mass,
         centre=centre,
@@ -145,8 +137,6 @@ def _elastic(
         balls=balls,
         radii=np.array([skin.radii(i, rounded) for i in hull_points]),
         materials=skin.materials[hull_points],
-        strengths=strengths if np.isfinite(strengths).any() else None,
-        matters=tuple(_materials(structure)),
         omega=omega,
         decay=(Damping(ratio=RATIO) if model_damping is None else model_damping).decay(omega),
         shapes=np.moveaxis(displacements[nodes_of_hull], 1, 2).copy(),
@@ -183,18 +173,6 @@ def _facets(skin: Skin, hull_points: IntArray, sharp: BoolArray) -> dict[int, Ar
         facets[i] = np.where(inward[:, None, None], edges[:, ::-1], edges)
 
     return facets
-
-
-def _materials(structure: Structure) -> Iterator[Matter]:
-    """The known isotropic materials of a part."""
-    from antiosc.extension import with_parts
-
-    with suppress(InputError):  # of matrices, which have no material
-        for member in with_parts(structure, "a fall").members():
-            for material, _ in member.part.parts:
-                with suppress(InputError):  # one with directions
-                    if (matter := matter_of(material)) is not None:
-                        yield matter
 
 
 def _least_dimension(structure: Structure, skin: Skin) -> float:
@@ -235,7 +213,7 @@ def _residual(
         displacements = b.T @ phi
         rigid = b.T @ structure.rigid_modes
         r = b.T @ y - (displacements / x) @ displacements.T - rigid @ rigid.T / structure.shift
-        nu = float(np.nan_to_num(skin.materials[k, 1], nan=UNKNOWN_NU))
+        nu = skin.materials[k].nu
         tangential = (2 - nu) / (2 * (1 - nu))
         r = r - load.local_compliance * np.diag([1.0, tangential, tangential])
         residual.append(axes.T @ _positive(r) @ axes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import isnan, pi, sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -195,16 +195,6 @@ def choice_of(floor: Floor, surface: Curvature, matter: Matter) -> Choice:
     return choose(touching, floor.face, floor.restitution)
 
 
-def matter_at(body: Any, which: int) -> Matter:
-    """The material of a FreeBody at a point, with its name and range if it has them."""
-    E, nu = body.materials[which].tolist()
-    if isnan(E):
-        return RIGID
-    strength = np.nan if body.strengths is None else float(body.strengths[which])
-    known = (m for m in body.matters if m.E == E and m.yield_strength in (None, strength))
-    return next(known, Matter(E, nu, None if isnan(strength) else strength))
-
-
 def law_at(body: Any, floor: Floor, which: int) -> ContactLaw:
     """The contact law of a point of a FreeBody with a floor."""
-    return law_of(floor, body.surface(which), matter_at(body, which))
+    return law_of(floor, body.surface(which), body.materials[which])

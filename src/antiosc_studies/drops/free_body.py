@@ -12,7 +12,7 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import Matter
-from antiosc_studies.drops.skin import SMOOTH, Skin
+from antiosc_studies.drops.skin import SMOOTH, Materials, Skin
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -36,9 +36,7 @@ class FreeBody:
     centre : (3,) centre of mass in the axes of the mesh [m].
     radii : (V, 2) principal radii for the contact law [m]; at smooth places of a solid they are
         approximate until `sites` fits them.
-    materials : (V, 2) Young's modulus [Pa] and Poisson's ratio; NaN if unknown.
-    strengths : (V,) yield strengths [Pa], NaN if unknown; None: all are unknown.
-    matters : its materials, as far as they are known.
+    materials : (V,) the `Matter` at the points; `RIGID` if it is unknown.
     omega, decay : (J,) frequencies [rad/s] and decay constants [1/s] of the elastic modes.
     shapes : (V, J, 3) displacements of the points in the modes [kg^-1/2].
     extent : size of the body [m].
@@ -57,15 +55,13 @@ class FreeBody:
     centre: Array
     balls: Array
     radii: Array
-    materials: Array
+    materials: Materials
     omega: Array
     decay: Array
     shapes: Array
     extent: float
     notes: tuple[str, ...] = ()
     facing: Array | None = None
-    strengths: Array | None = None
-    matters: tuple[Matter, ...] = ()
     structure: Structure | None = None
     basis: Array | None = None
     skin: Skin | None = None
@@ -115,6 +111,12 @@ class FreeBody:
         if self.facing is None:
             return self.points
         return self.points + self.balls[:, None] * self.facing
+
+    @property
+    def matters(self) -> list[Matter]:
+        """The known materials of its surface."""
+        materials = self.materials if self.skin is None else self.skin.materials
+        return [m for m in {id(m): m for m in materials}.values() if not m.rigid]
 
     def surface(self, which: int) -> Curvature:
         """Curvature at a point."""

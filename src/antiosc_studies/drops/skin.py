@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
+from antiosc.engine.contact.surfaces import RIGID, matter_of
 
 if TYPE_CHECKING:
     from antiosc import Structure
     from antiosc.fem.structure.meshed import MeshedStructure
 
 
+#: Array of `Matter`.
+Materials: TypeAlias = NDArray[np.object_]
 #: A vertex is sharp if the cosine between a facet and the mean normal there is below this.
 SMOOTH = float(np.cos(np.radians(35.0)))
 #: Largest radius of curvature over the size of the part.
@@ -38,8 +42,7 @@ class Skin:
     curvatures : (P, 2) principal curvatures [1/m], > 0 where the surface is convex.
     sharp : (P,) whether the vertex lies on an edge or a corner.
     sizes : (P,) mean length of the element edges there [m].
-    materials : (P, 2) Young's modulus [Pa] and Poisson's ratio; NaN if unknown.
-    strengths : (P,) yield strengths [Pa]; NaN if unknown.
+    materials : (P,) the `Matter` there; `RIGID` if it is unknown.
     half : (P,) half the thickness of a sheet [m]; 0 for a solid.
     triangles : (T, 3) between the points.
     """
@@ -49,8 +52,7 @@ class Skin:
     curvatures: Array
     sharp: BoolArray
     sizes: Array
-    materials: Array
-    strengths: Array
+    materials: Materials
     half: Array
     triangles: IntArray
 
@@ -140,9 +142,8 @@ def points_skin(points: Array) -> Skin:
     zeros = np.zeros((len(points), 3))
     sharp = np.ones(len(points), dtype=bool)
     triangles = np.zeros((0, 3), dtype=int)
-    unknown = np.full((len(points), 2), np.nan)
-    unknown_properties = zero, unknown, unknown[:, 0], zero
-    return Skin(points, zeros, zeros[:, :2], sharp, *unknown_properties, triangles)
+    unknown = np.full(len(points), RIGID, dtype=object)
+    return Skin(points, zeros, zeros[:, :2], sharp, zero, unknown, zero, triangles)
 
 
 def mesh_skin(part: MeshedStructure) -> Skin:
@@ -160,9 +161,8 @@ def mesh_skin(part: MeshedStructure) -> Skin:
     sizes = np.bincount(directed_edges[:, 0], length, len(x)) / np.maximum(
         np.bincount(directed_edges[:, 0], minlength=len(x)), 1
     )
-    materials, strengths, half = _materials(part)
-    skin = replace(points_skin(x), normals=normals, sizes=sizes, materials=materials)
-    skin = replace(skin, strengths=strengths, half=half)
+    materials, half = _materials(part)
+    skin = replace(points_skin(x), normals=normals, sizes=sizes, materials=materials, half=half)
     if count != 3:
         return skin
 
@@ -176,25 +176,23 @@ def mesh_skin(part: MeshedStructure) -> Skin:
     return replace(skin, normals=normals, curvatures=curvatures, sharp=sharp)
 
 
-def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
-    """Moduli and Poisson's ratios (P, 2), yield strengths (P,) and half thicknesses (P,)."""
+def _materials(part: MeshedStructure) -> tuple[Materials, Array]:
+    """Materials (P,) and half thicknesses (P,)."""
     faces = part.faces
     numbers = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
     vertices, index = np.unique(numbers, return_inverse=True)
     label = np.zeros(len(vertices), dtype=int)
     label[index.reshape(numbers.shape)] = part.part_of_cells()[faces.cells][:, None]
-    constants = np.full((len(part.parts), 2), np.nan)
-    half = np.zeros(len(part.parts))
 
-    strengths = np.full(len(part.parts), np.nan)
+    matters = np.full(len(part.parts), RIGID, dtype=object)
+    half = np.zeros(len(part.parts))
     for k, (material, _) in enumerate(part.parts):
         with suppress(InputError):  # of a material with directions
-            constants[k] = material.constants()[:2]
-            strengths[k] = getattr(material, "yield_strength", None) or np.nan
+            matters[k] = matter_of(material)
         if part.kind.sheet:
             half[k] = 0.5 * material.section.thickness
 
-    return constants[label], strengths[label], half[label]
+    return matters[label], half[label]
 
 
 def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from math import inf, nan, pi, sqrt
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -21,11 +21,11 @@ from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.peak_error import error_of_peak, largest_strain
-from antiosc.engine.contact.surfaces import crack_note
+from antiosc.engine.contact.surfaces import Matter, crack_note
 from antiosc.extension import ContactZone
 from antiosc_studies.drops.crushed import ERROR, PRESSURE
 from antiosc_studies.drops.episode import Episode
-from antiosc_studies.drops.floor import Floor, choice_of, law_at, matter_at
+from antiosc_studies.drops.floor import Floor, choice_of, law_at
 from antiosc_studies.drops.free_body import FreeBody
 
 #: Share of the largest force below which the error of a contact does not count.
@@ -56,12 +56,16 @@ class PointContact(NamedTuple):
     crushed: bool
 
     @property
+    def matter(self) -> Matter:
+        """The material of the part there."""
+        return cast("Matter", self.body.materials[self.which])
+
+    @property
     def choice(self) -> Choice | None:
         """The law that both surfaces need, whatever the floor's is; None: they are unknown."""
         of_faces = Floor(self.floor.material)
         try:
-            matter = matter_at(self.body, self.which)
-            return choice_of(of_faces, self.body.surface(self.which), matter)
+            return choice_of(of_faces, self.body.surface(self.which), self.matter)
         except InputError:
             return None
 
@@ -91,8 +95,7 @@ class PointContact(NamedTuple):
     @property
     def zone(self) -> ContactZone:
         """The zone outside the margin, in the axes of the mesh."""
-        nu = float(self.body.materials[self.which][1])
-        return ContactZone(self.place, self.radius, inf, self.force, nu)
+        return ContactZone(self.place, self.radius, inf, self.force, self.matter.nu)
 
     @property
     def error(self) -> float | None:
@@ -151,7 +154,7 @@ class PointContact(NamedTuple):
 
         if self.dent is not None:
             soft = None if choice is None or self.floor.law is not None else choice.soft
-            sides = (("part", matter_at(self.body, self.which)), ("floor", self.floor.face.matter))
+            sides = (("part", self.matter), ("floor", self.floor.face.matter))
             names = [
                 f"the {side}" + (f" ({matter.name})" if matter.name else "")
                 for side, matter in sides
