@@ -267,8 +267,7 @@ def _assembled(scene: SceneParts, span: float, tol: float) -> Assembly:
     set_initial_forces(assembly.system, assembly.scene.preload)
     if not assembly.stretches:
         return assembly
-    history, _ = integrate(SceneHistory, assembly, span, Settings(tol))
-    return history.assembly
+    return integrate(SceneHistory, assembly, span, Settings(tol)).assembly
 
 
 def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:

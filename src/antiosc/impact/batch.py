@@ -20,7 +20,7 @@ from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
-from antiosc.impact.histories.run_end import CheckResult, RunEnd, check_result, several, warn_batch
+from antiosc.impact.histories.run_end import ALL_WELL, RunEnd, several, status_of, warn_batch
 from antiosc.impact.many import Many
 from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
@@ -81,8 +81,6 @@ def common_length(lengths: dict[str, int]) -> int:
 SCENE = 3.2e3
 #: Scenes that are solved at once.
 CHUNK_SIZE = 4096
-#: The message of a run that ended as asked.
-ALL_WELL = "Completed."
 #: What a batch leaves out that `simulate` warns of.
 NOT_CHECKED = (
     "truncation, cells, large deflections and rotations are not checked: simulate the worst impact"
@@ -168,7 +166,7 @@ def simulate_many(
             rows += _solve_chunk(scenes[part], steps[part], n, settings, told)
 
     _raise(rows)
-    warn_batch([r.result for r in rows], [r.needed_radius for r in rows])
+    warn_batch([(r.status, r.message) for r in rows], [r.needed_radius for r in rows])
     if warned := [(i, row.told) for i, row in enumerate(rows) if row.told]:
         first, sentence = warned[0]
         which = several([i for i, _ in warned], size, first)
@@ -197,7 +195,8 @@ def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[
 class _Row:
     """Results of one scene of a batch; `failure` is set for one that failed."""
 
-    result: CheckResult
+    status: int
+    message: str
     peak_force: float = np.nan
     impulse: float = np.nan
     contact_time: float = np.nan
@@ -278,16 +277,17 @@ def _row_of(
         return None
 
     run_end = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
-    check = CheckResult(COMPLETED, ALL_WELL)
+    status, message = COMPLETED, ALL_WELL
     if answer != library.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
         limits = settings.max_contacts, settings.max_steps
-        check = check_result(assemble_pair(scene), run_end, settings.tol, limits)
+        status, message = status_of(assemble_pair(scene), run_end, settings.tol, limits)
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
     if peak_force > law.valid_force:
         doubts = [*info_of(scene.model).get("doubts", ()), *_doubts(scene)]
         return _failed(range_error(law, peak_force, pair.structure.patch_radius, doubts))
     return _Row(
-        result=check,
+        status=status,
+        message=message,
         peak_force=peak_force,
         impulse=impulse,
         contact_time=contact_time,
@@ -312,10 +312,11 @@ def _solve_single(
     sentences: list[str] = []
     try:
         with warnings_to(sentences.append):
-            hit, check = _impact(scene, step, n, settings)
+            hit = _impact(scene, step, n, settings)
             e = hit.restitution
             return _Row(
-                result=check,
+                status=hit.status,
+                message=hit.message,
                 peak_force=hit.peak_force,
                 impulse=hit.impulse,
                 contact_time=hit.contact_time,
@@ -332,18 +333,16 @@ def _solve_single(
 
 def _failed(error: AntioscError) -> _Row:
     """The row of a scene that failed."""
-    return _Row(CheckResult(STOPPED, str(error)), failure=error)
+    return _Row(STOPPED, str(error), failure=error)
 
 
 @checks.within_range
-def _impact(
-    scene: Impact, step: float | None, n: int | str | None, settings: Settings
-) -> tuple[History, CheckResult]:
-    """(history, check result) of one scene; AccuracyError if its force is out of range."""
+def _impact(scene: Impact, step: float | None, n: int | str | None, settings: Settings) -> History:
+    """The history of one scene; AccuracyError if its force is out of range."""
     scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
-    history, check = simulate_impact(scene, replace(settings, step=step), n)
+    history = simulate_impact(scene, replace(settings, step=step), n)
     check_range(history, _doubts(scene))
-    return history, check
+    return history
 
 
 def _raise(rows: list[_Row]) -> None:
@@ -364,10 +363,10 @@ def _many(rows: list[_Row]) -> Many:
     def columns(*names: str) -> dict[str, Array]:
         return {n: np.array([getattr(row, n) for row in rows], dtype=float) for n in names}
 
-    told = {i: row.result.message for i, row in enumerate(rows)}
+    told = {i: row.message for i, row in enumerate(rows)}
     facts = columns("step", "error")
     facts["contacts"] = np.array([row.contacts for row in rows], dtype=np.intp)
-    facts["status"] = np.array([row.result.status for row in rows], dtype=np.intp)
+    facts["status"] = np.array([row.status for row in rows], dtype=np.intp)
 
     return Many(
         values=columns("peak_force", "impulse", "contact_time", "restitution"),

@@ -37,7 +37,12 @@ from antiosc.impact.error_budget import error_budget, low_band_message
 from antiosc.impact.histories import History, SceneHistory, Source
 from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
-from antiosc.impact.histories.run_end import CheckResult, RunEnd, check_result, open_contacts
+from antiosc.impact.histories.run_end import (
+    RunEnd,
+    open_contacts,
+    status_of,
+    warn_unless_well,
+)
 from antiosc.impact.histories.site_motion import DURATION, LONGER, parted
 from antiosc.impact.reference import (
     IVP_METHODS,
@@ -136,14 +141,14 @@ class Scene(SceneParts):
         bodies = list(self.bodies.values())
         motions = list(self.motion.values())
         doubts = plausible.warn_each(plausible.impact_doubts(bodies, bodies, *motions))
-        history, check = _run_scene(self, settings, duration)
+        history = _run_scene(self, settings, duration)
         warn_large_rotation(*history.largest_rotation())
-        check.warn()
+        warn_unless_well(history.status, history.message)
         history = with_warning(history, large_deflection_message(history))
 
         exact = replace(settings, method="exact", step=None)
         warn_too_few(
-            history, lambda bodies: _run_scene(replace(self, bodies=bodies), exact, duration)[0]
+            history, lambda bodies: _run_scene(replace(self, bodies=bodies), exact, duration)
         )
         check_range(history, doubts)
         _warn_coarse_cells(self, history)
@@ -153,10 +158,8 @@ class Scene(SceneParts):
         return replace(history, enclosures=enclosures(history.assembly, history.run))
 
 
-def _run_scene(
-    scene: Scene, settings: Settings, duration: float
-) -> tuple[SceneHistory, CheckResult]:
-    """Integrate a scene; returns its history and the result of its check before warnings."""
+def _run_scene(scene: Scene, settings: Settings, duration: float) -> SceneHistory:
+    """The history of a scene before its warnings."""
     assembly = assemble_scene(scene, duration)
     set_initial_forces(assembly.system, scene.preload)
     kind = partial(SceneHistory, source=SceneSource(scene, settings, duration))
@@ -222,36 +225,29 @@ def with_warning(history: H, sentence: str) -> H:
     return replace(history, message=f"{history.message} {sentence}")
 
 
-def integrate(
-    kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
-) -> tuple[H, CheckResult]:
-    """(history of an assembly, its check before warnings); linear first if bodies stretch."""
-    linear, check = _integrate(kind, assembly, duration, settings)
+def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings) -> H:
+    """The history of an assembly before its warnings; a linear one first if bodies stretch."""
+    linear = _integrate(kind, assembly, duration, settings)
     if not assembly.stretches:
-        return linear, check
+        return linear
     if settings.method != "exact" or settings.step is not None or assembly.scene.preload:
         raise InputError(
             'a body that stretches takes the method "exact" without a step and without preload;'
             " extract it without stretch for others."
         )
 
-    run_checks = {id(linear.run): check}
-
     def integrated(other: Assembly) -> H:
         """The history of another assembly."""
-        history, check = _integrate(kind, other, duration, settings)
-        run_checks[id(history.run)] = check
-        return history
+        return _integrate(kind, other, duration, settings)
 
     history, sentence = stretched(linear, integrated, settings.tol)
-
-    return with_warning(history, sentence), run_checks[id(history.run)]
+    return replace(history, message=f"{history.message} {sentence}".rstrip())
 
 
 def _integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
-) -> tuple[H, CheckResult]:
-    """(history, check result) of an assembly, without a test for stretching."""
+) -> H:
+    """The history of an assembly, without a test for stretching."""
     step = settings.step
     tol = settings.tol
     limits = settings.max_contacts, settings.max_steps
@@ -269,18 +265,18 @@ def _integrate(
     still_open = open_contacts(run, assembly.system)
     errors = converged.force, converged.peak, converged.certain
     end = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
-    check = check_result(assembly, end, tol, limits)
+    status, message = status_of(assembly, end, tol, limits)
 
     often_refused = step is not None and run.refused > MOST_REFUSED * run.steps
-    if often_refused and check.status in (COMPLETED, TOUCHING):
+    if often_refused and status in (COMPLETED, TOUCHING):
         told = f"The contact excites the motion at the step of {step:g} s, which was halved"
-        sentence = f"{told} {run.refused} times: use a smaller step, or none. {check.message}"
-        check = CheckResult(INEXACT, sentence)
+        message = f"{told} {run.refused} times: use a smaller step, or none. {message}"
+        status = INEXACT
 
     bounded = step is None and settings.method not in IVP_METHODS
     error = {"force": converged.force, "peak": converged.peak} if bounded else {}
 
-    return kind(assembly, run, error, check.status, check.message, given=step), check
+    return kind(assembly, run, error, status, message, given=step)
 
 
 #: Share of the steps of a run from which so many that were refused put a given step in doubt.
@@ -448,8 +444,8 @@ def simulate(
     scene = Impact(model, impactor, law, first, initial_velocity, gravity, gap)
     if is_auto(duration):
         scene = _until_parted(scene, settings)
-    history, check = simulate_impact(scene, settings, n)
-    check.warn()
+    history = simulate_impact(scene, settings, n)
+    warn_unless_well(history.status, history.message)
     if history.run.touches:
         sentence = "" if n == "auto" else too_few_in(history, history.rerun, accuracy)
         history = with_warning(history, sentence)
@@ -467,7 +463,7 @@ def _until_parted(scene: Impact, settings: Settings) -> Impact:
     """The impact with its duration doubled until the bodies have parted."""
     with without_warnings():
         while scene.duration < LONGER * DURATION:
-            hit, _ = simulate_impact(scene, settings)
+            hit = simulate_impact(scene, settings)
             if hit.status == STOPPED or parted(hit):
                 break
             scene = scene._replace(duration=2 * scene.duration)
@@ -475,12 +471,10 @@ def _until_parted(scene: Impact, settings: Settings) -> Impact:
     return scene
 
 
-def simulate_impact(
-    scene: Impact, settings: Settings, n: int | str | None = None
-) -> tuple[History, CheckResult]:
-    """Simulate one impact; returns the history and the check result before warnings."""
+def simulate_impact(scene: Impact, settings: Settings, n: int | str | None = None) -> History:
+    """The history of one impact before its warnings."""
 
-    def integrated(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
+    def integrated(model: LinearBody, settings: Settings) -> History:
         impact = scene if model is scene.model else scene._replace(model=model)
         assembly = assemble_pair(impact)
         kind = partial(History, source=Blow(impact, settings))
@@ -490,21 +484,19 @@ def simulate_impact(
         # a model with all its mass in anti-oscillators leaves the others to the exact method
         exact = model.m0 == 0 and scene.contact.rate_dependent
         method = "exact" if exact else settings.method
-        return integrated(model, replace(settings, tol=tol, method=method))[0]
+        return integrated(model, replace(settings, tol=tol, method=method))
 
     if n is None:
         return integrated(scene.model, settings)
 
     model, truncation, shortage = _truncated(scene.model, n, rerun, settings.tol)
-    history, check = integrated(model, settings)
+    history = integrated(model, settings)
     history.error.update(truncation)
-    if shortage:
-        status = max(check.status, INEXACT) if check.status != TOUCHING else INEXACT
-        check = replace(check, status=status, message=f"{check.message} {shortage}")
-        message = f"{history.message} {shortage}"
-        history = replace(history, status=status, message=message)
+    if not shortage:
+        return history
 
-    return history, check
+    status = STOPPED if history.status == STOPPED else INEXACT
+    return replace(history, status=status, message=f"{history.message} {shortage}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -544,7 +536,7 @@ class Blow(Source):
     def _exactly(self, tol: float, **changes: Any) -> History:
         exact = replace(self.settings, tol=tol, method="exact", step=None)
         with without_warnings():
-            return simulate_impact(self.impact._replace(**changes), exact)[0]
+            return simulate_impact(self.impact._replace(**changes), exact)
 
     def error_budget(self, hit: History) -> ErrorBudget:
         return error_budget(hit, self.rerun, self.by_law)

@@ -380,7 +380,7 @@ def _struck(
     # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
     stiffest = max(laws or [contact], key=lambda law: getattr(law, "stiffness", 0.0))
     wall = Impact(Obstacle(), impactor, stiffest, duration)
-    on_wall = simulate_impact(wall, Settings(COARSE))[0].peak_force
+    on_wall = simulate_impact(wall, Settings(COARSE)).peak_force
     peaks = gathered("peak_force")
     result = doubted(result, np.isnan(peaks), NO_RESULT)
     result = doubted(result, peaks > (1 + BEYOND) * on_wall, BEYOND_WALL)

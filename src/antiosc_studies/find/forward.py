@@ -234,7 +234,7 @@ class Struck:
         end = len(self.data.values) * self.data.dt - blow.start
         step = min(blow.contact_time_estimate / STEPS, end / 20)
         scene = Impact(body, RigidMass(blow.mass, blow.velocity), law, end)
-        return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))[0]
+        return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))
 
     def seen(self, blow: Blow, site_data: Array) -> Seen:
         """Computed signals of an impact at a place with the data `site_data` (J + 2,)."""

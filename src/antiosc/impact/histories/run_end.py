@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,28 +16,14 @@ from antiosc.engine.march import Converged, Run, stopped
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 
+#: Messages of a run that ended as asked, and of one in which no contact closed.
+ALL_WELL, UNTOUCHED = "Completed.", "Never touched"
 #: Contacts, and scenes of a batch, that a message names.
 _NAMED = 5
 
 
-@dataclass(frozen=True)
-class CheckResult:
-    """Status and message of a run; `unusual`: warn even if the status is 0."""
-
-    status: int
-    message: str
-    unusual: bool = False
-
-    def warn(self) -> None:
-        """Warn at the caller's line unless the run completed as requested."""
-        if self.status:
-            errors.warn(self.message, errors.AccuracyWarning)
-        elif self.unusual:
-            errors.warn(self.message)
-
-
 class RunEnd(NamedTuple):
-    """How a run ended: the data from which `check_result` makes status and message.
+    """How a run ended: the data from which `status_of` makes status and message.
 
     `time` [s]: time reached; `touches`: number of touches; `open`: contacts still closed.
     """
@@ -67,21 +52,29 @@ def open_contacts(run: Run, system: System) -> list[int]:
     return [c for c in touching if c in parted or not system.closed[c]]
 
 
-def check_result(
+def status_of(
     assembly: Assembly, ended: RunEnd, tol: float, limits: tuple[int, int]
-) -> CheckResult:
+) -> tuple[int, str]:
     """Status and message of a run; `limits`: max_contacts, max_steps."""
     if failure := stopped(ended.answer, ended.time, *limits):
-        return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
+        return STOPPED, failure[0].upper() + failure[1:] + "."
 
     message = cut_short_message(assembly, ended)
     if doubt := inexact_message(ended, tol, limits[1]):
-        return CheckResult(INEXACT, f"{doubt} {message}".rstrip())
+        return INEXACT, f"{doubt} {message}".rstrip()
     if untouched := no_contact_message(assembly, ended):
-        return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
-    if message:
-        return CheckResult(TOUCHING, message)
-    return CheckResult(COMPLETED, "Completed.")
+        return COMPLETED, f"{UNTOUCHED}: {untouched}."
+    return (TOUCHING, message) if message else (COMPLETED, ALL_WELL)
+
+
+def warn_unless_well(status: int, message: str) -> None:
+    """Warn at the caller's line with the message of a run that did not just complete."""
+    if message == ALL_WELL:
+        return
+
+    expected = not status and message.startswith(UNTOUCHED)
+    text = message.removeprefix(ALL_WELL).lstrip()
+    errors.warn(text, None if expected else errors.AccuracyWarning)
 
 
 def inexact_message(ended: RunEnd | Converged, tol: float, max_steps: int) -> str:
@@ -165,16 +158,16 @@ def several(scenes: Sequence[int], size: int, worst: int) -> str:
     return f"{len(scenes)} of {size} scenes ({numbers}{more}), as scene {worst}"
 
 
-def warn_batch(results: Sequence[CheckResult], needed_radii: Sequence[float]) -> None:
-    """Warn once of each kind of failure in a batch, with the scenes in which it occurred."""
-    kinds: dict[tuple[int, bool], list[int]] = {}
-    for i, result in enumerate(results):
-        if result.status or result.unusual:
-            kinds.setdefault((result.status, result.unusual), []).append(i)
+def warn_batch(results: Sequence[tuple[int, str]], needed_radii: Sequence[float]) -> None:
+    """Warn once of each status in a batch of (status, message), with its scenes."""
+    kinds: dict[int, list[int]] = {}
+    for i, (status, message) in enumerate(results):
+        if message != ALL_WELL:
+            kinds.setdefault(status, []).append(i)
 
-    for (status, _), scenes in kinds.items():
+    for status, scenes in kinds.items():
         worst = max(scenes, key=needed_radii.__getitem__)
         errors.warn(
-            f"{several(scenes, len(results), worst)}: {results[worst].message}",
+            f"{several(scenes, len(results), worst)}: {results[worst][1]}",
             errors.AccuracyWarning if status else errors.AntioscWarning,
         )
