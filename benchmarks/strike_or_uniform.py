@@ -5,8 +5,7 @@ For each tolerance three marks: what was asked, what the error budget promises, 
 degree, number of anti-oscillators and time step, with smaller elements around the site, and with
 and without correction. The truth is the corrected model of an adapted mesh of degree 2, whose own
 share of the budget is printed. All runs have one radius of the patch, whose share is therefore no
-part of the errors shown. Then meshes of equal error: how many dofs and CPU seconds uniform and
-adapted ones take.
+part of the errors shown.
 
     .venv/bin/python benchmarks/strike_or_uniform.py --help
 """
@@ -36,21 +35,15 @@ from antiosc.reduce.error.division import source_of
 
 #: The grid of fixed choices: sizes over the scene's, anti-oscillators, time tolerances.
 SIZES, COUNTS, STEPS = (2.0, 1.0, 0.6), (6, 12, 20), (1e-2, 1e-3)
-#: Sizes of the meshes that are uniform up to the site, over the scene's.
-UNIFORM = {1: (1.0, 0.5, 0.3), 2: (1.4, 0.8, 0.45, 0.35)}
 #: Seconds that `strike` gets for one answer.
 LIMIT = 120.0
-#: Scenes whose uniform and adapted meshes are compared, and at which degrees.
-COMPARED = {"block, short blow": (1, 2), "bracket, light sphere": (2,)}
-#: Anti-oscillators of truths and of meshes that are compared by their dofs.
-MANY = 40
-#: Size of the elements [m] for the cost of the estimate, and runs of which the least counts.
-COST_SIZE, ROUNDS = 0.005, 4
+#: Anti-oscillators of truths, and meshes that are adapted for them.
+MANY, ROUNDS = 40, 4
 #: Errors that fixed choices are asked for: of `strike` itself, and the fine one.
 MET, FINE = 0.01, 0.001
 
 Row = dict[str, Any]
-#: name -> what was found: "truth", "runs", and of some "cost" and "meshes"
+#: name -> what was found: "truth" and "runs"
 Found = dict[str, dict[str, Any]]
 
 
@@ -76,10 +69,6 @@ def main(
             rows = [{**row, "true": max(differences(hit, true).values())} for row, hit in hits]
             found[name] = {"truth": known, "runs": rows}
             print(f"\n**{name}**\n\n{table(found[name])}", flush=True)
-            if name == "bracket, light sphere":
-                found[name]["cost"] = cost(scene, path)
-            orders = COMPARED.get(name, ())
-            found[name]["meshes"] = {str(k): compared(scene, path, true, k) for k in orders}
             if kept:
                 kept.write_text(json.dumps(found, indent=1) + "\n")
     if kept:
@@ -89,28 +78,23 @@ def main(
 
 def truth(scene: Scene, path: Path, dofs: int) -> tuple[Row, ao.History]:
     """The impact on the corrected model of an adapted mesh of degree 2, its dofs and its bar."""
-    *_, (model, hit) = adapted(scene, path, 2, dofs, 4)
-    share = max(bar.mesh for bar in hit.error_budget.of_corrected(hit).values())
-    print(f"truth: {model.info['dofs']} dofs, corrected; its own bar of the mesh {share:.1e}")
-    return {"dofs": model.info["dofs"], "bar": share}, scene.struck(model.corrected(), 1e-6)
-
-
-def adapted(scene: Scene, path: Path, order: int, dofs: int, rounds: int) -> list[Any]:
-    """(model, impact) on meshes that are adapted to the impact, each with half the error."""
-    source = source_of(path, order)
+    source = source_of(path, 2)
     mesh = source.first(2 * scene.size, [(scene.site.point, scene.site.radius)])
-    found = []
-    for turn in range(rounds):
-        part = scene.structure(mesh, order)
+    for turn in range(ROUNDS):
+        part = scene.structure(mesh, 2)
         model = ao.extract(part, scene.site, n=MANY, error="estimate")
-        found.append((model, scene.struck(model)))
+        hit = scene.struck(model)
         room = dofs / part.dofs
-        if room < 1.3 or turn == rounds - 1:
+        if room < 1.3 or turn == ROUNDS - 1:
             break
-        goal = 0.2 if dofs >= part.dofs * 3 else 0.05
-        ratio = finer(part, model, found[-1][1], goal, order, min(room, 4.0))
+
+        goal = 0.2 if room >= 3 else 0.05
+        ratio = finer(part, model, hit, goal, 2, min(room, 4.0))
         mesh = source.finer(mesh, np.minimum(ratio, 1.0))
-    return found
+
+    share = max(bar.mesh for bar in hit.error_budget.of_corrected(hit).values())
+    print(f"truth: {part.dofs} dofs, corrected; its own bar of the mesh {share:.1e}")
+    return {"dofs": part.dofs, "bar": share}, scene.struck(model.corrected(), 1e-6)
 
 
 def struck(scene: Scene, path: Path, tols: Sequence[float]) -> list[tuple[Row, ao.History]]:
@@ -190,48 +174,6 @@ def table(found: dict[str, Any]) -> str:
             said = f"strike({MET:g}) over the cheapest {kind} choice within {goal:g}: {share:.2f}"
             lines += ["", said]
     return "\n".join(lines)
-
-
-def cost(scene: Scene, path: Path) -> Row:
-    """CPU seconds of an extraction, assembly and factor included, and of its estimate of errors."""
-    mesh = ao.read_mesh(path, size=COST_SIZE, refine=[(scene.site.point, scene.site.radius)])
-    spent = []
-    for _ in range(ROUNDS):
-        part, assembled = timed(scene.structure, mesh)
-        _, factored = timed(part.factorize)
-        _, plain = timed(ao.extract, part, scene.site, n=COUNTS[-1])
-        _, more = timed(ao.extract, part, scene.site, n=COUNTS[-1], error="estimate")
-        spent.append((assembled + factored, plain, more))
-    before, plain, more = np.array(spent).min(axis=0)
-    found = {"dofs": part.dofs, "n": COUNTS[-1], "whole": before + plain, "estimate": more - plain}
-    print(f"\ncost of the estimate: {found}")
-    return found
-
-
-def compared(scene: Scene, path: Path, true: ao.History, order: int) -> dict[str, list[Row]]:
-    """Uniform and adapted meshes: dofs, CPU seconds, and errors of raw and corrected models."""
-    found: dict[str, list[Row]] = {"uniform": []}
-    for factor in UNIFORM[order]:
-        part, meshed = timed(made, scene, path, factor * scene.size, (), order)
-        model, extracted = timed(ao.extract, part, scene.site, n=MANY, error="estimate")
-        hit, run = timed(scene.struck, model)
-        seconds = {"seconds": meshed + extracted + run}
-        found["uniform"].append({**errors(scene, model, hit, true), **seconds})
-    meshes = adapted(scene, path, order, 40_000, 4)
-    found["adapted"] = [errors(scene, model, hit, true) for model, hit in meshes]
-    for way, rows in found.items():
-        shown = ", ".join(f"{row['dofs']} dofs {row['raw']:.1e}" for row in rows)
-        print(f"\ndegree {order}, {way}: {shown}", flush=True)
-    return found
-
-
-def errors(scene: Scene, model: ao.AntiOscillators, hit: ao.History, true: ao.History) -> Row:
-    """Dofs of a model, and its errors without and with correction."""
-    soft = scene.struck(model.corrected())
-    miss = {"raw": hit, "corrected": soft}
-    return {"dofs": model.info["dofs"]} | {
-        name: max(differences(each, true).values()) for name, each in miss.items()
-    }
 
 
 def chart(found: Found, path: Path) -> None:

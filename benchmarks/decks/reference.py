@@ -1,4 +1,4 @@
-"""K and M of linear elastic solids in NumPy, to compare with: nothing of them is dolfinx's.
+"""K of linear elastic solids in NumPy, to compare with: nothing of them is dolfinx's.
 
 Displacements are quadratic on every cell: of degree two on triangles and tetrahedra, of degree two
 in each direction on quadrilaterals and hexahedra. A node of them is the middle of some corners, so
@@ -18,15 +18,17 @@ SIMPLEX = {"triangle": 2, "tetrahedron": 3}
 CUBE = {"quadrilateral": 2, "hexahedron": 3}
 
 
-def matrices(cell, x, corners, order, moduli, rho):
-    """(K, M, nodes) of cells with geometric nodes; K in extended precision.
+def stiffness(cell, x, corners, order, moduli):
+    """(K, nodes) of cells with geometric nodes; K in extended precision.
 
     `x` (cells, n, dim): in dolfinx's order; `corners` (cells, k): numbers of the vertices; `moduli`
-    (cells, 2): λ and μ; `rho` (cells,). Dofs are node by node; `nodes` (n, dim) are their places.
+    (cells, 2): λ and μ. Dofs are node by node; `nodes` (n, dim) are their places.
     """
     dim = x.shape[2]
     points, names = _nodes(cell)
-    maps = _lagrange(cell, order)
+    of_map = np.array(basix.create_element(*_family(cell, order)).points)
+    maps = _functions(of_map, _powers(cell, order))
+    quadratic = _functions(points, _powers(cell, 2))
     keys = np.full((len(x), len(names), 2**dim), -1)
     for k, name in enumerate(names):
         keys[:, k, : len(name)] = np.sort(corners[:, list(name)], axis=1)
@@ -35,13 +37,11 @@ def matrices(cell, x, corners, order, moduli, rho):
     places = np.zeros((len(every), dim))
     at, _ = maps(points)
     places[number] = np.einsum("qa,cad->cqd", at, x)
-    for_k, for_m = _degrees(cell, order)
-    K = _stiffness(cell, x, maps, moduli, for_k)
-    M = _mass(cell, x, maps, rho, for_m)
+    K = _stiffness(x, maps, quadratic, moduli, _quadrature(cell, _degree(cell, order)))
     dofs = (number[:, :, None] * dim + np.arange(dim)).reshape(len(x), -1)
     rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
     shape = (len(every) * dim,) * 2
-    return _summed(K, rows, columns, shape), _summed(M, rows, columns, shape), places
+    return _summed(K, rows, columns, shape), places
 
 
 def _summed(own, rows, columns, shape):
@@ -54,10 +54,11 @@ def _summed(own, rows, columns, shape):
     return sp.csc_matrix((np.add.reduceat(values, first), (row, column)), shape=shape)
 
 
-def _degrees(cell, order):
+def _degree(cell, order):
+    """Degree of the quadrature."""
     if cell in CUBE:
-        return 5, 5
-    return (2, 4) if order == 1 else (4, 5)
+        return 5
+    return 2 if order == 1 else 4
 
 
 def _nodes(cell):
@@ -76,13 +77,8 @@ def _nodes(cell):
     return np.array([vertices[list(name)].mean(axis=0) for name in names]), names
 
 
-def _lagrange(cell, order):
-    """Values (q, n) and gradients (q, n, dim) of the geometric map's functions at points."""
-    if order == 2:
-        nodes = np.array(basix.create_element(*_family(cell, 2)).points)
-    else:
-        nodes = np.array(basix.create_element(*_family(cell, 1)).points)
-    powers = _powers(cell, order)
+def _functions(nodes, powers):
+    """A function of points: values (q, n) and gradients (q, n, dim) of the polynomials of nodes."""
     inverse = np.linalg.inv(_monomials(nodes, powers))
 
     def at(points):
@@ -120,20 +116,10 @@ def _quadrature(cell, degree):
     return np.array(points), np.array(weights)
 
 
-def _functions(cell, points):
-    """The quadratic displacement's functions, nodes ordered as `_nodes` has them."""
-    nodes, _ = _nodes(cell)
-    powers = _powers(cell, 2)
-    inverse = np.linalg.inv(_monomials(nodes, powers))
-    values = _monomials(points, powers) @ inverse
-    gradients = [_monomials(points, powers, axis) @ inverse for axis in range(points.shape[1])]
-    return values, np.stack(gradients, axis=2)
-
-
-def _stiffness(cell, x, maps, moduli, degree):
-    points, weights = _quadrature(cell, degree)
+def _stiffness(x, maps, quadratic, moduli, quadrature):
+    points, weights = quadrature
     _, g = maps(points)
-    _, slopes = _functions(cell, points)
+    _, slopes = quadratic(points)
     dim, n = x.shape[2], slopes.shape[1]
     # in extended precision: thin cells lose up to ten digits in the sums below
     K = np.zeros((len(x), n, dim, n, dim), dtype=np.longdouble)
@@ -162,18 +148,3 @@ def _inverse(J):
     rows = [np.cross(J[:, (k + 1) % 3], J[:, (k + 2) % 3]) for k in range(3)]
     determinant = np.einsum("ci,ci->c", J[:, 0], rows[0])
     return np.stack(rows, axis=2) / determinant[:, None, None], determinant
-
-
-def _mass(cell, x, maps, rho, degree):
-    points, weights = _quadrature(cell, degree)
-    _, g = maps(points)
-    values, _ = _functions(cell, points)
-    dim, n = x.shape[2], values.shape[1]
-    M = np.zeros((len(x), n, dim, n, dim))
-    for q, w in enumerate(weights):
-        J = np.einsum("ad,cae->cde", g[q], x)
-        size = rho * np.abs(np.linalg.det(J)) * w
-        own = np.einsum("c,a,b->cab", size, values[q], values[q])
-        for i in range(dim):
-            M[:, :, i, :, i] += own
-    return M.reshape(len(x), n * dim, n * dim)

@@ -187,13 +187,13 @@ def _by_numpy(part: Any, point: Any, direction: Any) -> float:
     nodes = compat.geometry_nodes(mesh.dolfinx)
     x = mesh.dolfinx.geometry.x[nodes][:, :, :dim]
     corners = nodes[:, : {"triangle": 3, "tetrahedron": 4}.get(mesh.cell, 2**dim)]
-    moduli, rho = np.zeros((len(x), 2)), np.zeros(len(x))
+    moduli = np.zeros((len(x), 2))
     for material, cells in part.parts:
         mu = material.E / (2 * (1 + material.nu))
         lam = 2 * mu * material.nu / (1 - (1 if material.plane == "stress" else 2) * material.nu)
         depth = material.thickness if dim == 2 else 1.0
-        moduli[cells], rho[cells] = (lam * depth, mu * depth), material.rho * depth
-    K, _, places = reference.matrices(mesh.cell, x, corners, mesh.order, moduli, rho)
+        moduli[cells] = lam * depth, mu * depth
+    K, places = reference.stiffness(mesh.cell, x, corners, mesh.order, moduli)
     tree = cKDTree(places)
     free = np.ones((len(places), dim), dtype=bool)
     for name, path in part.form.components.items():
