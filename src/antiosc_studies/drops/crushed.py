@@ -33,8 +33,8 @@ DEPTHS = np.geomspace(1e-3, 20.0, 80)
 RETURNED, MOST_LEFT = 0.95, 0.99
 
 
-def law_in(body: FreeBody, start: State, floor: Floor, which: int) -> ContactLaw:
-    """The law of a point of a body that touches in the state `start`."""
+def law_in(body: FreeBody, start: State, floor: Floor, which: int, arm: Array) -> ContactLaw:
+    """The law of a point of a body, at `arm` (3,), that touches in the state `start`."""
     ball = law_at(body, floor, which)
     edges = body.facets.get(which)
     if edges is None or not isinstance(ball, ElasticPlastic):
@@ -45,8 +45,7 @@ def law_in(body: FreeBody, start: State, floor: Floor, which: int) -> ContactLaw
     if growth is None:
         return ball
 
-    work = _work(body, start, which)
-    return crushed(ball, growth, tip(edges, up, ball.radius), work)
+    return crushed(ball, growth, tip(edges, up, ball.radius), _work(body, start, arm))
 
 
 def crushed(ball: ElasticPlastic, growth: float, tip: float, work: float) -> ContactLaw:
@@ -104,9 +103,8 @@ def _depth(law: ElasticPlastic, work: float) -> float:
     return float(brentq(lambda depth: law.loading_work(depth) - work, 0.0, high, rtol=1e-9))
 
 
-def _work(body: FreeBody, start: State, which: int) -> float:
-    """Kinetic energy [J] that a force on a point of the rigid body can take."""
-    (arm,) = start.arms(body, [which])
+def _work(body: FreeBody, start: State, arm: Array) -> float:
+    """Kinetic energy [J] that a force at an arm (3,) of the rigid body can take."""
     turning = np.cross(arm, [0.0, 0.0, 1.0]) @ start.R
     inverse_mass = 1 / body.mass + float(turning @ body.inverse @ turning)
     speed = float((start.velocity + np.cross(start.spin(body), arm))[2])

@@ -83,7 +83,9 @@ def scene_of(
     """The scene of body and floor from a state, ready to run."""
     body, start, modes, _ = touch
     floor = setting.floor
-    bodies: dict[str, Any] = {BODY: _body_in_scene(touch, which), FLOOR: Obstacle()}
+    sites = body.sites(which)
+    arms = start.arms(body, which)
+    bodies: dict[str, Any] = {BODY: _body_in_scene(touch, sites, arms), FLOOR: Obstacle()}
     rigid = modes @ np.append(body.mass * start.velocity, start.momentum)
     motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
     ongoing = [held.get(i) for i in which.tolist()]
@@ -91,22 +93,21 @@ def scene_of(
         Contact(
             f"{BODY}:{k}",
             FLOOR,
-            law_in(body, start, floor, i) if one is None else one.law,
+            law_in(body, start, floor, i, arm) if one is None else one.law,
             gap=0.0,
             friction=floor.friction,
             tangential_stiffness=one.stiffness if one is not None and floor.friction else None,
         )
-        for k, (i, one) in enumerate(zip(which.tolist(), ongoing, strict=True))
+        for k, (i, arm, one) in enumerate(zip(which.tolist(), arms, ongoing, strict=True))
     ]
     gravity = (0.0, 0.0, -setting.gravity)
     time_scale = float(np.sqrt(body.extent / setting.gravity))
     assembly = assemble_scene(Scene(bodies, contacts, gravity=gravity, motion=motion), time_scale)
     system = assembly.system
     p = len(which)
-    heights = start.heights(body)[which]
     gaps = [
         max(height, 0.0) if one is None else one.height
-        for height, one in zip(heights, ongoing, strict=True)
+        for height, one in zip(start.centre[2] + arms[:, 2], ongoing, strict=True)
     ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
 
@@ -135,13 +136,13 @@ def scene_of(
     return replace(assembly, system=system)
 
 
-def _body_in_scene(touch: Touch, which: IntArray) -> SiteModes:
-    """The body in the floor's axes at the start of the episode."""
+def _body_in_scene(touch: Touch, sites: tuple[Array, Array], arms: Array) -> SiteModes:
+    """The body in the floor's axes at the start of the episode, with sites at these arms (n, 3)."""
     body, start, W, momentum = touch
-    phi, r = body.sites(which)
+    phi, r = sites
     rotation = AXES @ start.R
     size = body.omega.size
-    rigid = (W[:, None, :3] + np.cross(W[:, None, 3:], start.arms(body, which))) @ AXES.T
+    rigid = (W[:, None, :3] + np.cross(W[:, None, 3:], arms)) @ AXES.T
     B = np.concatenate((rigid, np.einsum("ab,njb->jna", rotation, phi)))
     residual = rotation @ r @ rotation.T
     elastic: Any = {}
@@ -153,9 +154,9 @@ def _body_in_scene(touch: Touch, which: IntArray) -> SiteModes:
     return SiteModes(
         np.append(np.zeros(6), body.omega),
         B.reshape(6 + size, -1),
-        {f"{k}": (3 * k, 3 * k + 1, 3 * k + 2) for k in range(len(which))},
+        {f"{k}": (3 * k, 3 * k + 1, 3 * k + 2) for k in range(len(arms))},
         r=block_diag(*(residual + residual.transpose(0, 2, 1)) / 2),
-        directions=np.tile(AXES, (len(which), 1)),
+        directions=np.tile(AXES, (len(arms), 1)),
         decay=np.append(np.zeros(6), body.decay),
         inertia=Inertia(np.zeros(3), momentum.T @ momentum, inertia),
         **elastic,
