@@ -11,7 +11,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import error_charts
 import numpy as np
@@ -198,28 +198,6 @@ def plot_convergence(counts: Sequence[int], panels: Sequence[Panel], path: Path)
         beside.set_ylabel("relative error")
     axes[0, 0].legend(fontsize=8)
     save(figure, path)
-
-
-def show(numbers: Mapping[str, Any], indent: str = "") -> None:
-    """Print what is a number, or a table of numbers."""
-    for key, value in numbers.items():
-        if isinstance(value, float | int | str):
-            print(
-                f"{indent}{key:<24} {value:.6g}"
-                if isinstance(value, float)
-                else f"{indent}{key:<24} {value}"
-            )
-        elif isinstance(value, tuple):
-            print(
-                f"{indent}{key!s:<24}", *(f"{v:.3g}" for v in value if isinstance(v, float | int))
-            )
-        elif isinstance(value, Mapping) and key not in ("hits", "models"):
-            print(f"{indent}{key}")
-            show(value, indent + "    ")
-        elif isinstance(value, list):
-            print(f"{indent}{key}")
-            for row in value:
-                print(f"{indent}    ", *(f"{v:.2e}" for v in row))
 
 
 def save(figure: object, path: Path) -> None:

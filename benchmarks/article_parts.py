@@ -4,8 +4,6 @@ The section is the square of 2 cm^2 that the article names; its I = S^2/12 = 0.3
 for the beam here too. The force acts on a patch of the lower (case 1) or upper face (case 2). In
 3-D the patch's own half-space compliance is taken out of the Hertz law; a plane part has no such
 value, so that there part of the indentation is counted twice.
-
-    .venv/bin/python benchmarks/article_parts.py
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from article_beam import AREA, HERTZ, LENGTH, MASS, NU, RHO, E, analytic, corrected, lasted, show
+from article_beam import AREA, HERTZ, LENGTH, MASS, NU, RHO, E, analytic, corrected, lasted
 
 import antiosc as ao
 from antiosc.models.closed_form import pinned_free, pinned_pinned
@@ -185,7 +183,3 @@ def _part(
             ao.Solid(E, NU, RHO, **plane),
             supports=[ao.Support(end, "y") for end in ("left", *pinned)],
         )
-
-
-if __name__ == "__main__":
-    show(main())
