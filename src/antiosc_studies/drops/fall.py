@@ -96,8 +96,8 @@ class Fall(Result):
     @cached_property
     def impacts(self) -> Impacts:
         """The impacts, as a table."""
-        numbers = range(len(self.groups))
-        return Impacts(impact_of(self.body, self.setting, self._episodes(k)) for k in numbers)
+        gravity = self.setting.gravity
+        return Impacts(impact_of(self.body, gravity, landed) for landed in self._landed)
 
     def energy(self) -> tuple[Array, Array]:
         """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
@@ -120,9 +120,11 @@ class Fall(Result):
         k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
         return [self.episodes[i] for i in self.groups[k]]
 
-    def _landed(self, impact: int) -> Landed:
-        """What the contacts of an impact tell."""
-        return Landed(self.setting.floor, self._episodes(impact))
+    @cached_property
+    def _landed(self) -> list[Landed]:
+        """What the contacts of each impact tell."""
+        floor = self.setting.floor
+        return [Landed(floor, [self.episodes[i] for i in group]) for group in self.groups]
 
     @property
     def status(self) -> int:
@@ -309,7 +311,7 @@ class Fall(Result):
         """Depth (n,) of the deepest dent of each impact [m]; NaN without one, and where it is not
         known.
         """
-        return np.array([self._landed(k).deepest_dent for k in range(len(self.impacts))])
+        return np.array([landed.deepest_dent for landed in self._landed])
 
     def srs(
         self,
@@ -356,7 +358,7 @@ class Fall(Result):
                 count = int(min(max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW), MANY))
                 motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
                 parts.append(replace(motion, time=motion.time + episode.start.time))
-            zones += [one.zone for one in self._landed(k).contacts]
+            zones += [one.zone for one in self._landed[k].contacts]
 
         merged = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
@@ -374,9 +376,8 @@ class Fall(Result):
         if field._margin is not None:
             margin = field._margin
             k = int(np.searchsorted(starts, margin.time, side="right")) - 1
-            yields = margin.criterion == "yield" and any(
-                self._landed(k).verdict for k in impact_numbers
-            )
+            verdicts = [self._landed[j].verdict for j in impact_numbers]
+            yields = margin.criterion == "yield" and any(verdicts)
             errors = [one.law_error or 0.0 for one in self.impacts]
             error = max((errors[j] for j in impact_numbers), default=0.0)
             margin = replace(margin, contact=yields, impact=k + 1, force_error=error)
@@ -403,10 +404,10 @@ class Fall(Result):
     @property
     def flat(self) -> str:
         """Sentence that a face lands flat, which is outside of the method; "" if none does."""
-        flat = [k for k in range(len(self.groups)) if self._landed(k).flat]
+        flat = [str(k) for k, landed in enumerate(self._landed, 1) if landed.flat]
         if not flat:
             return ""
-        numbers = ", ".join(str(k + 1) for k in flat[:3]) + (", …" if len(flat) > 3 else "")
+        numbers = ", ".join(flat[:3]) + (", …" if len(flat) > 3 else "")
         return (
             f"a face lands flat in impact {numbers}, which is outside of this method: no force of"
             " it, and no stress by it, is an answer (waves give a prismatic part rho c A v at most;"
@@ -444,7 +445,7 @@ class Fall(Result):
         """
         by_force = sorted(range(len(self.groups)), key=lambda k: -self.impacts[k].peak_force)
         for k in by_force:
-            if sentence := self._landed(k).verdict:
+            if sentence := self._landed[k].verdict:
                 of_all = ", the hardest," * (k == self.hardest)
                 several = len(by_force) > 1
                 return f"in impact {k + 1}{of_all} {sentence}" if several else sentence
@@ -461,7 +462,8 @@ class Fall(Result):
 
     def no_bar(self, impact: int = 0) -> str:
         """Why an impact, from 0, has no error bar, and what helps; "" if it has one."""
-        return self._landed(impact).no_bar
+        self._episodes(impact)
+        return self._landed[impact].no_bar
 
     @property
     def contact_yields(self) -> bool:

@@ -12,7 +12,6 @@ from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import FieldsRepr, engineering, percent
 from antiosc.extension import OF_ALL_CONTACTS
 from antiosc_studies.drops.episode import Episode
-from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.yielding import Landed
 
@@ -146,12 +145,10 @@ class Peak(FieldsRepr):
         return self.value
 
 
-def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> FallImpact:
-    """The impact that consists of the given episodes."""
-    by_law = Landed(setting.floor, episodes).law_error
-
+def impact_of(body: FreeBody, gravity: float, landed: Landed) -> FallImpact:
+    """The impact of these episodes, under a gravity [m/s^2]."""
     # a point above its dent begins an episode without force, which counts as flight
-    episodes = [current for current in episodes if current.forces()[1].any()] or episodes
+    episodes = [one for one in landed.episodes if one.forces()[1].any()] or landed.episodes
     impulses: dict[int, float] = {}
     for current in episodes:
         for i, value in zip(current.which.tolist(), current.impulses().tolist(), strict=True):
@@ -159,7 +156,7 @@ def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> 
 
     strongest = max(impulses, key=lambda i: impulses[i])
     first, last = episodes[0].start, episodes[-1].end
-    energies = [sum(state.energies(body, setting.gravity)) for state in (first, last)]
+    energies = [sum(state.energies(body, gravity)) for state in (first, last)]
     time, force = force_of(episodes)
     place = body.points[strongest] - body.balls[strongest] * first.R[2] + body.centre
 
@@ -177,7 +174,7 @@ def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> 
         spin_before=first.spin(body),
         spin_after=last.spin(body),
         lost=energies[0] - energies[1],
-        law_error=by_law,
+        law_error=landed.law_error,
     )
 
 
