@@ -71,8 +71,7 @@ def contact_between(
         return other.law
     if other.layer is not None:
         return law_of(other, Curvature.of_radii(*_radii(surface)), surface.matter)
-    face = Surface(RIGID) if other.material is None else _other(other.material, None)
-    return choose(surface, face, other.restitution).law
+    return choose(surface, other.face, other.restitution).law
 
 
 def _radii(surface: Surface) -> list[float]:
