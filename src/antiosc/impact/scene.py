@@ -142,8 +142,8 @@ class Scene(SceneParts):
         motions = list(self.motion.values())
         doubts = plausible.warn_each(plausible.impact_doubts(bodies, bodies, *motions))
         history = _run_scene(self, settings, duration)
-        warn_large_rotation(*history.largest_rotation())
         warn_unless_well(history.status, history.message)
+        warn_large_rotation(*history.largest_rotation())
         history = with_warning(history, large_deflection_message(history))
 
         exact = replace(settings, method="exact", step=None)

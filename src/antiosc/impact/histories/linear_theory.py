@@ -84,11 +84,13 @@ def large_deflection_message(history: RunHistory) -> str:
 def change_of_curved(history: RunHistory, name: str) -> float:
     """Largest share in the force on a curved sheet by second-order strain; 0 of others."""
     body = history.assembly.bodies[name]
-    shares = body.info.get("second_order", {})
-    changes = [0.0]
+    shares = body.info.get("second_order")
+    if not shares:
+        return 0.0
 
+    motion = sampled_motion(history, body.omega)[:, history.assembly.spans[name]]
+    changes = []
     for site, share in shares.items():
-        motion = sampled_motion(history, body.omega)[:, history.assembly.spans[name]]
         u = share * (motion @ body.B[:, body.columns_of(site)[0]])
         changes.append(float(u[np.argmax(np.abs(u))]))
 
