@@ -39,11 +39,7 @@ def write_arrays(path: str | os.PathLike[str], arrays: Arrays, what: str) -> Non
 
 
 def read_arrays(path: Path, largest: int, what: str, kinds: str = "fiuU") -> Arrays:
-    """The arrays of a file by name: of numbers or text, of the `kinds` of NumPy's dtypes.
-
-    InputError for any other file, and one whose arrays take more than `largest` bytes in all,
-    before they are read.
-    """
+    """The arrays of a file by name; InputError for other kinds, and above `largest` bytes."""
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()

@@ -171,10 +171,7 @@ def tolerance(value: object, name: str = "tol") -> float:
 
 
 def floats(name: str, value: object, shape: tuple[int | None, ...] | None) -> Array:
-    """`value` as a finite float array of `shape` (None: any length, or any shape), or InputError.
-
-    An array of floats is returned without a copy; use `read_only` to store it.
-    """
+    """`value` as a finite float array of `shape`, no copy of one of floats; else InputError."""
     if type(value) is np.ndarray and value.dtype == np.float64:
         result = value
     else:
@@ -379,11 +376,7 @@ def store(target: object, **values: object) -> None:
 
 
 def within_range(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate `function`: overflow, division by zero and NaN in it raise an AccuracyError.
-
-    Each argument may be valid while their combination exceeds double precision, for instance a mass
-    of 1e-50 kg on a spring of 1e50 N/m. A MemoryError becomes an OutOfMemoryError.
-    """
+    """Decorate: overflow, division by 0 and NaN raise AccuracyError, no memory OutOfMemoryError."""
 
     @wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -477,10 +470,7 @@ def checked_by(check: Callable[..., object], *others: object) -> Mapping[str, Ch
 
 
 class Checked(FieldsRepr):
-    """Base of frozen dataclasses whose fields name the function that checks them.
-
-    A field with the default None may be None.
-    """
+    """Base of frozen dataclasses whose fields name their checks; a default None may stay."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[object]]]
 

@@ -353,11 +353,7 @@ def _process_limit() -> float:
 
 
 def require(need: float, what: str, remedy: str, free: float | None = None) -> None:
-    """OutOfMemoryError unless `need` bytes fit in the free memory; less than `NEGLIGIBLE` passes.
-
-    The sentence is "`what` needs 3 GB and 2 GB are free: `remedy`."; `free` [bytes] is looked up
-    unless it is given.
-    """
+    """OutOfMemoryError "`what` needs 3 GB and 2 GB are free: `remedy`." unless `need` bytes fit."""
     if free is None and need < NEGLIGIBLE:
         return
     free = free_memory() if free is None else free

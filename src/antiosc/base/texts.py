@@ -42,11 +42,7 @@ WIDTH = 72
 
 
 class ReprMixin:
-    """Gives an object a `repr` of at most five lines.
-
-    `_facts` lists (name, value as text); by default the fields of the dataclass, arrays by their
-    shape and range.
-    """
+    """Gives an object a `repr` of at most five lines: of its `_facts`, (name, value as text)."""
 
     def _facts(self) -> list[tuple[str, str]]:
         fields = [
@@ -81,10 +77,7 @@ TOUCHING = 3
 
 
 class Result(ReprMixin):
-    """Base of results: text, JSON values, a status and a message.
-
-    Status 0 means completed; the message explains any other status.
-    """
+    """Base of results: text, JSON values, a status (0: completed) and a message."""
 
     status: Any
     message: Any
@@ -227,11 +220,7 @@ WHOLE = 1e6
 
 
 def engineering(value: float, unit: str = "", digits: int = 3) -> str:
-    """A number with this many significant digits and a prefix of its unit, as "2.20 kN".
-
-    Masses below 1 kg are written in grams, speeds below 0.1 m/s in mm/s; a dash stands for numbers
-    that are not finite.
-    """
+    """A number with this many significant digits and a prefix of its unit, as "2.20 kN"."""
     value = float(value)
     if not isfinite(value):
         return "–"

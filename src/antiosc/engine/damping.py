@@ -187,21 +187,18 @@ DAMPING_CHANGE = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class FirstOrder:
-    """The first-order modes of a body.
+    """The first-order modes of a body."""
 
-    omega, decay : (I,) w [rad/s] and d [1/s] of the modes.
-    at_q, at_v : (J, 2 I) displacements and rates of the free modes by (a, b).
-    deceleration : (J, 2 I) decelerations of the free modes by the damping.
-    inverse : (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed.
-    at_springs : for each branch (J, 2 I): displacements q - z of its spring by (a, b).
-    """
-
+    #: omega, decay: (I,) w [rad/s] and d [1/s] of the modes
     omega: Array
     decay: Array
+    #: at_q, at_v: (J, 2 I) displacements and rates of the free modes by (a, b)
     at_q: Array
     at_v: Array
-    deceleration: Array
+    deceleration: Array  # (J, 2 I) decelerations of the free modes by the damping
+    #: (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed
     inverse: Array
+    #: for each branch (J, 2 I): displacements q - z of its spring by (a, b)
     at_springs: Sequence[Array]
 
     def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
@@ -222,13 +219,9 @@ class FirstOrder:
 
 @dataclass(eq=False)
 class StackedModes:
-    """The modes of several bodies side by side, some of which have first-order modes.
+    """The modes of several bodies side by side, some of which have first-order modes."""
 
-    parts : omega and decay of the free modes of each body, its first-order modes, and their states
-        (2, I) at the start, where known.
-    omega, decay : (I,) w [rad/s] and d [1/s] of the integrated modes, body by body.
-    """
-
+    #: omega and decay of each body's free modes, its first-order modes, and their states (2, I)
     parts: Sequence[tuple[Array, Array, FirstOrder | None, Array | None]]
 
     def __post_init__(self) -> None:
@@ -485,10 +478,7 @@ def _real_clusters(poles: Numbers) -> list[list[int]]:
 
 
 def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
-    """Poles and modes of a cluster, computed anew in the subspace that all its modes span.
-
-    They are returned unchanged where that subspace is not the cluster's alone.
-    """
+    """Poles and modes of a cluster anew, in the subspace of all its modes, if theirs alone."""
     low = poles.real.min() * (1 + CLUSTERED / 2)
     high = poles.real.max() * (1 - CLUSTERED / 2)
 

@@ -92,9 +92,7 @@ def set_initial_forces(
 ) -> None:
     """Set the forces of the contacts that are closed at the start.
 
-    Without preload, a contact is closed at the start only by a load on a site without mass, or by
-    an earlier run. cut : states of contacts at the end of that run (`Run.contact_states`), and
-    their forces (p,) [N].
+    cut : states of contacts at the end of an earlier run, and their forces (p,) [N].
     """
     laws = system.laws
     p = len(laws)

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 
 class CallbackLaw:
-    """Callbacks of the C library for a law that is written in Python, and the error that one
-    raised.
-    """
+    """Callbacks of the C library for a law in Python, and the error that one raised."""
 
     def __init__(self, law: ContactLaw) -> None:
         self.law = law

@@ -58,40 +58,33 @@ class System:
     """Modes, rows and contacts as the march takes them (`csrc/antiosc_march.h`).
 
     It must not be changed after its first run.
-
-    omega, decay : (J,) frequencies [rad/s] and decay constants [1/s] of all bodies in turn.
-    beta : (m, J), the p contacts first, then the tangential rows of their friction.
-    R : (m, m) residual compliance.
-    breaks, loads, offsets : (K,), (K, J), (K, m).
-    laws : p contact laws.
-    contacts : (p,) numbers of the contacts (`CONTACT`), which the properties `slip` to `pressed`
-        read and write; the law is set when the march takes them.
-    q, v : (J,) initial state.
-    contact_energy : energy [J] in the contacts at the start.
-    least_speed : least closing speed [m/s] from which damped laws take their damping.
-    contact_states : states (p) of contacts that continue from an earlier run; None for other
-        contacts.
-    first : first-order modes of all bodies, if damping couples the modes of a body.
-    gamma : (m, J) contributions of the rates of first-order modes to the rows, as `beta`.
-    quadratic, cubic : (s, s, s), (s, s, s, s) second-order forces of the last s rows.
     """
 
+    #: omega, decay: (J,) frequencies [rad/s] and decay constants [1/s] of all bodies in turn
     omega: Array
     decay: Array
-    beta: Array
-    R: Array
+    beta: Array  # (m, J), the p contacts first, then the tangential rows of their friction
+    R: Array  # (m, m) residual compliance
+    #: breaks, loads, offsets: (K,), (K, J), (K, m)
     breaks: Array
     loads: Array
     offsets: Array
-    laws: Sequence[ContactLaw]
+    laws: Sequence[ContactLaw]  # p contact laws
+    #: (p,) numbers of the contacts (`CONTACT`), which the properties `slip` to `pressed` read and
+    #: write; the law is set when the march takes them
     contacts: NDArray[np.void]
+    #: q, v: (J,) initial state
     q: Array
     v: Array
-    contact_energy: float = 0.0
-    least_speed: float = 0.0
+    contact_energy: float = 0.0  # energy [J] in the contacts at the start
+    least_speed: float = 0.0  # least closing speed [m/s] from which damped laws take their damping
+    #: states (p) of contacts that continue from an earlier run; None for other contacts
     contact_states: Sequence[ContactState | None] | None = None
+    #: first-order modes of all bodies, if damping couples the modes of a body
     first: StackedModes | None = None
+    #: (m, J) contributions of the rates of first-order modes to the rows, as `beta`
     gamma: Array | None = None
+    #: quadratic, cubic: (s, s, s), (s, s, s, s) second-order forces of the last s rows
     quadratic: Array | None = None
     cubic: Array | None = None
 
@@ -252,20 +245,16 @@ class System:
 
 
 class BodyModes(NamedTuple):
-    """The J modes of one body in a system; None stands for zeros.
+    """The J modes of one body in a system; None stands for zeros."""
 
-    omega, decay : (J,) [rad/s], [1/s].
-    beta : (m, J) displacements in the rows of the system, or (J,) in its only row.
-    v, q : (J,) modal velocities and displacements at the start.
-    loads : (K, J) modal loads at the breaks.
-    """
-
+    #: omega, decay: (J,) [rad/s], [1/s]
     omega: Array
     decay: Array | None
-    beta: Array
+    beta: Array  # (m, J) displacements in the rows of the system, or (J,) in its only row
+    #: v, q: (J,) modal velocities and displacements at the start
     v: Array
     q: Array | None = None
-    loads: Array | None = None
+    loads: Array | None = None  # (K, J) modal loads at the breaks
 
 
 def side_by_side(sizes: Iterable[int]) -> list[slice]:
@@ -282,11 +271,7 @@ def posed(
     tangents: Sequence[tuple[int, int]] | None = None,
     first: StackedModes | None = None,
 ) -> System:
-    """The system of bodies in m rows, the first p of which are contacts.
-
-    R : (m, m); offsets : (K, m); breaks : (K,); tangents : (p, 2), none without friction. The
-    expected mass, depth and speed of the contacts are 0 at first.
-    """
+    """The system of bodies in m rows, the first p of which are contacts, with nothing expected."""
     spans = side_by_side([body.omega.size for body in bodies])
     size, m, times = spans[-1].stop, len(R), breaks.size
 
@@ -320,11 +305,7 @@ Key = tuple[int, int, int, bytes]
 
 
 class PackedSystem:
-    """A system as the C library takes it.
-
-    Two systems of one `key` have the same counts of contacts, rows and modes, and the same
-    responses of the modes.
-    """
+    """A system as the C library takes it; those of one `key` have the same counts and responses."""
 
     def __init__(self, system: System) -> None:
         s = system

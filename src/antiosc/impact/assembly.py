@@ -89,8 +89,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
 def _friction(
     contact: Contact, law: ContactLaw, blow: tuple[float, float, float, float], local: float
 ) -> tuple[float, float]:
-    """(coefficient of friction, tangential stiffness [N/m] without the patches' compliance) of a
-    contact.
+    """Coefficient of friction of a contact, and its tangential stiffness [N/m] without patches.
 
     The default is a share of the mean normal stiffness over a half-sine contact, the larger one of
     loading and unloading. By Cerruti's solution, the tangential compliance of a patch with
@@ -165,35 +164,27 @@ def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[Contac
 
 @dataclass(eq=False)
 class Assembly:
-    """A scene in one set of modal coordinates.
+    """A scene in one set of modal coordinates."""
 
-    Properties that the march does not use are computed when first used.
-
-    scene, bodies : bodies and contacts as given by the user; the placed bodies by name.
-    G : (m, P) the rows: contacts, then the tangential rows of their friction.
-    laws : contact laws, without the compliance of patches; `notes` say so.
-    system : the system that the march integrates.
-    contact_time_estimate : shortest expected contact time [s].
-    stretched : second-order forces of the bodies that stretch, which have rows in the march.
-    stretch_effect : relative change of the largest force of a contact by these.
-    stretch_settled : whether more of them would change the results by no more than the tolerance.
-    stretch_left_out : energy of second-order strain at the largest force over the linear energy, of
-        a solid that is taken as linear because it is small; 0.0 for others.
-    hopeless : sentence on a linear run whose second-order strain has so much energy that neither
-        theory holds; "" for others.
-    """
-
+    #: scene, bodies: bodies and contacts as given by the user; the placed bodies by name
     scene: SceneParts
     bodies: dict[str, SceneBody]
-    G: Array
-    laws: list[ContactLaw]
+    G: Array  # (m, P) the rows: contacts, then the tangential rows of their friction
+    laws: list[ContactLaw]  # contact laws, without the compliance of patches; `notes` say so
     notes: list[str]
-    system: System
-    contact_time_estimate: float
+    system: System  # the system that the march integrates
+    contact_time_estimate: float  # shortest expected contact time [s]
+    #: second-order forces of the bodies that stretch, which have rows in the march
     stretched: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
+    #: relative change of the largest force of a contact by these
     stretch_effect: float = field(default=0.0, kw_only=True)
+    #: whether more of them would change the results by no more than the tolerance
     stretch_settled: bool = field(default=True, kw_only=True)
+    #: energy of second-order strain at the largest force over the linear energy, of a solid that is
+    #: taken as linear because it is small; 0.0 for others
     stretch_left_out: float = field(default=0.0, kw_only=True)
+    #: sentence on a linear run whose second-order strain has so much energy that neither theory
+    #: holds; "" for others
     hopeless: str = field(default="", kw_only=True)
 
     @property

@@ -521,33 +521,24 @@ class RigidBody(FieldsRepr):
 
 @dataclass(eq=False)
 class SceneBody:
-    """A body in a scene: its free modes and its initial motion.
-
-    Attributes
-    ----------
-    body : the user's object.
-    modes : the body in its free modes.
-    start : (J,) modal velocities; initial_displacements : (J,) modal displacements; None: none.
-    gap : distance [m] of an `Obstacle` from the structure at the start.
-    local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
-    patch_radius : radius [m] of the patch of its one site, if it has one.
-    pushes : direction (3,) in which the contact pushes each site, if known.
-    axes : for a body without `directions`: direction (3,) of each site's coordinate, which its
-        contacts define.
-    first_order_start : states (2, I) of first-order modes at the start; None: those of the
-        displacements and velocities with relaxed branches.
-    """
+    """A body in a scene: its free modes and its initial motion."""
 
     name: str
-    body: object
-    modes: ModalBody | SiteModes
-    start: Array
-    initial_displacements: Array | None = None
-    gap: float = 0.0
+    body: object  # the user's object
+    modes: ModalBody | SiteModes  # the body in its free modes
+    start: Array  # (J,) modal velocities
+    initial_displacements: Array | None = None  # (J,) modal displacements; None: none
+    gap: float = 0.0  # distance [m] of an `Obstacle` from the structure at the start
+    #: half-space compliances [m/N] of the patches by site, which its modes contain
     local_compliance: Mapping[str, float] = field(default_factory=dict)
-    patch_radius: float | None = None
+    patch_radius: float | None = None  # radius [m] of the patch of its one site, if it has one
+    #: direction (3,) in which the contact pushes each site, if known
     pushes: dict[str, Array] = field(default_factory=dict)
+    #: for a body without `directions`: direction (3,) of each site's coordinate, which its contacts
+    #: define
     axes: dict[str, Array] = field(default_factory=dict)
+    #: states (2, I) of first-order modes at the start; None: those of the displacements and
+    #: velocities with relaxed branches
     first_order_start: Array | None = None
 
     def __post_init__(self) -> None:

@@ -93,9 +93,8 @@ class Enclosure(FieldsRepr):
 class _Body(NamedTuple):
     """A body in its reference modes: frequencies, decay, columns of the contacts, load, start.
 
-    lag : of modes that follow their force (`ReferenceModes.drive`), 0 of the others. modes : those
-    with the residual; None of a rigid body. compliance : (m,) [m/N] of the contacts under a
-    constant force, if it is finite.
+    lag : of modes that follow their force, 0 of the others. modes : None of a rigid body.
+    compliance : (m,) [m/N] of the contacts under a constant force, if it is finite.
     """
 
     omega: Array
@@ -110,11 +109,7 @@ class _Body(NamedTuple):
 
 
 def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosure, ...]:
-    """The narrowest bounds on the forces of a run, one for each contact.
-
-    With `tol` those of the fewest vectors that are as narrow, relative to the peak, if any are.
-    InputError names what is outside the assumptions of the proof.
-    """
+    """The narrowest bounds on each contact's forces; with `tol` those of the fewest vectors."""
     _check_run(assembly, run)
     bodies = assembly.bodies.values()
     sizes = side_by_side([body.omega.size for body in bodies])

@@ -51,10 +51,7 @@ ByLaw = Callable[[ContactLaw, float], History]
 
 
 class RepeatedImpact:
-    """An impact that is repeated by the exact method, to `tol`.
-
-    `raw` is the history on `model` itself; `runs` are all histories.
-    """
+    """An impact that is repeated to `tol`; `raw`: on `model` itself; `runs`: all histories."""
 
     def __init__(self, model: AntiOscillators, rerun: Rerun, by_law: ByLaw, tol: float) -> None:
         self.model = model
@@ -364,17 +361,13 @@ WITHOUT_STRETCHING = " (of runs without its stretching)"
 
 
 class MeshErrors(NamedTuple):
-    """Errors of the three quantities due to the mesh and to truncation; zero without a mesh.
-
-    `share`: strain error over strain energy; `safety`: the factor in the errors due to the mesh;
-    `doubts`: notes.
-    """
+    """Errors due to the mesh and to truncation; zero without a mesh."""
 
     mesh: Shares = bars.NO_ERROR
     truncation: Shares = bars.NO_ERROR
-    share: float = 0.0
-    safety: float = SAFETY
-    doubts: Sequence[str] = ()
+    share: float = 0.0  # strain error over strain energy
+    safety: float = SAFETY  # the factor in the errors due to the mesh
+    doubts: Sequence[str] = ()  # notes
 
 
 def _mesh(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
@@ -475,10 +468,8 @@ def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
 def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     """Errors due to the radius of the patch, and a note.
 
-    A second patch radius changed the compliance of the part by more than that of the half-space.
-    The error is the change of the impact if the contact gets this additional compliance. Where it
-    exceeds the half-space's, as under a patch wider than a plate is thick, the change of the impact
-    is proportional to it.
+    The error is the change of the impact if the contact gets the compliance by which a second
+    radius changed the part's beyond the half-space's.
     """
     model = impact.model
     second_patch = model.info.get("patch")

@@ -27,12 +27,10 @@ Force = tuple[Array, Array]
 def peak_deflections(
     bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float | Array
 ) -> Array:
-    """Largest displacement u (S,) [m] of each body's site along the impact, up to `duration` [s],
-    of all or of each (S,).
+    """Largest displacement u (S,) [m] of each body's site along the impact, from rest.
 
-    The bodies are at rest at the start. forces : times [s] and the force [N] on each body, linear
-    between the times and zero outside. The result is exact at the times of the force, and at 200
-    times over the duration or more: 40 a period of the first mode.
+    It is exact at the times of the forces, which are linear between them and zero outside, and at
+    200 times over the duration or more: 40 a period of the first mode.
     """
     longest = checks.positive("duration", float(np.max(duration)), "s")
     durations = np.broadcast_to(duration, len(bodies)) if len(bodies) else np.array([longest])
@@ -75,8 +73,7 @@ def motions(
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Yield (times, modal displacements (S, J), forces) of S bodies from rest, step by step.
 
-    The times [s] are those of each force and `samples` (S,) over its duration; a body with fewer
-    times than another repeats its last one. omega, b, decay : (S, J) of the modes.
+    A body with fewer times than another repeats its last one.
     """
     even_times = map(np.linspace, np.zeros(len(forces)), durations, samples)
     times = [np.union1d(even, own) for even, (own, _) in zip(even_times, forces, strict=True)]

@@ -274,16 +274,12 @@ def two_body_parts(
 
 
 class StackedBodies(NamedTuple):
-    """The modes and columns of all bodies of a scene, side by side.
+    """The modes and columns of all bodies of a scene, side by side."""
 
-    spans, columns : slices of each body's modes and columns among those of all. B : (J, P)
-    displacements of all columns. r : (P, P) their residual compliance.
-    """
-
-    spans: dict[str, slice]
-    columns: dict[str, slice]
-    B: Array
-    r: Array
+    spans: dict[str, slice]  # of the modes of each body
+    columns: dict[str, slice]  # of the columns of each body
+    B: Array  # (J, P) displacements of all columns
+    r: Array  # (P, P) their residual compliance
 
 
 def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:

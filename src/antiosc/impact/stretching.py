@@ -80,17 +80,12 @@ def with_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
 
 @dataclass(frozen=True)
 class StretchedMotion:
-    """The motion of a body with second-order forces in a run.
+    """The motion of a body with second-order forces in a run."""
 
-    forces : its second-order forces.
-    omega : (J,) rad/s, of the free modes.
-    amplitude : (m, m) triangular factor of the amplitudes (n, m) of its modes.
-    change : largest static displacement of a site by the forces, over its largest displacement.
-    """
-
-    forces: Stretch
-    omega: Array
-    amplitude: Array
+    forces: Stretch  # its second-order forces
+    omega: Array  # (J,) rad/s, of the free modes
+    amplitude: Array  # (m, m) triangular factor of the amplitudes (n, m) of its modes
+    #: largest static displacement of a site by the forces, over its largest displacement
     change: float
 
     def first(self, count: int) -> Stretch:

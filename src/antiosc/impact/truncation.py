@@ -307,9 +307,7 @@ def too_few_in(hit: History, rerun: Run | None, tol: float) -> str:
 
 
 def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) -> None:
-    """Warn of bodies of a scene of which half as many anti-oscillators change the largest force of
-    a contact much; `rerun(bodies)` is the scene with other bodies.
-    """
+    """Warn of bodies of which half as many anti-oscillators change a contact's peak much."""
     scene = hit.assembly.scene
     contacts = hit.contact_histories
     ends = [{end.partition(":")[0] for end in contact.ends} for contact in contacts]
@@ -353,11 +351,10 @@ def _expansion(model: AntiOscillators) -> float:
 
 
 def _gauss(m: Array, omega: Array, point: float = 0.0) -> tuple[Array, Array, Array]:
-    """Masses and frequencies (n,) of the Gauss rule that has the moments of m (n + 1,) over
-    1/(omega^2 + point).
+    """Masses and frequencies (n,) of the Gauss rule with the moments of m over 1/(omega^2 + point),
+    and the shares (n, n + 1) of the psi_i in its shapes.
 
-    m[0] lies at zero. Third result: the share (n, n + 1) of each psi_i in the new shapes. The rule
-    is that of the space orthogonal to the last Lanczos vector, 1/(sqrt(m_i) prod(lam_i - lam_j)).
+    That of the space orthogonal to the last Lanczos vector, 1/(sqrt(m_i) prod(lam_i - lam_j)).
     """
     lowest = omega[0] ** 2 + point
     lam = np.append(0.0, lowest / (omega**2 + point))

@@ -43,15 +43,12 @@ _ROW = np.array([[-1.0, -1.0]])
 
 
 class Pair(NamedTuple):
-    """Two bodies side by side in their modes, without the contact between them.
+    """Two bodies side by side in their modes, without the contact between them."""
 
-    structure, impactor : the bodies as a scene has them, with their motion at the start.
-    pull : modal forces of gravity on each; None without gravity.
-    """
-
+    #: structure, impactor: the bodies as a scene has them, with their motion at the start
     structure: SceneBody
     impactor: SceneBody
-    pull: Sequence[Array | None]
+    pull: Sequence[Array | None]  # modal forces of gravity on each; None without gravity
 
     @property
     def modes(self) -> tuple[ModalBody, ModalBody]:
@@ -244,12 +241,7 @@ def _copies(structure: object, kind: np.dtype[np.void], count: int) -> NDArray[n
 
 
 class ImpactRows:
-    """Impacts of one group, which differ in their rigid impactors alone, as rows for the C library.
-
-    pair : the bodies of the first impact.
-    laws : without the half-space compliance of the patches.
-    rows : (S,) `aom_impact`.
-    """
+    """Impacts that differ in their rigid impactors alone, as rows for the C library."""
 
     def __init__(self, impacts: Sequence[Impact], settings: Settings) -> None:
         self.pair = modal_pair(impacts[0])

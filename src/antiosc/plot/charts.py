@@ -94,10 +94,8 @@ def figure_or_path(figure: Figure, path: str | os.PathLike[str] | None) -> Figur
 
 
 def new_figure(size: tuple[float, float], shown: bool) -> Figure:
-    """A new figure, registered with pyplot only if it is shown: pyplot keeps every figure alive.
-
-    A notebook draws the figure that a cell returns. It is not registered there, since pyplot would
-    draw it a second time.
+    """A new figure, registered with pyplot (which keeps it alive) only if it is shown, and not in a
+    notebook, which draws what a cell returns.
     """
     if shown:
         pyplot = _matplotlib("pyplot")

@@ -31,8 +31,7 @@ def draw_model(
 ) -> None:
     """Draw the model of one site: m0 [kg], k0 [N/m], masses m (N,), frequencies omega (N,) [rad/s].
 
-    The areas of the anti-oscillators are in the ratio of their masses. `moved` (N + 2,) shifts
-    striker, residual mass and anti-oscillators downwards by that many units of the picture.
+    `moved` (N + 2,) shifts striker, residual mass and anti-oscillators down, in the picture's unit.
     """
     drawn = min(DRAWN, len(m))
     left, right = -1.1, (drawn + 0.6) * PITCH

@@ -116,21 +116,15 @@ ENLARGED = 0.08
 
 @dataclass(frozen=True, eq=False)
 class Deformed:
-    """A deformed surface at one time.
+    """A deformed surface at one time."""
 
-    points, moved : (P, 3) [m], at rest and with displacements drawn larger.
-    faces : (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points.
-    values : (P,) magnitude of the displacements, in the unit that `label` states.
-    label : label of the values, with the magnification of the displacements; "": no scale.
-    largest : largest value at all times.
-    """
-
+    #: points, moved: (P, 3) [m], at rest and with displacements drawn larger
     points: Array
     moved: Array
-    faces: IntArray
-    values: Array
-    label: str
-    largest: float
+    faces: IntArray  # (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points
+    values: Array  # (P,) magnitude of the displacements, in the unit that `label` states
+    label: str  # label of the values, with the magnification of the displacements; "": no scale
+    largest: float  # largest value at all times
 
     @classmethod
     def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
@@ -162,10 +156,8 @@ def deformed_figure(
     mark: int | None = None,
     shown: bool = False,
 ) -> Figure:
-    """A figure of a deformed surface, with colours from zero on.
+    """A figure of a deformed surface, coloured from zero on; view : (elevation, azimuth) [deg].
 
-    arrow : point and direction of the impact.
-    view : (elevation, azimuth), degrees.
     whole_scale : whether the colours extend to the largest value at all times.
     mark : number of a point that gets a ring and its value.
     """

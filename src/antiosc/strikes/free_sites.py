@@ -32,18 +32,14 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class FreeSites:
-    """P sites with J free modes of the structure, rigid-body modes first.
+    """P sites with J free modes of the structure, rigid-body modes first."""
 
-    map_sites : the sites, with their points and directions.
-    omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
-    b : (P, J) displacement of each site in each mode [kg^-1/2].
-    compliance, inertia : (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b.
-    """
-
-    map_sites: MapSites
+    map_sites: MapSites  # the sites, with their points and directions
+    #: omega, phi: (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass
     omega: Array
     phi: Array
-    b: Array
+    b: Array  # (P, J) displacement of each site in each mode [kg^-1/2]
+    #: compliance, inertia: (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b
     compliance: Array
     inertia: Array
 

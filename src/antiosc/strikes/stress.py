@@ -44,24 +44,18 @@ Reduction = Callable[[Sequence[Refinement]], tuple[Structure, AntiOscillators]]
 
 @dataclass(frozen=True)
 class Stressed:
-    """The stress fields of a blow by their quantity, the part and the history that they are of.
-
-    `rounds`: number of meshes after the first; `seconds`; `why` the bar is wider than the
-    tolerance, "" if it is not.
-    """
+    """The stress fields of a blow by their quantity, the part and the history that they are of."""
 
     fields: dict[str, PeakField]
     structure: Structure
     hit: History
-    rounds: int = 0
+    rounds: int = 0  # number of meshes after the first
     seconds: float = 0.0
-    why: str = ""
+    why: str = ""  # the bar is wider than the tolerance; "" if it is not
 
 
 def fields_by_strength(structure: Structure, hit: History, **options: Any) -> dict[str, PeakField]:
-    """Criterion -> stress field, or the von Mises stress where no strength is known; `options` as
-    for `peak_field`.
-    """
+    """Criterion, "von_mises" without strengths -> stress field; `options` as for `peak_field`."""
     if "quantity" in options:
         return {options["quantity"]: peak_field(structure, hit, **options)}
     if hit.assembly.hopeless:
@@ -77,9 +71,7 @@ def fields_by_strength(structure: Structure, hit: History, **options: Any) -> di
 def closed(
     hit: History, structure: Structure, reduced: Reduction, tol: float, **options: Any
 ) -> Stressed:
-    """The stress fields with a bar by the mesh of at most `tol`, or with the reason for a larger
-    one; `options` as for `peak_field`.
-    """
+    """The stress fields with a bar of at most `tol` by the mesh, or the reason for a larger one."""
     started = time.perf_counter()
     known = Stressed(fields_by_strength(structure, hit, **options), structure, hit)
     most = max(MOST_GROWTH * structure.dofs, MOST_DOFS)
@@ -113,10 +105,7 @@ def closed(
 
 
 def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
-    """A structure whose straight triangles or tetrahedra are bisected at places.
-
-    InputError for an assembly and given matrices, MeshError for other cells.
-    """
+    """A structure whose straight triangles or tetrahedra are bisected at places."""
     if structure.made_of is None:
         raise InputError("the cells of an assembly, and given matrices, stay as they are")
     mesh, material, options = structure.made_of

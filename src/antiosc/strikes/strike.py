@@ -334,18 +334,14 @@ def _contact_radius(impactor: LinearBody, material: object, thickness: float) ->
 
 @dataclass(frozen=True)
 class Answer:
-    """The result on one mesh: the run of the raw model, that of the corrected model with its
-    budget, and the seconds with this number of anti-oscillators from the start.
-
-    For shells the raw model is not corrected, and both runs are the same.
-    """
+    """The result on one mesh."""
 
     structure: Structure
-    raw: History
-    hit: History
-    budget: ErrorBudget
+    raw: History  # of the raw model
+    hit: History  # of the corrected model; for shells `raw`
+    budget: ErrorBudget  # of `hit`
     n: int
-    seconds: float
+    seconds: float  # with n anti-oscillators from the start
 
 
 def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: int) -> Answer:

@@ -37,22 +37,17 @@ STEPS = 100
 
 @dataclass(frozen=True, eq=False)
 class Blow:
-    """The impact of a rigid body on a part at rest, as it is integrated without anti-oscillators.
-
-    b : load vector of the site. law : without the half-space compliance of the patch. mass : of the
-    impactor [kg], speed : with which it approaches at the start [m/s], acceleration : by gravity
-    [m/s²]. gap [m] at the start. step, duration : [s].
-    """
+    """The impact of a rigid body on a part at rest, integrated without anti-oscillators."""
 
     structure: Structure
-    b: Array
-    law: ContactLaw
-    mass: float
-    speed: float
-    acceleration: float
-    gap: float
-    step: float
-    duration: float
+    b: Array  # load vector of the site
+    law: ContactLaw  # without the half-space compliance of the patch
+    mass: float  # of the impactor [kg]
+    speed: float  # with which it approaches at the start [m/s]
+    acceleration: float  # by gravity [m/s²]
+    gap: float  # at the start [m]
+    step: float  # [s]
+    duration: float  # [s]
 
     @property
     def steps(self) -> int:
@@ -61,14 +56,12 @@ class Blow:
 
 
 class Curve(NamedTuple):
-    """A computed contact: times (n,) [s], forces [N], indentations [m], and the start and the end
-    of each contact [s].
-    """
+    """A computed contact."""
 
-    time: Array
-    force: Array
-    depth: Array
-    contacts: Sequence[tuple[float, float]]
+    time: Array  # (n,) [s]
+    force: Array  # [N]
+    depth: Array  # indentation [m]
+    contacts: Sequence[tuple[float, float]]  # start and end of each [s]
 
 
 class Outcome(NamedTuple):

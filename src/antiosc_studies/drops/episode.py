@@ -206,19 +206,15 @@ def handed_over(
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """One episode of contact.
+    """One episode of contact."""
 
-    touch : the body as it touches. The scene is linear about this start.
-    end : state of the body.
-    history : history of the scene; its time counts from the start and continues beyond `end`.
-    which : (n,) numbers of its points in contact, which are sites "0", "1", … of the scene's body.
-    held : number of a point -> its contact, for contacts that continue after the end.
-    """
-
-    touch: Touch
-    end: State
+    touch: Touch  # the body as it touches. The scene is linear about this start.
+    end: State  # state of the body
+    #: history of the scene; its time counts from the start and continues beyond `end`
     history: SceneHistory
+    #: (n,) numbers of its points in contact, which are sites "0", "1", … of the scene's body
     which: IntArray
+    #: number of a point -> its contact, for contacts that continue after the end
     held: dict[int, OngoingContact]
 
     @property

@@ -28,46 +28,36 @@ Patch: TypeAlias = tuple[Array, Array, Array]
 
 @dataclass(eq=False)
 class FreeBody:
-    """A free body with the points that may touch, V of them.
+    """A free body with the points that may touch, V of them."""
 
-    mass : mass of the body [kg]; tensor : (3, 3) inertia about the centre of mass [kg m^2].
-    points : (V, 3) relative to the centre [m]; if `balls` > 0, the centre of a ball of that
-        radius [m] whose surface is that of the body there.
-    centre : (3,) centre of mass in the axes of the mesh [m].
-    radii : (V, 2) principal radii for the contact law [m]; at smooth places of a solid they are
-        approximate until `sites` fits them.
-    materials : (V,) the `Matter` at the points; `RIGID` if it is unknown.
-    omega, decay : (J,) frequencies [rad/s] and decay constants [1/s] of the elastic modes.
-    shapes : (V, J, 3) displacements of the points in the modes [kg^-1/2].
-    extent : size of the body [m].
-    notes : assumptions that were made.
-    facing : (V, 3) outward unit normals of a solid; None: each point touches by itself.
-    structure : the part, with `basis` (rows, J) the shapes of its modes and `skin` its surface.
-    residual : computes the patches at points.
-    sharp : (V,) whether a point is a sharp corner of a solid; None: none is.
-    corner : that radius [m], within which the points of a solid are one contact.
-    facets : number of a sharp point of a solid -> (n, 2, 3) edges of its outward facets from there.
-    """
-
-    mass: float
-    tensor: Array
+    mass: float  # mass of the body [kg]
+    tensor: Array  # (3, 3) inertia about the centre of mass [kg m^2]
+    #: (V, 3) relative to the centre [m]; if `balls` > 0, the centre of a ball of that radius [m]
+    #: whose surface is that of the body there
     points: Array
-    centre: Array
+    centre: Array  # (3,) centre of mass in the axes of the mesh [m]
     balls: Array
+    #: (V, 2) principal radii for the contact law [m]; at smooth places of a solid they are
+    #: approximate until `sites` fits them
     radii: Array
-    materials: Materials
+    materials: Materials  # (V,) the `Matter` at the points; `RIGID` if it is unknown
+    #: omega, decay: (J,) frequencies [rad/s] and decay constants [1/s] of the elastic modes
     omega: Array
     decay: Array
-    shapes: Array
-    extent: float
-    notes: tuple[str, ...] = ()
+    shapes: Array  # (V, J, 3) displacements of the points in the modes [kg^-1/2]
+    extent: float  # size of the body [m]
+    notes: tuple[str, ...] = ()  # assumptions that were made
+    #: (V, 3) outward unit normals of a solid; None: each point touches by itself
     facing: Array | None = None
+    #: the part, with `basis` (rows, J) the shapes of its modes and `skin` its surface
     structure: Structure | None = None
     basis: Array | None = None
     skin: Skin | None = None
-    residual: Callable[[tuple[int, ...]], Patch] | None = None
+    residual: Callable[[tuple[int, ...]], Patch] | None = None  # computes the patches at points
+    #: (V,) whether a point is a sharp corner of a solid; None: none is
     sharp: BoolArray | None = None
-    corner: float = 0.0
+    corner: float = 0.0  # that radius [m], within which the points of a solid are one contact
+    #: number of a sharp point of a solid -> (n, 2, 3) edges of its outward facets from there
     facets: dict[int, Array] = field(default_factory=dict)
     #: number of a point -> its patch, shared by all copies of the body
     _known: dict[int, Patch] = field(default_factory=dict)
@@ -166,21 +156,16 @@ class FreeBody:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The motion of a free body at one time.
+    """The motion of a free body at one time."""
 
-    time : [s].
-    centre, velocity : (3,) position and velocity of the centre of mass in the axes of the floor
-        [m], [m/s].
-    R : (3, 3) rotation from the axes of the body to those of the floor.
-    momentum : (3,) angular momentum about the centre [kg m^2/s].
-    q, p : (J,) elastic modal displacements and velocities.
-    """
-
-    time: float
+    time: float  # [s]
+    #: centre, velocity: (3,) position and velocity of the centre of mass in the axes of the floor
+    #: [m], [m/s]
     centre: Array
     velocity: Array
-    R: Array
-    momentum: Array
+    R: Array  # (3, 3) rotation from the axes of the body to those of the floor
+    momentum: Array  # (3,) angular momentum about the centre [kg m^2/s]
+    #: q, p: (J,) elastic modal displacements and velocities
     q: Array
     p: Array
 

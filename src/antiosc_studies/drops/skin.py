@@ -36,25 +36,17 @@ THIN = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The vertices of a surface, P of them.
+    """The vertices of a surface, P of them."""
 
-    points, normals : (P, 3) coordinates [m] and outward unit normals (zero if unknown).
-    curvatures : (P, 2) principal curvatures [1/m], > 0 where the surface is convex.
-    sharp : (P,) whether the vertex lies on an edge or a corner.
-    sizes : (P,) mean length of the element edges there [m].
-    materials : (P,) the `Matter` there; `RIGID` if it is unknown.
-    half : (P,) half the thickness of a sheet [m]; 0 for a solid.
-    triangles : (T, 3) between the points.
-    """
-
+    #: points, normals: (P, 3) coordinates [m] and outward unit normals (zero if unknown)
     points: Array
     normals: Array
-    curvatures: Array
-    sharp: BoolArray
-    sizes: Array
-    materials: Materials
-    half: Array
-    triangles: IntArray
+    curvatures: Array  # (P, 2) principal curvatures [1/m], > 0 where the surface is convex
+    sharp: BoolArray  # (P,) whether the vertex lies on an edge or a corner
+    sizes: Array  # (P,) mean length of the element edges there [m]
+    materials: Materials  # (P,) the `Matter` there; `RIGID` if it is unknown
+    half: Array  # (P,) half the thickness of a sheet [m]; 0 for a solid
+    triangles: IntArray  # (T, 3) between the points
 
     @property
     def size(self) -> float:

@@ -187,18 +187,14 @@ AS_PROBABLE = 9.0
 
 @dataclass(frozen=True, eq=False)
 class Monitored:
-    """A structure with sensors: the data that many impacts share.
+    """A structure with sensors: the data that many impacts share."""
 
-    seen : its sites in free modes.
-    rows, orders : (m, J) mode shapes at the sensors; (m,) orders of their time derivatives.
-    r : (P,) residual compliances of the sites; mass : mass of the structure [kg].
-    """
-
-    seen: FreeSites
+    seen: FreeSites  # its sites in free modes
+    #: rows, orders: (m, J) mode shapes at the sensors; (m,) orders of their time derivatives
     rows: Array
     orders: Array
-    r: Array
-    mass: float
+    r: Array  # (P,) residual compliances of the sites
+    mass: float  # mass of the structure [kg]
 
 
 @collective()

@@ -24,16 +24,12 @@ FIRM = 1e4
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Local coordinates around a place, and the sites from which values are interpolated.
+    """Local coordinates around a place, and the sites from which values are interpolated."""
 
-    origin : (3,) [m]; axes : (d, 3) unit tangents, d = 0 among given points.
-    near : (K,) numbers of the sites; local : (K, d) their coordinates over `size` [m].
-    """
-
-    origin: Array
-    axes: Array
-    near: IntArray
-    local: Array
+    origin: Array  # (3,) [m]
+    axes: Array  # (d, 3) unit tangents, d = 0 among given points
+    near: IntArray  # (K,) numbers of the sites
+    local: Array  # (K, d) their coordinates over `size` [m]
     size: float
 
     def weights(self, x: Array) -> Array:
@@ -152,59 +148,44 @@ CONTACTS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Blow:
-    """A candidate impact.
+    """A candidate impact."""
 
-    place : (3,) [m]; site : the nearest site of the map.
-    mass, velocity, stiffness : mass [kg] and velocity [m/s] of the impactor; stiffness of the law,
-        in its unit.
-    start : time of the first touch after the first sample [s].
-    E : factor of the stiffness of the whole structure.
-    contact_time_estimate : expected contact time [s].
-    frequency : (J,) relative changes of the natural frequencies.
-    share : (m, J) relative changes of the modes' shares in the signals.
-    """
-
-    place: Array
-    site: int
+    place: Array  # (3,) [m]
+    site: int  # the nearest site of the map
+    #: mass, velocity, stiffness: mass [kg] and velocity [m/s] of the impactor; stiffness of the
+    #: law, in its unit
     mass: float
     velocity: float
     stiffness: float
-    start: float
-    contact_time_estimate: float
-    frequency: Array
-    share: Array
-    E: float = 1.0
+    start: float  # time of the first touch after the first sample [s]
+    contact_time_estimate: float  # expected contact time [s]
+    frequency: Array  # (J,) relative changes of the natural frequencies
+    share: Array  # (m, J) relative changes of the modes' shares in the signals
+    E: float = 1.0  # factor of the stiffness of the whole structure
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The computed signals of an impact, filtered and divided by the noise.
+    """The computed signals of an impact, filtered and divided by the noise."""
 
-    parts : (n', m, J) contribution of each mode, without `Blow.share`.
-    signals : (n', m) the sum; hit : the impact.
-    """
-
-    parts: Array
-    signals: Array
-    hit: History
+    parts: Array  # (n', m, J) contribution of each mode, without `Blow.share`
+    signals: Array  # (n', m) the sum
+    hit: History  # the impact
 
 
 @dataclass(frozen=True, eq=False)
 class Struck:
-    """The model of all candidate impacts: free modes, sites, sensors.
-
-    omega, decay : (J,) frequencies [rad/s] and decay constants [1/s].
-    rows, orders : (m, J) mode shapes at the sensors; (m,) orders of their time derivatives.
-    table : (P, J + 2) b, residual compliance and local compliance of the sites.
-    """
+    """The model of all candidate impacts: free modes, sites, sensors."""
 
     data: Recording
     surface: MapSurface
+    #: omega, decay: (J,) frequencies [rad/s] and decay constants [1/s]
     omega: Array
     decay: Array
+    #: rows, orders: (m, J) mode shapes at the sensors; (m,) orders of their time derivatives
     rows: Array
     orders: Array
-    table: Array
+    table: Array  # (P, J + 2) b, residual compliance and local compliance of the sites
     radius: Array
     law: ContactLaw
 

@@ -133,18 +133,13 @@ LEAST_NOISE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Signals of m sensors, prepared for comparison with a model.
+    """Signals of m sensors, prepared for comparison with a model."""
 
-    values : (n, m); dt : sampling interval [s].
-    sigma : (m,) standard deviation of the noise of a sample.
-    band : circular frequency (rad/s) up to which they are compared.
-    filter : (n', n) low-pass filter with decimation; it preserves a sample's noise level.
-    """
-
-    values: Array
-    dt: float
-    sigma: Array
-    band: float
+    values: Array  # (n, m)
+    dt: float  # sampling interval [s]
+    sigma: Array  # (m,) standard deviation of the noise of a sample
+    band: float  # circular frequency (rad/s) up to which they are compared
+    #: (n', n) low-pass filter with decimation; it preserves a sample's noise level
     filter: scipy.sparse.csr_matrix
 
     @property

@@ -39,13 +39,10 @@ AT_ONCE = 512
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """The half-sine pulse that fits the signals best, at each of P sites.
+    """The half-sine pulse that fits the signals best, at each of P sites."""
 
-    explained : (P,) share of the signals' weighted power that it explains.
-    duration, start, amplitude : (P,) those of the pulse [s], [s], [N].
-    """
-
-    explained: Array
+    explained: Array  # (P,) share of the signals' weighted power that it explains
+    #: duration, start, amplitude: (P,) those of the pulse [s], [s], [N]
     duration: Array
     start: Array
     amplitude: Array
@@ -151,25 +148,19 @@ ENOUGH = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ProbableImpact:
-    """The most probable impact near a start.
-
-    cost : sum of squares of weighted residuals and of model errors over their expected sizes.
-    covariance : covariance of the unknowns `names`: coordinates along `chart.axes` [m],
-        logarithms, start [s].
-    gains : (2, .) derivatives of the logarithms of peak force and impulse by these unknowns.
-    chi2 : squared residual over its degrees of freedom.
-    signals : (n', m) computed signals over the noise.
-    """
+    """The most probable impact near a start."""
 
     blow: Blow
     chart: Chart
     hit: History
+    #: sum of squares of weighted residuals and of model errors over their expected sizes
     cost: float
     names: tuple[str, ...]
+    #: covariance of the unknowns `names`: coordinates along `chart.axes` [m], logarithms, start [s]
     covariance: Array
-    gains: Array
-    chi2: float
-    signals: Array
+    gains: Array  # (2, .) derivatives of the logarithms of peak force and impulse by these unknowns
+    chi2: float  # squared residual over its degrees of freedom
+    signals: Array  # (n', m) computed signals over the noise
 
 
 class Search:

@@ -34,17 +34,12 @@ Numbers = dict[str, Any]
 
 @dataclass(frozen=True)
 class Number:
-    """A number of an impact.
+    """A number of an impact."""
 
-    value : its value; size : what steps of it are relative to, > 0.
-    posed : function of another value that returns the impact with it.
-    wide : whether steps are so long that the differences of two are extrapolated.
-    """
-
-    value: float
-    size: float
-    posed: Callable[[float], Assembly]
-    wide: bool = False
+    value: float  # its value
+    size: float  # what steps of it are relative to, > 0
+    posed: Callable[[float], Assembly]  # function of another value that returns the impact with it
+    wide: bool = False  # whether steps are so long that the differences of two are extrapolated
 
 
 def mapped(pick: Callable[..., Any], first: Any, *others: Any) -> Any:

@@ -434,18 +434,13 @@ SETTLED = 1.05
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The most probable body of a fit.
-
-    weight : 1/sigma of the measured values (W frequencies, M responses).
-    chi2 : chi-squared divided by the degrees of freedom.
-    cost : minus twice the logarithm of its probability.
-    tails : bodies that are hardly less probable, with other modes above the band.
-    """
+    """The most probable body of a fit."""
 
     modes: FittedModes
-    weight: Array
-    chi2: float
-    cost: float
+    weight: Array  # 1/sigma of the measured values (W frequencies, M responses)
+    chi2: float  # chi-squared divided by the degrees of freedom
+    cost: float  # minus twice the logarithm of its probability
+    #: bodies that are hardly less probable, with other modes above the band
     tails: tuple[FittedModes, ...] = ()
 
 

@@ -67,22 +67,17 @@ class Tail:
 
 @dataclass(frozen=True, eq=False)
 class FittedModes:
-    """The parameters of the fit.
+    """The parameters of the fit."""
 
-    omega, zeta : (J,) frequencies [rad/s] and damping ratios; the last U modes are the tail.
-    b : (J, p) displacements of the sites in modes of unit mass [kg^-1/2].
-    tail : prior expectations of the last U modes; their damping ratios are fixed.
-    root, rigid : (p, p) l and a, lower triangles [(m/N)^1/2], [kg^-1/2]; rigid None: supported.
-    hysteretic : the form of the damping.
-    """
-
+    #: omega, zeta: (J,) frequencies [rad/s] and damping ratios; the last U modes are the tail
     omega: Array
     zeta: Array
-    b: Array
-    tail: Tail
+    b: Array  # (J, p) displacements of the sites in modes of unit mass [kg^-1/2]
+    tail: Tail  # prior expectations of the last U modes; their damping ratios are fixed
+    #: root, rigid: (p, p) l and a, lower triangles [(m/N)^1/2], [kg^-1/2]; rigid None: supported
     root: Array
     rigid: Array | None = None
-    hysteretic: bool = False
+    hysteretic: bool = False  # the form of the damping
 
     @property
     def seen(self) -> int:

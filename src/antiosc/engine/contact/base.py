@@ -130,12 +130,7 @@ class ContactLaw(ABC):
         )
 
     def enough_radius(self, peak: float, radius: float | None) -> float | None:
-        """Least radius [m] of a patch whose `valid_force` exceeds a peak force; None without a
-        patch or remedy.
-
-        The compliance of the patch is proportional to 1/radius, and its `valid_force` grows with
-        the radius.
-        """
+        """Least radius [m] of a patch with `valid_force` above a peak force, if any has."""
         if radius is None or not self.compliance:
             return None
 

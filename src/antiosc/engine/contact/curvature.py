@@ -22,21 +22,17 @@ SHARP = EDGE, CORNER
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Curvature(ReprMixin):
-    """Principal curvatures of a surface at a point.
+    """Principal curvatures of a surface at a point."""
 
-    kind : "plane"; "line", curved in one direction (a cylinder or a groove); "curved", in both;
-        "edge" or "corner", which have no curvature: their radius must be given.
-    values : (2,) principal curvatures [1/m], ascending; > 0 where the surface is convex, exactly 0
-        along planes and lines, NaN of edges and corners.
-    error : bound on the error of each value [1/m].
-    directions : (2, 3) unit vectors of the principal directions, in the order of `values`.
-    point, normal : (3,) the point on the surface [m], and the outward unit normal there.
-    """
-
+    #: "plane"; "line", curved in one direction (a cylinder or a groove); "curved", in both; "edge"
+    #: or "corner", which have no curvature: their radius must be given
     kind: str
+    #: (2,) principal curvatures [1/m], ascending; > 0 where the surface is convex, exactly 0 along
+    #: planes and lines, NaN of edges and corners
     values: Array
-    error: float
-    directions: Array
+    error: float  # bound on the error of each value [1/m]
+    directions: Array  # (2, 3) unit vectors of the principal directions, in the order of `values`
+    #: point, normal: (3,) the point on the surface [m], and the outward unit normal there
     point: Array
     normal: Array
 

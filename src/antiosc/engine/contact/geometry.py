@@ -75,9 +75,7 @@ def hertz_stiffness(E_star: float, A: float, B: float) -> float:
 
 
 class Circle(NamedTuple):
-    """The circular contact that is equivalent to an elliptic one; `error`: relative error of its
-    force.
-    """
+    """The circular contact in place of an elliptic one; `error`: relative, of its force."""
 
     modulus: float
     radius: float

@@ -116,10 +116,7 @@ class Linear(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Punch(Patched, Linear):
-    """The linear law of a rigid punch on a half-space, whose indentation a patch has too.
-
-    A compliance above 0.7 of 1/stiffness is not subtracted.
-    """
+    """Law of a rigid punch on a half-space, which keeps a compliance above 0.7 of 1/stiffness."""
 
     def without(self, compliance: float) -> Self:
         return self if compliance * self.stiffness > LARGEST_SHARE else super().without(compliance)

@@ -24,10 +24,8 @@ class Ends(NamedTuple):
 
 
 class Contacts:
-    """The contacts of a run: whether each is closed, the state of its law, and the events.
-
-    events : rows [time, contact, 0 parts or 1 touches, closing speed]. R : (m, m) [m/N] compliance
-    without inertia. slowest : least speeds (m,) [m/s] of a touch.
+    """The contacts of a run: whether each is closed, the state of its law, and the events, as rows
+    [time, contact, 0 parts or 1 touches, closing speed]; R : compliance without inertia.
     """
 
     def __init__(

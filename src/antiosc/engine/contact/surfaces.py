@@ -19,29 +19,23 @@ RUBBER_E, RUBBER_NU = 60e6, 0.45
 
 @dataclass(frozen=True)
 class Matter:
-    """The material of a surface in contact, SI units.
+    """The material of a surface in contact, SI units."""
 
-    E, nu : Young's modulus [Pa], inf if rigid; Poisson's ratio.
-    yield_strength : [Pa]; None: not known, or the material is `brittle`.
-    yield_range : lowest and highest yield strength [Pa]; None: it is exact.
-    rate : D [1/s] and q of Cowper and Symonds, or None; a third number is the strength [Pa] that
-        grows with the rate, in place of the yield strength.
-    brittle : whether it cracks, crushes or stretches before it yields.
-    tensile : least and largest strength in tension [Pa] of a brittle material; None: not known.
-    loss : loss factor.
-    critical : indentation from which a laminate is damaged [m]; None: no laminate.
-    name : name of the material; "" if its constants were given.
-    """
-
+    #: E, nu: Young's modulus [Pa], inf if rigid; Poisson's ratio
     E: float
     nu: float = 0.3
-    yield_strength: float | None = None
+    yield_strength: float | None = None  # [Pa]; None: not known, or the material is `brittle`
+    #: lowest and highest yield strength [Pa]; None: it is exact
     yield_range: tuple[float, float] | None = None
+    #: D [1/s] and q of Cowper and Symonds, or None; a third number is the strength [Pa] that grows
+    #: with the rate, in place of the yield strength
     rate: tuple[float, ...] | None = None
-    brittle: bool = False
-    loss: float = 0.0
+    brittle: bool = False  # whether it cracks, crushes or stretches before it yields
+    loss: float = 0.0  # loss factor
+    #: indentation from which a laminate is damaged [m]; None: no laminate
     critical: float | None = None
-    name: str = ""
+    name: str = ""  # name of the material; "" if its constants were given
+    #: least and largest strength in tension [Pa] of a brittle material; None: not known
     tensile: tuple[float, float] | None = None
 
     @property
@@ -81,29 +75,20 @@ def crack_note(sides: Iterable[Matter]) -> str:
 
 @dataclass(frozen=True)
 class Surface:
-    """The surface of a body at a place of contact.
+    """The surface of a body at a place of contact."""
 
-    Attributes
-    ----------
-    matter : its material.
-    curvatures : principal curvatures [1/m], ascending; < 0: hollow; for an edge or a corner those
-        of the assumed radius.
-    error : bound on the error of the curvatures [1/m].
-    kind : "plane", "line", "curved", "edge" or "corner", as of a `Curvature`.
-    along : (3,) unit vector of the first principal direction; None: not known, or none.
-    radius : radius of the patch of the contact [m]; None: a point.
-    largest_ball : radius [m] of the largest ball that touches there and meets the body nowhere
-        else; inf: any.
-    meets : (3,) the point of the body that a larger ball meets [m]; None without one.
-    """
-
-    matter: Matter
+    matter: Matter  # its material
+    #: principal curvatures [1/m], ascending; < 0: hollow; for an edge or a corner those of the
+    #: assumed radius
     curvatures: tuple[float, float] = (0.0, 0.0)
-    error: float = 0.0
-    kind: str = PLANE
+    error: float = 0.0  # bound on the error of the curvatures [1/m]
+    kind: str = PLANE  # "plane", "line", "curved", "edge" or "corner", as of a `Curvature`
+    #: (3,) unit vector of the first principal direction; None: not known, or none
     along: tuple[float, float, float] | None = None
-    radius: float | None = None
+    radius: float | None = None  # radius of the patch of the contact [m]; None: a point
+    #: radius [m] of the largest ball that touches there and meets the body nowhere else; inf: any
     largest_ball: float = inf
+    #: (3,) the point of the body that a larger ball meets [m]; None without one
     meets: tuple[float, float, float] | None = None
 
     def as_dict(self) -> dict[str, Any]:

@@ -90,11 +90,8 @@ def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
 def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
     """Factors (n, B) of the body's shapes at `times`, or their first or second derivatives.
 
-    For a body with second-order forces, the factors of the pairs of its modes follow: the shape is
-    (n, B + m (m + 1)/2).
-
-    Velocities and accelerations are those of the modes. The part of the displacement by a residual
-    compliance has no inertia: it follows the force.
+    With second-order forces those of the pairs of modes follow: (n, B + m (m + 1)/2). Velocities
+    and accelerations are those of the modes: a residual compliance follows the force.
     """
     modes = modes_of(history, body)
     motion = _motion_at(history, times, body)
@@ -139,10 +136,8 @@ def _factors(modes: ModalBody | SiteModes, q: Array, forces: Array | None = None
 def modal_amplitudes(
     history: RunHistory, times: Array, body: str, derivative: int
 ) -> tuple[Array, Array, Array]:
-    """Frequencies (J,) of a body's modes, their factors (J, B) and largest amplitudes (J,).
-
-    The amplitudes are those of the oscillations at `times`, or of their derivatives, without the
-    quasi-static response to the forces; those of rigid-body modes are 0.
+    """Frequencies (J,) of a body's modes, their factors (J, B) and largest amplitudes (J,), without
+    the quasi-static response to the forces; those of rigid-body modes are 0.
     """
     modes = modes_of(history, body)
     omega = modes.omega

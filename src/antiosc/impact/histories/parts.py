@@ -31,14 +31,11 @@ from antiosc.models.stretch import Stretch
 
 @dataclass(frozen=True, eq=False)
 class SceneRun:
-    """A run of a scene, shared by a history and its contacts.
-
-    `flights`: whether the history has closely spaced instants between contacts, too.
-    """
+    """A run of a scene, shared by a history and its contacts."""
 
     assembly: Assembly
     run: Run
-    flights: bool
+    flights: bool  # whether the history has instants between contacts, too
     enclosures: tuple[Enclosure, ...] = ()
 
     @cached_property
@@ -50,10 +47,7 @@ class SceneRun:
 
 
 class OneContact:
-    """Force and results of one contact, for `ContactHistory` and a history of one contact.
-
-    `_record` has the run; `_row` is the row of the contact among all.
-    """
+    """Force and results of one contact: the row `_row` of the run in `_record`."""
 
     _record: SceneRun
     _row: int

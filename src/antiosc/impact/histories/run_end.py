@@ -23,15 +23,12 @@ _NAMED = 5
 
 
 class RunEnd(NamedTuple):
-    """How a run ended: the data from which `status_of` makes status and message.
-
-    `time` [s]: time reached; `touches`: number of touches; `open`: contacts still closed.
-    """
+    """How a run ended: the data from which `status_of` makes status and message."""
 
     answer: int
-    time: float
-    touches: int
-    open: Sequence[int]
+    time: float  # time reached [s]
+    touches: int  # number of touches
+    open: Sequence[int]  # contacts still closed
     force: float
     peak: float
     certain: float

@@ -72,19 +72,15 @@ def _law_with_yield(contact: OneContact) -> ElasticPlastic | None:
 
 
 class ContactZone(NamedTuple):
-    """The surroundings of a contact on one body.
+    """The surroundings of a contact on one body."""
 
-    `point` (3,) [m]; `radius` [m] of the contact and of the `patch` that carries its force in the
-    model, infinite if modes of the whole body carry the force; `force` [N]: the largest; `nu`;
-    `thickness` [m] of a sheet, 0 of a solid.
-    """
-
-    point: Array
-    radius: float
+    point: Array  # (3,) [m]
+    radius: float  # of the contact [m]
+    #: radius [m] of what carries its force in the model; inf: modes of the whole body do
     patch: float
-    force: float
+    force: float  # the largest [N]
     nu: float
-    thickness: float = 0.0
+    thickness: float = 0.0  # of a sheet [m], 0 of a solid
 
     @property
     def ball(self) -> Array:
