@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from sphinx.addnodes import pending_xref
 from sphinx.errors import ExtensionError
 
 import antiosc
@@ -78,6 +79,13 @@ def _plain(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[s
     generated.with_notes(lines)
 
 
+def _words(app: Any, tree: Any) -> None:
+    """A word in the type of a parameter names no attribute, as Sphinx 9 would take it."""
+    for name in list(tree.findall(pending_xref)):
+        if name["reftype"] == "class" and name["reftarget"][0].islower():
+            name.replace_self(name.children)
+
+
 def _with_mathjax(app: Any, error: Exception | None) -> None:
     if error is not None or app.builder.format != "html":
         return
@@ -102,5 +110,6 @@ def setup(app: Any) -> None:
     generated.demo_pages(HERE / "demos")
     app.connect("source-read", _lists)
     app.connect("autodoc-process-docstring", _plain, priority=400)
+    app.connect("doctree-read", _words)
     app.connect("build-finished", _with_mathjax)
     app.connect("build-finished", _mended)

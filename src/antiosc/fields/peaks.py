@@ -315,6 +315,7 @@ def peak_field(
     shapes = shapes_of(structure, history, body)
     if contacts is None:
         contacts = _contacts(history, body)
+    contacts = checks.list_of("contacts", contacts, ContactZone, "ContactZone")
 
     # nodes, and those that count
     points, cells, moved = source(structure).at_nodes(structure, shapes, part)

@@ -131,6 +131,8 @@ def test_both_sides_of_a_sheet_and_a_fibre_of_a_beam():
     hit = ao.simulate(ao.extract(bar, ao.Site((0.8, 0.0), (0, 1)), 6), BALL, LAW, 1e-3)
     with pytest.raises(ao.InputError, match="give fibre"):
         ao.peak_field(bar, hit)
+    with pytest.raises(ao.InputError, match="contacts"):
+        ao.peak_field(bar, hit, contacts=float("nan"))
     peak = ao.peak_field(bar, hit, fibre=(0.01, 0.0))
     own = ao.probe(bar, hit, (0.8, 0.0), "von_mises", peak.times, fibre=(0.01, 0.0))
     assert peak.values.min() >= 0
