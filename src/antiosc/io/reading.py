@@ -310,7 +310,7 @@ def read(
     remedy = f"repair {name} in the program that wrote it, or mesh it there and give the mesh"
     if solid and not find_spec("pytetwild"):
         raise UnmeshableError(
-            f"{fault}: {remedy}; pytetwild fills it here (pip install pytetwild)."
+            f'{fault}: {remedy}; pytetwild fills it here (pip install "pytetwild<0.3").'
         )
 
     try:
