@@ -1,7 +1,7 @@
 """What Debian's furo needs to work in pages that are files: one style sheet, one script.
 
-Debian's style sheet imports normalize.css from a web server's folder, and its script is a module,
-which browsers take neither as a plain script nor from files.
+Debian's style sheet imports normalize.css from where the pages have none, and its script is a
+module, which browsers take neither as a plain script nor from files.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 #: Of Debian, which furo imports; the packages furo and node-normalize.css have both.
 NORMALIZE = Path("/usr/share/javascript/normalize.css/normalize.css")
 #: The line of the style sheet that imports it, and that of the script with its module.
-IMPORT_OF_STYLE = re.compile(r"@import url\([^)]*normalize\.css\);")
+IMPORT_OF_STYLE = re.compile(r"@import [^;]*normalize\.css[^;]*;")
 IMPORT_OF_SCRIPT = re.compile(r'^import \w+ from "\./([\w-]+\.js)";$', re.MULTILINE)
 
 
