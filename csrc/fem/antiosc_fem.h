@@ -32,10 +32,27 @@ typedef struct afe_tetra {
     const void *data;     /* [groups][AFE_TETRA_DATA][AFE_LANES] in the precision of the product */
 } afe_tetra;
 
+#define AFE_POINT_DATA 11 /* numbers of a point of `stiffness` below */
+
+/* Curved ones, in the same groups, by quadrature. Of a point in a cell: the gradients of its three
+ * reference coordinates and, times the weight, Lamé's constants; of one for M: density times weight. */
+typedef struct afe_curved {
+    int64_t n_groups;
+    const int32_t *nodes;       /* as above */
+    int64_t n_points, n_masses; /* in a cell: points for K, points for M */
+    const void *gradients;      /* [n_points][10][3] of the shape functions along the reference axes */
+    const void *values;         /* [n_masses][10] of the shape functions */
+    const void *points;         /* [groups][n_points][AFE_POINT_DATA][AFE_LANES] */
+    const void *masses;         /* [groups][n_masses][AFE_LANES] */
+} afe_curved;
+
 /* out += (k K + m M) u, both [nodes][3] and AFE_BEYOND numbers more, which stay */
 #define AFE_BEYOND 5
 AFE_API void afe_tetra_product_double(const afe_tetra *of, double k, double m, const double *u,
                                       double *out);
 AFE_API void afe_tetra_product_float(const afe_tetra *of, float k, float m, const float *u, float *out);
+AFE_API void afe_curved_product_double(const afe_curved *of, double k, double m, const double *u,
+                                       double *out);
+AFE_API void afe_curved_product_float(const afe_curved *of, float k, float m, const float *u, float *out);
 
 #endif

@@ -3,6 +3,7 @@
  * Strains are linear in a straight cell: their values at the corners v give its stresses σ_v, and
  * ∫ σ:δε = V/20 Σ_v (σ_v + Σ_w σ_w):δε_v. With λ_i the barycentric coordinates and u_ij the value in
  * the middle of an edge, grad u at corner v is Σ_i c_vi ⊗ grad λ_i, c_vv = 3 u_v, c_vi = 4 u_vi - u_i.
+ * Curved cells are integrated by quadrature.
  */
 #include "internal.h"
 
@@ -37,6 +38,8 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #define stresses NAMED(stresses, REAL)
 #define forces NAMED(forces, REAL)
 #define inertia NAMED(inertia, REAL)
+#define stiffness_at NAMED(stiffness_at, REAL)
+#define inertia_at NAMED(inertia_at, REAL)
 
 #define REAL double
 #define INTEGER int64_t
@@ -58,3 +61,5 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #undef stresses
 #undef forces
 #undef inertia
+#undef stiffness_at
+#undef inertia_at

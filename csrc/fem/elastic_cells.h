@@ -138,3 +138,63 @@ void NAMED(afe_tetra_product, REAL)(const afe_tetra *of, REAL k, REAL m, const R
             scatter_node(f[n], nodes + n * AFE_LANES, out);
     }
 }
+
+/* f += k K u of a quadrature point, with the gradients of the shape functions along the reference axes */
+INLINE void stiffness_at(REAL k, wide u[NODES][3], const REAL *table, const wide *data, wide f[NODES][3]) {
+    wide H[3][3], T[3][3], along[3];
+    for (int a = 0; a < 3; a++) {
+        for (int c = 0; c < 3; c++)
+            along[c] = table[c] * u[0][a];
+        for (int n = 1; n < NODES; n++)
+            for (int c = 0; c < 3; c++)
+                along[c] += table[3 * n + c] * u[n][a];
+        for (int b = 0; b < 3; b++)
+            H[a][b] = along[0] * data[b] + along[1] * data[3 + b] + along[2] * data[6 + b];
+    }
+
+    wide mean = k * data[9] * (H[0][0] + H[1][1] + H[2][2]), shear = k * data[10];
+    for (int a = 0; a < 3; a++) {
+        for (int b = 0; b < 3; b++)
+            T[a][b] = shear * (H[a][b] + H[b][a]);
+        T[a][a] += mean;
+        for (int c = 0; c < 3; c++)
+            along[c] = T[a][0] * data[3 * c] + T[a][1] * data[3 * c + 1] + T[a][2] * data[3 * c + 2];
+        for (int n = 0; n < NODES; n++)
+            for (int c = 0; c < 3; c++)
+                f[n][a] += table[3 * n + c] * along[c];
+    }
+}
+
+/* f += m M u of a quadrature point of this mass, with the values of the shape functions */
+INLINE void inertia_at(REAL m, wide u[NODES][3], const REAL *table, const wide *mass, wide f[NODES][3]) {
+    for (int a = 0; a < 3; a++) {
+        wide motion = table[0] * u[0][a];
+        for (int n = 1; n < NODES; n++)
+            motion += table[n] * u[n][a];
+        motion *= m * mass[0];
+        for (int n = 0; n < NODES; n++)
+            f[n][a] += table[n] * motion;
+    }
+}
+
+FOR_PROCESSORS
+void NAMED(afe_curved_product, REAL)(const afe_curved *of, REAL k, REAL m, const REAL *u, REAL *out) {
+    const wide *points = of->points, *masses = of->masses;
+    const REAL *gradients = of->gradients, *values = of->values;
+    for (int64_t g = 0; g < of->n_groups; g++) {
+        const int32_t *nodes = of->nodes + g * NODES * AFE_LANES;
+        wide own[NODES][3], f[NODES][3];
+        for (int n = 0; n < NODES; n++)
+            gather_node(u, nodes + n * AFE_LANES, own[n]);
+        memset(f, 0, sizeof f);
+        if (k != 0.0)
+            for (int64_t q = 0; q < of->n_points; q++)
+                stiffness_at(k, own, gradients + q * NODES * 3,
+                             points + (g * of->n_points + q) * AFE_POINT_DATA, f);
+        if (m != 0.0)
+            for (int64_t q = 0; q < of->n_masses; q++)
+                inertia_at(m, own, values + q * NODES, masses + g * of->n_masses + q, f);
+        for (int n = 0; n < NODES; n++)
+            scatter_node(f[n], nodes + n * AFE_LANES, out);
+    }
+}

@@ -128,6 +128,20 @@ def test_the_factor_is_forecast_from_the_linear_elements():
     assert exact / 2 <= found <= 2 * exact
 
 
+def test_a_cycle_of_a_tiny_load():
+    """A cycle is linear, in single precision too."""
+    part = made("iterative", supports=[])
+    cycle = part.factorize()._cycle
+    load, result = part.K.createVecs()
+    values = np.random.default_rng(0).standard_normal(part.rows)
+    found = []
+    for size in (1.0, 1e-36):
+        load.setArray(size * values)
+        cycle.apply(load, result)
+        found.append(result.array_r / size)
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-5 * abs(found[0]).max())
+
+
 @pytest.mark.slow
 def test_what_its_solves_leave_out_is_in_the_bound(monkeypatch):
     """With the exact static shapes, far beyond what twenty vectors leave out."""

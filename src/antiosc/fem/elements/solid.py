@@ -172,7 +172,7 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
     density = depth * coefficient(mesh, parts, lambda s: s.rho)
 
-    for_k, for_m = _degrees(mesh, order)
+    for_k, for_m = degrees(mesh, order)
     strains = None
     if not directed and _is_thin(mesh):
         root = coefficient(mesh, parts, lambda s: np.linalg.cholesky(s.voigt).T)
@@ -228,8 +228,8 @@ def _first_lame(solid: Solid) -> float:
     return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
 
 
-def _degrees(mesh: Mesh, order: int) -> tuple[int, int]:
-    """Degrees for K and M: exact on straight simplices, full Gauss rules otherwise."""
+def degrees(mesh: Mesh, order: int) -> tuple[int, int]:
+    """Quadrature degrees for K and M: exact on straight simplices, full Gauss rules otherwise."""
     if mesh.cell in ("quadrilateral", "hexahedron"):
         return 2 * order + 1, 2 * order + 1
     if mesh.order == 1:

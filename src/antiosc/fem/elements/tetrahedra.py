@@ -1,33 +1,33 @@
 """Products with K and M of quadratic tetrahedra of isotropic materials, cell by cell.
 
 A product with an assembled matrix reads 80 entries per row from memory; one from the cells reads a
-tenth of that and computes the rest (measured). The strains of a straight quadratic tetrahedron are
-linear, so that its energy follows from the strains at its corners (csrc/fem/elastic.c). Curved
-cells, which lie at curved faces alone, have assembled matrices. The
-two-level solver also needs the diagonal blocks of the nodes and the assembled matrix of the linear
-elements. A factorization needs all entries and assembles them (`with_entries`).
-
-The loops are in C (`csrc/fem/antiosc_fem.h`); other threads run during a call.
+tenth of that and computes the rest (measured). `cell_products` has the kernels of straight and of
+curved cells. The two-level solver also needs the diagonal blocks of the nodes and the assembled
+matrix of the linear elements. A factorization needs all entries and assembles them
+(`with_entries`).
 """
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterator, Mapping, Sequence
-from ctypes import Structure, byref, c_double, c_float, c_int64, c_void_p
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.engine import library
-from antiosc.fem.elements.solid import Solid, weak_form_of
-from antiosc.fem.elements.weak_form import Parts, WeakForm, restricted
+from antiosc.base._types import Array, IntArray
+from antiosc.fem.elements.cell_products import (
+    Cells,
+    CurvedCells,
+    StraightCells,
+    constants,
+    straight,
+)
+from antiosc.fem.elements.solid import Solid, degrees, weak_form_of
+from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.petsc_algebra import empty, multiply
-from antiosc.fem.linalg.solver import ENTRIES, TETRAHEDRA, Products
+from antiosc.fem.linalg.solver import CURVED, TETRAHEDRA, Products
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
@@ -36,15 +36,6 @@ NO_DOFS = np.zeros(0, dtype=np.int32)
 FEWEST_DOFS = 20_000
 #: `AFE_BEYOND` of the C library: numbers behind a vector that a kernel may read
 BEYOND = 5
-#: `AFE_LANES` and `AFE_TETRA_DATA` of the C library
-LANES = 8
-DATA = 12
-#: Bytes of an entry of a sparse matrix with its column.
-MATRIX = 12.0
-#: Distance of a node from the middle of its edge up to which the edge is straight, over its length.
-STRAIGHT = 1e-9
-#: For each node of a cell in dolfinx's order: the corner, or the two corners it lies between.
-ENDS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
 
 
 def cell_by_cell(
@@ -93,77 +84,29 @@ class Tetrahedra:
         #: matrices added to K and M at points, and whether they have entries
         self.added = empty(self.rows, self.comm), empty(self.rows, self.comm)
         self.carries = False
-        count = compat.cell_map(mesh.dolfinx).size_local
-        x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)[:count]]
-        straight = _straight(x)
-        nodes = compat.cell_dofs(form.space, (0,), np.flatnonzero(straight)) // 3
-        self._nodes = _in_lanes(nodes.astype(np.int32))
-        self._data = _in_lanes(_data_of(x, parts)[straight])
-        self._curved = self._assembled_of(np.flatnonzero(~straight))
-
-    def _assembled_of(self, cells: IntArray) -> tuple[PETSc.Mat, ...]:
-        """K and M of some cells of this rank; nothing where no rank has such cells."""
-        if not self.comm.allreduce(len(cells)):
-            return ()
-
-        forms = (self._form.stiffness, self._form.mass)
-        return tuple(
-            compat.assemble(
-                restricted(one, self._mesh, cells), self._form.space, self._conditions, 0.0
-            )
-            for one in forms
-        )
+        self._kinds = _kinds_of(mesh, form, parts)
 
     @cached_property
     def products(self) -> Products:
-        """What the forecasts take from the kernel, and from the matrices of curved cells."""
-        stored = sum(A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"] for A in self._curved)
-        rows = self.comm.allreduce(self.rows)
-        share = stored / 2 / (TETRAHEDRA.row * rows)
-        more = 2 * MATRIX * share
+        """What the forecasts take from the kernels, by the share of curved cells."""
+        of_rank = sum(len(cells.nodes) for cells in self._kinds[1:])
+        curved = self.comm.allreduce(of_rank) / self._mesh.n_cells
 
         return replace(
             TETRAHEDRA,
-            bytes=TETRAHEDRA.bytes + more,
-            aggregated=TETRAHEDRA.aggregated + more,
-            seconds=TETRAHEDRA.seconds + share * ENTRIES.seconds,
+            bytes=TETRAHEDRA.bytes + curved * CURVED.bytes,
+            aggregated=TETRAHEDRA.aggregated + curved * CURVED.aggregated,
+            seconds=TETRAHEDRA.seconds + curved * CURVED.seconds,
         )
-
-    def _add(self, k: float, m: float, u: Array, out: Array) -> None:
-        """Add (k K + m M) u of the cells to `out`, both on all dofs of this rank."""
-        single = u.dtype == np.float32
-        product = (
-            functions.afe_tetra_product_float if single else functions.afe_tetra_product_double
-        )
-        data = self._single if single else self._data
-        cells = Tetra(len(data), library.address(self._nodes), library.address(data))
-        product(byref(cells), k, m, library.address(u), library.address(out))
-
-    @cached_property
-    def _single(self) -> NDArray[np.float32]:
-        """The data of the cells in single precision."""
-        return self._data.astype(np.float32)
 
     def _node_blocks(self, k: float, m: float) -> Array:
         """The diagonal 3×3 blocks of k K + m M summed over the cells of this rank: (dofs, 3)."""
-        data = self._data.transpose(0, 2, 1).reshape(-1, DATA)
-        nodes = self._nodes.transpose(0, 2, 1).reshape(-1, len(ENDS))
-        slopes = data[:, :9].reshape(-1, 3, 3)
-        slopes = np.concatenate([-slopes.sum(axis=1, keepdims=True), slopes], axis=1)
-        lame = k * data[:, 9] * 20
-        shear = k * data[:, 10] * 20
-        density = m * data[:, 11]
-
         result = np.zeros((self._dofs // 3, 3, 3))
-        for node, ends in enumerate(ENDS):
-            G = _squares(slopes, ends)
-            blocks = (lame + shear)[:, None, None] * G
-            inertia = (6 if len(ends) == 1 else 32) * density
-            diagonal = shear * np.trace(G, axis1=1, axis2=2) + inertia
-            for a in range(3):
-                blocks[:, a, a] += diagonal
-                for b in range(3):
-                    result[:, a, b] += np.bincount(nodes[:, node], blocks[:, a, b], len(result))
+        for cells in self._kinds:
+            blocks = cells.blocks(k, m).reshape(-1, 3, 3)
+            nodes = cells.nodes.ravel()
+            for a, b in np.ndindex(3, 3):
+                result[:, a, b] += np.bincount(nodes, blocks[:, a, b], len(result))
 
         return result.reshape(-1, 3)
 
@@ -186,7 +129,8 @@ class Tetrahedra:
         u[self._held] = 0.0
         product = np.zeros(self._dofs + BEYOND, x.dtype)[: self._dofs]
         self._exchange.fetch(u)
-        self._add(k, m, u, product)
+        for cells in self._kinds:
+            cells.add(k, m, u, product)
         self._exchange.add(product)
         result = product[: self.rows]
         for factor, matrix in self._matrices(k, m):
@@ -196,10 +140,9 @@ class Tetrahedra:
         return result
 
     def _matrices(self, k: float, m: float) -> Iterator[tuple[float, PETSc.Mat]]:
-        """(factor, matrix) of curved cells and of what is added at points in k K + m M."""
-        pairs = [self._curved] if self._curved else []
-        for pair in [*pairs, self.added] if self.carries else pairs:
-            yield from ((x, A) for x, A in zip((k, m), pair, strict=True) if x)
+        """(factor, matrix) of what is added at points in k K + m M."""
+        if self.carries:
+            yield from ((x, A) for x, A in zip((k, m), self.added, strict=True) if x)
 
     def blocks(self, k: float, m: float) -> Array:
         """The diagonal 3×3 blocks of k K + m M, (rows of this rank, 3)."""
@@ -257,59 +200,26 @@ class Tetrahedra:
         return total
 
 
-def _data_of(x: Array, parts: Parts) -> Array:
-    """Gradients, and constants times volume, of straight cells with these corners: (n, DATA)."""
-    edges = x[:, 1:4] - x[:, :1]
-    data = np.empty((len(x), DATA))
+def _kinds_of(mesh: Mesh, form: WeakForm, parts: Parts) -> list[Cells]:
+    """The straight cells of this rank and, on a mesh of order 2, the curved ones."""
+    count = compat.cell_map(mesh.dolfinx).size_local
+    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)[:count]]
+    nodes = compat.cell_dofs(form.space, (0,), np.arange(count)) // 3
+    materials = constants(parts, count)
+    is_straight = straight(x)
+    kinds: list[Cells] = [StraightCells(nodes[is_straight], x[is_straight], materials[is_straight])]
+    if mesh.order == 1:
+        return kinds
 
-    # x = x0 + Σ λ_i (x_i - x_0): the gradients are the columns of the inverse
-    data[:, :9] = np.linalg.inv(edges).transpose(0, 2, 1).reshape(len(x), 9)
-    for material, cells in parts:
-        data[cells[cells < len(x)], 9:] = _constants(material)
+    rules = []
+    for degree in degrees(mesh, 2):
+        X, weights = compat.quadrature(mesh.cell, degree)
+        values_at = compat.tabulate(form.space, (0,), X)
+        gradients = compat.tabulate_slopes(form.space, (0,), X)
+        rules.append((values_at, np.ascontiguousarray(gradients), weights))
 
-    data[:, 9:] *= np.abs(np.linalg.det(edges))[:, None] / 6
-    return data
-
-
-def _straight(x: Array) -> BoolArray:
-    """Mask of cells (n, nodes, 3) whose further nodes are the middles of their edges."""
-    straight = np.ones(len(x), dtype=bool)
-    for node, ends in enumerate(ENDS[: x.shape[1]]):
-        if len(ends) == 1:
-            continue
-        a, b = x[:, ends[0]], x[:, ends[1]]
-        off = np.linalg.norm(x[:, node] - (a + b) / 2, axis=1)
-        straight &= off <= STRAIGHT * np.linalg.norm(b - a, axis=1)
-
-    return straight
-
-
-def _squares(slopes: Array, ends: Sequence[int]) -> Array:
-    """Integral (n, 3, 3) of grad N ⊗ grad N per volume; `slopes` are the gradients of λ."""
-    g = slopes[:, ends[0]]
-    if len(ends) == 1:
-        return np.asarray(0.6 * g[:, :, None] * g[:, None])
-
-    h = slopes[:, ends[1]]
-    gradient_sum = g + h  # 2 gg + 2 hh + gh + hg = gg + hh + (g + h)(g + h)
-
-    return np.asarray(
-        0.8 * sum(vector[:, :, None] * vector[:, None] for vector in (g, h, gradient_sum))
-    )
-
-
-def _constants(material: Solid) -> tuple[float, float, float]:
-    """(λ/20, μ/20, ρ/420): Lamé's constants and the density as csrc/fem/elastic.c takes them."""
-    lame = material.E * material.nu / ((1 + material.nu) * (1 - 2 * material.nu))
-    return lame / 20, material.G / 20, material.rho / 420
-
-
-def _in_lanes(values: Array) -> Array:
-    """Values of cells (n, k) padded with zeros, as (groups, k, lanes) for SIMD."""
-    groups = -(-len(values) // LANES)
-    full = np.zeros((groups * LANES, values.shape[1]), values.dtype)
-    full[: len(values)] = values
-    return np.ascontiguousarray(full.reshape(groups, LANES, values.shape[1]).transpose(0, 2, 1))
+    curved = ~is_straight
+    return [*kinds, CurvedCells(nodes[curved], x[curved], materials[curved], *rules)]
 
 
 def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:
@@ -319,22 +229,3 @@ def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:
     columns = columns - matrix.getOwnershipRange()[0]
     same_node = rows // 3 == columns // 3
     np.add.at(blocks, (rows[same_node], columns[same_node] % 3), factor * values[same_node])
-
-
-class Tetra(Structure):
-    """The C structure `afe_tetra`."""
-
-    _fields_ = [("n_groups", c_int64), ("nodes", c_void_p), ("data", c_void_p)]
-
-
-_SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
-    "afe_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
-    "afe_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
-}
-
-#: The functions of the library, which `antiosc.engine.library` has checked.
-functions = ctypes.CDLL(str(library.FILE))
-
-for _name, (_result, *_arguments) in _SIGNATURES.items():
-    _function = getattr(functions, _name)
-    _function.restype, _function.argtypes = _result, _arguments
