@@ -23,11 +23,11 @@ from antiosc.engine.system import ContactState, System
 _ITERATIONS = 400
 
 
-def settle(system: System) -> tuple[Array, Array]:
+def _settle(system: System) -> tuple[Array, Array]:
     """Modal displacements (J,) and contact forces (p,) at rest under the loads at t = 0."""
     laws = system.laws
     p = len(laws)
-    states = [law.touch(0.0) for law in laws]
+    states = _begun(laws, [None] * p)
     beta = system.beta[:p]
     load = system.loads[0]
     gap = system.offsets[0, :p]
@@ -97,15 +97,16 @@ def set_initial_forces(
     laws = system.laws
     p = len(laws)
     R = system.R[:p, :p]
-    system.contact_states = None if cut is None else cut[0]
+    contacts: list[ContactState | None] = [None] * p if cut is None else list(cut[0])
+    system.contact_states = None if cut is None else contacts
     if preload:
-        system.q[:], system.pressed[:] = settle(system)
+        system.q[:], system.pressed[:] = _settle(system)
 
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
     if not preload and (free > 0).any():
-        system.pressed[:] = _closed_contacts(laws, system.begun(), free, R, np.zeros(p))[1]
+        system.pressed[:] = _closed_contacts(laws, _begun(laws, contacts), free, R, np.zeros(p))[1]
     if cut is not None:
-        goes_on = [contact is not None and contact.closed for contact in cut[0]]
+        goes_on = [contact is not None and contact.closed for contact in contacts]
         system.pressed[:] = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
     if not system.pressed.any():
         return
@@ -114,18 +115,33 @@ def set_initial_forces(
     system.depth[:] = np.maximum(system.depth, delta)
 
     if cut is not None:  # it may lie between two nodes
-        rate = system.free_rows(system.q, system.v)[1].tolist()
-        contacts = list(cut[0])
+        rate = _rates(system).tolist()
         for c, contact in enumerate(contacts):
             if contact is not None and contact.closed:
                 state = laws[c].advance(float(delta[c]), rate[c], contact.state)
                 contacts[c] = contact._replace(state=state)
-        system.contact_states = contacts
 
     energy = 0.5 * float(system.pressed @ R @ system.pressed)
-    for law, d, state in zip(laws, delta.tolist(), system.begun(), strict=True):
+    for law, d, state in zip(laws, delta.tolist(), _begun(laws, contacts), strict=True):
         energy += law.energy(d, state) if cut is not None else law.potential(d, state)
     system.contact_energy = energy
+
+
+def _begun(laws: Sequence[ContactLaw], contacts: Sequence[ContactState | None]) -> list[State]:
+    """States of the laws at the start; by default those of a touch without speed."""
+    return [
+        law.touch(0.0) if contact is None else contact.state
+        for law, contact in zip(laws, contacts, strict=True)
+    ]
+
+
+def _rates(system: System) -> Array:
+    """Rates (m,) of the rows at the start, without those of forces."""
+    rate = system.beta @ system.v
+    if system.gamma is None:
+        return rate
+    pull = system.omega**2 * system.q + 2 * system.decay * system.v
+    return rate - system.gamma @ pull
 
 
 def _closed_contacts(

@@ -156,14 +156,6 @@ class System:
             contact is not None and contact.closed for contact in self.contact_states
         ]
 
-    def begun(self) -> list[State]:
-        """States of the p laws at the start; by default those of a touch without speed."""
-        contacts = self.contact_states or [None] * len(self.laws)
-        return [
-            law.touch(0.0) if contact is None else contact.state
-            for law, contact in zip(self.laws, contacts, strict=True)
-        ]
-
     @property
     def damped(self) -> bool:
         """Whether a mode has damping."""
@@ -209,14 +201,6 @@ class System:
         if self.quadratic is None or self.cubic is None:
             return np.zeros(len(q))
         return stretch_energy(self.quadratic, self.cubic, q @ self.beta[-len(self.cubic) :].T)
-
-    def free_rows(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Indentations and rates (m,) of the rows in a state, without gaps and forces."""
-        free = self.beta @ q
-        rate = self.beta @ v
-        if self.gamma is None:
-            return free, rate
-        return free + self.gamma @ v, rate - self.gamma @ (self.omega**2 * q + 2 * self.decay * v)
 
     @cached_property
     def packed(self) -> PackedSystem:
