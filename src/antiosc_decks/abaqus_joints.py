@@ -129,11 +129,7 @@ class TiedNode(NamedTuple):
 def tied_nodes(
     joints: DeckConstraints, slave: DeckFaces, master: DeckFaces, tolerance: float | None
 ) -> tuple[list[TiedNode], float]:
-    """(nodes of `slave` that lie within reach of the faces of `master` and are none of their nodes,
-    the reach).
-
-    The reach is `tolerance`, by default `TIE_REACH` of the mean edge of the faces.
-    """
+    """Nodes of `slave` within reach of the faces of `master`, none of these; the reach."""
     faces = [(nodes, np.array([joints.place(int(n)) for n in nodes])) for nodes in master.node_rows]
     size = mean_edge(joints, master)
     centres = np.array([x.mean(axis=0) for _, x in faces])

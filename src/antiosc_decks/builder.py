@@ -45,10 +45,7 @@ LEAST_TERM = 1e-12
 
 
 class GroupSection(NamedTuple):
-    """The section of a group of elements: the name of a class of antiosc and its arguments.
-
-    "Truss" has a further argument "torsion" in m⁴, which springs use and a truss ignores.
-    """
+    """The section of a group of elements: the name of a class of antiosc, its arguments."""
 
     kind: str
     arguments: Json
@@ -238,10 +235,7 @@ class ModelBuilder:
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
 
     def hold(self) -> None:
-        """Turn motions fixed along local axes into supports along x, y, z, or into constraints.
-
-        Nodes of repeated elements follow the original nodes.
-        """
+        """Turn motions fixed along local axes into supports along x, y, z, or into constraints."""
         for node, frame in self.joints.frames.items():
             self.fixed[node] = self.joints.fixed_along(node, self.fixed[node], frame)
         for copy, node in self.copies:

@@ -20,13 +20,7 @@ from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, FileMesh, of_ki
 
 
 def as_mesh(deck: Deck) -> FileMesh:
-    """The elements of a deck as cells, its sets as groups, with its model.
-
-    Raises
-    ------
-    MeshError
-        An element whose coincident nodes leave it without volume or area.
-    """
+    """The elements of a deck as cells, its sets as groups, with its model."""
     model = deck.model
     if model is None:
         mesh, nodes, kinds = divided(deck)

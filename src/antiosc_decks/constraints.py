@@ -92,10 +92,7 @@ class DeckConstraints:
             self.equations.append(significant)
 
     def fixed_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
-        """Fix motions (6,) of a node along the rows of `frame`.
-
-        Returns the mask (6,) of motions to be supported; inclined ones become constraints.
-        """
+        """Fix motions (6,) along the rows of `frame`; the mask (6,) of those left to supports."""
         result = np.zeros(6, dtype=bool)
         for first in (0, 3):
             axes = fixed[first : first + 3]
@@ -352,12 +349,7 @@ def _piece(deck: Deck, chosen: BoolArray, members: BoolArray) -> Piece:
 def held_apart(
     deck: Deck, x: Array, moves: BoolArray, fixed: BoolArray, rows: Sequence[list[Term]]
 ) -> tuple[int, bool]:
-    """(number of pieces without a joint between them, whether there are several and each is
-    supported).
-
-    `x` (n, 3): nodes and added points; `moves`, `fixed` (n, 6): motions that they have, and that
-    supports fix; `rows`: sums of motions that constraints and springs resist.
-    """
+    """Number of pieces without a joint between them; whether several are each supported."""
     tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
     tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
     nodes = np.unique(np.concatenate([NO_NODES, *(t.ravel() for t in tables)]))

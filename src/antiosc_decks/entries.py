@@ -36,7 +36,7 @@ class DeckPlace:
         return MeshError(f"{self}: {text}")
 
     def needs(self, holds: object, text: str) -> None:
-        """Raise `error(text)` unless the condition `holds` is met."""
+        """MeshError with file, line and the sentence `text` unless the condition `holds`."""
         if not holds:
             raise self.error(text)
 

@@ -92,10 +92,7 @@ JOINED = {"solid", "shell", "beam"}
 
 
 def finished(builder: ModelBuilder) -> Model:
-    """Complete the model of a deck.
-
-    Raises MeshError for elements without a section and for families that cannot be joined.
-    """
+    """Complete the model of a deck."""
     _keep_elements(builder, builder.chosen)
     _refuse_uncovered(builder)
     if builder.truss and any([one.arguments.pop("torsion", 0.0) for one in builder.families]):
@@ -189,10 +186,7 @@ def _pieces_and_supports(builder: ModelBuilder, count: int, fixed_points: Held) 
 
 
 def _drop_free_followers(builder: ModelBuilder) -> None:
-    """Remove the equations of a point on which nothing else acts, if they leave it free to move.
-
-    The point fulfils them by its own motions, so that they act on nothing.
-    """
+    """Remove equations of a point on which nothing else acts, if it fulfils them itself."""
     joints = builder.joints
     other = [terms for terms, _ in [*joints.springs, *joints.dampers]]
     other += [terms for rows, _, _ in joints.masses for terms in rows]
@@ -360,11 +354,7 @@ def _hold_middles(builder: ModelBuilder) -> None:
 
 
 def _kept_apart(deck: Deck) -> bool:
-    """Whether quadrilaterals and triangles become two meshes.
-
-    They do if there are triangles, at most half of the sheet elements are triangles, and there are
-    no volumes, whose faces may become triangles.
-    """
+    """Whether quadrilaterals and few triangles, without volumes, become two meshes."""
     if any(DIMENSION[block.shape] == 3 for block in deck.blocks):
         return False
     sheets = [b for b in deck.blocks if DIMENSION[b.shape] == 2]

@@ -296,10 +296,7 @@ def _changed_field(old: str, change: str, place: DeckPlace) -> str:
 
 
 def fields_of(line: str) -> tuple[str, list[str], bool, str]:
-    """(name, fields, whether they are large, mark of the continuation) of a line.
-
-    There are 4 large or 8 small fields; free format may have more.
-    """
+    """(name, fields, whether they are large, mark of the continuation) of a line."""
     if "," in line:
         first, *other_parts = (part.strip() for part in line.split(","))
         first, *other_fields = first.split() if first[:1].isalpha() else [first]

@@ -245,10 +245,7 @@ class NastranJoints:
         return values["K"], values["B"]
 
     def _bush_axes(self, entry: Entry, acts: list[bool], x: Array, place: Array) -> Array:
-        """Axes, as rows, from a system, from a line and a vector, or those of the deck.
-
-        `acts` marks the motions (6) with a spring or damper.
-        """
+        """Axes, as rows: a system's, of a line and a vector, or the deck's."""
         if entry.text(7):
             return self.found.systems(entry.whole(7), entry.place).frame(place)
         acts_transversely = any(acts[k] for k in (1, 2, 4, 5))

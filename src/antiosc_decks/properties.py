@@ -296,10 +296,7 @@ def top_of(deck: Deck, elements: IntArray, length: float) -> Everywhere | list[f
 
 
 def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:
-    """Mask (3,) of the motions along x, y, z that are fixed; None if `frame` is inclined.
-
-    `fixed` (3,) marks fixed motions along the rows of `frame`.
-    """
+    """Which motions along x, y, z are fixed, from `frame`'s rows; None if it is inclined."""
     if fixed.all() or not fixed.any():
         return fixed
     cosines = np.abs(frame)

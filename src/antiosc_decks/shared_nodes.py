@@ -328,10 +328,7 @@ class Between:
         return result
 
     def _places(self, dof: Dof, motion: int) -> list[tuple[int, int, Array]]:
-        """[(part, cell, reference point)] of a dof's place in the cell to which its nodes are tied.
-
-        Empty if they are not tied to one cell at their own place.
-        """
+        """[(part, cell, reference point)] of a dof in the one cell to which its nodes are tied."""
         _, numbers, weights = dof
         rows = self.dependent[motion]
         if not all(number in rows for number in numbers):
@@ -391,9 +388,7 @@ class Between:
         return all(self.nodes.is_fixed(n, motion) for n in independent)
 
     def _sliders(self, mesh: NumberedMesh, first: int) -> Iterator[Row]:
-        """Yields constraints for the dofs between nodes that slide across a direction or are
-        fixed.
-        """
+        """Yield constraints for dofs between nodes that are fixed or slide across a direction."""
         nodes = self.nodes
         directions = self.sliding[first]
         axes = range(2 if nodes.layout.plane else 3)

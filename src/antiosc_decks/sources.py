@@ -32,11 +32,7 @@ Watch = Callable[[int], None]
 
 
 class Sources:
-    """The files of a deck.
-
-    `on_size` is called with the total size so far in bytes; files that
-    the deck includes must lie below the folder `root`.
-    """
+    """The files of a deck: those that it includes must lie below the folder `root`."""
 
     def __init__(
         self, path: Path, name: str, on_size: Watch = lambda size: None, root: str | None = None
@@ -167,11 +163,7 @@ class Account:
     options: list[tuple[str, DeckPlace, Fate]] = field(default_factory=list)
 
     def refuse(self, contact: Collection[str], deck: Deck) -> None:
-        """Raise MeshError for the first card or option that is refused.
-
-        The cards of `contact` act between pieces of the part: they raise PiecesError, or are told
-        where contact is left out.
-        """
+        """MeshError for the first card or option refused; PiecesError for those of `contact`."""
         left: list[tuple[str, DeckPlace, Fate]] = []
         for name, place, fate in [*self.cards, *self.options]:
             between = name.replace(" ", "") in contact

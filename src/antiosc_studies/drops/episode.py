@@ -311,11 +311,7 @@ def episode(
     ongoing: dict[int, OngoingContact],
     before: float = np.inf,
 ) -> Episode:
-    """The contact that begins at `start`.
-
-    ongoing : number of a point -> its contact, for those that continue from the previous episode;
-    before : duration of the previous episode [s].
-    """
+    """The contact that begins at `start`, with those that go on from the previous episode."""
     touch = Touch.of(body, start)
     heights = start.heights(body)
     base = scene_of(touch, setting, np.array([np.argmin(heights)]), ongoing)

@@ -37,14 +37,7 @@ def rotation_matrices(angle: Array) -> Array:
 def free_rotation(
     moments: Array, axes: Array, R: Array, momentum: Array
 ) -> Callable[[Array], Array]:
-    """R (n, 3, 3) from the axes of the body to the fixed ones, as a function of times (n,) [s].
-
-    Parameters
-    ----------
-    moments, axes : (3,) principal moments [kg m^2], ascending, and their axes as rows (3, 3).
-    R : (3, 3) at the time 0.
-    momentum : (3,) angular momentum in the fixed axes [kg m^2/s].
-    """
+    """R (n, 3, 3) from the body's axes to the fixed ones, as a function of times (n,) [s]."""
     body_momentum = axes @ R.T @ momentum
     spin = R @ axes.T @ (body_momentum / moments)
     size = float(np.linalg.norm(spin) * np.linalg.norm(momentum))

@@ -153,19 +153,14 @@ def as_floor(floor: object) -> Floor:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """The conditions of a fall: floor, gravity, height, tolerances and limits.
-
-    floor, gravity [m/s^2], height [m] of the lowest point at the start.
-    impacts, duration [s] : the fall ends at this number of impacts or this time at the latest.
-    tol : relative error of the contact forces.
-    """
+    """The conditions of a fall."""
 
     floor: Floor
-    gravity: float
-    height: float
-    impacts: float
-    duration: float
-    tol: float
+    gravity: float  # [m/s^2]
+    height: float  # of the lowest point at the start [m]
+    impacts: float  # the fall ends at this number of them at the latest
+    duration: float  # or at this time [s]
+    tol: float  # relative error of the contact forces
 
 
 def law_of(floor: Floor, surface: Curvature, matter: Matter) -> ContactLaw:

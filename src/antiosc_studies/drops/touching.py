@@ -64,15 +64,11 @@ class Touch(NamedTuple):
 
 
 class OngoingContact(NamedTuple):
-    """A contact that continues from the previous episode.
+    """A contact that continues from the previous episode."""
 
-    Its height [m] at zero force, the forces of its rows (normal, friction) [N], its tangential
-    stiffness [N/m], its state, and its law.
-    """
-
-    height: float
-    force: Array
-    stiffness: float
+    height: float  # at zero force [m]
+    force: Array  # of its rows: normal, friction [N]
+    stiffness: float  # tangential [N/m]
     contact: ContactState
     law: ContactLaw
 

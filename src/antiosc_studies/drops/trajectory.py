@@ -48,14 +48,7 @@ def trajectory(
     setting: Setting,
     report: Callable[[int, int, float], None] = lambda *_: None,
 ) -> tuple[State, list[Episode], list[Flight], list[list[int]], str]:
-    """Follow a fall until it rests or ends.
-
-    `report` is called before each contact with the number of its impact and of the contact in it,
-    from 1, and its time [s].
-
-    Returns the last state, the contacts, the flights, the indices of the contacts of each impact,
-    and why it ended.
-    """
+    """Follow a fall to its end: last state, contacts, flights, contacts of each impact, why."""
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []

@@ -35,25 +35,20 @@ SOFTER = 0.9
 
 
 class PointContact(NamedTuple):
-    """A contact at a point and its largest force.
-
-    It has the number of its point, a place (3,) in the axes of the mesh [m], a law, a largest force
-    [N] and its time [s], a largest indentation [m], a duration [s], a dent if it yielded, the least
-    height [m] of another vertex over the point, and whether its law is that of a crushed corner.
-    """
+    """A contact at a point and its largest force."""
 
     body: FreeBody
     floor: Floor
-    which: int
-    place: Array
+    which: int  # number of the point
+    place: Array  # (3,) in the axes of the mesh [m]
     law: ContactLaw
-    force: float
-    time: float
-    depth: float
-    contact_time: float
-    dent: Dent | None
-    clearance: float
-    crushed: bool
+    force: float  # [N]
+    time: float  # of the largest force [s]
+    depth: float  # largest indentation [m]
+    contact_time: float  # [s]
+    dent: Dent | None  # if it yielded
+    clearance: float  # least height of another vertex over the point [m]
+    crushed: bool  # whether its law is that of a crushed corner
 
     @property
     def matter(self) -> Matter:

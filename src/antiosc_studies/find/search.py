@@ -164,11 +164,7 @@ class ProbableImpact:
 
 
 class Search:
-    """Gauss–Newton iteration on the unknowns of a model.
-
-    unknown : names among mass, velocity, stiffness, E, whose logarithms are found.
-    spread, doubt : expected relative errors of the natural frequencies, and of the modes' shares.
-    """
+    """Gauss–Newton iteration on the unknowns of a model, of which it finds the logarithms."""
 
     def __init__(self, model: Struck, unknown: Sequence[str], spread: float, doubt: float) -> None:
         self.model = model
@@ -374,13 +370,7 @@ def most_probable(
     spread: float,
     doubt: float,
 ) -> list[ProbableImpact]:
-    """Impacts of least cost, the best first, at different places if there are several.
-
-    unknown : names among mass, velocity, stiffness, E.
-    known : values of those that are not.
-    weight : mass of the structure [kg].
-    spread, doubt : expected relative errors of the natural frequencies, and of the modes' shares.
-    """
+    """Impacts of least cost, the best first, at different places if there are several."""
     search = Search(model, unknown, spread, doubt)
     masses = [share * weight for share in MASSES] if "mass" in unknown else [known["mass"]]
     starts = [

@@ -166,18 +166,14 @@ MOST_DAMPED = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Receptances H (W, M) [m/N] of pairs of sites at w (W,) [rad/s], with their noise.
+    """Receptances of pairs of sites, with their noise."""
 
-    sigma (W, M): standard deviation of the complex values; None: unknown. power: H w^power was
-    measured, whose noise may be the same at all frequencies.
-    """
-
-    w: Array
-    H: ComplexArray
+    w: Array  # (W,) [rad/s]
+    H: ComplexArray  # (W, M) [m/N]
     pairs: Pairs
     sites: int
-    sigma: Array | None
-    power: int
+    sigma: Array | None  # (W, M) standard deviation of the complex values
+    power: int  # H w^power was measured, with noise that may not depend on w
 
 
 def refined(
@@ -218,13 +214,7 @@ def lowered(
     moved: Callable[[Array], tuple[T, Array]],
     limits: tuple[Array, Array] = UNLIMITED,
 ) -> tuple[tuple[T, Array] | None, float]:
-    """One damped Gauss-Newton step: ((new values, residual) or None if none lowers the cost, next
-    damping).
-
-    The damping (Levenberg, Marquardt) grows until the sum of squares decreases; the first item is
-    None if it never does. normal, slope : J'J and J' residual, with the derivatives J of the
-    residual. limits : lowest and highest step.
-    """
+    """One damped Gauss-Newton step to a lower cost, None if none lowers it; next damping."""
     cost = float(residual @ residual)
     diagonal = np.diag(normal)
     size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))

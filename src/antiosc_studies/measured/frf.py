@@ -53,16 +53,12 @@ STRETCH = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Tail:
-    """Expected modes above the band, with their uncertainty.
+    """Expected modes above the band, with their uncertainty."""
 
-    omega (U,) [rad/s]; squared displacements b2 (U, p) [1/kg]; relative standard deviations (U,) of
-    the frequencies (`spread`) and of the squares (`doubt`).
-    """
-
-    omega: Array
-    spread: Array
-    b2: Array
-    doubt: Array
+    omega: Array  # (U,) [rad/s]
+    spread: Array  # (U,) relative standard deviations of the frequencies
+    b2: Array  # (U, p) squared displacements [1/kg]
+    doubt: Array  # (U,) relative standard deviations of the squares
 
 
 @dataclass(frozen=True, eq=False)
