@@ -89,6 +89,7 @@ def test_simulate_warns_at_the_line_that_called_it():
         ("a = 'it[[' # [[[ [\nb = [[1], [2]]", 2),
         ("]]]" + "[" * 100_000, 99_997),
     ],
+    ids=["none", "nested", "quoted", "comment", "many"],
 )
 def test_brackets_are_counted_before_a_parser_recurses(text, depth):
     assert not checks.nests_deeper(text, depth)
