@@ -79,7 +79,7 @@ static void renew_rows(aom_stepper *st, const aom_system *system) {
     st->system = *system;
     find_spans(st);
     for (int k = 0; k < SLOTS; k++)
-        st->slots[k].n_held = 0;
+        forget_rows(st, st->slots + k);
 }
 
 /* Whether a batch takes such a system; `begin` looks at its numbers. */

@@ -83,7 +83,8 @@ static void turn(int J, const double *restrict omega, const double *restrict res
 }
 
 void parabolas(aom_stepper *st, double h) {
-    for (int i = 0; i < st->system.n_rows; i++) {
+    for (int n = 0; n < st->n_closed; n++) {
+        int i = st->work.closed[n];
         const double *f = st->work.force[i].f;
         double *to = st->work.parabola + 3 * (ptrdiff_t)i;
         to[0] = f[0];
@@ -113,11 +114,10 @@ void force_ahead(aom_stepper *st, int index, int stage) {
         return;
 
     st->work.forced[stage] = true;
-    for (int i = 0; i < st->system.n_rows; i++) {
-        const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
-        if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
-            apply_force(st, st->slots[index + 1 - stage].response, st->spans + i,
-                        row_vector(st, i), f, q, v);
+    for (int n = 0; n < st->n_closed; n++) {
+        int i = st->work.closed[n];
+        apply_force(st, st->slots[index + 1 - stage].response, st->spans + i, row_vector(st, i),
+                    st->work.parabola + 3 * (ptrdiff_t)i, q, v);
     }
 }
 

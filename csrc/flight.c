@@ -18,7 +18,7 @@ static double slopes_before(const aom_stepper *st, int i) {
 void free_step(aom_stepper *st, int index, double h, stages *to) {
     modes_ahead(st, index);
     for (int i = 0; i < st->system.n_rows; i++) {
-        if (!st->now.flying && !touches(st, i))
+        if (!st->now.flying && !is_closed(st, i))
             continue;
         seen_ahead(st, i, h, to + i);
         if (with_slope(st))
@@ -136,8 +136,8 @@ static double chord(aom_stepper *st, int c, int index, double h) {
     return total;
 }
 
-static double origin_of(const aom_stepper *st, int c) {
-    return law_bounds(&st->system.contacts[c].law, AOM_APART, st->contacts[c].memory).high;
+double origin_of(const aom_stepper *st, int c) {
+    return origin(&st->system.contacts[c].law, st->contacts[c].memory);
 }
 
 /* Whether the bodies approach each other at a contact, by more than the rounding of the modes: a

@@ -9,12 +9,12 @@ enum { NEWTON = 100 }; /* friction along a soft sheet converges by 0.7 a step */
 #define SQUARED 1e-7 /* of the forces: Newton's correction after which none is needed */
 #define SETTLED 1e-12 /* of the forces: none that changes them by less follows, as changes go on */
 
-/* Newton's method for the two forces of one contact without friction. */
-bool one_force(aom_stepper *st, double h, const influence *local) {
-    const contact_state *contact = st->contacts;
-    const aom_law *law = &st->system.contacts[0].law;
-    const row_state *row = st->rows;
-    const stages *base = st->work.base;
+/* Newton's method for the two forces of the only contact that touches, without friction. */
+bool one_force(aom_stepper *st, double h, const influence *local, int c) {
+    const contact_state *contact = st->contacts + c;
+    const aom_law *law = &st->system.contacts[c].law;
+    const row_state *row = st->rows + c;
+    const stages *base = st->work.base + c;
     int branch = contact->branch;
     bool presses = pressing(branch), close = !presses;
     double f0 = row->force, f1 = 0.0, f2 = 0.0;
@@ -30,8 +30,8 @@ bool one_force(aom_stepper *st, double h, const influence *local) {
         double x1 = d1 - a1[1] * f1 - a1[2] * f2, y1 = v1 - b1[1] * f1 - b1[2] * f2;
         double x2 = d2 - a2[1] * f1 - a2[2] * f2, y2 = v2 - b2[1] * f1 - b2[2] * f2;
         if (close) {
-            *st->work.force = (nodes){{f0, f1, f2}};
-            *st->work.motion = (stages){{x1, x2}, {y1, y2}};
+            st->work.force[c] = *st->work.sum = (nodes){{f0, f1, f2}};
+            st->work.motion[c] = (stages){{x1, x2}, {y1, y2}};
             return true;
         }
         tangent one = law_tangent(st, law, branch, x1, y1, contact->memory);
@@ -101,9 +101,6 @@ bool long_force(aom_stepper *st, double h, const influence *local) {
     return false;
 }
 
-/* Whether a row is alone in its group: its coupling with itself is then that of the group. */
-static bool alone(const aom_stepper *st, int g) { return st->first[g] == st->second[g]; }
-
 /* What the forces at `count` nodes of all rows take from the indentation and rate of row i at a stage:
  * those of the groups, and what its own coupling is beyond its group's. */
 static inline void subtract_coupled(const aom_stepper *st, const influence *local, int stage,
@@ -143,7 +140,7 @@ static void add_up(aom_stepper *st) {
             sum_of(st, i)->f[node] += st->work.force[i].f[node];
 }
 
-/* Take from the free motion of the step what the forces at its start hold back, of rows that touch. */
+/* Take from the free motion of the step what the forces at its start hold back, of closed rows. */
 static void start_forces(aom_stepper *st, const influence *local) {
     add_up(st);
     for (int c = 0; c < st->system.n_contacts; c++)
@@ -171,19 +168,20 @@ static void row_motion(const aom_stepper *st, const influence *local, int stage,
     subtract_coupled(st, local, stage, i, 1, 2, delta, rate);
 }
 
-/* Take from the motion of a row at a stage that of what has no mass, of groups that touch. */
+/* Take from the motion of an open row at a stage that of what has no mass, of groups that touch. */
 static void subtract_massless(const aom_stepper *st, int i, int stage, double h, double *depth,
                               double *rate) {
     const double *compliance = st->system.residual + (ptrdiff_t)i * st->system.n_rows;
     for (int n = 0; n < st->n_touching; n++) {
-        const double *f = st->work.sum[n].f, r = compliance[st->first[st->work.touching[n]]];
+        int g = st->work.touching[n], other = (st->first[g] == i ? st->second : st->first)[g];
+        const double *f = st->work.sum[n].f, r = compliance[other];
         double change = stage == 0 ? f[2] - f[0] : f[0] - 4.0 * f[1] + 3.0 * f[2];
         *depth -= r * f[stage + 1];
         *rate -= r * change / h;
     }
 }
 
-/* Indentations and rates of the rows that touch under the forces of the attempt, at h/2 and h. */
+/* Indentations and rates of the closed rows under the forces of the attempt, at h/2 and h. */
 void move_rows(aom_stepper *st, int index) {
     for (int n = 0; n < st->n_closed; n++) {
         int i = st->work.closed[n];
@@ -195,7 +193,7 @@ void move_rows(aom_stepper *st, int index) {
 
 /* The same of the other rows, by the modes; of one row alone if it is given, else -1. */
 void move_open(aom_stepper *st, int index, double h, int only) {
-    if (only < 0 ? st->n_closed == st->system.n_rows : touches(st, only))
+    if (only < 0 ? st->n_closed == st->system.n_rows : is_closed(st, only))
         return;
 
     parabolas(st, h);
@@ -203,7 +201,7 @@ void move_open(aom_stepper *st, int index, double h, int only) {
         force_ahead(st, index, stage);
     for (int i = 0; i < st->system.n_rows; i++) {
         stages *to = st->work.motion + i;
-        if (touches(st, i) || (only >= 0 && i != only))
+        if (is_closed(st, i) || (only >= 0 && i != only))
             continue;
         seen_ahead(st, i, h, to);
         for (int stage = 0; stage < 2 && st->softens[i]; stage++)
@@ -257,7 +255,7 @@ static double friction_force(aom_stepper *st, const influence *local, int stage,
     for (int r = 0; r < count; r++) {
         row_motion(st, local, stage, first + r, way + r, &rate);
         old[r] = force[first + r].f[node];
-        coupling[r] = local[first + r].depth[stage][node];
+        coupling[r] = own_influence(st, local, first + r)->depth[stage][node];
     }
     if (count == 2)
         coupling[2] = local[pair_of(st, st->group[first], st->group[first + 1])].depth[stage][node];
@@ -439,9 +437,9 @@ static bool together(aom_stepper *st, const influence *local, double *far) {
     nodes *force = st->work.force, *before = st->work.before;
     double best, size, norm, length = 1.0;
     *far = 0.0;
-    for (int c = 0; c < st->system.n_contacts; c++)
-        if (pressing(st->contacts[c].branch))
-            st->work.active[n++] = c;
+    for (int k = 0; k < st->n_closed; k++)
+        if (presses(st, st->work.closed[k]))
+            st->work.active[n++] = st->work.closed[k];
     memcpy(before, force, (size_t)m * sizeof *force);
     residuals(st, local, n, &best, &size);
     if (best <= 1e-28 * size)
@@ -475,16 +473,17 @@ static bool together(aom_stepper *st, const influence *local, double *far) {
  * Newton's method on its own law. The largest change, force and rounding into out. */
 static void sweep(aom_stepper *st, const influence *local, bool take, double out[3]) {
     for (int stage = 0; stage < 2; stage++)
-        for (int c = 0; c < st->system.n_contacts; c++) {
+        for (int n = 0; n < st->n_closed; n++) {
+            int c = st->work.closed[n];
             const aom_contact *contact = st->system.contacts + c;
             double delta, rate, new = st->work.force[c].f[stage + 1], old = new;
-            if (!pressing(st->contacts[c].branch))
+            if (!presses(st, c))
                 continue;
             if (take) {
                 row_motion(st, local, stage, c, &delta, &rate);
                 tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
                                           st->contacts[c].memory);
-                const influence *own = local + c;
+                const influence *own = own_influence(st, local, c);
                 double slope = own->depth[stage][stage + 1] * law.by_delta +
                                own->rate[stage][stage + 1] * law.by_rate;
                 double divisor = 1.0 + larger(slope, 0.0);

@@ -94,7 +94,8 @@ typedef struct slot {
     double *response; /* [6][J]: P, W, S, J0, J1, J2 */
     double *coupling; /* [pairs][4]: beta S beta^T, beta J0 beta^T, ... */
     influence *local; /* [pairs]; of this step and the slot of its half */
-    int *held;        /* [n_held] groups that they are of */
+    int *place;       /* [G] of a group among those whose coupling it holds, or -1 */
+    bool *held;       /* [m] rows whose own coupling it holds */
     int n_held, local_kind;
 } slot;
 
@@ -172,8 +173,8 @@ typedef struct workspace {
     double *ahead;        /* [2][2][J]: q at h/2 and h, v */
     bool forced[2];       /* with the contact forces */
     double *kicks;        /* [J][4]: S, J0, J1, J2 of the modes */
-    int *touching;        /* [n_touching] groups of which a contact does, or that stretch */
-    int *closed;          /* [n_closed] their rows */
+    int *touching;        /* [n_touching] groups of closed rows */
+    int *closed;          /* [n_closed] rows of contacts that touch, and of stretching */
     int *kept;            /* [n_touching] where a slot holds these groups, or -1 */
     double *coupling;     /* [pairs][4] into which that of a slot is brought */
     nodes *before;        /* [m] */
@@ -225,6 +226,7 @@ static void ready_local(aom_stepper *st, int slot, double h);
 static int count_groups(const aom_system *system);
 static void find_groups(aom_stepper *st);
 static void find_spans(aom_stepper *st);
+static void forget_rows(aom_stepper *st, slot *s);
 
 /* ---- coupled.c */
 static void couple(const aom_stepper *st, const double *response, const row_span *span,
@@ -248,6 +250,7 @@ static inline bool remembers(int kind) { return kind >= AOM_THORNTON && kind <= 
 static inline bool retraces(int kind) { return kind != AOM_YANG_SUN; }
 static tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delta, double rate,
                     const double *memory);
+static double origin(const aom_law *law, const double *memory);
 static branch_bounds law_bounds(const aom_law *law, int branch, const double *memory);
 static int next_branch(aom_stepper *st, const aom_law *law, int branch, bound exit, double delta,
                 double rate, double *memory);
@@ -267,7 +270,7 @@ static aom_expected scale_contact(const aom_system *s, aom_contact *only, double
 
 /* ---- forces.c */
 static bool eliminate(double *A, double *b, int n);
-static bool one_force(aom_stepper *st, double h, const influence *local);
+static bool one_force(aom_stepper *st, double h, const influence *local, int c);
 static bool long_force(aom_stepper *st, double h, const influence *local);
 static void move_rows(aom_stepper *st, int slot);
 static void move_open(aom_stepper *st, int slot, double h, int only);
@@ -301,6 +304,7 @@ static double polished(double at, const double y[3], const double d[3], double h
 static double rises(double y0, double d0, double y1, double d1, double h, double near);
 
 /* ---- flight.c */
+static double origin_of(const aom_stepper *st, int c);
 static double acting_now(aom_stepper *st);
 static void free_step(aom_stepper *st, int slot, double h, stages *out);
 static int touching_now(const aom_stepper *st);
@@ -338,9 +342,16 @@ static inline bool nothing_touches(const aom_stepper *st) {
             return false;
     return true;
 }
-/* Whether a contact touches where row i acts, or it stretches. */
-static inline bool touches(const aom_stepper *st, int i) { return st->work.place[st->group[i]] >= 0; }
+/* Whether row i is of a contact that touches, or of stretching. */
+static inline bool is_closed(const aom_stepper *st, int i) {
+    int c = st->owner[i];
+    return c == st->system.n_contacts || st->contacts[c].branch != AOM_APART;
+}
 static inline bool pressing(int branch) { return branch == AOM_FORWARD || branch == AOM_BACK; }
+/* Whether row i is the normal one of a contact that presses. */
+static inline bool presses(const aom_stepper *st, int i) {
+    return i < st->system.n_contacts && pressing(st->contacts[i].branch);
+}
 /* Whether a row has forces: of a contact that presses, or of stretching. */
 static inline bool acts(const aom_stepper *st, int i) {
     int c = st->owner[i];
@@ -376,10 +387,17 @@ static inline double scale_of(const aom_stepper *st, int c) {
     double own = c < st->system.n_contacts ? st->contacts[c].force_scale : st->now.stretch_scale;
     return larger(own, LIGHT * st->now.force_scale);
 }
+/* Whether a group has one row: its coupling with itself is then that of the group. */
+static inline bool alone(const aom_stepper *st, int g) { return st->first[g] == st->second[g]; }
 /* The pair of two groups that touch. */
 static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {
     const int *place = st->work.place;
     return st->system.n_rows + (ptrdiff_t)place[g] * st->n_touching + place[h];
+}
+/* How the force of row i holds back the row itself. */
+static inline const influence *own_influence(const aom_stepper *st, const influence *local, int i) {
+    int g = st->group[i];
+    return local + (alone(st, g) ? pair_of(st, g, g) : i);
 }
 /* Whether the step takes the slopes with which the last one ended (ready_local). */
 static inline bool with_slope(const aom_stepper *st) { return st->rated && st->now.smooth; }

@@ -35,9 +35,10 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
         double *response = take(a, 6 * J, sizeof(double));
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
-        int *held = take(a, G, sizeof(int));
+        int *place = take(a, G, sizeof(int));
+        bool *held = take(a, m, sizeof(bool));
         if (s != NULL)
-            *s = (slot){NAN, response, coupling, local, held, 0, NO_LOCAL};
+            *s = (slot){NAN, response, coupling, local, place, held, 0, NO_LOCAL};
     }
 }
 

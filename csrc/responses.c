@@ -165,7 +165,7 @@ void ready_step(aom_stepper *st, int index, double h) {
         if (!once)
             aom_responses(system->n_modes, system->omega, system->decay, &t, 0, whole[k].response);
         whole[k].span = t;
-        whole[k].n_held = 0;
+        forget_rows(st, whole + k);
     }
 }
 
@@ -248,26 +248,25 @@ void find_spans(aom_stepper *st) {
     }
 }
 
-/* The groups of contacts that touch, and of stretching, and their rows. */
+/* The rows of contacts that touch, and of stretching, and their groups; no other row has a force. */
 void find_touching(aom_stepper *st) {
     const aom_system *system = &st->system;
     workspace *w = &st->work;
-    int first = system->n_rows - system->n_stretch;
-    for (int g = 0; g < st->n_groups; g++)
-        w->place[g] = -1;
-    for (int i = 0; i < system->n_rows; i++)
-        if (i >= first || st->contacts[st->owner[i]].branch != AOM_APART)
-            w->place[st->group[i]] = 0;
-
+    size_t m = (size_t)system->n_rows;
+    memset(w->force, 0, m * sizeof *w->force);
+    memset(w->parabola, 0, 3 * m * sizeof *w->parabola);
+    memset(w->place, -1, (size_t)st->n_groups * sizeof *w->place);
     st->n_touching = st->n_closed = 0;
-    for (int g = 0; g < st->n_groups; g++)
-        if (w->place[g] == 0) {
-            w->place[g] = st->n_touching;
-            w->touching[st->n_touching++] = g;
-        }
-    for (int i = 0; i < system->n_rows; i++)
-        if (touches(st, i))
-            w->closed[st->n_closed++] = i;
+    for (int i = 0; i < system->n_rows; i++) {
+        int g = st->group[i];
+        if (!is_closed(st, i))
+            continue;
+        w->closed[st->n_closed++] = i;
+        if (w->place[g] >= 0)
+            continue;
+        w->place[g] = st->n_touching;
+        w->touching[st->n_touching++] = g;
+    }
 }
 
 /* Add what the forces 1, t, t^2/2 on a row do to another, by work.kicks; without rates. */
@@ -298,31 +297,37 @@ static void couple_rows(const aom_stepper *st, const slot *s, int a, int b, cons
     }
 }
 
-/* See to it that a slot holds the coupling of the groups that touch, and of their rows. */
+/* A slot holds the coupling of no rows. */
+void forget_rows(aom_stepper *st, slot *s) {
+    s->n_held = 0;
+    memset(s->place, -1, (size_t)st->n_groups * sizeof *s->place);
+    memset(s->held, 0, (size_t)st->system.n_rows * sizeof *s->held);
+}
+
+/* See to it that a slot holds the coupling of the groups that touch, and of the rows of each that has
+ * several. */
 static void ready_coupling(aom_stepper *st, slot *s) {
     int n = st->n_touching, held = s->n_held, *kept = st->work.kept;
     const int *touching = st->work.touching;
-    size_t m = (size_t)st->system.n_rows, size = (size_t)n * sizeof *touching;
+    size_t m = (size_t)st->system.n_rows;
     double *from = s->coupling, *to = st->work.coupling, *pairs = to + 4 * m;
     bool same = n == held;
-    for (int g = 0; same && g < n; g++)
-        same = s->held[g] == touching[g];
+    for (int g = 0; g < n; g++) {
+        kept[g] = s->place[touching[g]];
+        same = same && kept[g] == g;
+    }
+    for (int k = 0; same && k < st->n_closed; k++)
+        same = s->held[st->work.closed[k]];
     if (same)
         return;
 
     for (int j = 0, J = st->system.n_modes; j < J; j++)
         for (int k = 0; k < 4; k++)
             st->work.kicks[4 * j + k] = s->response[(2 + k) * (ptrdiff_t)J + j];
-    for (int g = 0, k = 0; g < n; g++) {
-        while (k < held && s->held[k] < touching[g])
-            k++;
-        kept[g] = k < held && s->held[k] == touching[g] ? k : -1;
-    }
-
     for (int k = 0; k < st->n_closed; k++) {
         int i = st->work.closed[k];
-        bool there = kept[st->work.place[st->group[i]]] >= 0;
-        couple_rows(st, s, i, i, there ? from + 4 * i : NULL, to + 4 * i);
+        if (!alone(st, st->group[i]))
+            couple_rows(st, s, i, i, s->held[i] ? from + 4 * i : NULL, to + 4 * i);
     }
 
     for (int g = 0; g < n; g++)
@@ -336,8 +341,12 @@ static void ready_coupling(aom_stepper *st, slot *s) {
         }
     st->work.coupling = from;
     s->coupling = to;
+    forget_rows(st, s);
     s->n_held = n;
-    memcpy(s->held, touching, size);
+    for (int g = 0; g < n; g++)
+        s->place[touching[g]] = g;
+    for (int k = 0; k < st->n_closed; k++)
+        s->held[st->work.closed[k]] = true;
     s->local_kind = NO_LOCAL;
     if (s > st->slots)
         s[-1].local_kind = NO_LOCAL; /* of the step whose half this is */
@@ -391,7 +400,8 @@ void ready_local(aom_stepper *st, int index, double h) {
     whole->local_kind = kind;
     for (int k = 0; k < st->n_closed; k++) {
         int i = st->work.closed[k];
-        fill_local(st, index, h, i, i, i, quarter);
+        if (!alone(st, st->group[i]))
+            fill_local(st, index, h, i, i, i, quarter);
     }
     for (int a = 0; a < st->n_touching; a++)
         for (int b = 0; b <= a; b++) {

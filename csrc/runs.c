@@ -91,6 +91,13 @@ static double walk_force(const walk *w, int i) {
     return f0 + u * ((4.0 * f1 - 3.0 * f0 - f2) + 2.0 * u * (f0 - 2.0 * f1 + f2));
 }
 
+/* Whether a row has no force in the present step, nor had it at the last node. */
+static bool rests(const walk *w, int i, double last) {
+    int m = w->width;
+    const double *f = w->force + w->step * m + i;
+    return last == 0.0 && f[0] == 0.0 && f[m] == 0.0 && f[2 * m] == 0.0;
+}
+
 /* Add what two runs have between the last node and the next one, `h` later, to the sums of a row. */
 static void add_node(row_pair *row, double h, double fa, double fb) {
     double a = row->last[0], b = row->last[1], before = a - b, now = fa - fb, half = 0.5 * h;
@@ -118,6 +125,8 @@ static double integrals(int m, walk a, walk b, double end, row_pair *rows) {
         walk_to(&a, t);
         walk_to(&b, t);
         for (int i = 0; i < m; i++) {
+            if (rests(&a, i, rows[i].last[0]) && rests(&b, i, rows[i].last[1]))
+                continue;
             add_node(rows + i, t - before, walk_force(&a, i), walk_force(&b, i));
             if (rows[i].apart > rows[i].limit && until == end)
                 until = t;

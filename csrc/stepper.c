@@ -278,6 +278,7 @@ static int one_step(aom_stepper *st, aom_record *out) {
     if (!active && (!now->flying || now->segment != now->flown_segment))
         amplitudes(st);
     now->flying = !active;
+    find_touching(st);
     now->flown_segment = now->segment;
     st->exit_contact = touches ? -1 : touching_now(st);
     st->exit_bound = touches ? NOTHING : HIGH;

@@ -28,30 +28,30 @@ static bool unresolved(const aom_stepper *st, const influence *local) {
 
 /* Forces and motion of a step h, into the workspace; false if they are not found. */
 static bool attempt(aom_stepper *st, int index, double h) {
-    int m = st->system.n_rows;
     const influence *local = st->slots[index].local;
     ready_step(st, index, h);
-    find_touching(st);
     if (st->now.flying) {
         free_step(st, index, h, st->work.motion);
-        memset(st->work.force, 0, (size_t)m * sizeof *st->work.force);
         return true;
     }
     ready_local(st, index, h);
     free_step(st, index, h, st->work.base);
     st->now.lacking = 0.0;
-    if (unresolved(st, local))
+    int c = st->work.closed[0];
+    bool single = st->n_closed == 1 && c < st->system.n_contacts;
+    if (single)
+        local = own_influence(st, local, c);
+    if (single && unresolved(st, local))
         return long_force(st, h, local);
-    if (m == 1 && one_force(st, h, local))
-        return true;
-    memset(st->work.force, 0, (size_t)m * sizeof *st->work.force);
-    for (int n = 0; n < st->n_closed; n++)
-        for (int i = st->work.closed[n], node = 0; node < 3 && acts(st, i); node++) {
+    bool found = single && one_force(st, h, local, c);
+    for (int n = 0; n < st->n_closed && !found; n++)
+        for (int i = st->work.closed[n], node = 0; node < 3; node++) {
             const row_state *row = st->rows + i; /* a first guess on the last parabola */
-            double u = 0.5 * h * node;
-            st->work.force[i].f[node] = row->force + u * (row->slope + 0.5 * u * row->bend);
+            double u = 0.5 * h * node, guess = row->force + u * (row->slope + 0.5 * u * row->bend);
+            st->work.force[i].f[node] = acts(st, i) ? guess : 0.0;
         }
-    bool found = st->system.n_stretch > 0 ? stretched_forces(st, index) : all_forces(st, index);
+    if (!found)
+        found = st->system.n_stretch > 0 ? stretched_forces(st, index) : all_forces(st, index);
     if (found)
         move_open(st, index, h, st->exit_contact);
     return found;
@@ -134,8 +134,11 @@ static double first_exit(aom_stepper *st) {
     double half = 0.5 * st->now.step, first = INFINITY;
     for (int c = 0; c < st->system.n_contacts; c++) {
         const contact_state *contact = st->contacts + c;
-        branch_bounds b = law_bounds(&st->system.contacts[c].law, contact->branch, contact->memory);
         const stages *motion = st->work.motion + c;
+        bool apart = contact->branch == AOM_APART;
+        if (apart && larger(motion->depth[0], motion->depth[1]) <= origin_of(st, c))
+            continue;
+        branch_bounds b = law_bounds(&st->system.contacts[c].law, contact->branch, contact->memory);
         const row_state *row = st->rows + c;
         double y[3] = {row->depth, motion->depth[0], motion->depth[1]};
         double d[3] = {row->rate, motion->rate[0], motion->rate[1]};

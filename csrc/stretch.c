@@ -125,17 +125,17 @@ bool stretched_clear(aom_stepper *st, int index) {
 /* ---- the forces of a step */
 
 static const influence *between_rows(const aom_stepper *st, const influence *local, int i, int j) {
-    return i == j ? local + i : local + pair_of(st, st->group[i], st->group[j]);
+    return i == j ? own_influence(st, local, i) : local + pair_of(st, st->group[i], st->group[j]);
 }
 
 /* The rows whose forces are unknown: of contacts that press, and those of stretching; their number. */
 static int unknown_rows(aom_stepper *st) {
     int n = 0;
-    for (int c = 0; c < st->system.n_contacts; c++)
-        if (pressing(st->contacts[c].branch))
-            st->work.unknown[n++] = c;
-    for (int i = first_stretch(&st->system); i < st->system.n_rows; i++)
-        st->work.unknown[n++] = i;
+    for (int k = 0; k < st->n_closed; k++) {
+        int i = st->work.closed[k];
+        if (presses(st, i) || i >= first_stretch(&st->system))
+            st->work.unknown[n++] = i;
+    }
     return n;
 }
 

@@ -41,7 +41,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
@@ -380,7 +379,9 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
         springs.append(by_mode)
         row = end
 
-    shapes = scipy.linalg.block_diag(rotation, rotation)
+    from scipy.linalg import block_diag  # takes long to load
+
+    shapes = block_diag(rotation, rotation)
     w = np.append(omega[undamped], w)
     d = np.append(np.zeros(free), d)
     states = shapes @ states
@@ -436,8 +437,7 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
         gram = Z[:, group].T @ (sign[:, None] * Z[:, group]) / pole
 
         if pole.imag > 0:
-            # sqrtm of SciPy before 1.11 may return long doubles, which inv refuses
-            root = scipy.linalg.sqrtm(gram).astype(complex) if len(group) > 1 else np.sqrt(gram)
+            root = _square_root(gram)
             for z, column in zip(poles[group], (Y[:, group] @ np.linalg.inv(root)).T, strict=True):
                 scaled = column * np.sqrt(2j * z.imag)
                 rate = scaled.imag / z.imag
@@ -468,6 +468,13 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     return w, d, S[: 2 * k], JS, deceleration, stretched
 
 
+def _square_root(gram: ComplexArray) -> ComplexArray:
+    from scipy.linalg import sqrtm
+
+    # that of SciPy before 1.11 may return long doubles, which inv refuses
+    return sqrtm(gram).astype(complex) if len(gram) > 1 else np.sqrt(gram)
+
+
 def _real_clusters(poles: Numbers) -> list[list[int]]:
     """Groups of real poles so close that rounding mixes their modes."""
     real = np.flatnonzero(np.abs(poles.imag) <= CLUSTERED * np.abs(poles))
@@ -486,7 +493,9 @@ def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Num
         pole = re + 1j * im
         return bool(abs(pole.imag) <= CLUSTERED * abs(pole) and low <= pole.real <= high)
 
-    T, basis, size = scipy.linalg.schur(A, sort=in_cluster)
+    from scipy.linalg import schur
+
+    T, basis, size = schur(A, sort=in_cluster)
     basis = basis[:, :size]
     values, rotation = np.linalg.eigh(basis.T @ (sign[:, None] * basis))
     if size != poles.size or values[0] * values[-1] <= 0:

@@ -34,10 +34,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-import scipy.io
 from numpy.typing import ArrayLike
-from scipy.linalg import block_diag
-from scipy.sparse import coo_matrix
 
 from antiosc.base import archives, checks, files
 from antiosc.base._types import Array, IntArray, Numbers
@@ -47,7 +44,6 @@ from antiosc.base.texts import FieldsRepr, ReprMixin, engineering
 from antiosc.engine.contact.curvature import CURVED
 from antiosc.engine.contact.surfaces import Surface, matter_of
 from antiosc.engine.damping import DampingMatrix, from_factors, in_coordinates
-from antiosc.io.matrices import component_of
 from antiosc.models import parameters, reduced_modes
 from antiosc.models.body import ModelInfo, several_sites_message
 from antiosc.models.modal import Damping, ModalBody, SiteModes
@@ -237,11 +233,14 @@ class ReducedMatrices(FieldsRepr):
         if target.suffix.lower() != ".mtx":
             raise InputError(f"matrices are written to .mtx; got {target.name!r}.")
 
+        from scipy.io import mmwrite  # takes long to load
+        from scipy.sparse import coo_matrix
+
         written = []
         for letter, matrix in (("K", self.K), ("M", self.M)):
             file = target.with_name(f"{target.stem}_{letter}.mtx")
             with files.atomic_file(file, "the matrices") as part, part.open("wb") as stream:
-                scipy.io.mmwrite(stream, coo_matrix(matrix), precision=17, symmetry="symmetric")
+                mmwrite(stream, coo_matrix(matrix), precision=17, symmetry="symmetric")
             written.append(file)
 
         rows = "".join(f"{node} {component}\n" for node, component in self.labels)
@@ -258,6 +257,10 @@ def reduced_matrices(
     dofs: int | str | Sequence[int | str] = 0,
 ) -> ReducedMatrices:
     """The matrices of k0, m_st (p, p), P (p, N) and omega (N,), as `to_matrices` gives them."""
+    from scipy.linalg import block_diag  # takes long to load
+
+    from antiosc.io.matrices import component_of
+
     K = block_diag(stiffness, np.diag(omega**2))
     M = np.block([[static_mass, P], [P.T, np.eye(len(omega))]])
     sites = len(stiffness)

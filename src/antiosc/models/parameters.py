@@ -24,7 +24,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import block_diag
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Index
@@ -516,6 +515,8 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
     """(k0 (p, p), amplitudes of the modes in the static shapes (N, p), omega (N,), modes (N, N))
     after softening, in modes of unit mass; `rigid`: number of motions of the sites without strain.
     """
+    from scipy.linalg import block_diag  # takes long to load
+
     p = len(k0)
     values, vectors = np.linalg.eigh(k0)
     V = vectors[:, rigid:]

@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -138,12 +137,14 @@ class Recurrence(FieldsRepr):
         M = np.block([[self.mass, c.T], [c, self.H[:n, :n]]])
         A = np.block([[self.k0 + s * self.mass, s * c.T], [s * c, np.eye(n)]])
 
+        from scipy.linalg import eigh, null_space  # takes long to load
+
         # rigid-body motions first, and what is orthogonal to them in M
         stiffness, moved = np.linalg.eigh(self.k0)
         free = stiffness <= RIGID * stiffness.max()
         rigid = np.vstack([moved[:, free], np.zeros((n, free.sum()))])
-        Z = scipy.linalg.null_space((M @ rigid).T) if rigid.size else np.eye(p + n)
-        theta, X = scipy.linalg.eigh(Z.T @ M @ Z, Z.T @ A @ Z)
+        Z = null_space((M @ rigid).T) if rigid.size else np.eye(p + n)
+        theta, X = eigh(Z.T @ M @ Z, Z.T @ A @ Z)
         order = np.argsort(-theta)
         mass, turned = np.linalg.eigh(rigid.T @ M @ rigid)
         unit_mass = [rigid @ (turned / np.sqrt(mass)), (Z @ X / np.sqrt(theta))[:, order]]
@@ -187,8 +188,10 @@ def recurrence_of(
 
     known = [end for end in ends if end <= broken]
     if dropped is not None and known[-1:] == [len(H)]:
+        from scipy.linalg import block_diag
+
         largest = np.linalg.eigvalsh(H)[-1]
-        H = scipy.linalg.block_diag(H, largest)
+        H = block_diag(H, largest)
         H[-1, -2] = H[-2, -1] = dropped
         known.append(len(H))
         start = np.vstack([start, np.zeros_like(k0)])

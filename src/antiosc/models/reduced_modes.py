@@ -17,8 +17,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg
-from scipy.linalg import block_diag
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
@@ -63,6 +61,8 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
 
     # what the body carries
     if hidden:
+        from scipy.linalg import block_diag  # takes long to load
+
         to_shapes = block_diag(to_shapes, np.eye(hidden))
     inertia = weight = None
     if model.inertia is not None:
@@ -111,6 +111,8 @@ def _with_hidden(shape: Array, hidden: int) -> Array:
     """Modes (size + hidden, hidden + J) with the hidden motions first."""
     if not hidden:
         return shape
+    from scipy.linalg import block_diag
+
     return np.roll(block_diag(shape, np.eye(hidden)), hidden, axis=1)
 
 
@@ -213,8 +215,10 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
             "not positive semidefinite)."
         ) from None
 
-    basis = scipy.linalg.null_space((L.T @ rigid_shapes).T) if q else np.eye(size)
-    transformed = scipy.linalg.solve_triangular(L, basis, lower=True, trans="T")
+    from scipy.linalg import null_space, solve_triangular
+
+    basis = null_space((L.T @ rigid_shapes).T) if q else np.eye(size)
+    transformed = solve_triangular(L, basis, lower=True, trans="T")
     theta, vectors = np.linalg.eigh(transformed.T @ M @ transformed)
     theta = theta[::-1]
     vectors = vectors[:, ::-1]
@@ -232,12 +236,14 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
 
 def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:
     """Estimate of the lowest elastic omega^2 of (K, M) with rigid modes, as a shift."""
+    from scipy.linalg import solve_triangular
+
     weight = M @ rigid_shapes
     shift = float(np.trace(K) / np.trace(M)) or 1.0
     for _ in range(3):  # each knows the lowest to rounding over its own share in the shift
         L = np.linalg.cholesky(K + shift * M)
-        half = scipy.linalg.solve_triangular(L, M - weight @ weight.T, lower=True)
-        elastic = scipy.linalg.solve_triangular(L, half.T, lower=True)
+        half = solve_triangular(L, M - weight @ weight.T, lower=True)
+        elastic = solve_triangular(L, half.T, lower=True)
         theta = float(np.linalg.eigvalsh((elastic + elastic.T) / 2).max(initial=0.0))
         if theta <= 0:
             return shift
