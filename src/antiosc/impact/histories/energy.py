@@ -192,10 +192,11 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
 
     external_forces = a.external_forces(run.time)
     felt = external_forces - run.force @ a.G
-    residual = felt @ a.r
+    residual = felt @ a.r if np.any(a.r) else np.zeros_like(felt)
     work, braked = _work_and_losses(a, run, kinetic + modal, work, braked)
     if a.scene.loads:
-        work = work + path_work(external_forces, residual).sum(axis=1)
+        loaded = np.any(external_forces, axis=0)
+        work = work + path_work(external_forces[:, loaded], residual[:, loaded]).sum(axis=1)
 
     return Energy(
         kinetic=kinetic,
@@ -290,7 +291,9 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
     system = a.system
     for c, law in enumerate(a.laws):
         if not (law.has_memory or law.rate_dependent):
-            stored += np.where(run.force[:, c], law.energies(run.depth[:, c], law.touch(0.0)), 0.0)
+            pressed = np.flatnonzero(run.force[:, c])
+            if pressed.size:
+                stored[pressed] += law.energies(run.depth[pressed, c], law.touch(0.0))
             continue
         force = run.force[:, c]
         depth = run.depth[:, c]
