@@ -8,7 +8,8 @@ by itself. Also measured, with the error beside the time:
 - the default run at tol = 1e-3 over 4 ms, with 9 to 100 anti-oscillators, at 0.01 to 10 m/s,
 - the exact method against solve_ivp's best method at equal error,
 - the rate of `simulate_many` with 20 anti-oscillators at 0.01 to 10 m/s,
-- the time of a scene against its number of contacts: a beam that is thrown onto 1 to 6 stops.
+- the time of a scene against its number of contacts: a beam that is thrown onto 1 to 6 stops,
+  onto 10 to 100 stiff ones of which at most ten are closed, and under 100 balls on one site.
 
 Seconds are those of the processor, so that other work on the machine counts little. The exact
 method runs in C; the others are Python.
@@ -44,6 +45,7 @@ HERTZ = 1.55e10
 METHODS = ("exact", *FIXED_STEPS)
 SOLVE_IVP = ("RK45", "DOP853", "LSODA", "Radau")
 CONTACTS = (1, 2, 3, 4, 6)
+MANY = (10, 30, 100)  # contacts, most of them open
 CASE_TWO = 4e-3  # s
 SPEEDS = (0.01, 0.1, 1.0, 10.0)  # m/s
 SWEPT = 20  # anti-oscillators of the batch
@@ -89,7 +91,9 @@ def main(
             table += survey(scene, repeats)
         default = [default_run(models[n], n, v, repeats) for n in sorted(numbers) for v in SPEEDS]
         batch = batch_rate(models[SWEPT], scenes, repeats)
-        contacts = [on_stops(p, n, repeats) for n in numbers for p in CONTACTS]
+        contacts = [crowded(stops(p, n, 1e6), repeats) for n in numbers for p in CONTACTS]
+        many = [crowded(stops(p, SWEPT, 1e8), repeats) for p in MANY]
+        many.append(crowded(balls(MANY[-1], models[SWEPT]), repeats, duration=1e-3))
     chart(table, out / "work_precision.png")
     chart_contacts(contacts, out / "work_precision_contacts.png")
     result = {
@@ -98,6 +102,7 @@ def main(
         "speedup": speedups(table),
         "batch": batch,
         "contacts": contacts,
+        "many": many,
     }
     files.write_text(out / "work_precision.json", json.dumps(result, indent=1))
     return result
@@ -201,25 +206,42 @@ def batch_rate(model: ao.AntiOscillators, scenes: int, repeats: int) -> dict[str
     }
 
 
-def on_stops(p: int, n: int, repeats: int) -> dict[str, Any]:
-    """Time of a scene: n modes of the pinned beam, which a pulse throws onto p stops."""
+def stops(p: int, n: int, stiffness: float) -> ao.Scene:
+    """n modes of the pinned beam, which a pulse throws onto p stops."""
     j = np.arange(1, n + 1)
     x = (np.arange(p) + 1) / (p + 1)
     mass, omega = 2400.0 * 2e-4, (j * np.pi) ** 2 * np.sqrt(67e9 * 0.33e-8 / (2400.0 * 2e-4))
     shapes = np.sqrt(2 / mass) * np.sin(np.pi * j[:, None] * np.append(x, 0.45))
     sites = [f"s{i}" for i in range(p)]
     beam = ao.SiteModes(omega, shapes, [*sites, "pushed"])
-    stops = [ao.Contact("stop", f"beam:{s}", ao.Linear(1e6), gap=1e-4) for s in sites]
+    contacts = [ao.Contact("stop", f"beam:{s}", ao.Linear(stiffness), gap=1e-4) for s in sites]
     pulse = ao.Load("beam:pushed", [0.0, 1e-4, 2e-4], [0.0, 1e3, 0.0])
-    scene = ao.Scene({"beam": beam, "stop": ao.Obstacle()}, stops, loads=[pulse])
-    hit, seconds = timed(lambda: scene.run(3e-3), repeats)
+    return ao.Scene({"beam": beam, "stop": ao.Obstacle()}, contacts, loads=[pulse])
+
+
+def balls(p: int, model: ao.AntiOscillators) -> ao.Scene:
+    """p balls that strike one site of a beam one after the other."""
+    share = np.arange(p) / p
+    bodies: dict[str, Any] = {f"ball{i}": ao.RigidMass(2e-3, 1.0 + s) for i, s in enumerate(share)}
+    contacts = [
+        ao.Contact("beam", f"ball{i}", ao.Hertz(1e9), gap=1e-3 * s) for i, s in enumerate(share)
+    ]
+    return ao.Scene({"beam": model, **bodies}, contacts)
+
+
+def crowded(scene: ao.Scene, repeats: int, duration: float = 3e-3) -> dict[str, Any]:
+    """Time and errors of a scene with several contacts, and how many are closed at most."""
+    hit, seconds = timed(lambda: scene.run(duration), repeats)
+    truth = scene.run(duration, tol=1e-5)
     return {
-        "n": n,
-        "contacts": p,
+        "n": hit.run.states.shape[2],
+        "contacts": len(scene.contacts),
+        "closed": int(np.count_nonzero(hit.run.force, axis=1).max()),
         "seconds": seconds,
         "steps": hit.run.steps,
         "touches": hit.run.touches,
-        "error": hit.error["force"],
+        "error": difference(hit.run, truth.run, np.inf)[0],
+        "estimate": hit.error["force"],
     }
 
 
@@ -295,14 +317,20 @@ def report(result: dict[str, Any]) -> None:
         f" largest estimated error {b['largest error']:.1e},"
         f" largest difference to one by one {b['largest difference']:.0e}"
     )
-    report_contacts(result["contacts"])
+    report_contacts(result["contacts"] + result["many"])
+    first, *_, last = (r for r in result["many"] if r["n"] == SWEPT)
+    slope = np.log(last["seconds"] / first["seconds"]) / np.log(
+        last["contacts"] / first["contacts"]
+    )
+    print(f"exponent of the time over the number of stops: {slope:.2f}")
 
 
 def report_contacts(rows: list[dict[str, Any]]) -> None:
     for r in rows:
         print(
-            f"{r['n']:>3} modes on {r['contacts']} stops: {1e3 * r['seconds']:.2f} ms,"
-            f" {r['steps']} steps, {r['touches']} touches, estimated error {r['error']:.1e}"
+            f"{r['n']:>3} modes, {r['contacts']} contacts, of which {r['closed']} closed at most:"
+            f" {1e3 * r['seconds']:.2f} ms, {r['steps']} steps, {r['touches']} touches,"
+            f" error {r['error']:.1e} (estimated {r['estimate']:.1e})"
         )
 
 
