@@ -28,7 +28,7 @@ class Runs:
         return Run(
             time=t, force=force, depth=force, states=None, events=np.zeros((0, 4)),
             answer=self.answers[k] if k < len(self.answers) else library.DONE,
-            steps=round(10 / size), attempts=1, touches=1, highest=1.0,
+            steps=round(10 / size), attempts=1, touches=1,
         )  # fmt: skip
 
 

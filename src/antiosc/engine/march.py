@@ -40,8 +40,6 @@ class Run:
     steps : number of steps taken.
     attempts : number of steps tried, including those given up for shorter ones.
     refused : number of steps given up because of their error.
-    gained : largest energy [J] of the bodies beyond the supplied energy.
-    highest : largest energy [J] that was present or supplied.
     """
 
     time: Array
@@ -53,10 +51,7 @@ class Run:
     steps: int
     attempts: int
     touches: int
-    highest: float
     refused: int = 0
-    gained: float = 0.0
-    work: float = 0.0
     every: int = 1
 
     def contact_states(self, system: System, t: float) -> list[ContactState | None]:
@@ -174,10 +169,7 @@ class Buffers:
             steps=summary.steps,
             attempts=summary.attempts,
             touches=summary.touches,
-            highest=summary.highest,
             refused=summary.refused,
-            gained=summary.gained,
-            work=summary.work,
             every=r.every,
         )
 

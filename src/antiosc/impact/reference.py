@@ -71,8 +71,7 @@ def _run(s: System, contacts: Contacts, nodes: Sequence[Array], answer: int, ste
     """The run with these nodes (time, force, depth, states)."""
     events = np.array(contacts.events, dtype=float).reshape(-1, 4)
     time, force, depth, states = nodes
-    start = s.contact_energy + float(library.energies(states[:1], s.omega)[0])
-    return Run(time, force, depth, states, events, answer, steps, steps, contacts.touches, start)
+    return Run(time, force, depth, states, events, answer, steps, steps, contacts.touches)
 
 
 # -- fixed steps
