@@ -595,9 +595,9 @@ def mean_thickness(mesh: Mesh) -> float:
     return 2 * volume / surface if surface else inf
 
 
-def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
+def struck_point(faces: Faces, group: str) -> tuple[Array, Array]:
     """(point (3,) [m] of outer faces next to their centroid, unit inward direction)."""
-    faces = Faces(mesh, sheet=mesh.tdim < mesh.gdim)
+    mesh = faces.mesh
     in_group = np.flatnonzero(np.isin(faces.facets, mesh.group(group).get(faces.dim, ())))
     x = faces.tangents[0][in_group]
     normals = faces.normals[in_group]

@@ -37,14 +37,12 @@ import numpy as np
 import scipy.sparse
 from mpi4py import MPI
 
-from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, MeshError, without_warnings
 from antiosc.base.progress import doing
-from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.linalg.solver import OF_SHELLS, of_sheet
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.finer import (
     KIND_OF,
@@ -73,11 +71,6 @@ from antiosc.reduce.extraction import statics
 from antiosc.reduce.site import functionals
 from antiosc.reduce.site.site import Site
 
-#: Most dofs of a divided mesh: 767 000 took 50 s of one core.
-MOST_DOFS = 800_000
-#: Anti-oscillators for which the memory of the divided mesh is foreseen, and bytes of their
-#: motions, forces and answers for each of its dofs: 309 000 dofs took 4.5 GB, 767 000 some 12 GB.
-FORESEEN, EACH_ANSWER = 150, 52.0
 #: Share of the energies of shapes below which a surplus is rounding.
 SURPLUS = 1e-9
 #: Structures that are divided already, with their factors, for further sites.
@@ -94,38 +87,17 @@ GRADING = (0.7, 1.5)
 LINES = 8
 
 
-def too_large(matrices: MeshedParts) -> str:
-    """Why the mesh of a structure is not divided; "" if it can be."""
-    part = matrices.members()[0].part
-    name = part.mesh.name
-    finer = 2.0**part.mesh.tdim * part.rows
-    need = (OF_SHELLS + EACH_ANSWER * FORESEEN) * finer + of_sheet(round(finer), 0)
-    remedy = "compare with a mesh of larger cells"
-    if finer > MOST_DOFS:
-        return (
-            f"it takes {name} with each cell divided, and {finer:.0f} dofs are more than"
-            f" {MOST_DOFS}: {remedy}."
-        )
-
-    free = process.free_memory()
-    if need > process.MEMORY_SHARE * free:
-        what = f"{name} with each cell divided, which it takes,"
-        return f"{process.shortage(what, need, free)}: {remedy}."
-
-    return ""
-
-
 class Division:
     """Estimator for one mesh of beams or sheets, on one rank."""
 
     divided = True
 
-    def __init__(self, structure: Structure) -> None:
-        if structure.comm.size > 1:
+    def __init__(self, matrices: MeshedParts) -> None:
+        if matrices.comm.size > 1:
             raise InputError("the error 'estimate' of beams and shells runs on one rank.")
-        self._matrices = with_parts(structure)
+        self._matrices = matrices
 
-    def energies(self, model: AntiOscillators) -> tuple[Array, Array | None]:
+    def missed(self, model: AntiOscillators) -> tuple[Array, Array | None]:
         """(energies (p + N, p + N) that the mesh lacks in a model's shapes, or has in excess)."""
         fine, _motions, forces = self._loaded(model)
         flexibility = forces.T @ statics(fine, fine.factorize(forces.shape[1]), forces)
@@ -154,7 +126,7 @@ class Division:
     def _loaded(self, model: AntiOscillators) -> tuple[Structure, Array, Array]:
         """(the divided structure, a model's shapes on it (rows, p + N), their loads)."""
         fine = divided(self._matrices)
-        parts = self._matrices.members()[0].part, with_parts(fine).members()[0].part
+        parts = self._matrices.members()[0].part, on_mesh(fine)
         motions = np.asarray(interpolation(*parts) @ np.asarray(model.shapes))
 
         # k0 at the sites, and inertia forces with their reactions

@@ -26,17 +26,19 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import scipy.sparse
 
+from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, NotConvergedError
-from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.linalg.algebra import conjugate_gradients, dot
+from antiosc.fem.linalg.solver import OF_SHELLS, of_sheet
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.parameters import JOINTED
-from antiosc.reduce.error.division import Division, too_large
+from antiosc.reduce.error.division import Division
 from antiosc.reduce.site.site import Functional
 from antiosc.reduce.site.sites import WHOLE_PATCH, Sites, located
 
@@ -56,8 +58,6 @@ CG_RESIDUAL, CG_STEPS = 1e-5, 200
 #: Poisson's ratio from which linear elements lock: the strains that they lack are smooth, so that
 #: recovery sees a half of the error at 0.45 and a fifth at 0.4999 (clamped bars, plane strain).
 LOCKING = 0.4
-#: Message for matrices.
-NO_MESH = "the error of a mesh needs the mesh: given matrices have none."
 TRUSS = "the nodes of a truss are hinges, so that no mesh could be finer."
 #: What no mesh tells of.
 THEORY = "Not included: the error of {} theory itself."
@@ -73,12 +73,12 @@ class Recovery:
 
     divided = False
 
-    def __init__(self, structure: Structure) -> None:
-        self._matrices = with_parts(structure)
+    def __init__(self, matrices: MeshedParts) -> None:
+        self._matrices = matrices
         for member in self._matrices.members():
             _refuse(member.part)
 
-    def energies(self, model: AntiOscillators) -> tuple[Array, None]:
+    def missed(self, model: AntiOscillators) -> tuple[Array, None]:
         """Energies and products (p + N, p + N) of the errors of the shapes of a model."""
         fields = self._matrices.fields(np.asarray(model.shapes))
         grams = [gram(member.part, u) for member, u in fields]
@@ -263,6 +263,34 @@ class Projection:
         return np.asarray(self._comm.allreduce(np.einsum("if,if->f", x, y)))
 
 
+#: Most dofs of a divided mesh: 767 000 took 50 s of one core.
+MOST_DOFS = 800_000
+#: Anti-oscillators for which the memory of the divided mesh is foreseen, and bytes of their
+#: motions, forces and answers for each of its dofs: 309 000 dofs took 4.5 GB, 767 000 some 12 GB.
+FORESEEN, EACH_ANSWER = 150, 52.0
+
+
+def _too_large(matrices: MeshedParts) -> str:
+    """Why the mesh of a structure is not divided; "" if it can be."""
+    part = matrices.members()[0].part
+    name = part.mesh.name
+    finer = 2.0**part.mesh.tdim * part.rows
+    need = (OF_SHELLS + EACH_ANSWER * FORESEEN) * finer + of_sheet(round(finer), 0)
+    remedy = "compare with a mesh of larger cells"
+    if finer > MOST_DOFS:
+        return (
+            f"it takes {name} with each cell divided, and {finer:.0f} dofs are more than"
+            f" {MOST_DOFS}: {remedy}."
+        )
+
+    free = process.free_memory()
+    if need > process.MEMORY_SHARE * free:
+        what = f"{name} with each cell divided, which it takes,"
+        return f"{process.shortage(what, need, free)}: {remedy}."
+
+    return ""
+
+
 def _solids(matrices: MeshedParts) -> bool:
     """Whether a structure consists of solids alone."""
     if matrices.assembled and cast("AssembledMatrices", matrices).layout.condensed:
@@ -278,7 +306,7 @@ def refusal(matrices: MeshedParts) -> str:
         return ""
     if matrices.assembled:
         return JOINTED
-    return too_large(matrices)
+    return _too_large(matrices)
 
 
 class ModelErrors:
@@ -291,7 +319,9 @@ class ModelErrors:
 
     def __init__(self, structure: Structure) -> None:
         self._structure = structure
-        self._matrices = with_parts(structure, NO_MESH)
+        if not (structure.matrices.meshed or structure.matrices.assembled):
+            raise InputError("the error of a mesh needs the mesh: given matrices have none.")
+        self._matrices = cast("MeshedParts", structure.matrices)
         self.skipped = refusal(self._matrices)
 
     def check(self) -> None:
@@ -303,14 +333,14 @@ class ModelErrors:
 
     @cached_property
     def _estimator(self) -> Recovery | Division:
-        return (Recovery if _solids(self._matrices) else Division)(self._structure)
+        return (Recovery if _solids(self._matrices) else Division)(self._matrices)
 
     def added_to(self, model: AntiOscillators, sites: Mapping[str, Functional]) -> AntiOscillators:
         """The model with its `strain_error`, and with the data of the error budget in `info`."""
         if self.skipped:
             return replace(model, info=replace(model.info, no_estimate=self.skipped))
         start_time = time.perf_counter()
-        energies, misfit = self._estimator.energies(model)
+        energies, misfit = self._estimator.missed(model)
 
         first = self._matrices.members()[0]
         struck = [site.place.member if site.place else first for site in sites.values()]

@@ -384,8 +384,8 @@ def _checked_options(
         if mesh is not None and mesh.tdim == 2:  # solids have solvers without a factor
             need = of_sheet(structure.dofs, n) + of_sheet(structure.dofs, 0) * bool(expansion)
         what = f"a model of {structure.dofs} dofs with n = {n} anti-oscillators"
-        free = on_root(structure.comm, process.free_memory)
-        process.require(need, what, "reduce n, or take a coarser mesh", free)
+        remedy = "reduce n, or take a coarser mesh"
+        on_root(structure.comm, partial(process.require, need, what, remedy))
 
     accuracy = positive("accuracy", accuracy)
     tol = OBSERVABLE * min(accuracy, 1.0) if tol is None else tolerance(tol)

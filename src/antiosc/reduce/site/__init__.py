@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import cast
 
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly import with_parts
+from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.structure import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import NOT_KNOWN
@@ -65,13 +65,14 @@ def surfaces(
         return None
     from antiosc.reduce.site.surface import NO_POINT, surface_of  # given matrices have no mesh
 
+    matrices = cast(MeshedParts, structure.matrices)
     surfaces_found: dict[str, dict[str, object]] = {}
     for name, functional in sites.items():
         if functional.place is None:
             surfaces_found[name] = {NOT_KNOWN: NO_POINT}
             continue
         try:
-            surface = surface_of(structure, functional.place, functional.radius)
+            surface = surface_of(matrices, functional.place, functional.radius)
             surfaces_found[name] = surface.as_dict()
         except InputError as error:
             surfaces_found[name] = {NOT_KNOWN: str(error)}

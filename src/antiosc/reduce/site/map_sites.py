@@ -15,13 +15,11 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, floats, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.assembly.assembled import group_of
-from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
+from antiosc.fem.mesh.surface import SurfaceAtSites
 from antiosc.fem.structure import in_space
-from antiosc.fem.structure.loads import PointMotion
+from antiosc.fem.structure.loads import PointMotion, places_at
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.fem.structure.place import places_at
-from antiosc.reduce.site.at_points import ON_STRUCTURE, places_of
+from antiosc.reduce.site.at_points import ON_STRUCTURE, group_of, places_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
 from antiosc.reduce.site.sites import (
     MOST_RINGS_OF_MAP,
@@ -297,7 +295,7 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
     """Vertices of a group of facets, or of cells for shells and beams; None: the whole surface."""
     mesh = structure.mesh
     is_solid = structure.kind.outside
-    faces = Faces(mesh, not is_solid)
+    faces = structure.faces
     in_group = np.ones(len(faces.facets), dtype=bool)
     if group is not None:
         in_group = np.isin(faces.facets, mesh.group(group).get(faces.dim, []))

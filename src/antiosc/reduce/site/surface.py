@@ -24,13 +24,12 @@ from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, SHARP, Curvature
 from antiosc.engine.contact.surfaces import Matter, Surface, matter_of
 from antiosc.fem.assembly import MeshedParts, with_parts
-from antiosc.fem.assembly.assembled import place_at
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces, clamped, projected
 from antiosc.fem.structure import in_space
-from antiosc.fem.structure.place import Place
+from antiosc.fem.structure.loads import Place, places_at
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.neutral import connected
 from antiosc.models.body import Body
@@ -339,11 +338,11 @@ def surface_at(
     """The surface of a structure at its point nearest to `point` (3,), as `surface_of`."""
     if point is None:
         raise InputError(NO_POINT)
-    place = place_at(with_parts(structure, NO_SURFACE), point, direction)
-    return surface_of(structure, place, radius)
+    matrices = with_parts(structure, NO_SURFACE)
+    return surface_of(matrices, _place_at(matrices, point, direction), radius)
 
 
-def surface_of(structure: Structure, place: Place, radius: float | None) -> Surface:
+def surface_of(matrices: MeshedParts, place: Place, radius: float | None) -> Surface:
     """The surface at a place, under a patch of a `radius` [m] or at a point; else InputError."""
     material = place.material
     matter = _contact_material(material)
@@ -353,11 +352,11 @@ def surface_of(structure: Structure, place: Place, radius: float | None) -> Surf
         return _bar_surface(material, matter, radius)
 
     curved = _curvature(place)
-    surface = placed(curved, matter, corner_radius(structure), radius)
+    surface = placed(curved, matter, _corner_radius(matrices), radius)
     if curved.kind in SHARP:
         return surface
 
-    ball_radius, second_contact = _room(with_parts(structure), curved, radius or 0.0)
+    ball_radius, second_contact = _room(matrices, curved, radius or 0.0)
     return replace(surface, largest_ball=ball_radius, meets=second_contact)
 
 
@@ -386,12 +385,18 @@ def curvature_at(
 ) -> Curvature:
     """Principal curvatures of the outer surface at its point nearest to `point` [m]."""
     along = None if direction is None else in_space(direction)
-    return _curvature(place_at(with_parts(structure, NO_SURFACE), in_space(point), along))
+    return _curvature(_place_at(with_parts(structure, NO_SURFACE), in_space(point), along))
+
+
+def _place_at(matrices: MeshedParts, point: Array, direction: Array | None) -> Place:
+    """The place nearest to a point (3,), struck along a direction (3,)."""
+    directions = None if direction is None else direction[None]
+    return places_at(matrices.members(), point[None], directions)[0]
 
 
 def material_at(structure: Structure, point: Array, direction: Array | None = None) -> Any:
     """The material of a meshed structure at its point nearest to `point` [m]."""
-    return place_at(with_parts(structure, NO_SURFACE), point, direction).material
+    return _place_at(with_parts(structure, NO_SURFACE), point, direction).material
 
 
 def _curvature(place: Place) -> Curvature:
@@ -440,9 +445,9 @@ def flat_face(structure: Structure) -> Surface | None:
     return Surface(matter)
 
 
-def corner_radius(structure: Structure) -> float:
+def _corner_radius(matrices: MeshedParts) -> float:
     """The radius that is assumed for sharp edges of a structure [m]."""
-    return float(min(CORNER_RADIUS, structure.dimensions[2] / 4))
+    return float(min(CORNER_RADIUS, matrices.dimensions[2] / 4))
 
 
 def placed(curvature: Curvature, matter: Matter, corner: float, radius: float | None) -> Surface:
