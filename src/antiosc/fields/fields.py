@@ -362,8 +362,8 @@ def checked_shapes(
     fits = all(len(block) == rows for block in modes.basis)
     if not all(structure.comm.allgather(fits)):  # on some rank they may fit by chance
         raise InputError(
-            f"the model's shapes have {len(modes.basis[0])} rows, the structure {rows}: the model "
-            "was extracted from another structure."
+            f"the model has {len(modes.basis[0])} rows, the structure {rows}: it is another "
+            f"structure."
         )
 
     factors, count = unit_energy_factors(modes)
@@ -372,8 +372,8 @@ def checked_shapes(
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
             raise InputError(
-                f"the structure is {ratio:.6g} times as {noun} on the shapes of the model as the"
-                " model: the model was extracted from another structure; give that of this run."
+                f"the structure is {ratio:.6g} times as {noun} as the model: it is another "
+                f"structure."
             )
 
     return modes.basis
@@ -542,8 +542,7 @@ def reactions(
     forces = forces_of(history, times_checked, body)
     if len(work) != forces.shape[1]:
         raise InputError(
-            f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}: "
-            "give the sites with which it was extracted, in their order."
+            f"the model has {forces.shape[1]} directions, the sites {len(work)}: give its sites."
         )
 
     comm = structure.comm
@@ -554,10 +553,7 @@ def reactions(
     terms = released.damping(shapes)
     undamped = modes_of(history, body).damping is None
     if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
-        raise InputError(
-            "the damping of the model is not that of the structure: take the model as `extract`"
-            " returns it."
-        )
+        raise InputError("the damping of the model is not the structure's: take that of `extract`.")
 
     for tau, by_motion in terms:
         forces_of_supports += (velocities if tau is None else springs.pop(0)) @ by_motion.T
@@ -579,8 +575,7 @@ def _check_reactions(structure: Structure, history: History, body: str) -> None:
     has_gravity = bool(np.any(scene.gravity))
     if stretch_in(history, body) is not None:
         raise InputError(
-            "reactions of a part that stretches as it bends are not computed: extract its model "
-            "without stretch, whose reactions are those of linear theory."
+            "reactions of a part that stretches are not computed: extract without stretch."
         )
     if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")

@@ -124,8 +124,7 @@ class PeakField(Completed):
         """
         if self._margin is None or self._margin.criterion == margin.UNJUDGED:
             raise InputError(
-                f"no margin for {self.quantity}: the material has no strength; give it a "
-                "yield_strength for 'von_mises', or its layers a strength for 'tsai_wu'."
+                f"no margin for {self.quantity}: give the material a yield_strength or strength."
             )
         return self._margin
 

@@ -351,8 +351,7 @@ def _filtered(
     """A derivative of `signal(history, t)` (n, …) through a filter, of a run that is longer."""
     if not isinstance(history, RunHistory):
         raise InputError(
-            "a filter needs the motion before and after the times: probe the history of the scene,"
-            " and name the body."
+            "a filter needs the motion around the times: probe the scene's history and body."
         )
     end = times.max() + memory_of(name)
     if history.time[-1] < end and isinstance(history, History) and history.source is not None:
@@ -456,8 +455,7 @@ def probe_error(
     model = history.model
     if history.rerun is None or not isinstance(model, AntiOscillators) or model.n < 2:
         raise InputError(
-            "only an impact of simulate or strike can be repeated with half the anti-oscillators,"
-            " of which there must be two or more."
+            "only an impact of simulate or strike, of two anti-oscillators, can be repeated."
         )
     linear = replace(model, stretch=None)
     at = times_of(history, times)

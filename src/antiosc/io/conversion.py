@@ -329,8 +329,7 @@ def _of_dimension(
         unused = np.setdiff1d(all_rows, rows)
         if len(unused):
             raise MeshError(
-                f"{len(unused)} {block.type} elements of {deck.name} use one node several times "
-                "so that they have no volume or area; delete them."
+                f"{len(unused)} {block.type} elements of {deck.name} have no volume: delete them."
             )
         shape = _SIMPLEX[DIMENSION[block.shape]] if split else block.shape
         if order == 2:
@@ -455,9 +454,7 @@ def known(label: str, name: str) -> str:
     """`label` itself; MeshError for cells that can neither be used nor divided."""
     if label not in CELLS:
         raise MeshError(
-            f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
-            "triangles, quadrilaterals, tetrahedra, hexahedra, wedges or pyramids of geometric "
-            "order 1 or 2."
+            f"{name} holds {label} cells: take lines, tri-, quad-, tetra-, hexahedra, wedges."
         )
 
     return label

@@ -144,8 +144,7 @@ def surface_of(ask: Request) -> Surface:
         import trimesh
     except ImportError as error:
         raise MissingDependencyError(
-            "trimesh and networkx, which read surfaces of triangles, are not installed: "
-            "pip install trimesh networkx"
+            "surfaces of triangles need a package: pip install trimesh networkx"
         ) from error
     path = Path(ask.path)
     suffix = path.suffix.lower()
@@ -208,8 +207,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
 
     if lacks:
         raise MeshError(
-            f"{name} is cut off or damaged: its {len(faces)} triangles leave {unused} of {count} "
-            "corners unused, or lack some."
+            f"{name} is cut off or damaged: {unused} of its {count} corners are unused."
         )
 
 
@@ -288,8 +286,7 @@ def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
     surface = surface_of(ask)
     if surface.open_edges:
         raise MeshError(
-            f"{ask.name} is not closed: {surface.open_edges} of its edges do not belong to two "
-            "triangles; repair it, or read it as a sheet, without solid."
+            f"{ask.name} is not closed: repair it, or read it as a sheet, without solid."
         )
 
     bodies, pierced = _bodies(surface, ask.name)

@@ -279,8 +279,7 @@ def read_pair(
     count = len(K.value) + len(M.value)
     if K.size > count:
         raise InputError(
-            f"{K.source} has {K.size:g} rows, but K and M together have {count} entries: is the "
-            "file complete?"
+            f"{K.source} has {K.size:g} rows, but {count} entries: is the file complete?"
         )
 
     return MatrixPair(K.matrix(), M.matrix(), labels)
@@ -315,10 +314,7 @@ def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries
         matching_keys = [key for key in matrices if key.upper().startswith(letter)]
 
     if len(matching_keys) != 1:
-        raise InputError(
-            f"{source.name} holds the matrices {', '.join(matrices)}: say which are K and M, "
-            "names=('KAA', 'MAA')."
-        )
+        raise InputError(f"{source.name} holds {', '.join(matrices)}: say names=('KAA', 'MAA').")
 
     return checked(matrices[matching_keys[0]])
 
@@ -422,8 +418,7 @@ class DofMap:
         if not len(matches):
             components = ", ".join(name_of(int(k)) for k in self.component[rows])
             raise InputError(
-                f"node {node} has no dof {name_of(component)} in the matrices: it has {components} "
-                "(fixed dofs are left out by most programs)."
+                f"node {node} has no dof {name_of(component)} in the matrices, but {components}."
             )
 
         return int(matches[0])
@@ -534,8 +529,7 @@ def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
     """Node and component labels of the matrices, with coordinates from rows of node, x, y, z."""
     if labels is None:
         raise InputError(
-            f"{name} has rows of node, x, y, z, but the files do not say which rows of the "
-            "matrices belong to a node: give rows of node, dof, x, y, z."
+            f"{name} gives no dofs, nor do the files: give rows of node, dof, x, y, z."
         )
 
     place = {node: x for node, *x in table.tolist()}

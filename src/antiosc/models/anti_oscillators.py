@@ -431,8 +431,7 @@ class AntiOscillators(ReprMixin, Parameters):
         damping = self.damping
         if self.stretch is not None:
             raise InputError(
-                "a model that stretches keeps its anti-oscillators: extract it with fewer, or"
-                " without stretch."
+                "a model that stretches keeps its anti-oscillators: extract it with fewer."
             )
 
         if isinstance(damping, DampingMatrix):

@@ -318,8 +318,7 @@ def checked_body(name: str, body: object) -> Body:
         return _UserBody(name, body)
 
     raise InputError(
-        f"{name} must have a modal() method, as the model that extract(part, site) makes, a "
-        f"RigidMass and a Sphere have; got {checks.shown(body)}."
+        f"{name} must have a modal() method, as a model has; got {checks.shown(body)}."
     )
 
 
@@ -490,14 +489,12 @@ def _surface(body: object, site: str) -> Surface:
         reason = info_of(linear_body).unknown_surface(site)
         if reason:
             raise InputError(
-                'the contact "auto" finds no law, give one, such as Hertz: nothing is known of '
-                f"the surface of the {type(body).__name__}, for {reason}"
+                f'the contact "auto" finds no law for the {type(body).__name__}, give one, such as '
+                f"Hertz: {reason}"
             )
         raise InputError(
-            f'the contact "auto" needs the material and the curvature of both surfaces, and '
-            f"those of the {type(body).__name__} are not known: extract it from a mesh, give "
-            "the model its material (with_surface, or [surface] of a scene), the striker a"
-            " material and a tip_radius, or give the law, such as Hertz."
+            f'the contact "auto" needs the surface of the {type(body).__name__}: extract it from a '
+            f"mesh, give it its material and a tip_radius, or give a law, such as Hertz."
         )
 
     return surface

@@ -140,8 +140,7 @@ def site_models(
     shift = checks.nonnegative("shift", shift, "rad^2/s^2")
     if not shift and omega[0] == 0:
         raise InputError(
-            "a rigid-body mode (omega = 0) has no static compliance: give a shift > 0, and the"
-            " compliance and inertia of K + shift M."
+            "a rigid-body mode has no static compliance: give a shift > 0, and K + shift M's."
         )
 
     count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)

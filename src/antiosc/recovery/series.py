@@ -52,8 +52,7 @@ def listing(path: str | os.PathLike[str]) -> Path:
     target = path if path.suffix.lower() == ".pvd" else path.with_name(f"{path.name}.pvd")
     if not target.stem.isprintable():
         raise InputError(
-            f"a series cannot be named {checks.shown(target.stem)}: XML has no word for one of its "
-            "characters."
+            f"a series cannot be named {checks.shown(target.stem)}, which XML cannot hold."
         )
 
     return target

@@ -257,10 +257,7 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]
     """Solve one block of coupled rows: (solved rows, their dofs, redundant rows)."""
     C = system.C[rows]
     if C.shape[0] > LARGEST_BLOCK:
-        raise InputError(
-            f"{C.shape[0]} constraints of {system.names(rows)} overlap, more than "
-            f"{LARGEST_BLOCK}: let the joints act on groups that do not share nodes."
-        )
+        raise InputError(f"constraints of {system.names(rows)} overlap: let joints share no nodes.")
 
     columns = np.unique(C.indices)
     prescribed_columns = columns[system.scale[columns] == 0]  # the last ones
@@ -278,9 +275,7 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]
     largest = np.abs(solved).max(initial=0.0)
     if largest > LARGEST_COEFFICIENT:
         raise AccuracyError(
-            f"the constraints of {system.names(rows)} are nearly dependent: a coefficient of "
-            f"their solution is {largest:.1e} (limit {LARGEST_COEFFICIENT:.0e}); move the joints "
-            "apart, or remove one of them."
+            f"the constraints of {system.names(rows)} are nearly dependent: remove one."
         )
 
     pivots = order[:rank]
@@ -324,8 +319,7 @@ def _check(system: _System, T: Sparse) -> None:
     worst = int(np.argmax(error))
     if error[worst] > SATISFIED:
         raise AccuracyError(
-            f"the constraints of {system.names(np.array([worst]))} are satisfied only to "
-            f"{error[worst]:.1e} (limit {SATISFIED:.0e}): they are nearly dependent on others."
+            f"{system.names(np.array([worst]))} nearly depends on others: {error[worst]:.1e}."
         )
 
 
@@ -508,8 +502,7 @@ def _check_dense(label: str, functionals: Sparse) -> None:
     count = int(np.diff(functionals.indptr).max(initial=0))
     if functionals.shape[0] <= FEW_ROWS and count > MOST_COUPLED:
         raise InputError(
-            f"{label} couples {count} dofs of a group with one another, more than {MOST_COUPLED}: "
-            'give a smaller group, or the surface near a point, ("part", point, radius).'
+            f"{label} couples {count} dofs, more than {MOST_COUPLED}: give a smaller group."
         )
 
 
@@ -565,8 +558,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
             return point.six[np.flatnonzero(np.diff(point.six.indptr))]
         if absent := point.lacking(names):
             raise InputError(
-                f"the support {support.label} fixes {', '.join(absent)}, which this site does "
-                "not have."
+                f"the support {support.label} fixes {', '.join(absent)}, which this site lacks."
             )
         return point.components(names)
 
@@ -612,10 +604,7 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
     """Motions of the points at which an attachment acts."""
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
-            raise InputError(
-                f"the point {shown(where)} of a mass, spring or damper has {len(where)} coordinates"
-                " in an assembly in space: give x, y and z."
-            )
+            raise InputError(f"the point {shown(where)} lies in space: give x, y and z.")
         x = in_space(where)
         (place,) = places_at(layout.members.values(), x[None])
         return [motion(layout, (place.member.name, tuple(x)))]

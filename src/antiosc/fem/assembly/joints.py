@@ -122,8 +122,7 @@ class _Axis(_Pin):
         free_rotation = self._turns_about_axis
         if layout.plane and abs(rotated - free_rotation) > COINCIDENT:
             raise InputError(
-                f"{label}: plane parts rotate about z and slide along x and y; the axis "
-                f"{tuple(self.axis)} allows neither."
+                f"{label}: plane parts do not move about or along {tuple(self.axis)}: turn it to z."
             )
 
         return super().constraints(layout, held, label)
@@ -182,9 +181,8 @@ def carried(
         across = np.eye(3) - np.outer(arm, arm) / length**2
         if not end_motion.turns(layout.rotations if layout.plane else across):
             raise InputError(
-                f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
-                "carry it there: points of solids do not rotate; give a group of faces, or a point "
-                "where the joint is."
+                f"{label} lies {length:.3g} m off {end_text(end)}, which has no rotation: give a "
+                f"group of faces, or a point where the joint is."
             )
         result.append((end, end_motion.at(x)))
 
@@ -200,10 +198,8 @@ def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
             if (turns or end_motion.displacements.nnz) and not end_motion.has(unit):
                 names = ", ".join(COMPONENTS[k] for k in np.flatnonzero(direction))
                 raise InputError(
-                    f"{label} acts on {names}, a {'rotation' if turns else 'displacement'} that "
-                    f"{end_text(end)} does not have: points of a solid, or a straight row of them, "
-                    'do not rotate (give a group of faces, a radius, ("part", point, radius), or '
-                    "a Ball), and a site of a model moves along its directions."
+                    f"{label} acts on {names}, a motion that {end_text(end)} does not have: give a "
+                    f"group of faces, a radius, or a Ball."
                 )
 
     return (scipy.sparse.csr_matrix(directions) @ (b[1].six - a[1].six)).tocsr()
@@ -244,11 +240,7 @@ class Equation(Joint):
             end_motion = motion(layout, end)
             row = end_motion.components([component])
             if end_motion.lacking([component]):
-                raise InputError(
-                    f"{label}: {end_text(end)} has no component {component!r}; points of solids "
-                    "have no rotations, plane parts move along x and y, a site of a model along "
-                    "its direction."
-                )
+                raise InputError(f"{label}: {end_text(end)} has no component {component!r}.")
             total = total + coefficient * row
 
         total = total.tocsr()
@@ -261,15 +253,14 @@ class Equation(Joint):
 def _checked_term(term: object) -> tuple[End, str, float]:
     if not isinstance(term, tuple | list) or len(term) != 3:
         raise InputError(
-            f"a term must be (end, component, coefficient), as (('plate', (0, 0, 0)), 'z', 1.0); "
-            f"got {shown(term)}."
+            f"a term is (end, component, coefficient), as ('a:g', 'z', 1); got {shown(term)}."
         )
 
     end, component, coefficient = term
     if not isinstance(component, str) or component not in DISPLACEMENTS + ROTATIONS:
         raise InputError(
-            f"a component must be one of {', '.join(DISPLACEMENTS + ROTATIONS)}; "
-            f"got {shown(component)}."
+            f"a component must be one of {', '.join(DISPLACEMENTS + ROTATIONS)}; got "
+            f"{shown(component)}."
         )
 
     return checked_end("end", end), component, number("a coefficient", coefficient)
@@ -333,8 +324,7 @@ class Bushing(TwoEnds):
         super().__post_init__()
         if not self.stiffness and not self.damping and not self.branches:
             raise InputError(
-                f"a Bushing needs a stiffness, as {{'z': 1e6}}, or a damping; got "
-                f"{shown(self.stiffness)}."
+                f"a Bushing needs a stiffness or damping; got {shown(self.stiffness)}."
             )
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
@@ -412,9 +402,7 @@ class Rigid(Joint):
         nodes = nodes[~np.isin(nodes, block[in_member])]  # the point itself may be in the group
         if not leader.turns(layout.rotations):
             raise InputError(
-                f"{label}: the point {end_text(point)} does not rotate, so that nothing can "
-                "follow its rotation: take a reference point (points={...}), or a point of a beam "
-                "or a shell."
+                f"{label}: {end_text(point)} has no rotation to follow: take a reference point."
             )
         if not len(nodes):
             raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")
@@ -461,8 +449,7 @@ class Mean(Joint):
         leader = mean(layout, member, member.points_of(group))
         if set(leader.displacements.indices) & set(follower.displacements.indices):
             raise InputError(
-                f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "
-                "whose mean it should follow; take a group without it."
+                f"{label}: the point {end_text(self.point)} is in {self.group!r} that it follows."
             )
 
         directions = _rows_of(leader.space @ follower.space)
@@ -525,15 +512,14 @@ class Bolt(TwoEnds):
         length = float(np.linalg.norm(line))
         if length <= 1e-9 * layout.size:
             raise InputError(
-                f"{label} has no length: {end_text(self.a)} and {end_text(self.b)} have the same "
-                "centre; use a Weld."
+                f"{label} has no length: {end_text(self.a)} is {end_text(self.b)}; use a Weld."
             )
 
         for end, end_motion in zip((self.a, self.b), ends, strict=True):
             if not end_motion.turns(layout.rotations):
                 raise InputError(
-                    f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
-                    'one: give a group of faces, or a radius, ("part", point, radius).'
+                    f"{label}: {end_text(end)} has no rotation, which a beam needs: give a group "
+                    f"of faces, or a radius."
                 )
 
         axis = line / length

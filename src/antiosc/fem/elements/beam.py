@@ -81,8 +81,7 @@ class Beam(Isotropic):
         super().__post_init__()
         if self.offset and self.orientation is None:
             raise InputError(
-                f"offset = {self.offset:g} m is measured along the orientation: give this as well, "
-                "as (0, 0, 1)."
+                f"offset = {self.offset:g} m is along the orientation: give it, as (0, 0, 1)."
             )
 
     def shear_stiffness(self, plane: int, size: float) -> float:
@@ -246,8 +245,7 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
     if beam.orientation is None:
         if not beam.section.isotropic:
             raise InputError(
-                "a section with two different second moments of area or shear coefficients needs "
-                "an orientation in space; the orientation (0, 0, 1) puts its height along z."
+                "a section that is stiffer one way needs an orientation, as (0, 0, 1)."
             )
         # Any direction across the axis will do: the unit vector least aligned with it.
         return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
@@ -258,9 +256,8 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
     if parallel.any():
         direction_text = "" if beam.orientation is None else shown_direction(beam.orientation)
         raise InputError(
-            f"the orientation{direction_text} is parallel to the axis of {int(parallel.sum())} "
-            "beam elements: choose a direction that is not parallel to any of them, or give these "
-            "elements a separate material."
+            f"the orientation{direction_text} is parallel to {int(parallel.sum())} beam elements: "
+            f"choose another, or give these a separate material."
         )
     return np.asarray(height / length)
 

@@ -333,8 +333,8 @@ class Sheet(Checked):
         """Strain and kinetic energy of the shell; cubic triangles, quadratic quadrilaterals."""
         if mesh.tdim != 2:
             raise InputError(
-                f"{type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "
-                f"has {mesh.cell} cells (lines: Beam, volumes: Solid)."
+                f"a {type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "
+                f"has {mesh.cell} cells."
             )
         if order != 2:
             raise InputError("Shell elements need the order 2 of Structure, its default.")
@@ -386,8 +386,7 @@ class Sheet(Checked):
     def constants(self) -> tuple[float, float, float]:
         """Raise InputError: layers have directions."""
         raise InputError(
-            f"advise needs an isotropic material; got a {type(self).__name__}: give the "
-            "dimensions, and equivalent E, nu, rho of the part."
+            f"advise needs E, nu and rho; a {type(self).__name__} has no such: give them."
         )
 
     @property

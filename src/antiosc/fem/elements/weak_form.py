@@ -173,8 +173,7 @@ def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -
             place = point_text(points.reshape(-1, 3)[np.argmax(bad[edge])])
             raise InputError(
                 f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
-                f"{place}, so that the top of the sheet would change sides: reverse the nodes of "
-                "these cells, or give Laminate or Shell a top, a direction on its side."
+                f"{place}: reverse these cells, or give Laminate or Shell a top."
             )
 
     on_root(mesh.comm, work)
@@ -289,8 +288,7 @@ def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
         return ()
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not (pairs > 0).all():
         raise InputError(
-            "prony must list pairs (stiffness over the long-term one, relaxation time in s), all "
-            f"> 0; got {shown(value)}."
+            f"prony lists pairs (relative stiffness, time in s) > 0; got {shown(value)}."
         )
 
     return tuple((ratio, tau) for ratio, tau in pairs.tolist())
@@ -313,8 +311,7 @@ def _checked_rate(name: str, value: object) -> tuple[float, ...]:
     numbers = tuple(positives(name, value).tolist())
     if len(numbers) not in (2, 3):
         raise InputError(
-            f"{name} must be D in 1/s and q, and the strength in Pa if it is not the yield "
-            f"strength that grows so; got {len(numbers)} numbers."
+            f"{name} must be D in 1/s, q and perhaps a strength; got {len(numbers)} numbers."
         )
 
     return numbers

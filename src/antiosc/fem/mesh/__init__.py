@@ -217,8 +217,7 @@ class Mesh(ReprMixin):
         if flat or not self.comm.allreduce(len(facets)):
             reason = "it is flat" if flat else f"none lies at {name[1]} = {end:g} m"
             raise InputError(
-                f"{self.name} has neither a group {name!r} nor faces on that side: {reason}; give"
-                " a group, or a function of the coordinates."
+                f"{self.name} has no group {name!r}, nor faces on that side: {reason}."
             )
 
         return {dim: facets}

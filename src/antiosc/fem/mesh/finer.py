@@ -220,8 +220,7 @@ def near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
     """The mesh of straight simplices, divided to the sizes of `refine`; MeshError for others."""
     if refine and not divisible(mesh):
         raise MeshError(
-            f"{mesh.name}: refine divides straight triangles and tetrahedra, not {mesh.cell} cells"
-            f" of order {mesh.order}; size makes all cells smaller."
+            f"refine divides straight simplices, not {mesh.cell} cells of order {mesh.order}."
         )
 
     for _ in range(MOST_DIVISIONS):

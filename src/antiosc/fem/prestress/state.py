@@ -95,10 +95,7 @@ class LoadedPart:
         mesh = part.mesh
         self._u = compat.function_of(form.space, np.zeros(part.rows))
         if part.stiffeners:
-            raise InputError(
-                "a prestress does not take a sheet with beams on its edges: leave them or the "
-                "prestress out."
-            )
+            raise InputError("a prestress takes no sheet with beams on its edges: leave one out.")
         self.initial = initial_strain(part, initial)
         stretch = stretch_of(mesh, part.parts, form.degree)
         free = self.initial if initial else None
@@ -115,8 +112,7 @@ class LoadedPart:
         if loads.spin is not None and loads.spin.omega:
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
                 raise InputError(
-                    "a spin acts on the mass of cells alone: mesh what a PointMass stands for, or "
-                    "leave the spin out."
+                    "a spin takes no PointMass: mesh what it stands for, or leave spin out."
                 )
             spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
             of_loads.append(-spin)
@@ -162,8 +158,7 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
         dim, cells = largest(part.mesh, group)
         if dim != part.mesh.tdim or not isinstance(part.parts[0][0], Beam | Truss):
             raise InputError(
-                f"tension is that of beams and bars; {group!r} is no group of their cells: use "
-                "force={…} on both ends of what pulls."
+                f"tension is that of beams and bars, not of {group!r}: use force={{…}}."
             )
         strain_of_cells.x.array[cells] += strain
 
@@ -252,8 +247,7 @@ def pressure_energy(
     sheet = parts[0][0].kind.sheet
     if dim != (mesh.tdim if sheet else mesh.tdim - 1) or mesh.tdim == 1:
         raise InputError(
-            f"pressure acts on faces of solids and on cells of sheets; group {group!r} holds "
-            f"entities of dimension {dim}: give force={{{group!r}: (x, y, z)}} there."
+            f"pressure acts on faces of solids and on sheets, not on {group!r}: give force."
         )
     factor, dx = measure_on(mesh, dim, entities)
     if not sheet:
@@ -338,8 +332,7 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
     loads = instance("prestress", prestress, Prestress, "a Prestress(spin=…, tension=…, …)")
     if base.rigid_modes.shape[1]:
         raise InputError(
-            f"a prestress needs supports that hold the part: {base.rigid_modes.shape[1]} rigid-body"
-            " modes are left."
+            f"a prestress needs supports: {base.rigid_modes.shape[1]} rigid-body modes are left."
         )
 
     with doing("static step of the prestress", base.comm.rank):
@@ -419,9 +412,8 @@ def equilibrium(
     linear = elastic.solve(dead - loaded.forces(0 * q))
     reserve = buckling(part.K, elastic, loaded.stiffness(linear, geometric=True))
     raise InputError(
-        f"no stable equilibrium is found under the prestress: the part buckles at some "
-        f"{reserve:.3g} times these loads (a spin at {math.sqrt(reserve):.3g} times its speed), or "
-        "deflects too far; lower them, or support the part."
+        f"the part buckles at some {reserve:.3g} times these loads, or deflects too far; lower "
+        f"them, or support the part."
     )
 
 
@@ -473,8 +465,7 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
         return math.inf
     if not eps.getConverged():
         raise NotConvergedError(
-            f"SLEPc did not find the buckling load within {RESTARTS} restarts: refine the mesh, or "
-            "leave prestress out."
+            "SLEPc did not find the buckling load: refine the mesh, or leave prestress out."
         )
     value = eps.getEigenvalue(0).real
     eps.destroy()

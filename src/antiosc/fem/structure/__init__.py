@@ -331,8 +331,8 @@ def modes_and_shift(
     null_space = block[:, zero]
     if null_vectors is not None and null_vectors.shape[1] != null_space.shape[1]:
         raise InputError(
-            f"rigid_modes has {null_vectors.shape[1]} columns but K has {null_space.shape[1]} null"
-            " vectors."
+            f"rigid_modes has {null_vectors.shape[1]} columns, K {null_space.shape[1]} null "
+            f"vectors."
         )
 
     for _ in range(REFINEMENTS):
@@ -618,10 +618,7 @@ class NodalMatrices(StructureMatrices):
     def mass(self) -> float:
         inertia = self.rigid_inertia
         if inertia is None:
-            raise InputError(
-                "the total mass is known only of free bodies with coordinates: matrices lack "
-                "the mass of fixed dofs."
-            )
+            raise InputError("the mass of matrices is known only of free bodies with coordinates.")
 
         return inertia[0].mass
 

@@ -252,15 +252,13 @@ def terms_of(
         if lacking := end.lacking(names):
             raise InputError(
                 f"{kind} at {attached.where!r} acts on {', '.join(lacking)}, which this point does "
-                "not have: points of solids have no rotations (act on a group or on a reference "
-                "point of an assembly), plane parts move along x and y."
+                f"not have: take a group."
             )
         G = end.components(names)
         if other is not None:
             if np.allclose(other.point, end.point):
                 raise InputError(
-                    f"the Damper at {shown(attached.where)} ends at the point where it begins: "
-                    "name another point, or leave to= out for the ground."
+                    f"the Damper at {shown(attached.where)} ends where it begins: leave to= out."
                 )
             G = G - other.components(names)
         name = "" if other is not None else getattr(attached, "name", None) or ""
@@ -302,17 +300,13 @@ def mesh_points(
     if isinstance(where, str):
         group = mesh.group(where)
         if set(group) != {0}:
-            raise InputError(
-                f"group {where!r} must hold points alone to carry masses or springs; it holds "
-                f"entities of dimension {', '.join(str(dim) for dim in sorted(group))}."
-            )
+            raise InputError(f"group {where!r} must hold points alone to carry masses or springs.")
         owned_nodes = group[0][group[0] < mesh.dolfinx.topology.index_map(0).size_local]
         x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[owned_nodes, 0]]
         points = np.vstack(mesh.comm.allgather(x))
     elif len(where) < mesh.gdim:
         raise InputError(
-            f"the point {point_text(np.array(where))} of a mass, spring or damper has"
-            f" {len(where)} coordinates, and {mesh.name} lives in space: give x, y and z."
+            f"the point {point_text(np.array(where))} must have x, y and z in {mesh.name}."
         )
     else:
         points = in_space(where)[None]
@@ -322,8 +316,7 @@ def mesh_points(
         if place.distance > NEAR * mesh.extent():
             raise InputError(
                 f"the point {point_text(point)} of a mass, spring or damper is "
-                f"{place.distance:.3g} m off the structure; its nearest point is "
-                f"{point_text(place.x)}."
+                f"{place.distance:.3g} m off the structure."
             )
 
     free = np.ones(compat.local_size(form.space))
@@ -367,10 +360,7 @@ def beams_on(
             "of a stiffener if they are thinner than their rise; mesh the surface with triangles."
         )
     if not beam.shear:
-        raise InputError(
-            f"stiffeners (group {name!r}) deform in shear with their shell: shear=False is for "
-            "beams without a shell only."
-        )
+        raise InputError(f"stiffeners (group {name!r}) deform in shear: leave shear=False out.")
 
     line = _edge_mesh(mesh, edges, f"the edges of group {name!r}")
     cells = compat.cell_map(line.dolfinx)

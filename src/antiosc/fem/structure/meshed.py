@@ -487,8 +487,8 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
     cells = {name: item for name, item in material.items() if name not in beams}
     if not cells or not all(_family(item).kind.sheet for item in cells.values()):
         raise InputError(
-            f"a Beam on edges (group {next(iter(beams))!r}) stiffens a shell: give the cells of "
-            f"{mesh.name} a Shell or Laminate; a frame of beams alone needs a mesh of lines."
+            f"a Beam on edges ({next(iter(beams))!r}) stiffens a shell: give the cells of "
+            f"{mesh.name} a Shell or Laminate."
         )
 
     on_edges = []
@@ -496,8 +496,7 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
         edges = mesh.group(name).get(1)
         if edges is None:
             raise InputError(
-                f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs: "
-                "let its lines lie in the surface that is meshed (in gmsh: BooleanFragments)."
+                f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs."
             )
         on_edges.append((name, beam, edges))
 
@@ -524,10 +523,7 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
         parts.append((family, cells))
 
     if len({family.kind for family, _ in parts}) > 1:
-        raise InputError(
-            "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
-            "and Laminate."
-        )
+        raise InputError("one structure has one family: Solid, Beam, Truss, or Shell and Laminate.")
 
     uncovered = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
     repeated = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
@@ -544,8 +540,7 @@ def _family(material: object) -> Family:
     """`material`, or InputError for anything else."""
     if isinstance(material, type) or not isinstance(material, Family):
         raise InputError(
-            "material must be a Solid, Shell, Laminate, Beam or Truss, or a dict of them; got "
-            f"{type(material).__name__}."
+            f"material must be a Solid, Shell, … or a dict of them; got {type(material).__name__}."
         )
     return material
 

@@ -126,13 +126,11 @@ def _check_values(name: str, values: Array) -> None:
     largest = np.abs(values).max(initial=0.0)
     if largest > LARGEST:
         raise InputError(
-            f"{name} has an entry of {largest:g}; entries must not exceed {LARGEST:g} in magnitude "
-            "(a penalty of 1e30 is sufficient)."
+            f"{name} has an entry of {largest:g}, above {LARGEST:g} (a penalty of 1e30 is enough)."
         )
     if 0.0 < largest < SMALLEST:
         raise InputError(
-            f"{name} has no entry above {largest:g} in magnitude; the largest must be at least "
-            f"{SMALLEST:g}: check the units, which are SI."
+            f"{name} has no entry above {largest:g}, at least {SMALLEST:g}: check the units, SI."
         )
 
 
@@ -171,10 +169,7 @@ def matrices_of_pair(
 def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
     """C without the rows of fixed dofs; InputError if it is not a damping matrix."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
-        raise InputError(
-            f"C must be of the size and distribution of K; got {algebra.size(C)} rows for "
-            f"{algebra.size(K)}."
-        )
+        raise InputError(f"C must be like K; got {algebra.size(C)} rows for {algebra.size(K)}.")
 
     _checked_diagonal("C", C)
     first, _ = algebra.row_range(C)
@@ -187,16 +182,15 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     same_rows = algebra.size(K) == algebra.size(M) and alike(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
         raise InputError(
-            "K and M must have the same distribution over the MPI ranks, and one size; got "
-            f"{algebra.size(K)} and {algebra.size(M)} rows."
+            f"K and M must be of one size on all ranks; got {algebra.size(K)} and "
+            f"{algebra.size(M)} rows."
         )
 
     of_K, of_M = (_checked_diagonal(name, matrix) for name, matrix in (("K", K), ("M", M)))
     empty = np.flatnonzero((of_K == 0) & (of_M == 0))
     if len(empty):
         raise InputError(
-            f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}: leave "
-            "their rows and columns out."
+            f"{len(empty)} dofs have no stiffness and no mass, as {empty[0]}: leave them out."
         )
 
     constrained = _penalised(K, of_K)
@@ -642,6 +636,5 @@ def refuse_dampers(structure: Structure, what: str) -> None:
     """InputError for a structure with dampers, which the function `what` does not support."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
         raise InputError(
-            f"{what} does not take dampers, nor materials with loss or prony: leave them out;"
-            " extract takes them, without damping."
+            f"{what} does not take dampers, loss or prony: leave them out; extract does."
         )

@@ -372,8 +372,7 @@ def _checked_options(
     n = whole("n", n, least=0 if band is None else 1)
     if n >= structure.dofs:
         raise InputError(
-            f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
-            "ask for fewer anti-oscillators."
+            f"n must be below the {structure.dofs} dofs; got {n}: refine the mesh, or ask fewer."
         )
 
     if band is not None:

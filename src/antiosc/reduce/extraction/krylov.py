@@ -84,8 +84,7 @@ def with_damping(
     braked = damping.matrix.diagonal()
     if braked[kept.stop :].sum() > UNDAMPED * braked[kept].sum():
         raise InputError(
-            "a damper brakes a rigid-body motion that the site does not see, and that matrices "
-            "without coordinates do not tell: give them a map with coordinates."
+            "a damper brakes a hidden rigid motion: give the matrices a map with x, y, z."
         )
 
     return _with_losses(structure, model, in_coordinates(damping, np.eye(len(braked))[:, kept]))

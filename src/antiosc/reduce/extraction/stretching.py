@@ -48,10 +48,7 @@ def part_of(structure: Structure) -> MeshedStructure:
     """The meshed part of a map with stretch; InputError for others."""
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled:
-        raise InputError(
-            f"a map with stretch takes a part of one mesh; got {structure.describe()}: leave"
-            " stretch out."
-        )
+        raise InputError(f"a map with stretch takes one mesh; got {structure.describe()}.")
     return cast("MeshedStructure", matrices)
 
 

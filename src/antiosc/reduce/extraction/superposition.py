@@ -321,9 +321,8 @@ def full(
     _check_arguments(structure, site)
     if structure.dofs > DENSE_MANY or structure.comm.size > 1:
         raise InputError(
-            "full() computes all modes of the structure by a dense eigensolver on one rank: at "
-            f"most {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a "
-            "coarser mesh, or superposition() or extract() with a growing n."
+            f"full() takes {DENSE_MANY} dofs on one rank; got {structure.dofs}: use "
+            f"superposition() or extract()."
         )
 
     checked_damping = as_damping(damping)

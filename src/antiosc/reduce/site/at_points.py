@@ -202,8 +202,7 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) ->
 
     if not end.has(np.append(direction, np.zeros(3))):
         raise InputError(
-            f"the site {site.point!r} of a superelement does not move along the direction of "
-            "impact: extract its model with a tangential site."
+            f"the site {site.point!r} has no such direction: extract it with tangential."
         )
 
     b = np.asarray(end.displacements.T @ direction)
@@ -335,9 +334,8 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
     for i, radius in enumerate(sites_found.radii):
         if sites_found.depth[i] > radius:
             raise InputError(
-                f"the site at {text(points[i])} lies about {sites_found.depth[i]:.2g} m inside "
-                f"the part, deeper than its radius {radius:g} m: a patch needs a surface; give a "
-                "point on it."
+                f"the site at {text(points[i])} lies {sites_found.depth[i]:.2g} m inside the part, "
+                f"deeper than its radius {radius:g} m: give a point on the surface."
             )
         if sites_found.share[i] <= 0:
             least, facets = (engineering(x, "m") for x in (radius, sites_found.size[i]))
@@ -378,10 +376,7 @@ class Released:
         self._of = matrices
         self._assembly = matrices if isinstance(matrices, AssembledMatrices) else None
         for name in self._assembly.layout.condensed if self._assembly else ():
-            raise InputError(
-                "reactions of an assembly with superelements are not known: the supports and the "
-                f"inertia inside of the part {name!r} are not."
-            )
+            raise InputError(f"reactions of superelements, as of {name!r}, are not known.")
 
         self._parts: dict[int, MeshedStructure] = {}
         self._motions = np.zeros((0, 0))
@@ -452,8 +447,7 @@ class Released:
 
         if not centres:
             raise InputError(
-                "the structure has no supports: it has no reactions; the force of a spring to the"
-                " ground is its stiffness times the displacement of its point (`probe`)."
+                "the structure has no supports: it has no reactions (probe the points of springs)."
             )
 
         column = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(centres)}

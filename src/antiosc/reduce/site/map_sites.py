@@ -146,8 +146,7 @@ def movable(sites: MapSites, where: object) -> MapSites:
     if not len(sites.sites):
         place = f" on {where!r}" if isinstance(where, str) else ""
         raise InputError(
-            f"no site of the map can move{place}: supports fix the whole surface, or there is no "
-            "surface under the patches; give another group."
+            f"no site of the map can move{place}, or has a surface: give another group."
         )
 
     return sites
@@ -194,10 +193,7 @@ def _on_part(
     part = member.part
     if direction is None and not part.kind.outside:
         suffix = f" (the part {member.name!r})" if member.name else ""
-        raise InputError(
-            f"shells and beams have no outward normal{suffix}: give the direction of impact, for "
-            "instance (0, 0, -1)."
-        )
+        raise InputError(f"shells and beams have no outward normal{suffix}: give a direction.")
 
     R = member.at.rotation
     count = len(sample.points)
@@ -301,10 +297,7 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
         in_group = np.isin(faces.facets, mesh.group(group).get(faces.dim, []))
 
     if not mesh.comm.allreduce(int(in_group.sum())):
-        raise InputError(
-            f"group {group!r} holds no outer faces of {mesh.name} (dimension {faces.dim}): a map "
-            "needs a surface; name one, or leave it out for all."
-        )
+        raise InputError(f"group {group!r} holds no outer faces of {mesh.name}: name one, or none.")
 
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices[in_group]]
     normals = faces.normals[in_group] if is_solid else np.zeros((int(in_group.sum()), 3))

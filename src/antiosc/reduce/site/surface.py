@@ -224,8 +224,7 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
         return _plane(x, normal)
     if len(nodes) < COEFFICIENTS:
         raise InputError(
-            f"the mesh has {len(nodes)} nodes on the surface around the site, too few for its "
-            "curvature: refine it there, or give the radius."
+            f"the surface has {len(nodes)} nodes around the site, too few: refine it there."
         )
 
     count = min(NODES, max(COEFFICIENTS, len(nodes) // 2))
