@@ -123,7 +123,7 @@ def main(
     euler = pinned_free(euler_bernoulli()).anti_oscillators(5)
     time = np.linspace(0, duration, 800)
     exact = mid_span(hits["exact"], time)
-    fe = ao.probe(part, hits["FE, all AO"], (LENGTH / 2, 0.0), time)[:, 1]
+    fe = ao.probe(part, hits["FE, all AO"], (LENGTH / 2, 0.0), times=time)[:, 1]
     return {
         "hits": hits,
         "models": models,

@@ -207,7 +207,7 @@ def test_a_probe_is_the_field_at_a_point(hit):
     times = np.linspace(0, DURATION, 7)
     field = history.field(times)
     for point in [(0.2, 0.06), (0.0731, 0.0312), (0.1, 0.03)]:
-        moved = ao.probe(structure, history, point, times)
+        moved = ao.probe(structure, history, point, times=times)
         assert moved.shape == (7, 2)
         for axis in (0, 1):
             weights = functional(structure, ao.Site(point, np.eye(2)[axis], radius=None)).b
@@ -215,7 +215,7 @@ def test_a_probe_is_the_field_at_a_point(hit):
     everywhere = ao.probe(structure, history, (0.2, 0.06))
     assert everywhere.shape == (len(history.time), 2)
     assert np.abs(everywhere[:, 1]).max() > 1e-6
-    assert np.abs(ao.probe(structure, history, (0.0, 0.03), times)).max() < 1e-18  # clamped
+    assert np.abs(ao.probe(structure, history, (0.0, 0.03), times=times)).max() < 1e-18  # clamped
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from math import ceil, inf, isfinite
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,9 +38,6 @@ from antiosc.models.parameters import has_bars
 from antiosc.recovery import source
 from antiosc.recovery.place import NO_OUTLINE, Place, Reach, on_outlines, place
 from antiosc.reduce.site.site import motions_without_mesh, point_of
-
-if TYPE_CHECKING:
-    pass
 
 #: The quantities of `probe`.
 PROBED_QUANTITIES = (
@@ -112,7 +109,7 @@ def probe(
         N1, N2, N12, M1, M2, M12, Q1, Q2 in the axes of the laminate; 1 of a `Shell` is x along its
         surface, or y where x is near its normal. N and N m, N/m and N.
     times : array_like (n,), optional
-        Times in s; default: those of the history. It may also be the fourth argument.
+        Times in s; default: those of the history.
     node : int
         In place of a point: the number of a node in the file of the mesh or deck.
     body : str
@@ -170,10 +167,6 @@ def probe(
     AccuracyWarning
         If the run cannot be repeated for as long as the filter needs.
     """
-    if not isinstance(quantity, str):  # times as the fourth argument
-        if times is not None and quantity is not None:
-            raise InputError(f"quantity must be a text; got {checks.shown(quantity)}.")
-        quantity, times = "displacement", times if quantity is None else quantity
     checks.choice("quantity", quantity, PROBED_QUANTITIES)
     checks.instance("structure", structure, Structure, "a Structure")
     position = place(surface, layer, fibre, axes, stiffener)

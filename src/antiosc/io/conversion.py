@@ -270,8 +270,11 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
         if dim == 1 and halve_lines:
             of_dimension = [_halved(*entry) for entry in of_dimension]
         order = 2 if any(block.mids.shape[1] for block, _ in of_dimension) else 1
-        for block, _ in of_dimension if order == 2 else ():
-            _note_middles(block, nodes)
+        for block in (b for b, _ in of_dimension if b.mids.shape[1]):
+            ends = block.corners[:, np.array(EDGES[block.shape])]
+            has_middle = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
+            nodes.give(ends[has_middle], block.mids[has_middle])
+
         apart = mixed and dim == 2
         for of_shape in _by_shape(of_dimension) if apart else filter(None, [of_dimension]):
             shapes = {block.shape for block, _ in of_shape}
@@ -341,14 +344,6 @@ def _of_dimension(
         owners.append(elements[rows])
 
     return np.vstack(tables), np.concatenate(owners)
-
-
-def _note_middles(block: Block, nodes: NodeTable) -> None:
-    """Enter the middle nodes of the edges in the deck into the table."""
-    if block.mids.shape[1]:
-        ends = block.corners[:, np.array(EDGES[block.shape])]
-        has_middle = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
-        nodes.give(ends[has_middle], block.mids[has_middle])
 
 
 def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> csr_matrix:

@@ -81,7 +81,12 @@ def _content(path: Path, name: str) -> meshio.Mesh:
 
 def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
     """Yield (group name, block, rows) of cell groups, as meshio's formats store them."""
-    physical = dict(_group_names(mesh))
+    pairs = {name: np.asarray(pair) for name, pair in mesh.field_data.items()}
+    physical = {  # (tag, dimension) -> name
+        (int(pair[0]), int(pair[1])): name
+        for name, pair in pairs.items()
+        if pair.shape == (2,) and np.issubdtype(pair.dtype, np.integer)
+    }
     families = getattr(mesh, "cell_tags", {})  # MED: tag -> names
     for key, blocks in mesh.cell_data.items():
         for index, values in enumerate(blocks):
@@ -102,14 +107,6 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
         for index, rows in enumerate(blocks):
             if rows is not None and len(rows) and name not in mesh.cell_data:
                 yield str(name), index, np.asarray(rows, dtype=np.int64)
-
-
-def _group_names(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
-    """Yield ((tag, dimension), name) of groups."""
-    for name, value in mesh.field_data.items():
-        pair = np.asarray(value)
-        if pair.shape == (2,) and np.issubdtype(pair.dtype, np.integer):
-            yield (int(pair[0]), int(pair[1])), name
 
 
 def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:

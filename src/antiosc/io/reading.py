@@ -70,7 +70,11 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     aids = wanted is None and mesh.aids and bool(grouped)
     if aids:  # as gmsh itself writes files
         rows = grouped
-    label, cell_rows = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
+    rows = {label: r for label, r in rows.items() if dims[label] == top and len(r)}
+    if len(rows) > 1:
+        counts = ", ".join(f"{len(r)} {label}" for label, r in sorted(rows.items()))
+        raise MeshError(f"{name} mixes cell kinds ({counts}), of which a mesh has one.")
+    ((label, cell_rows),) = rows.items()
 
     # the mesh
     raw = RawMesh(mesh.points, mesh.cells[label][cell_rows], KINDS[label])
@@ -131,14 +135,6 @@ def _grouped(mesh: FileMesh, labels: Sequence[str]) -> Rows:
 def _joined(parts: Sequence[Rows]) -> Rows:
     labels = dict.fromkeys(label for part in parts for label, rows in part.items() if len(rows))
     return {k: np.unique(np.concatenate([p[k] for p in parts if k in p])) for k in labels}
-
-
-def _one_kind(rows: Rows, name: str) -> tuple[str, IntArray]:
-    rows = {label: r for label, r in rows.items() if len(r)}
-    if len(rows) > 1:
-        counts = ", ".join(f"{len(r)} {label}" for label, r in sorted(rows.items()))
-        raise MeshError(f"{name} mixes cell kinds ({counts}), of which a mesh has one.")
-    return next(iter(rows.items()))
 
 
 def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str]:

@@ -350,13 +350,13 @@ def test_fields_of_a_scene(block, tmp_path):
         np.testing.assert_allclose(
             field @ functional(block, site).b, at, atol=1e-9 * np.abs(own).max()
         )
-    probed = ao.probe(block, hit, (0.2, 0.05, 0.04), times)
+    probed = ao.probe(block, hit, (0.2, 0.05, 0.04), times=times)
     assert probed.shape == (2, 3)
     assert np.abs(probed[1, 2]) > 1e-6
     listed = ao.write_series(block, hit, tmp_path / "run", times, body="part")
     assert listed.exists()
     with pytest.raises(ao.InputError, match="no displacement field"):
-        ao.probe(block, hit, (0.2, 0.05, 0.04), times, body="ball")
+        ao.probe(block, hit, (0.2, 0.05, 0.04), times=times, body="ball")
 
 
 @pytest.mark.slow

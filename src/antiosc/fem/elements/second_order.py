@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.sparse
@@ -26,6 +26,7 @@ from antiosc.fem.elements.solid import (
     Solid,
     depth_of,
     isotropic_stress,
+    voigt_in,
     voigt_strain,
 )
 from antiosc.fem.elements.weak_form import Parts, coefficient, measure, tangent
@@ -393,27 +394,13 @@ def _solid_points(part: MeshedStructure) -> PartPoints:
         square[s, i, j] = square[s, j, i] = 1.0
         strain[0, s, i, j] = strain[0, s, j, i] = 1.0
 
-    def voigt(solid: Any) -> Array:
-        return np.asarray(solid.voigt if d == 3 else _in_plane(solid))
-
-    C = coefficient(part.mesh, part.parts, voigt)
+    C = coefficient(part.mesh, part.parts, lambda solid: voigt_in(solid, d))
 
     def stiffness(at: compat.GaussPoints) -> Array:
         rows = [C[i, j] for i in range(size) for j in range(size)]
         return at.values(ufl.as_vector(rows), size**2).reshape(-1, size, size)
 
     return _points(part, ufl.grad, d, lambda at: strain, square, stiffness, d)
-
-
-def _in_plane(solid: Solid) -> Array:
-    """Matrix C (3, 3): forces per width (σ11, σ22, σ12) t = C (ε11, ε22, γ12)."""
-    nu = solid.nu
-    if solid.plane == "strain":
-        scale = solid.E / ((1 + nu) * (1 - 2 * nu))
-        C = scale * np.array([[1 - nu, nu, 0], [nu, 1 - nu, 0], [0, 0, (1 - 2 * nu) / 2]])
-    else:
-        C = solid.E / (1 - nu**2) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
-    return solid.thickness * C
 
 
 def _beam_points(part: MeshedStructure) -> PartPoints:

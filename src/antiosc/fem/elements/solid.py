@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import TYPE_CHECKING, ClassVar, Literal, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -154,9 +154,11 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     if directed and mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
 
-    for material, _ in parts:
-        if not isinstance(material, AnisotropicSolid):
-            _check_plane(material, mesh)
+    for plane in (getattr(material, "plane", None) for material, _ in parts):
+        if mesh.gdim == 2 and plane is None:
+            raise InputError("Solid on a 2-D mesh needs the plane 'stress' or 'strain'.")
+        if mesh.gdim == 3 and plane is not None:
+            raise InputError(f"plane {plane!r} applies to 2-D meshes; {mesh.name} is 3-D.")
 
     space = compat.lagrange(mesh.dolfinx, order, mesh.gdim)
     u = ufl.TrialFunction(space)
@@ -213,12 +215,16 @@ def voigt_strain(e: Expr) -> Expr:
     return ufl.as_vector([e[0, 0], e[1, 1], e[2, 2], *shear])
 
 
-def _check_plane(solid: Solid, mesh: Mesh) -> None:
-    """InputError if `plane` is missing on a 2-D mesh, or given on a 3-D one."""
-    if mesh.gdim == 2 and solid.plane is None:
-        raise InputError("Solid on a 2-D mesh needs the plane 'stress' or 'strain'.")
-    if mesh.gdim == 3 and solid.plane is not None:
-        raise InputError(f"plane {solid.plane!r} applies to 2-D meshes; {mesh.name} is 3-D.")
+def voigt_in(material: Any, dim: int) -> Array:
+    """`voigt`, or in the plane forces per width (σ11, σ22, σ12) t of (ε11, ε22, γ12)."""
+    C = np.asarray(material.voigt)
+    if dim == 3:
+        return C
+    in_plane = [0, 1, 5]
+    plane = C[np.ix_(in_plane, in_plane)]
+    if material.plane == "stress":  # the normal stress across the plane is zero
+        plane = plane - np.outer(C[in_plane, 2], C[2, in_plane]) / C[2, 2]
+    return np.asarray(material.thickness * plane)
 
 
 def _first_lame(solid: Solid) -> float:

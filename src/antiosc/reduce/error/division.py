@@ -349,7 +349,6 @@ class OfGeometry(MeshSource):
         self._path = path
         self._order = order
         self._refine: Sequence[Refinement] = ()
-        self._divided: OfMesh | None = None
 
     @cached_property
     def coarsest(self) -> Mesh:  # type: ignore[override]
@@ -367,20 +366,10 @@ class OfGeometry(MeshSource):
         coarsest_size = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
         size_field = wished_sizes(coarse, max(size, coarsest_size) / edge_lengths(coarse))
 
-        try:
-            return self._meshed(coarse, size_field, FIRST_GRADING)
-        except InputError:
-            self._divided = OfMesh(coarse)
-            if self._divided.fixed:
-                raise
-            sentence = "is not meshed with cells of the sizes wanted: its coarse mesh is divided"
-            warn(MPI.COMM_WORLD, f"{self._path.name} {sentence}, with flat faces.")
-            return self._divided.first(size, refine)
+        return self._meshed(coarse, size_field, FIRST_GRADING)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
         """The geometry meshed again, with about Σ 1 / ratio^d cells, and the patch resolved."""
-        if self._divided is not None:
-            return self._divided.finer(mesh, ratio)
         cell_goal = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
         size_field = wished_sizes(mesh, ratio)
         if size_field is not None:

@@ -30,7 +30,7 @@ from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.elements.weak_form import Material
+from antiosc.fem.elements.solid import voigt_in
 from antiosc.fem.linalg.algebra import conjugate_gradients, dot
 from antiosc.fem.linalg.solver import OF_SHELLS, of_sheet
 from antiosc.fem.platform import compat
@@ -141,23 +141,11 @@ def _regions(part: MeshedStructure) -> Iterator[tuple[Array, IntArray]]:
     owned = compat.cell_map(part.mesh.dolfinx).size_local
     regions: dict[bytes, tuple[Array, list[IntArray]]] = {}
     for material, cells in part.parts:
-        root = np.linalg.cholesky(stiffness(material, part.mesh.gdim)).T
+        root = np.linalg.cholesky(voigt_in(material, part.mesh.gdim)).T
         regions.setdefault(root.tobytes(), (root, []))[1].append(cells[cells < owned])
 
     for root, groups in regions.values():
         yield root, np.concatenate(groups)
-
-
-def stiffness(material: Material, dim: int) -> Array:
-    """Stress, times thickness in the plane, for unit strains as in `STRAIN_PLACES`."""
-    C = np.asarray(material.voigt)
-    if dim == 3:
-        return C
-    in_plane = [0, 1, 5]
-    plane = C[np.ix_(in_plane, in_plane)]
-    if material.plane == "stress":  # the normal stress across the plane is zero
-        plane = plane - np.outer(C[in_plane, 2], C[2, in_plane]) / C[2, 2]
-    return np.asarray(material.thickness * plane)
 
 
 class Strains:

@@ -165,7 +165,11 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
         omega = np.append(omega, modes.omega)
         shapes = np.hstack([rigid, modes.phi])
 
-    count = _multiplicity(omega)
+    # the multiplicity of each frequency
+    group = np.cumsum(np.diff(omega, prepend=-1.0) > REPEATED * omega)
+    _, inverse, count = np.unique(group, return_inverse=True, return_counts=True)
+    count = count[inverse.ravel()]
+
     try:
         mass: float | None = structure.mass
     except InputError:
@@ -180,13 +184,6 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
         shapes=lowest,
         structure=structure,
     )
-
-
-def _multiplicity(omega: Array) -> IntArray:
-    """Multiplicity of each of the ascending frequencies (n,)."""
-    group = np.cumsum(np.diff(omega, prepend=-1.0) > REPEATED * omega) if omega.size else omega
-    _, inverse, count = np.unique(group, return_inverse=True, return_counts=True)
-    return np.asarray(count[inverse.ravel()])
 
 
 #: Share in the receptance of the site, at its own frequency, of a mode that counts as one of n. It
