@@ -362,8 +362,7 @@ def checked_shapes(
     fits = all(len(block) == rows for block in modes.basis)
     if not all(structure.comm.allgather(fits)):  # on some rank they may fit by chance
         raise InputError(
-            f"the model has {len(modes.basis[0])} rows, the structure {rows}: it is another "
-            f"structure."
+            f"the model of {len(modes.basis[0])} rows was not extracted from this of {rows} rows."
         )
 
     factors, count = unit_energy_factors(modes)
@@ -372,8 +371,8 @@ def checked_shapes(
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
             raise InputError(
-                f"the structure is {ratio:.6g} times as {noun} as the model: it is another "
-                f"structure."
+                f"the structure is {ratio:.6g} times as {noun} as the model: it was extracted from "
+                "another one."
             )
 
     return modes.basis
@@ -542,7 +541,7 @@ def reactions(
     forces = forces_of(history, times_checked, body)
     if len(work) != forces.shape[1]:
         raise InputError(
-            f"the model has {forces.shape[1]} directions, the sites {len(work)}: give its sites."
+            f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}."
         )
 
     comm = structure.comm

@@ -201,7 +201,7 @@ def _checked_samples(samples: float) -> float:
     if samples > MOST_SAMPLES:
         raise InputError(
             f"the signal would have {samples:.3g} samples, above {MOST_SAMPLES:g}: give fewer or "
-            f"lower frequencies."
+            "lower frequencies."
         )
     return samples
 

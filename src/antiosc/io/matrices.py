@@ -314,7 +314,9 @@ def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries
         matching_keys = [key for key in matrices if key.upper().startswith(letter)]
 
     if len(matching_keys) != 1:
-        raise InputError(f"{source.name} holds {', '.join(matrices)}: say names=('KAA', 'MAA').")
+        raise InputError(
+            f"{source.name} holds the matrices {', '.join(matrices)}: say names=('KAA', 'MAA')."
+        )
 
     return checked(matrices[matching_keys[0]])
 
@@ -418,7 +420,7 @@ class DofMap:
         if not len(matches):
             components = ", ".join(name_of(int(k)) for k in self.component[rows])
             raise InputError(
-                f"node {node} has no dof {name_of(component)} in the matrices, but {components}."
+                f"node {node} has no dof {name_of(component)} in the matrices: it has {components}."
             )
 
         return int(matches[0])

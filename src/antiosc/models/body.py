@@ -494,7 +494,7 @@ def _surface(body: object, site: str) -> Surface:
             )
         raise InputError(
             f'the contact "auto" needs the surface of the {type(body).__name__}: extract it from a '
-            f"mesh, give it its material and a tip_radius, or give a law, such as Hertz."
+            "mesh, give it its material and a tip_radius, or give the law, such as Hertz."
         )
 
     return surface

@@ -71,7 +71,7 @@ class Damping(FieldsRepr):
         if largest > UNUSUAL_RATIO:
             warn(
                 f"a damping ratio of {largest:g} is {percent(largest)} of the critical damping, "
-                f"more than structures have: 0.05 is 5 %."
+                "more than structures have: 0.05 is 5 %."
             )
 
         checks.store(

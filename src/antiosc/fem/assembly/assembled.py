@@ -175,7 +175,7 @@ def modes_of(
         massless = motions @ rotation[:, values <= IDLE_MASS * values[-1]]
         raise InputError(
             f"{names_of(moving(bodies, eliminated.T @ massless))} moves freely without mass: join "
-            f"it, support it, or give it a mass."
+            "it, support it, or give it a mass."
         )
 
     if not modes.shape[1]:

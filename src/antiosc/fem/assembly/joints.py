@@ -182,7 +182,7 @@ def carried(
         if not end_motion.turns(layout.rotations if layout.plane else across):
             raise InputError(
                 f"{label} lies {length:.3g} m off {end_text(end)}, which has no rotation: give a "
-                f"group of faces, or a point where the joint is."
+                "group of faces, or a point where the joint is."
             )
         result.append((end, end_motion.at(x)))
 
@@ -199,7 +199,7 @@ def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
                 names = ", ".join(COMPONENTS[k] for k in np.flatnonzero(direction))
                 raise InputError(
                     f"{label} acts on {names}, a motion that {end_text(end)} does not have: give a "
-                    f"group of faces, a radius, or a Ball."
+                    "group of faces, a radius, or a Ball."
                 )
 
     return (scipy.sparse.csr_matrix(directions) @ (b[1].six - a[1].six)).tocsr()
@@ -519,7 +519,7 @@ class Bolt(TwoEnds):
             if not end_motion.turns(layout.rotations):
                 raise InputError(
                     f"{label}: {end_text(end)} has no rotation, which a beam needs: give a group "
-                    f"of faces, or a radius."
+                    "of faces, or a radius."
                 )
 
         axis = line / length

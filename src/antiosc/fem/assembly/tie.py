@@ -410,7 +410,7 @@ def led_by_solid(
         k = int(np.argmin(second / thickness**2))
         raise InputError(
             f"{label}: at {point_text(points[k])} the face of {face.member.name!r} holds too "
-            f"little of the shell's thickness: give all faces that it ends on."
+            "little of the shell's thickness: give all faces that it ends on."
         )
 
     slope = weight * (height - middle[:, None]) / second[:, None]

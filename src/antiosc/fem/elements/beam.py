@@ -257,7 +257,7 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
         direction_text = "" if beam.orientation is None else shown_direction(beam.orientation)
         raise InputError(
             f"the orientation{direction_text} is parallel to {int(parallel.sum())} beam elements: "
-            f"choose another, or give these a separate material."
+            "choose another, or give these a separate material."
         )
     return np.asarray(height / length)
 

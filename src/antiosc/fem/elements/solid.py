@@ -144,7 +144,7 @@ def _check_cells(mesh: Mesh, order: int) -> None:
     if order < mesh.order:
         raise InputError(
             f"displacements of order {order} on cells of order {mesh.order} cannot rotate: use "
-            f"order 2, or read the mesh with order 1."
+            "order 2, or read the mesh with order 1."
         )
 
 

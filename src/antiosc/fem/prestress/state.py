@@ -413,7 +413,7 @@ def equilibrium(
     reserve = buckling(part.K, elastic, loaded.stiffness(linear, geometric=True))
     raise InputError(
         f"the part buckles at some {reserve:.3g} times these loads, or deflects too far; lower "
-        f"them, or support the part."
+        "them, or support the part."
     )
 
 

@@ -332,7 +332,7 @@ def modes_and_shift(
     if null_vectors is not None and null_vectors.shape[1] != null_space.shape[1]:
         raise InputError(
             f"rigid_modes has {null_vectors.shape[1]} columns, K {null_space.shape[1]} null "
-            f"vectors."
+            "vectors."
         )
 
     for _ in range(REFINEMENTS):
@@ -618,7 +618,7 @@ class NodalMatrices(StructureMatrices):
     def mass(self) -> float:
         inertia = self.rigid_inertia
         if inertia is None:
-            raise InputError("the mass of matrices is known only of free bodies with coordinates.")
+            raise InputError("the total mass is known only of free bodies with coordinates.")
 
         return inertia[0].mass
 

@@ -252,7 +252,7 @@ def terms_of(
         if lacking := end.lacking(names):
             raise InputError(
                 f"{kind} at {attached.where!r} acts on {', '.join(lacking)}, which this point does "
-                f"not have: take a group."
+                "not have: take a group."
             )
         G = end.components(names)
         if other is not None:

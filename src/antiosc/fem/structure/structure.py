@@ -169,7 +169,9 @@ def matrices_of_pair(
 def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
     """C without the rows of fixed dofs; InputError if it is not a damping matrix."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
-        raise InputError(f"C must be like K; got {algebra.size(C)} rows for {algebra.size(K)}.")
+        raise InputError(
+            f"C must have the size of K; got {algebra.size(C)} rows for {algebra.size(K)}."
+        )
 
     _checked_diagonal("C", C)
     first, _ = algebra.row_range(C)
@@ -190,7 +192,7 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     empty = np.flatnonzero((of_K == 0) & (of_M == 0))
     if len(empty):
         raise InputError(
-            f"{len(empty)} dofs have no stiffness and no mass, as {empty[0]}: leave them out."
+            f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}."
         )
 
     constrained = _penalised(K, of_K)

@@ -83,7 +83,7 @@ class Support(FieldsRepr):
 
         if not isinstance(self.where, str) and not callable(self.where):
             raise InputError(
-                f"where must be a group or a function, or near, box or plane; got "
+                "where must be a group or a function, or near, box or plane be given; got "
                 f"{shown(self.where)}."
             )
 
@@ -95,7 +95,7 @@ class Support(FieldsRepr):
             if not names or not all(isinstance(name, str) for name in names):
                 raise InputError(
                     f"fix {shown(self.fix)} must be 'all' or such components as 'x', 'rz', ('x', "
-                    f"'y')."
+                    "'y')."
                 )
 
         store(self, fix=names)

@@ -318,8 +318,8 @@ def full(
     _check_arguments(structure, site)
     if structure.dofs > DENSE_MANY or structure.comm.size > 1:
         raise InputError(
-            f"full() takes {DENSE_MANY} dofs on one rank; got {structure.dofs}: use "
-            f"superposition() or extract()."
+            f"full() takes one rank and at most {DENSE_MANY} dofs; got {structure.dofs}: use "
+            "superposition() or extract()."
         )
 
     checked_damping = as_damping(damping)
