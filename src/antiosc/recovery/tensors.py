@@ -11,6 +11,7 @@ quadrature and interpolated, as is the membrane strain of curved quadrilaterals.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -181,16 +182,6 @@ def _in_material_axes(at: PointsInCells, tensors: Array, place: Place) -> Array:
     return result
 
 
-def truss_strain(at: PointsInCells, place: Place) -> Array:
-    """Strain tensors (P, 3, 3, columns): along the bar, and transverse contraction."""
-    return _bar_tensors(at, place, at.each(lambda bar: [1.0, -bar.nu]))
-
-
-def truss_stress(at: PointsInCells, place: Place) -> Array:
-    """Stress tensors (P, 3, 3, columns), Pa."""
-    return _bar_tensors(at, place, at.each(lambda bar: [bar.E, 0.0]))
-
-
 def truss_section_forces(at: PointsInCells, place: Place) -> Array:
     """The axial force N (P, 1, columns), N."""
     return np.asarray((at.each(lambda bar: [bar.E * bar.area]) * _axial(at))[:, None])
@@ -211,14 +202,17 @@ def _lengthening(at: PointsInCells, slope: Array) -> Array:
     return np.sum(slope**2, axis=1) / 2 - at.part.initial[at.cells][:, None]
 
 
-def _bar_tensors(at: PointsInCells, place: Place, sizes: Array) -> Array:
-    """Tensors (P, 3, 3, columns): axial strain times `sizes` (P, 2), along and across the bar."""
+def truss_tensors(
+    at: PointsInCells, place: Place, sizes_of: Callable[[Material], list[float]]
+) -> Array:
+    """Tensors (P, 3, 3, columns): axial strain times `sizes_of` a bar, along and across it."""
     if place.local:
         axial_tensor = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
     else:
         t = at.J[:, :, 0] / np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
         axial_tensor = np.einsum("pi,pj->pij", t, t)
 
+    sizes = at.each(sizes_of)
     shape = sizes[:, :1, None] * axial_tensor + sizes[:, 1:, None] * (np.eye(3) - axial_tensor)
     return np.asarray(shape[..., None] * _axial(at)[:, None, None])
 
@@ -279,12 +273,6 @@ def beam_stress(at: PointsInCells, place: Place) -> Array:
     if place.local:
         return local
     return in_frame(local, _frame(at))
-
-
-def beam_rotation(at: PointsInCells, place: Place) -> Array:
-    """Rotation of the section (P, 3, columns), rad; (P, 1, columns) of plane beams."""
-    names = ("rx", "ry", "rz") if at.part.mesh.gdim == 3 else ("rz",)
-    return at.values(at.dofs(names))
 
 
 def _fibre(beam: Beam, place: Place) -> list[float]:
@@ -419,22 +407,8 @@ def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Ar
     return result
 
 
-def sheet_strain(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
-    """Strain tensors (P, 3, 3, columns)."""
-    return _sheet_tensors(at, place, axes, of_stress=False)
-
-
-def sheet_stress(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
-    """Stress tensors (P, 3, 3, columns), Pa; the stress normal to the sheet is zero."""
-    return _sheet_tensors(at, place, axes, of_stress=True)
-
-
-def sheet_rotation(at: PointsInCells, place: Place) -> Array:
-    """Rotation vector of the normal (P, 3, columns), rad."""
-    return at.values(at.dofs(("rx", "ry", "rz")))
-
-
-def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress: bool) -> Array:
+def sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress: bool) -> Array:
+    """Strain or stress tensors (P, 3, 3, columns), Pa; the stress normal to the sheet is zero."""
     strains = middle_strains(at, axes)
     frame = axes.frame(at)
     result = np.zeros((len(at.cells), 3, 3, strains.membrane.shape[2]))
@@ -577,25 +551,31 @@ def displacement(at: PointsInCells, place: Place) -> Array:
     return at.values(at.dofs("xyz"))
 
 
+def rotation(at: PointsInCells, place: Place) -> Array:
+    """Rotation of the section or normal (P, 3, columns), rad; (P, 1, columns) of plane beams."""
+    plane = at.part.kind.name == "beam" and at.part.mesh.gdim == 2
+    return at.values(at.dofs(("rz",) if plane else ("rx", "ry", "rz")))
+
+
 #: What gives a quantity of parts of a kind.
 QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
     "displacement": dict.fromkeys(("solid", "truss", "beam", "sheet"), displacement),
     "strain": {
         "solid": solid_strain,
-        "truss": truss_strain,
+        "truss": partial(truss_tensors, sizes_of=lambda bar: [1.0, -bar.nu]),
         "beam": beam_strain,
-        "sheet": sheet_strain,
+        "sheet": partial(sheet_tensors, of_stress=False),
     },
     "stress": {
         "solid": solid_stress,
-        "truss": truss_stress,
+        "truss": partial(truss_tensors, sizes_of=lambda bar: [bar.E, 0.0]),
         "beam": beam_stress,
-        "sheet": sheet_stress,
+        "sheet": partial(sheet_tensors, of_stress=True),
     },
     "rotation": {
         "solid": solid_rotation,
-        "beam": beam_rotation,
-        "sheet": sheet_rotation,
+        "beam": rotation,
+        "sheet": rotation,
     },
     "section_forces": {
         "truss": truss_section_forces,
