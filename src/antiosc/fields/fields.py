@@ -573,15 +573,11 @@ def _check_reactions(structure: Structure, history: History, body: str) -> None:
     scene = history.assembly.scene
     has_gravity = bool(np.any(scene.gravity))
     if stretch_in(history, body) is not None:
-        raise InputError(
-            "reactions of a part that stretches are not computed: extract without stretch."
-        )
+        raise InputError("reactions of a part that stretches: extract it without stretch.")
     if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")
     if has_gravity and structure.rigid_modes.shape[1]:
-        raise InputError(
-            "reactions under gravity of a part that its supports let slide are not implemented."
-        )
+        raise InputError("reactions under gravity of a part that slides are not implemented.")
 
 
 def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:

@@ -448,9 +448,7 @@ def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
 def known(label: str, name: str) -> str:
     """`label` itself; MeshError for cells that can neither be used nor divided."""
     if label not in CELLS:
-        raise MeshError(
-            f"{name} holds {label} cells: take lines, tri-, quad-, tetra-, hexahedra, wedges."
-        )
+        raise MeshError(f"{name} holds {label} cells: take lines, tri-, quad-, tetra-, hexahedra.")
 
     return label
 

@@ -206,9 +206,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
         lacks |= unused > 0 or last[:1] != [b"f"] or len(last) < 4
 
     if lacks:
-        raise MeshError(
-            f"{name} is cut off or damaged: {unused} of its {count} corners are unused."
-        )
+        raise MeshError(f"{name} is cut off or damaged: {unused} of {count} corners are unused.")
 
 
 def read(ask: Request) -> FileMesh:
@@ -285,9 +283,7 @@ def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
     """(the closed surface to be filled, cavities turned inward; its bodies), or MeshError."""
     surface = surface_of(ask)
     if surface.open_edges:
-        raise MeshError(
-            f"{ask.name} is not closed: repair it, or read it as a sheet, without solid."
-        )
+        raise MeshError(f"{ask.name} is not closed: repair it, or read it as a sheet: solid off.")
 
     bodies, pierced = _bodies(surface, ask.name)
     if ask.piece is not None:

@@ -278,9 +278,7 @@ def read_pair(
 
     count = len(K.value) + len(M.value)
     if K.size > count:
-        raise InputError(
-            f"{K.source} has {K.size:g} rows, but {count} entries: is the file complete?"
-        )
+        raise InputError(f"{K.source} has {K.size:g} rows, but {count} entries: is it complete?")
 
     return MatrixPair(K.matrix(), M.matrix(), labels)
 
@@ -530,9 +528,7 @@ def _of_columns(columns: tuple[object, ...], size: int) -> Array:
 def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
     """Node and component labels of the matrices, with coordinates from rows of node, x, y, z."""
     if labels is None:
-        raise InputError(
-            f"{name} gives no dofs, nor do the files: give rows of node, dof, x, y, z."
-        )
+        raise InputError(f"{name} gives no dofs, nor do the files: rows are node, dof, x, y, z.")
 
     place = {node: x for node, *x in table.tolist()}
     points = np.array([place.get(node, [np.nan] * 3) for node in labels[:, 0].tolist()])

@@ -317,9 +317,7 @@ def checked_body(name: str, body: object) -> Body:
     if isinstance(body, LinearBody) and not isinstance(body, type) and callable(body.modal):
         return _UserBody(name, body)
 
-    raise InputError(
-        f"{name} must have a modal() method, as a model has; got {checks.shown(body)}."
-    )
+    raise InputError(f"{name} must have a modal() method, as models; got {checks.shown(body)}.")
 
 
 def site_points(body: object) -> dict[str, tuple[float, ...]]:

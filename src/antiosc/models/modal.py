@@ -162,7 +162,7 @@ class ModalBase(ReprMixin):
             rows = len(checks.instance("inertia", self.inertia, Inertia, "an Inertia").momentum)
             if rows != size:
                 raise InputError(
-                    f"inertia.momentum needs one row for each of {size} modes; got {rows}."
+                    f"inertia.momentum needs a row for each of {size} modes; got {rows}."
                 )
 
     def _check(self, name: str, shape: tuple[int | None, ...]) -> None:
@@ -303,9 +303,7 @@ class ModalBase(ReprMixin):
 
     def _rigid_start(self, motion: Motion) -> Array:
         if self.inertia is None:
-            raise InputError(
-                "the body has no known inertia: give its velocity as a number, along the impact."
-            )
+            raise InputError("the body has no known inertia: give its velocity as a number.")
 
         start, lost = self._rigid_projection(self.inertia, motion.at(self.inertia))
         if lost > MISSED_ENERGY:

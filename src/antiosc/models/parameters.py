@@ -241,9 +241,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
 
     m = checks.positives("m", model.m, "kg")
     if m.shape != omega.shape:
-        raise InputError(
-            f"m and omega must be equally many; got {m.size} masses, {omega.size} frequencies."
-        )
+        raise InputError(f"m and omega must be equally many; got {m.size} and {omega.size}.")
 
     m0 = checks.number("m0", model.m0, "kg")
     total = float(m.sum()) + max(m0, 0.0)

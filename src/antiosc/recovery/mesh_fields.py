@@ -278,7 +278,7 @@ def _refuse_relaxing(structure: Structure, quantity: str) -> None:
     """InputError for what follows from the stiffness of materials that relax."""
     if quantity in ("stress", "section_forces") and relaxes(structure):
         raise InputError(
-            f"the {quantity.replace('_', ' ')} under prony is not computed: probe the strain."
+            f"the {quantity.replace('_', ' ')} under prony is not known: probe strain."
         )
 
 

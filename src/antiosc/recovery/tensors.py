@@ -473,7 +473,7 @@ def _height(sheet: Sheet, place: Place) -> tuple[int, float]:
     if place.layer is not None:
         if place.layer >= len(layers):
             raise InputError(
-                f"layer must be below {len(layers)}, the number of layers; got {place.layer}."
+                f"layer must be below {len(layers)}, of all layers; got {place.layer}."
             )
         k = place.layer
         low = float(z[k])

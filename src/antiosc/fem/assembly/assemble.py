@@ -274,9 +274,7 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]
     solved[np.abs(solved) < LEAST_COEFFICIENT] = 0.0
     largest = np.abs(solved).max(initial=0.0)
     if largest > LARGEST_COEFFICIENT:
-        raise AccuracyError(
-            f"the constraints of {system.names(rows)} are nearly dependent: remove one."
-        )
+        raise AccuracyError(f"the constraints of {system.names(rows)} nearly depend: remove one.")
 
     pivots = order[:rank]
     dependent = order[rank:]
@@ -502,7 +500,7 @@ def _check_dense(label: str, functionals: Sparse) -> None:
     count = int(np.diff(functionals.indptr).max(initial=0))
     if functionals.shape[0] <= FEW_ROWS and count > MOST_COUPLED:
         raise InputError(
-            f"{label} couples {count} dofs, more than {MOST_COUPLED}: give a smaller group."
+            f"{label} couples {count} dofs, over {MOST_COUPLED}: give a smaller group."
         )
 
 

@@ -174,7 +174,7 @@ def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
     in_radius = np.flatnonzero(np.linalg.norm(points.x - place.point, axis=1) <= radius)
     if len(in_radius) < CUT_POINTS:
         raise InputError(
-            f"the elements at {end_text(end)} are too large for this radius: enlarge it."
+            f"the elements at {end_text(end)} are too large for the radius: enlarge it."
         )
 
     selected = WeightedPoints(*(getattr(points, f.name)[in_radius] for f in fields(WeightedPoints)))

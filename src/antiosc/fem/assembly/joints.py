@@ -223,9 +223,7 @@ class Equation(Joint):
 
     def __post_init__(self) -> None:
         if not isinstance(self.terms, Sequence) or isinstance(self.terms, str) or not self.terms:
-            raise InputError(
-                f"terms must list (end, component, coefficient); got {shown(self.terms)}."
-            )
+            raise InputError(f"terms list (end, component, coefficient); got {shown(self.terms)}.")
 
         terms = tuple(_checked_term(term) for term in self.terms)
         if not any(coefficient for _, _, coefficient in terms):
@@ -253,7 +251,7 @@ class Equation(Joint):
 def _checked_term(term: object) -> tuple[End, str, float]:
     if not isinstance(term, tuple | list) or len(term) != 3:
         raise InputError(
-            f"a term is (end, component, coefficient), as ('a:g', 'z', 1); got {shown(term)}."
+            f"a term is (end, component, number), as ('a:g', 'z', 1); got {shown(term)}."
         )
 
     end, component, coefficient = term
@@ -323,9 +321,7 @@ class Bushing(TwoEnds):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.stiffness and not self.damping and not self.branches:
-            raise InputError(
-                f"a Bushing needs a stiffness or damping; got {shown(self.stiffness)}."
-            )
+            raise InputError(f"a Bushing takes stiffness or damping; got {shown(self.stiffness)}.")
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
         """A spring k (b − a)²/2 for each component."""
@@ -401,9 +397,7 @@ class Rigid(Joint):
         in_member = (columns >= member.rows.start) & (columns < member.rows.stop)
         nodes = nodes[~np.isin(nodes, block[in_member])]  # the point itself may be in the group
         if not leader.turns(layout.rotations):
-            raise InputError(
-                f"{label}: {end_text(point)} has no rotation to follow: take a reference point."
-            )
+            raise InputError(f"{label}: {end_text(point)} has no rotation: take a reference point.")
         if not len(nodes):
             raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")
 
@@ -442,9 +436,7 @@ class Mean(Joint):
         nodes = member.nodes_of(group)
         follower = motion(layout, self.point)
         if len(nodes) == 1:
-            raise InputError(
-                f"{label}: {self.group!r} is a single point; a Mean needs several (use Weld)."
-            )
+            raise InputError(f"{label}: {self.group!r} is a single point, not several (use Weld).")
 
         leader = mean(layout, member, member.points_of(group))
         if set(leader.displacements.indices) & set(follower.displacements.indices):

@@ -369,9 +369,7 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement])
     if len(set(plane.values())) > 1:
         sheet = next(name for name, flat_part in plane.items() if flat_part)
         other = next(name for name, flat_part in plane.items() if not flat_part)
-        raise InputError(
-            f"{sheet!r} is plane and {other!r} is in space: read the mesh with gdim=3."
-        )
+        raise InputError(f"{sheet!r} is plane, {other!r} is in space: read the mesh with gdim=3.")
 
     flat = any(plane.values())
     for name, part in condensed.items():
@@ -383,7 +381,7 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement])
         R = m.at.rotation
         if flat and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
             raise InputError(
-                f"at[{name!r}] moves a plane part out of its plane: rotate it about z alone."
+                f"at[{name!r}] moves a plane part out of its plane: rotate it about z."
             )
 
     return flat
@@ -433,9 +431,7 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
 
     refuse_prestress(part, f"assemble, of its parts ({name!r}),")
     if part.matrices.assembled:
-        raise InputError(
-            f"the part {name!r} is an assembly: give its parts and joints, or a model."
-        )
+        raise InputError(f"the part {name!r} is an assembly: give its parts and joints; or model.")
     if isinstance(part.matrices, NodalMatrices):
         return matrix_superelement(name, part.matrices)
     text = "the part {!r} has no mesh, and its matrices no map= of nodes, dofs and coordinates."

@@ -212,7 +212,7 @@ class Tie(TwoEnds):
             kinds = {0: "points", 1: "edges", 2: "faces", 3: "cells"}
             first, second = (kinds[side.dim] for side in sides)
             raise InputError(
-                f"{label} ties {first} to {second}: a Tie takes groups of faces and of edges."
+                f"{label} ties {first} to {second}: it takes groups of faces and edges."
             )
 
         tied = held.fixed.copy()
@@ -228,7 +228,7 @@ class Tie(TwoEnds):
                     return made
 
         raise InputError(
-            f"{label} does nothing: no node of {self.a!r} or {self.b!r} is free to follow."
+            f"{label} does nothing: no node of {self.a!r}, {self.b!r} is free to follow."
         )
 
     def _orders(self, sides: list[Facets], label: str) -> list[tuple[Facets, Facets, Overlap]]:

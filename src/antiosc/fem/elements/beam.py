@@ -101,11 +101,11 @@ class Beam(Isotropic):
         """Strain and kinetic energy of the axis, in a plane or in space."""
         if mesh.tdim != 1:
             raise InputError(
-                f"Beam needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
+                f"Beam needs a mesh of lines; {mesh.name} has {mesh.cell} cells: Solid."
             )
         if mesh.order != 1:
             raise InputError(
-                "Beam elements are straight; read the mesh with order 1 and more elements."
+                "Beam elements are straight; read the mesh with order 1, more elements."
             )
         if mesh.gdim == 2 and any(beam.offset for beam, _ in parts):
             raise InputError("offset applies to beams in space: read the mesh with gdim 3.")
@@ -244,9 +244,7 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
     """Unit height directions (n, 3) of elements with these axes (n, 3) and midpoints (n, 3)."""
     if beam.orientation is None:
         if not beam.section.isotropic:
-            raise InputError(
-                "a section that is stiffer one way needs an orientation, as (0, 0, 1)."
-            )
+            raise InputError("a section that is stiffer one way needs an orientation: (0, 0, 1).")
         # Any direction across the axis will do: the unit vector least aligned with it.
         return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
     directions = beam.orientation(middle.T).T if callable(beam.orientation) else beam.orientation
@@ -289,7 +287,7 @@ class Truss(Isotropic):
         """Axial strain energy of the bars; half of a bar's mass is at each of its ends."""
         if mesh.tdim != 1:
             raise InputError(
-                f"Truss needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
+                f"Truss needs a mesh of lines; {mesh.name} has {mesh.cell} cells: Solid."
             )
         if mesh.order != 1:
             raise InputError("the bars of a Truss are straight; read the mesh with order 1.")

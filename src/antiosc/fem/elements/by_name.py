@@ -72,7 +72,7 @@ def material(
     if record.G is not None:
         if overrides or thickness is not None or section is not None:
             raise InputError(
-                f"{record.name} has directions: use AnisotropicSolid.orthotropic or Layer."
+                f"{record.name} has directions: AnisotropicSolid.orthotropic or Layer."
             )
         return AnisotropicSolid.orthotropic(record.E, record.nu, record.G, record.rho)
 

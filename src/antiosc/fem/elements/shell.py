@@ -385,9 +385,7 @@ class Sheet(Checked):
 
     def constants(self) -> tuple[float, float, float]:
         """Raise InputError: layers have directions."""
-        raise InputError(
-            f"advise needs E, nu and rho; a {type(self).__name__} has no such: give them."
-        )
+        raise InputError(f"advise needs E, nu and rho, which a {type(self).__name__} has not.")
 
     @property
     def patch_radius(self) -> float:
@@ -499,9 +497,7 @@ def _definite(name: str, value: ArrayLike, size: int) -> Array:
     m = floats(name, value, (size, size))
     symmetric = np.abs(m - m.T).max() <= 1e-9 * np.abs(m).max()
     if not symmetric or not np.linalg.eigvalsh(m).min() > 1e-12 * np.abs(m).max():
-        raise InputError(
-            f"the stiffness {name} of a shell must be symmetric and positive definite."
-        )
+        raise InputError(f"the stiffness {name} of a shell must be symmetric, positive definite.")
     return np.asarray((m + m.T) / 2)
 
 

@@ -287,9 +287,7 @@ def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
     if not pairs.size:
         return ()
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not (pairs > 0).all():
-        raise InputError(
-            f"prony lists pairs (relative stiffness, time in s) > 0; got {shown(value)}."
-        )
+        raise InputError(f"prony lists pairs (stiffness, relaxation time) > 0; got {shown(value)}.")
 
     return tuple((ratio, tau) for ratio, tau in pairs.tolist())
 
@@ -310,9 +308,7 @@ def _checked_rate(name: str, value: object) -> tuple[float, ...]:
     """Checked constants of Cowper and Symonds: D [1/s], q and, optionally, a strength [Pa]."""
     numbers = tuple(positives(name, value).tolist())
     if len(numbers) not in (2, 3):
-        raise InputError(
-            f"{name} must be D in 1/s, q and perhaps a strength; got {len(numbers)} numbers."
-        )
+        raise InputError(f"{name} must be D in 1/s, q and maybe a strength; got {len(numbers)}.")
 
     return numbers
 

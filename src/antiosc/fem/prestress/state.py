@@ -111,9 +111,7 @@ class LoadedPart:
 
         if loads.spin is not None and loads.spin.omega:
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
-                raise InputError(
-                    "a spin takes no PointMass: mesh what it stands for, or leave spin out."
-                )
+                raise InputError("a spin takes no PointMass: mesh what it stands for, or no spin.")
             spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
             of_loads.append(-spin)
 
@@ -158,7 +156,7 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
         dim, cells = largest(part.mesh, group)
         if dim != part.mesh.tdim or not isinstance(part.parts[0][0], Beam | Truss):
             raise InputError(
-                f"tension is that of beams and bars, not of {group!r}: use force={{…}}."
+                f"tension is that of beams and bars, not of {group!r}: use force={{}}."
             )
         strain_of_cells.x.array[cells] += strain
 
@@ -198,9 +196,7 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
         elif dim == 0:
             forces += _at_points(part, group, force)
         else:
-            raise InputError(
-                f"a force acts on points, faces or cells; group {group!r} holds edges."
-            )
+            raise InputError(f"a force acts on points, faces or cells; {group!r} holds edges.")
 
     return freed(part, forces)
 
@@ -247,7 +243,7 @@ def pressure_energy(
     sheet = parts[0][0].kind.sheet
     if dim != (mesh.tdim if sheet else mesh.tdim - 1) or mesh.tdim == 1:
         raise InputError(
-            f"pressure acts on faces of solids and on sheets, not on {group!r}: give force."
+            f"pressure acts on solids' faces and on sheets, not on {group!r}: use force."
         )
     factor, dx = measure_on(mesh, dim, entities)
     if not sheet:
@@ -378,9 +374,7 @@ def tightened(loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver) -
     forces = np.asarray(dot(solver.comm, pulls, displacements)) / lengths[:, None] - stiffnesses
     for name, group, force in zip(tendons, tendons_listed, forces.diagonal(), strict=True):
         if -force <= YIELDS * group.stiffness:
-            raise InputError(
-                f"{name!r} cannot be tightened: nothing holds its ends against the tension."
-            )
+            raise InputError(f"{name!r} cannot be tightened: nothing holds its ends against it.")
     strains = np.linalg.solve(forces, [loads.tension[name] for name in tendons])
     return dict(zip(tendons, strains.tolist(), strict=True))
 

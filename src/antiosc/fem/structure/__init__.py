@@ -516,9 +516,7 @@ class StructureMatrices:
     @property
     def mass(self) -> float:
         """Total mass in kg."""
-        raise InputError(
-            "the total mass is not known from matrices alone; build the Structure from a mesh."
-        )
+        raise InputError("the total mass is not known from matrices alone; build it from a mesh.")
 
     @property
     def dimensions(self) -> Box:

@@ -57,9 +57,7 @@ NAME = checked_by(text)
 def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
     values = floats(name, value, None)
     if values.shape not in ((), (3,)) or (values < 0).any():
-        raise InputError(
-            f"inertia must be >= 0, one number or three (in kg m²); got {shown(value)}."
-        )
+        raise InputError(f"inertia must be >= 0, one number or three (kg m²); got {shown(value)}.")
     if values.ndim:
         return tuple(values.tolist())
     return float(values)
@@ -306,7 +304,7 @@ def mesh_points(
         points = np.vstack(mesh.comm.allgather(x))
     elif len(where) < mesh.gdim:
         raise InputError(
-            f"the point {point_text(np.array(where))} must have x, y and z in {mesh.name}."
+            f"the point {point_text(np.array(where))} needs x, y and z in {mesh.name}."
         )
     else:
         points = in_space(where)[None]

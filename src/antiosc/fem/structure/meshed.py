@@ -275,9 +275,7 @@ class MeshedStructure(PartsMatrices):
 
     def members(self, name: str | None = None) -> list[Member]:
         if name is not None:
-            raise InputError(
-                f"part={shown(name)} names a part of an assembly; {self.mesh.name} is one."
-            )
+            raise InputError(f"part={shown(name)} is of an assembly; {self.mesh.name} is one part.")
         return [Member("", self, Placement(), 0)]
 
     @property

@@ -169,9 +169,7 @@ def matrices_of_pair(
 def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
     """C without the rows of fixed dofs; InputError if it is not a damping matrix."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
-        raise InputError(
-            f"C must have the size of K; got {algebra.size(C)} rows for {algebra.size(K)}."
-        )
+        raise InputError(f"C must have the size of K; got {algebra.size(C)} for {algebra.size(K)}.")
 
     _checked_diagonal("C", C)
     first, _ = algebra.row_range(C)
@@ -192,7 +190,7 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     empty = np.flatnonzero((of_K == 0) & (of_M == 0))
     if len(empty):
         raise InputError(
-            f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}."
+            f"{len(empty)} dofs have neither stiffness nor mass, the first {empty[0]}."
         )
 
     constrained = _penalised(K, of_K)
@@ -629,14 +627,10 @@ def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
 def refuse_prestress(structure: Structure, what: str) -> None:
     """InputError for a prestressed structure, which the function `what` does not support."""
     if structure.matrices.preload is not None:
-        raise InputError(
-            f"{what} does not take a structure with a prestress: leave prestress out of it."
-        )
+        raise InputError(f"{what} does not take a prestress: leave prestress out of the structure.")
 
 
 def refuse_dampers(structure: Structure, what: str) -> None:
     """InputError for a structure with dampers, which the function `what` does not support."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
-        raise InputError(
-            f"{what} does not take dampers, loss or prony: leave them out; extract does."
-        )
+        raise InputError(f"{what} does not take dampers, loss or prony: leave them out.")

@@ -96,9 +96,7 @@ class Recovery:
 def _refuse(part: MeshedStructure) -> None:
     """InputError for a single cell, and for linear elements that lock."""
     if part.mesh.n_cells < 2:
-        raise InputError(
-            f"an estimate takes cells that adjoin; {part.mesh.name} has one: give a size."
-        )
+        raise InputError(f"an estimate needs cells that adjoin; {part.mesh.name} has one cell.")
 
     strained = [m for m, _ in part.parts if getattr(m, "plane", None) != "stress"]
     nu = max((getattr(material, "nu", 0.0) for material in strained), default=0.0)

@@ -254,5 +254,5 @@ def statics(structure: Structure, solver: Solver, loads: Array) -> Array:
             return elastic(x)
 
     raise NotConvergedError(
-        "the static modes did not converge: elements or materials are very uneven."
+        "the static modes did not converge: cells or materials are very uneven."
     )

@@ -158,9 +158,7 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
 
     count = eps.getConverged()
     if count < search.wanted:
-        raise NotConvergedError(
-            f"SLEPc found {count} of {search.wanted} modes: ask for fewer modes."
-        )
+        raise NotConvergedError(f"SLEPc found {count} of {search.wanted} modes: ask for fewer.")
     x = structure.K.createVecRight()
     values = np.zeros(count)
     shapes = np.zeros((structure.rows, count))

@@ -83,9 +83,7 @@ def with_damping(
     kept = slice(V.shape[1] if model.hidden is not None else model.unit.size)
     braked = damping.matrix.diagonal()
     if braked[kept.stop :].sum() > UNDAMPED * braked[kept].sum():
-        raise InputError(
-            "a damper brakes a hidden rigid motion: give the matrices a map with x, y, z."
-        )
+        raise InputError("a damper brakes a hidden rigid motion: give the matrices a map.")
 
     return _with_losses(structure, model, in_coordinates(damping, np.eye(len(braked))[:, kept]))
 

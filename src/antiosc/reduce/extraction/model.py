@@ -488,9 +488,7 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
         "elements or materials: take fewer elements, more even ones, smaller penalties."
     )
     if not value <= USABLE * limit:
-        raise AccuracyError(
-            f"the constraint modes fail their own check: {name} {value:.1e}; {reason}"
-        )
+        raise AccuracyError(f"the constraint modes fail their check: {name} {value:.1e}; {reason}")
 
     warn(
         comm,

@@ -187,9 +187,7 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) ->
     direction = in_space(site.direction or ())
     direction = direction / np.linalg.norm(direction)
     if layout.plane and direction[2]:
-        raise InputError(
-            f"direction {site.direction} leaves the plane in which the assembly moves."
-        )
+        raise InputError(f"direction {site.direction} leaves the plane in which parts move.")
 
     if site.radius is not None or site.tangential:
         raise InputError(
@@ -201,9 +199,7 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) ->
         )
 
     if not end.has(np.append(direction, np.zeros(3))):
-        raise InputError(
-            f"the site {site.point!r} has no such direction: extract it with tangential."
-        )
+        raise InputError(f"the site {site.point!r} lacks that direction: extract it tangential.")
 
     b = np.asarray(end.displacements.T @ direction)
     (place,) = places_at(structure.members(), end.point[None], direction[None])

@@ -145,9 +145,7 @@ def movable(sites: MapSites, where: object) -> MapSites:
     """The sites; InputError if there are none."""
     if not len(sites.sites):
         place = f" on {where!r}" if isinstance(where, str) else ""
-        raise InputError(
-            f"no site of the map can move{place}, or has a surface: give another group."
-        )
+        raise InputError(f"no site of the map can move{place}, or has a surface: take another.")
 
     return sites
 
@@ -325,9 +323,7 @@ def checked_points(points: object, direction: object) -> Array:
     if not coordinates.size:
         raise InputError("a map needs at least one point.")
     if coordinates.ndim != 2 or coordinates.shape[1] not in (2, 3):
-        raise InputError(
-            f"where must list points of 2 or 3 coordinates; got shape {coordinates.shape}."
-        )
+        raise InputError(f"where must list points of 2 or 3 coordinates; got {coordinates.shape}.")
     return np.pad(coordinates, ((0, 0), (0, 3 - coordinates.shape[1])))
 
 

@@ -147,9 +147,7 @@ class Site(FieldsRepr):
                 f"{len(direction)}."
             )
         if not np.linalg.norm(direction):
-            raise InputError(
-                "direction must not be the zero vector: it is that in which the impactor pushes."
-            )
+            raise InputError("direction must not be the zero vector: the impactor pushes along it.")
         store(self, direction=tuple(direction.tolist()))
         if not at_node:
             store(self, point=text("point", self.point) if is_named else tuple(point.tolist()))
@@ -233,9 +231,7 @@ def motions_without_mesh(
 ) -> Array:
     """Displacement or rotation (gdim, columns) of all shapes at an end without a mesh."""
     if quantity not in MOTIONS:
-        raise InputError(
-            f"{name!r} has no {quantity}, without a mesh: ask for its {', '.join(MOTIONS)}."
-        )
+        raise InputError(f"{name!r} has no mesh, no {quantity}: ask for its {', '.join(MOTIONS)}.")
 
     from antiosc.fem.structure.loads import UNIT  # needs dolfinx
 

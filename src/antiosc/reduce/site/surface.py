@@ -129,9 +129,7 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
     a sheet is taken. InputError for a mesh of lines, or one in a plane.
     """
     if faces.dim != 2 or mesh.gdim != 3:
-        raise InputError(
-            "beams and plane parts have no surface in space: give the law of the contact."
-        )
+        raise InputError("beams and plane parts have no surface in space: give the law.")
 
     patch = _patch(faces, point)
     touching = patch.only(patch.touching)
@@ -223,9 +221,7 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     if _level(nodes[:NODES]):
         return _plane(x, normal)
     if len(nodes) < COEFFICIENTS:
-        raise InputError(
-            f"the surface has {len(nodes)} nodes around the site, too few: refine it there."
-        )
+        raise InputError(f"the surface has {len(nodes)} nodes around the site: refine it there.")
 
     count = min(NODES, max(COEFFICIENTS, len(nodes) // 2))
     fit = _fitted(nodes[:count], normal)
