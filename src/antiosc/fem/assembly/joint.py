@@ -35,7 +35,6 @@ from antiosc.fem.structure.loads import (
 )
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
-from antiosc.io.neutral import SIDES
 
 #: Fraction of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12
@@ -79,21 +78,11 @@ def end_text(end: End) -> str:
 
 
 def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
-    """(part, group) of an end; InputError unless it is a group."""
+    """(part, name of its group) of an end; InputError unless it names a group of a part."""
     if not isinstance(end, str) or ":" not in end:
         raise InputError(f'{name} must be a group, "part:group"; got {end_text(end)}.')
-    return _member_and_group(layout, end)
-
-
-def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
-    """The part and the group of an end; InputError if they do not exist."""
     part, group = end.split(":", 1)
-    member = layout.member(part, f"{end_text(end)}: ")
-    if group not in member.part.mesh.groups and group not in SIDES:
-        names = [f"{part}:{name}" for name in member.part.mesh.groups]
-        groups = name_list(end, names, "its groups")
-        raise InputError(f"the part {part!r} has no group {group!r}; {groups}.")
-    return member, group
+    return layout.member(part, f"{end_text(end)}: "), group
 
 
 def motion(layout: Layout, end: End) -> PointMotion:
@@ -110,7 +99,7 @@ def motion(layout: Layout, end: End) -> PointMotion:
             f"there is no reference point {end!r}; {points}{hint if end in layout.members else ''}."
         )
 
-    member, group = _member_and_group(layout, end)
+    member, group = group_end(layout, "an end", end)
     nodes = member.nodes_of(group)
     if len(nodes) != 1:
         return mean(layout, member, member.points_of(group))

@@ -122,7 +122,8 @@ class _Axis(_Pin):
         free_rotation = self._turns_about_axis
         if layout.plane and abs(rotated - free_rotation) > COINCIDENT:
             raise InputError(
-                f"{label}: plane parts do not move about or along {tuple(self.axis)}: turn it to z."
+                f"{label}: plane parts rotate about z and slide along x and y, not about or along "
+                f"{tuple(self.axis)}."
             )
 
         return super().constraints(layout, held, label)
@@ -181,8 +182,8 @@ def carried(
         across = np.eye(3) - np.outer(arm, arm) / length**2
         if not end_motion.turns(layout.rotations if layout.plane else across):
             raise InputError(
-                f"{label} lies {length:.3g} m off {end_text(end)}, which has no rotation: give a "
-                "group of faces, or a point where the joint is."
+                f"{label} lies {length:.3g} m off {end_text(end)}, which has no rotation to carry "
+                "it: give a group of faces, or a point where the joint is."
             )
         result.append((end, end_motion.at(x)))
 
@@ -198,8 +199,8 @@ def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
             if (turns or end_motion.displacements.nnz) and not end_motion.has(unit):
                 names = ", ".join(COMPONENTS[k] for k in np.flatnonzero(direction))
                 raise InputError(
-                    f"{label} acts on {names}, a motion that {end_text(end)} does not have: give a "
-                    "group of faces, a radius, or a Ball."
+                    f"{label} acts on {names}, a {'rotation' if turns else 'displacement'} that "
+                    f"{end_text(end)} does not have: give a group of faces, a radius, or a Ball."
                 )
 
     return (scipy.sparse.csr_matrix(directions) @ (b[1].six - a[1].six)).tocsr()
@@ -250,9 +251,7 @@ class Equation(Joint):
 
 def _checked_term(term: object) -> tuple[End, str, float]:
     if not isinstance(term, tuple | list) or len(term) != 3:
-        raise InputError(
-            f"a term is (end, component, number), as ('a:g', 'z', 1); got {shown(term)}."
-        )
+        raise InputError(f"a term must be (end, component, number); got {shown(term)}.")
 
     end, component, coefficient = term
     if not isinstance(component, str) or component not in DISPLACEMENTS + ROTATIONS:
@@ -321,7 +320,9 @@ class Bushing(TwoEnds):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.stiffness and not self.damping and not self.branches:
-            raise InputError(f"a Bushing takes stiffness or damping; got {shown(self.stiffness)}.")
+            raise InputError(
+                f"a Bushing needs a stiffness or a damping; got {shown(self.stiffness)}."
+            )
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
         """A spring k (b − a)²/2 for each component."""
@@ -397,7 +398,7 @@ class Rigid(Joint):
         in_member = (columns >= member.rows.start) & (columns < member.rows.stop)
         nodes = nodes[~np.isin(nodes, block[in_member])]  # the point itself may be in the group
         if not leader.turns(layout.rotations):
-            raise InputError(f"{label}: {end_text(point)} has no rotation: take a reference point.")
+            raise InputError(f"{label}: {end_text(point)} does not rotate: take a reference point.")
         if not len(nodes):
             raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")
 
@@ -441,7 +442,7 @@ class Mean(Joint):
         leader = mean(layout, member, member.points_of(group))
         if set(leader.displacements.indices) & set(follower.displacements.indices):
             raise InputError(
-                f"{label}: the point {end_text(self.point)} is in {self.group!r} that it follows."
+                f"{label}: {end_text(self.point)} is one of {self.group!r}, whose mean it follows."
             )
 
         directions = _rows_of(leader.space @ follower.space)
@@ -510,8 +511,8 @@ class Bolt(TwoEnds):
         for end, end_motion in zip((self.a, self.b), ends, strict=True):
             if not end_motion.turns(layout.rotations):
                 raise InputError(
-                    f"{label}: {end_text(end)} has no rotation, which a beam needs: give a group "
-                    "of faces, or a radius."
+                    f"{label}: {end_text(end)} has no rotation, and the end of a beam needs one: "
+                    "give a group."
                 )
 
         axis = line / length

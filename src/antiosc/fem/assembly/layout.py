@@ -431,7 +431,7 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
 
     refuse_prestress(part, f"assemble, of its parts ({name!r}),")
     if part.matrices.assembled:
-        raise InputError(f"the part {name!r} is an assembly: give its parts and joints; or model.")
+        raise InputError(f"the part {name!r} is an assembly itself: give its parts and joints.")
     if isinstance(part.matrices, NodalMatrices):
         return matrix_superelement(name, part.matrices)
     text = "the part {!r} has no mesh, and its matrices no map= of nodes, dofs and coordinates."

@@ -331,7 +331,7 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
         if sites_found.depth[i] > radius:
             raise InputError(
                 f"the site at {text(points[i])} lies about {sites_found.depth[i]:.2g} m inside the "
-                f"part, "
+                "part, "
                 f"deeper than its radius {radius:g} m: give a point on the surface."
             )
         if sites_found.share[i] <= 0:
