@@ -602,7 +602,9 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
     """Motions of the points at which an attachment acts."""
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
-            raise InputError(f"the point {shown(where)} lies in space: give x, y and z.")
+            raise InputError(
+                f"the point {shown(where)} has {len(where)} coordinates: give x, y and z."
+            )
         x = in_space(where)
         (place,) = places_at(layout.members.values(), x[None])
         return [motion(layout, (place.member.name, tuple(x)))]

@@ -254,8 +254,9 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
     if parallel.any():
         direction_text = "" if beam.orientation is None else shown_direction(beam.orientation)
         raise InputError(
-            f"the orientation{direction_text} is parallel to {int(parallel.sum())} beam elements: "
-            "choose another, or give these a separate material."
+            f"the orientation{direction_text} is parallel to the axis of {int(parallel.sum())} "
+            f"beam "
+            "elements: choose another, or give these a separate material."
         )
     return np.asarray(height / length)
 

@@ -242,9 +242,7 @@ def pressure_energy(
     group, dim, entities = where
     sheet = parts[0][0].kind.sheet
     if dim != (mesh.tdim if sheet else mesh.tdim - 1) or mesh.tdim == 1:
-        raise InputError(
-            f"pressure acts on solids' faces and on sheets, not on {group!r}: use force."
-        )
+        raise InputError(f"pressure acts on faces and sheets, not on {group!r}: use force=.")
     factor, dx = measure_on(mesh, dim, entities)
     if not sheet:
         n = ufl.FacetNormal(mesh.dolfinx)
@@ -406,8 +404,8 @@ def equilibrium(
     linear = elastic.solve(dead - loaded.forces(0 * q))
     reserve = buckling(part.K, elastic, loaded.stiffness(linear, geometric=True))
     raise InputError(
-        f"the part buckles at some {reserve:.3g} times these loads, or deflects too far; lower "
-        "them, or support the part."
+        f"the part buckles at some {reserve:.3g} times these loads (a spin at "
+        f"{math.sqrt(reserve):.3g} times its speed), or deflects too far; lower them."
     )
 
 

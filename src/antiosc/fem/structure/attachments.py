@@ -256,7 +256,7 @@ def terms_of(
         if other is not None:
             if np.allclose(other.point, end.point):
                 raise InputError(
-                    f"the Damper at {shown(attached.where)} ends where it begins: leave to= out."
+                    f"the Damper at {shown(attached.where)} ends at the point where it begins."
                 )
             G = G - other.components(names)
         name = "" if other is not None else getattr(attached, "name", None) or ""
@@ -304,7 +304,8 @@ def mesh_points(
         points = np.vstack(mesh.comm.allgather(x))
     elif len(where) < mesh.gdim:
         raise InputError(
-            f"the point {point_text(np.array(where))} needs x, y and z in {mesh.name}."
+            f"the point {point_text(np.array(where))} has {len(where)} coordinates: give x, y and "
+            f"z."
         )
     else:
         points = in_space(where)[None]

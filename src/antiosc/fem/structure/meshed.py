@@ -521,7 +521,9 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
         parts.append((family, cells))
 
     if len({family.kind for family, _ in parts}) > 1:
-        raise InputError("one structure has one family: Solid, Beam, Truss, or Shell and Laminate.")
+        raise InputError(
+            "all materials must be of one family: Solid, Beam, Truss, Shell and Laminate."
+        )
 
     uncovered = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
     repeated = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))

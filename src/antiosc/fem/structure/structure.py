@@ -182,7 +182,7 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     same_rows = algebra.size(K) == algebra.size(M) and alike(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
         raise InputError(
-            f"K and M must be of one size on all ranks; got {algebra.size(K)} and "
+            f"K and M must be distributed alike, of one size; got {algebra.size(K)} and "
             f"{algebra.size(M)} rows."
         )
 
@@ -190,7 +190,7 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     empty = np.flatnonzero((of_K == 0) & (of_M == 0))
     if len(empty):
         raise InputError(
-            f"{len(empty)} dofs have neither stiffness nor mass, the first {empty[0]}."
+            f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}."
         )
 
     constrained = _penalised(K, of_K)

@@ -120,7 +120,7 @@ class Support(FieldsRepr):
         mask = np.asarray(self.where(x.T, **size), dtype=bool)
         if mask.shape != (len(x),):
             raise InputError(
-                f"a support's function must return shape ({len(x)},) of bools; got {mask.shape}."
+                f"a support's function must return bools: shape ({len(x)},); got {mask.shape}."
             )
 
         return mask
