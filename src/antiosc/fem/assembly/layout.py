@@ -117,8 +117,9 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     size = algebra.size(matrices.K)
     if not matrices.located or size > MOST_SIZE or matrices.C is not None:
         raise InputError(
-            f"the part {name!r} needs a map with coordinates, at most {MOST_SIZE} dofs, and no C; "
-            f"got {size} dofs."
+            f"the matrices of the part {name!r} need coordinates (map=), at most {MOST_SIZE} dofs, "
+            f"and "
+            f"no C; got {size} dofs."
         )
 
     node, places, ends = matrices.map.node, matrices.places, {}
