@@ -341,8 +341,7 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
             message = (
                 f"the ground shakes {moved:.3g} kg along {axis}, and the model carries "
                 f"{percent(represented / moved)} of it: contact forces are right, fields far from "
-                "the sites "
-                f"are not; name a site whose direction is {axis} as well, or raise n."
+                f"the sites are not; name a site whose direction is {axis} as well, or raise n."
             )
             on_root(structure.comm, partial(warn, message, AccuracyWarning))
 

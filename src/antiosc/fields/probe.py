@@ -343,7 +343,7 @@ def _filtered(
 ) -> Array:
     """A derivative of `signal(history, t)` (n, …) through a filter, of a run that is longer."""
     if not isinstance(history, RunHistory):
-        raise InputError("a filter needs the motion around: probe the scene's history and body.")
+        raise InputError("a filter needs the whole motion: probe the history of the scene.")
     end = times.max() + memory_of(name)
     if history.time[-1] < end and isinstance(history, History) and history.source is not None:
         with suppress(AntioscError), without_warnings():  # the law may end its range

@@ -283,7 +283,7 @@ def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
     """(the closed surface to be filled, cavities turned inward; its bodies), or MeshError."""
     surface = surface_of(ask)
     if surface.open_edges:
-        raise MeshError(f"{ask.name} is not closed: repair it, or read it as a sheet: solid off.")
+        raise MeshError(f"{ask.name} is not closed: repair it, or leave solid out: a sheet.")
 
     bodies, pierced = _bodies(surface, ask.name)
     if ask.piece is not None:

@@ -118,8 +118,7 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     if not matrices.located or size > MOST_SIZE or matrices.C is not None:
         raise InputError(
             f"the matrices of the part {name!r} need coordinates (map=), at most {MOST_SIZE} dofs, "
-            f"and "
-            f"no C; got {size} dofs."
+            f"and no C; got {size} dofs."
         )
 
     node, places, ends = matrices.map.node, matrices.places, {}

@@ -211,9 +211,7 @@ class Tie(TwoEnds):
         if not {side.dim for side in sides} <= {1, 2}:
             kinds = {0: "points", 1: "edges", 2: "faces", 3: "cells"}
             first, second = (kinds[side.dim] for side in sides)
-            raise InputError(
-                f"{label} ties {first} to {second}: it takes groups of faces and edges."
-            )
+            raise InputError(f"{label} ties {first} to {second}; a Tie takes faces and edges.")
 
         tied = held.fixed.copy()
         for rows in held.rows:

@@ -71,9 +71,7 @@ def material(
     overrides = {key: value for key, value in constants_given.items() if value is not None}
     if record.G is not None:
         if overrides or thickness is not None or section is not None:
-            raise InputError(
-                f"{record.name} has directions: AnisotropicSolid.orthotropic or Layer."
-            )
+            raise InputError(f"{record.name} has directions: AnisotropicSolid or Layer take them.")
         return AnisotropicSolid.orthotropic(record.E, record.nu, record.G, record.rho)
 
     constants: dict[str, Any] = {

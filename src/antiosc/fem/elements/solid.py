@@ -144,8 +144,7 @@ def _check_cells(mesh: Mesh, order: int) -> None:
     if order < mesh.order:
         raise InputError(
             f"displacements of order {order} on cells of geometric order {mesh.order} cannot "
-            f"rotate: "
-            "use order 2, or read the mesh with order 1."
+            "rotate: use order 2, or read the mesh with order 1."
         )
 
 

@@ -305,7 +305,7 @@ def mesh_points(
     elif len(where) < mesh.gdim:
         raise InputError(
             f"the point {point_text(np.array(where))} has {len(where)} coordinates: give x, y and "
-            f"z."
+            "z."
         )
     else:
         points = in_space(where)[None]

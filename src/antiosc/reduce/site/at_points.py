@@ -331,8 +331,7 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
         if sites_found.depth[i] > radius:
             raise InputError(
                 f"the site at {text(points[i])} lies about {sites_found.depth[i]:.2g} m inside the "
-                "part, "
-                f"deeper than its radius {radius:g} m: give a point on the surface."
+                f"part, deeper than its radius {radius:g} m: give a point on the surface."
             )
         if sites_found.share[i] <= 0:
             least, facets = (engineering(x, "m") for x in (radius, sites_found.size[i]))
