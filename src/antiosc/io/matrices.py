@@ -278,7 +278,7 @@ def read_pair(
 
     count = len(K.value) + len(M.value)
     if K.size > count:
-        raise InputError(f"{K.source} has {K.size:g} rows, but {count} entries: is it complete?")
+        raise InputError(f"{K.source} has {K.size:g} rows, but K and M together {count} entries.")
 
     return MatrixPair(K.matrix(), M.matrix(), labels)
 

@@ -303,7 +303,7 @@ class ModalBase(ReprMixin):
 
     def _rigid_start(self, motion: Motion) -> Array:
         if self.inertia is None:
-            raise InputError("the body has no known inertia: give its velocity as a number.")
+            raise InputError("the body has no rigid-body inertia: give its velocity as a number.")
 
         start, lost = self._rigid_projection(self.inertia, motion.at(self.inertia))
         if lost > MISSED_ENERGY:

@@ -250,7 +250,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
     k0 = checks.nonnegative("k0", model.k0, "N/m")
     checks.nonnegative("m0", m0, "kg")
     if total == 0 and k0 == 0:
-        raise InputError("a model needs mass or stiffness: give m0, k0 or an anti-oscillator.")
+        raise InputError("the model has neither mass nor stiffness: give m0, k0 or m.")
 
     radius = None if model.radius is None else checks.positive("radius", model.radius, "m")
 
@@ -377,7 +377,7 @@ def _spatial(model: Parameters, rows: Index) -> ParameterDict:
         momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
         if len(momentum) < rows.size:
             raise InputError(
-                f"inertia.momentum needs {rows.size} rows, and the hidden ones'; got "
+                f"inertia.momentum needs a row for each of {rows.size} and hidden shapes; got "
                 f"{len(momentum)}."
             )
         all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
