@@ -21,19 +21,23 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
 from antiosc.base.checks import floats
 from antiosc.base.errors import AccuracyError, InputError
-from antiosc.fem.assembly.joint import Constraints, Eliminated
+from antiosc.fem.assembly import MeshedParts
+from antiosc.fem.assembly.joint import Constraints, Eliminated, group_end, motion_without_mesh
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded
 from antiosc.fem.linalg.algebra import by_strains, dot, force_ratios, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, from_csr, with_entries
+from antiosc.fem.mesh.surface import centre
 from antiosc.fem.structure import (
     SHIFT,
     Dissipation,
     DofPlaces,
     Plausibility,
+    in_space,
     orthonormal,
     support,
 )
 from antiosc.fem.structure.attachments import ElasticTerm
+from antiosc.fem.structure.loads import PointMotion
 from antiosc.fem.structure.meshed import Member, MeshedStructure, PartsMatrices
 from antiosc.models.motion import Inertia
 
@@ -449,3 +453,41 @@ def _product(layout: Layout, T: Sparse, small: Sparse) -> Callable[[Array], Arra
         return np.asarray(transposed @ of_members(layout, force, T @ q) + small @ q)
 
     return product
+
+
+# -- places, from what a user gives
+
+
+def group_of(matrices: MeshedParts, name: str, what: str = "point") -> tuple[Member, str]:
+    """(part, group) for the name of a group of one mesh, or "part:group"."""
+    if isinstance(matrices, AssembledMatrices):
+        return group_end(matrices.layout, what, name)
+    return matrices.members()[0], name
+
+
+def point_in(
+    matrices: MeshedParts, point: Sequence[float] | str | None, part: str | None, node: int | None
+) -> tuple[Array, str | None, PointMotion | None]:
+    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None)."""
+    if node is not None:
+        for member in matrices.members(part):
+            mesh = member.part.mesh
+            x = mesh.node(node) if len(mesh.labels) or not matrices.assembled else None
+            if x is not None:
+                return member.at.placed(x[None])[0], member.name or None, None
+        raise InputError(f"the structure has no node {node}, by its number in the file.")
+
+    if not isinstance(point, str):
+        return in_space(point or ()), part, None
+    if part is not None:
+        matrices.members(part)
+        raise InputError(f"the point {point!r} names its part: leave the part {part!r} out.")
+
+    if isinstance(matrices, AssembledMatrices):
+        end = motion_without_mesh(matrices.layout, point)
+        if end is not None:
+            return end.point, None, end
+
+    member, group = group_of(matrices, point)
+    x = centre(member.part.mesh, group)  # the point next to it is taken
+    return member.at.placed(x[None])[0], member.name or None, None

@@ -17,21 +17,20 @@ from antiosc.base.errors import ChoiceWarning, InputError, SiteError, without_wa
 from antiosc.base.texts import engineering, point_text
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assemble import eliminate
-from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.joint import group_end, motion_without_mesh
+from antiosc.fem.assembly.assembled import AssembledMatrices, group_of, point_in
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
 from antiosc.fem.mesh.surface import (
     ClosestPoint,
     ClosestPoints,
-    centre,
     corners_at,
     struck_point,
 )
 from antiosc.fem.platform import warn
 from antiosc.fem.structure import Dissipation, in_space
-from antiosc.fem.structure.loads import Place, PointMotion, loads, places_at
+from antiosc.fem.structure.loads import PointMotion, loads
 from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.fem.structure.place import Place, places_at
 from antiosc.fem.structure.support import Support, fixed_dofs
 from antiosc.recovery.place import Reach
 from antiosc.reduce.site.site import (
@@ -95,41 +94,6 @@ def before_joining(
             by_site[k] = _on_whole(structure, place, functional)
 
     return [by_site[k] for k in range(len(sites))]
-
-
-def group_of(matrices: MeshedParts, name: str, what: str = "point") -> tuple[Member, str]:
-    """(part, group) for the name of a group of one mesh, or "part:group"."""
-    if isinstance(matrices, AssembledMatrices):
-        return group_end(matrices.layout, what, name)
-    return matrices.members()[0], name
-
-
-def point_in(
-    matrices: MeshedParts, point: Sequence[float] | str | None, part: str | None, node: int | None
-) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None)."""
-    if node is not None:
-        for member in matrices.members(part):
-            mesh = member.part.mesh
-            x = mesh.node(node) if len(mesh.labels) or not matrices.assembled else None
-            if x is not None:
-                return member.at.placed(x[None])[0], member.name or None, None
-        raise InputError(f"the structure has no node {node}, by its number in the file.")
-
-    if not isinstance(point, str):
-        return in_space(point or ()), part, None
-    if part is not None:
-        matrices.members(part)
-        raise InputError(f"the point {point!r} names its part: leave the part {part!r} out.")
-
-    if isinstance(matrices, AssembledMatrices):
-        end = motion_without_mesh(matrices.layout, point)
-        if end is not None:
-            return end.point, None, end
-
-    member, group = group_of(matrices, point)
-    x = centre(member.part.mesh, group)  # the point next to it is taken
-    return member.at.placed(x[None])[0], member.name or None, None
 
 
 def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | PointMotion]:

@@ -34,7 +34,8 @@ from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS, component_of
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
-    from antiosc.fem.structure.loads import Place, PointMotion
+    from antiosc.fem.structure.loads import PointMotion
+    from antiosc.fem.structure.place import Place
 
 
 #: The supports fix a site if less than this share of its load is on free dofs.
@@ -219,11 +220,11 @@ def point_of(
         return in_space(checks.coordinates("point", point)), part, None
     if structure.matrices.located:
         raise InputError("matrices have no groups: give the point's coordinates.")
-    from antiosc.reduce.site.at_points import point_in  # needs dolfinx
+    from antiosc.fem.assembly import assembled  # needs dolfinx
 
     if node is not None:
         node = checks.whole("node", node)
-    return point_in(with_parts(structure), cast("str | None", point), part, node)
+    return assembled.point_in(with_parts(structure), cast("str | None", point), part, node)
 
 
 def motions_without_mesh(
