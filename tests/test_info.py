@@ -75,6 +75,14 @@ def test_runs_without_the_finite_element_packages_and_says_how_to_get_them():
     assert info.remedy(missing, info.installation()) in text
 
 
+@pytest.mark.fem
+def test_meshes_need_a_compiler(monkeypatch):
+    monkeypatch.setenv("CC", "no-compiler")
+    text = info.report()
+    assert "meshes cannot be read or simulated here" in row(text, "works")
+    assert "Missing: C compiler" in text
+
+
 def test_pip_brings_all_where_pypi_has_wheels():
     asked = info.remedy(info.PACKAGES, "wheels")
     assert all(name in asked for name in ("pip install", "dolfinx-solver-real", "gmsh"))

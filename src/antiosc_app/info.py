@@ -5,9 +5,12 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import importlib.util
+import os
 import platform
+import shutil
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -90,10 +93,18 @@ def _version_of(package: Package) -> str:
     return str(importlib.import_module(package.module).__version__)
 
 
+def c_compiler() -> str:
+    """The C compiler that FFCx calls for finite elements; "" without one."""
+    command = os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc"
+    return shutil.which(command.split()[0]) or ""
+
+
 def meshes_work() -> bool:
-    """Whether all packages are available that structures with a mesh need."""
+    """Whether all is available that structures with a mesh need."""
     versions = packages_found()
-    return all(versions[p] and not versions[p].startswith(BROKEN) for p in versions if p.meshes)
+    return bool(c_compiler()) and all(
+        versions[p] and not versions[p].startswith(BROKEN) for p in versions if p.meshes
+    )
 
 
 def report() -> str:
@@ -106,6 +117,9 @@ def report() -> str:
         if is_broken:
             remarks.append(f"{package.name} is installed but {found}")
 
+    rows.append(("C compiler", c_compiler() or "missing"))
+    if not c_compiler():
+        remarks.append("Missing: C compiler, for meshes. Remedy: install gcc, or set CC to another")
     rows.append(("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"))
     rows += [("CHOLMOD", _cholmod()), ("BLAS", blas())]
     rows.append(("threads", f"{process.cores()} cores"))

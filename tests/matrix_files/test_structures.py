@@ -145,7 +145,7 @@ def test_coordinates_of_nodes_beside_labels(tmp_path):
     np.testing.assert_allclose(moved[:, 2], hit.displacement, atol=1e-12)
     path = ao.write_series(part, hit, tmp_path / "run", times=[0.0, 1e-3])
     assert path.read_text().count("DataSet") == 2
-    with pytest.raises(ao.InputError, match="gives no dofs, nor do the files"):
+    with pytest.raises(ao.InputError, match="rows of node, x, y, z, but the files do not say"):
         ao.Structure.from_files(*frame_files(tmp_path), map=nodes)
 
 

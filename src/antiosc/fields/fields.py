@@ -341,7 +341,8 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
             message = (
                 f"the ground shakes {moved:.3g} kg along {axis}, and the model carries "
                 f"{percent(represented / moved)} of it: contact forces are right, fields far from "
-                f"the sites are not; name a site whose direction is {axis} as well, or raise n."
+                "the sites "
+                f"are not; name a site whose direction is {axis} as well, or raise n."
             )
             on_root(structure.comm, partial(warn, message, AccuracyWarning))
 
@@ -361,7 +362,8 @@ def checked_shapes(
     fits = all(len(block) == rows for block in modes.basis)
     if not all(structure.comm.allgather(fits)):  # on some rank they may fit by chance
         raise InputError(
-            f"the model of {len(modes.basis[0])} rows was not extracted from this of {rows} rows."
+            f"the model's shapes have {len(modes.basis[0])} rows, the structure {rows}: the model "
+            "was extracted from another structure."
         )
 
     factors, count = unit_energy_factors(modes)
@@ -370,8 +372,8 @@ def checked_shapes(
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
             raise InputError(
-                f"the structure is {ratio:.6g} times as {noun} as the model: it was extracted from "
-                "another one."
+                f"the structure is {ratio:.6g} times as {noun} on the shapes of the model as the"
+                " model: the model was extracted from another structure; give that of this run."
             )
 
     return modes.basis
@@ -540,7 +542,8 @@ def reactions(
     forces = forces_of(history, times_checked, body)
     if len(work) != forces.shape[1]:
         raise InputError(
-            f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}."
+            f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}: "
+            "give the sites with which it was extracted, in their order."
         )
 
     comm = structure.comm
@@ -551,7 +554,10 @@ def reactions(
     terms = released.damping(shapes)
     undamped = modes_of(history, body).damping is None
     if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
-        raise InputError("the damping of the model is not the structure's: take that of `extract`.")
+        raise InputError(
+            "the damping of the model is not that of the structure: take the model as `extract`"
+            " returns it."
+        )
 
     for tau, by_motion in terms:
         forces_of_supports += (velocities if tau is None else springs.pop(0)) @ by_motion.T
@@ -572,11 +578,16 @@ def _check_reactions(structure: Structure, history: History, body: str) -> None:
     scene = history.assembly.scene
     has_gravity = bool(np.any(scene.gravity))
     if stretch_in(history, body) is not None:
-        raise InputError("reactions of a part that stretches: extract it without stretch.")
+        raise InputError(
+            "reactions of a part that stretches as it bends are not computed: extract its model "
+            "without stretch, whose reactions are those of linear theory."
+        )
     if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")
     if has_gravity and structure.rigid_modes.shape[1]:
-        raise InputError("reactions under gravity of a part that slides are not implemented.")
+        raise InputError(
+            "reactions under gravity of a part that its supports let slide are not implemented."
+        )
 
 
 def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:

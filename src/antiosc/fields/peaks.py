@@ -124,7 +124,8 @@ class PeakField(Completed):
         """
         if self._margin is None or self._margin.criterion == margin.UNJUDGED:
             raise InputError(
-                f"no margin for {self.quantity}: give the material a yield_strength or strength."
+                f"no margin for {self.quantity}: the material has no strength; give it a "
+                "yield_strength for 'von_mises', or its layers a strength for 'tsai_wu'."
             )
         return self._margin
 

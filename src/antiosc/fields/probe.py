@@ -343,7 +343,10 @@ def _filtered(
 ) -> Array:
     """A derivative of `signal(history, t)` (n, …) through a filter, of a run that is longer."""
     if not isinstance(history, RunHistory):
-        raise InputError("a filter needs the whole motion: probe the history of the scene.")
+        raise InputError(
+            "a filter needs the motion before and after the times: probe the history of the scene,"
+            " and name the body."
+        )
     end = times.max() + memory_of(name)
     if history.time[-1] < end and isinstance(history, History) and history.source is not None:
         with suppress(AntioscError), without_warnings():  # the law may end its range
@@ -445,7 +448,10 @@ def probe_error(
     checks.instance("history", history, History, "a History of simulate or strike")
     model = history.model
     if history.rerun is None or not isinstance(model, AntiOscillators) or model.n < 2:
-        raise InputError("only an impact of simulate or strike can be repeated, with n >= 2.")
+        raise InputError(
+            "only an impact of simulate or strike can be repeated with half the anti-oscillators,"
+            " of which there must be two or more."
+        )
     linear = replace(model, stretch=None)
     at = times_of(history, times)
     tol = min(max(history.error.get("force", DEFAULT_ERROR), LEAST_ERROR), DEFAULT_ERROR)

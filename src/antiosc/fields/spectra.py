@@ -200,8 +200,9 @@ def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
 def _checked_samples(samples: float) -> float:
     if samples > MOST_SAMPLES:
         raise InputError(
-            f"the signal would have {samples:.3g} samples, above {MOST_SAMPLES:g}: give fewer or "
-            "lower frequencies."
+            f"the signal would have {samples:.3g} samples at equal steps, more than "
+            f"{MOST_SAMPLES:g}: give fewer or lower frequencies, or samples that are not as close "
+            "as its closest ones."
         )
     return samples
 

@@ -307,7 +307,8 @@ def _check_size(gmsh: ModuleType, ask: Request, dim: int, scale: float) -> None:
     cells = CELLS_PER_SIZE[dim] * measure * (scale / ask.size) ** dim
     if max(cells, along) > MOST_CELLS:
         raise MeshError(
-            f"{ask.name} would need, at a size of {ask.size:g} m, more than {MOST_CELLS:.0e} cells."
+            f"{ask.name} would need about {max(cells, along):.1e} cells at a size of "
+            f"{ask.size:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
         )
     ask.allow(TIME + 2e-3 * cells)
 

@@ -332,7 +332,8 @@ def _of_dimension(
         unused = np.setdiff1d(all_rows, rows)
         if len(unused):
             raise MeshError(
-                f"{len(unused)} {block.type} elements of {deck.name} have no volume: delete them."
+                f"{len(unused)} {block.type} elements of {deck.name} use one node several times "
+                "so that they have no volume or area; delete them."
             )
         shape = _SIMPLEX[DIMENSION[block.shape]] if split else block.shape
         if order == 2:
@@ -448,7 +449,11 @@ def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
 def known(label: str, name: str) -> str:
     """`label` itself; MeshError for cells that can neither be used nor divided."""
     if label not in CELLS:
-        raise MeshError(f"{name} holds {label} cells: take lines, tri-, quad-, tetra-, hexahedra.")
+        raise MeshError(
+            f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
+            "triangles, quadrilaterals, tetrahedra, hexahedra, wedges or pyramids of geometric "
+            "order 1 or 2."
+        )
 
     return label
 

@@ -144,7 +144,8 @@ def surface_of(ask: Request) -> Surface:
         import trimesh
     except ImportError as error:
         raise MissingDependencyError(
-            "surfaces of triangles need a package: pip install trimesh networkx"
+            "trimesh and networkx, which read surfaces of triangles, are not installed: "
+            "pip install trimesh networkx"
         ) from error
     path = Path(ask.path)
     suffix = path.suffix.lower()
@@ -206,7 +207,10 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
         lacks |= unused > 0 or last[:1] != [b"f"] or len(last) < 4
 
     if lacks:
-        raise MeshError(f"{name} is cut off or damaged: {unused} of {count} corners are unused.")
+        raise MeshError(
+            f"{name} is cut off or damaged: its {len(faces)} triangles leave {unused} of {count} "
+            "corners unused, or lack some."
+        )
 
 
 def read(ask: Request) -> FileMesh:
@@ -283,7 +287,10 @@ def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
     """(the closed surface to be filled, cavities turned inward; its bodies), or MeshError."""
     surface = surface_of(ask)
     if surface.open_edges:
-        raise MeshError(f"{ask.name} is not closed: repair it, or leave solid out: a sheet.")
+        raise MeshError(
+            f"{ask.name} is not closed: {surface.open_edges} of its edges do not belong to two "
+            "triangles; repair it, or read it as a sheet, without solid."
+        )
 
     bodies, pierced = _bodies(surface, ask.name)
     if ask.piece is not None:

@@ -348,7 +348,8 @@ def harmless(text: str, name: str) -> tuple[str, list[str]]:
         line = checked.count("\n", 0, refused.start()) + 1
         raise MeshError(
             f"{name} is refused for line {line} ({' '.join(refused[0].split())}): a geometry may "
-            "run, read and write no file or program; if you trust it, read it with trust in Python."
+            "run no program, read no file but CAD beside it, and write none; if you know who wrote "
+            "it, read it with trust (in Python alone)."
         )
 
     # gmsh 4.8 ignores a last line without a line end

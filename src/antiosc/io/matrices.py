@@ -278,7 +278,10 @@ def read_pair(
 
     count = len(K.value) + len(M.value)
     if K.size > count:
-        raise InputError(f"{K.source} has {K.size:g} rows, but K and M together {count} entries.")
+        raise InputError(
+            f"{K.source} has {K.size:g} rows, but K and M together have {count} entries: is the "
+            "file complete?"
+        )
 
     return MatrixPair(K.matrix(), M.matrix(), labels)
 
@@ -313,7 +316,8 @@ def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries
 
     if len(matching_keys) != 1:
         raise InputError(
-            f"{source.name} holds the matrices {', '.join(matrices)}: say names=('KAA', 'MAA')."
+            f"{source.name} holds the matrices {', '.join(matrices)}: say which are K and M, "
+            "names=('KAA', 'MAA')."
         )
 
     return checked(matrices[matching_keys[0]])
@@ -418,7 +422,8 @@ class DofMap:
         if not len(matches):
             components = ", ".join(name_of(int(k)) for k in self.component[rows])
             raise InputError(
-                f"node {node} has no dof {name_of(component)} in the matrices: it has {components}."
+                f"node {node} has no dof {name_of(component)} in the matrices: it has {components} "
+                "(fixed dofs are left out by most programs)."
             )
 
         return int(matches[0])
@@ -528,7 +533,10 @@ def _of_columns(columns: tuple[object, ...], size: int) -> Array:
 def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
     """Node and component labels of the matrices, with coordinates from rows of node, x, y, z."""
     if labels is None:
-        raise InputError(f"{name} gives no dofs, nor do the files: rows are node, dof, x, y, z.")
+        raise InputError(
+            f"{name} has rows of node, x, y, z, but the files do not say which rows of the "
+            "matrices belong to a node: give rows of node, dof, x, y, z."
+        )
 
     place = {node: x for node, *x in table.tolist()}
     points = np.array([place.get(node, [np.nan] * 3) for node in labels[:, 0].tolist()])

@@ -430,7 +430,10 @@ class AntiOscillators(ReprMixin, Parameters):
         left_out = np.arange(n_sites + n, n_sites + self.n)
         damping = self.damping
         if self.stretch is not None:
-            raise InputError("a model that stretches keeps its anti-oscillators: extract fewer.")
+            raise InputError(
+                "a model that stretches keeps its anti-oscillators: extract it with fewer, or"
+                " without stretch."
+            )
 
         if isinstance(damping, DampingMatrix):
             remaining = np.delete(np.arange(damping.n), left_out)
@@ -598,7 +601,9 @@ class AntiOscillators(ReprMixin, Parameters):
             warn("the damping of the model is left out of its matrices.", AccuracyWarning)
 
         if self.dependence is not None and len(self.dependence) != self.n_sites:
-            raise InputError("some sites follow from others: extract without them for matrices.")
+            raise InputError(
+                "some sites follow from others: extract a model without them for its matrices."
+            )
 
         m_st = np.atleast_2d(self.m_st)
         return reduced_matrices(self.k0_matrix, m_st, self.inertias, self.omega, nodes, dofs)

@@ -317,7 +317,10 @@ def checked_body(name: str, body: object) -> Body:
     if isinstance(body, LinearBody) and not isinstance(body, type) and callable(body.modal):
         return _UserBody(name, body)
 
-    raise InputError(f"{name} must have a modal() method, as models; got {checks.shown(body)}.")
+    raise InputError(
+        f"{name} must have a modal() method, as the model that extract(part, site) makes, a "
+        f"RigidMass and a Sphere have; got {checks.shown(body)}."
+    )
 
 
 def site_points(body: object) -> dict[str, tuple[float, ...]]:
@@ -487,12 +490,14 @@ def _surface(body: object, site: str) -> Surface:
         reason = info_of(linear_body).unknown_surface(site)
         if reason:
             raise InputError(
-                f'the contact "auto" finds no law for the {type(body).__name__}, give one, such as '
-                f"Hertz: {reason}"
+                'the contact "auto" finds no law, give one, such as Hertz: nothing is known of '
+                f"the surface of the {type(body).__name__}, for {reason}"
             )
         raise InputError(
-            f'the contact "auto" needs the surface of the {type(body).__name__}: extract it from a '
-            "mesh, give it its material and a tip_radius, or give the law, such as Hertz."
+            f'the contact "auto" needs the material and the curvature of both surfaces, and '
+            f"those of the {type(body).__name__} are not known: extract it from a mesh, give "
+            "the model its material (with_surface, or [surface] of a scene), the striker a"
+            " material and a tip_radius, or give the law, such as Hertz."
         )
 
     return surface

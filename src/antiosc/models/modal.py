@@ -66,12 +66,15 @@ class Damping(FieldsRepr):
 
         largest = float(ratios.max())
         if largest >= 1:
-            raise InputError(f"a damping ratio must be below 1: 0.05 is 5 %; got {largest:g}.")
+            raise InputError(
+                f"a damping ratio must be below 1, the critical damping: 0.05 is 5 %; got"
+                f" {largest:g}."
+            )
 
         if largest > UNUSUAL_RATIO:
             warn(
                 f"a damping ratio of {largest:g} is {percent(largest)} of the critical damping, "
-                "more than structures have: 0.05 is 5 %."
+                f"more than structures have: 0.05 is 5 %."
             )
 
         checks.store(
@@ -154,15 +157,15 @@ class ModalBase(ReprMixin):
             damping = checks.instance("damping", self.damping, DampingMatrix, "a DampingMatrix")
             if damping.n != size or (self.decay is not None and self.decay.any()):
                 raise InputError(
-                    f"damping needs a matrix of {size} modes, without decay; got one of "
-                    f"{damping.n}."
+                    f"damping needs a matrix of the {size} modes, and no decay beside it; got one "
+                    f"of {damping.n}."
                 )
 
         if self.inertia is not None:
             rows = len(checks.instance("inertia", self.inertia, Inertia, "an Inertia").momentum)
             if rows != size:
                 raise InputError(
-                    f"inertia.momentum needs a row for each of {size} modes; got {rows}."
+                    f"inertia.momentum needs one row for each of {size} modes; got {rows}."
                 )
 
     def _check(self, name: str, shape: tuple[int | None, ...]) -> None:
@@ -278,13 +281,15 @@ class ModalBase(ReprMixin):
             return np.zeros(self.omega.size)
         if self.B.shape[1] != 1:
             raise InputError(
-                f"a number is the velocity of one column, of {self.B.shape[1]} here: give a Motion."
+                f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
+                " a Motion of velocity and spin."
             )
 
         rigid_b, mobility = self._rigid_column
         if mobility == 0.0:
             raise InputError(
-                f"a supported body has no velocity, {velocity:g} m/s: use 0 or free its supports."
+                f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
+                f" rigid-body motion at its contact point; use 0 or free its supports."
             )
 
         if self.inertia is not None and self.axes is not None:
@@ -303,7 +308,11 @@ class ModalBase(ReprMixin):
 
     def _rigid_start(self, motion: Motion) -> Array:
         if self.inertia is None:
-            raise InputError("the body has no rigid-body inertia: give its velocity as a number.")
+            raise InputError(
+                "the model of this body has no rigid-body inertia (the body is supported, or the "
+                "model was made by hand or from matrices): give its velocity as a number, along "
+                "the direction of impact."
+            )
 
         start, lost = self._rigid_projection(self.inertia, motion.at(self.inertia))
         if lost > MISSED_ENERGY:

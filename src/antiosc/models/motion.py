@@ -136,7 +136,10 @@ class Motion(FieldsRepr):
         if np.any(massless):
             names = ("along x", "along y", "along z", "about x", "about y", "about z")
             impossible = ", ".join(n for n, bad in zip(names, massless, strict=True) if bad)
-            raise InputError(f"the body has no motion {impossible}: leave it out of the Motion.")
+            raise InputError(
+                f"the body has no motion {impossible} (a plane body moves only along x and y and"
+                " about z); leave it out of the Motion."
+            )
 
         return motion
 
@@ -215,7 +218,8 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
     status = library.library.aom_arrow_modes(k0, m0, n, address, address + 8 * n, to_x, to_shape)
     if status or not (np.isfinite(x).all() and np.isfinite(shape).all()):
         raise NotConvergedError(
-            f"{status or size} of {size} free frequencies have not converged: scale the body."
+            f"{status or size} of {size} free frequencies have not converged; masses or frequencies"
+            f" differ too much for double precision."
         )
 
     return x, shape

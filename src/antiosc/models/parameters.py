@@ -237,11 +237,17 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
     for name in OF_SEVERAL:
         value = getattr(model, name)
         if not (value is None or (isinstance(value, dict) and not value)):
-            raise InputError(f"{name} belongs to a model of several sites: give P and sites too.")
+            raise InputError(
+                f"{name} belongs to a model of several sites: give its P and the names of its "
+                "sites too."
+            )
 
     m = checks.positives("m", model.m, "kg")
     if m.shape != omega.shape:
-        raise InputError(f"m and omega must be equally many; got {m.size} and {omega.size}.")
+        raise InputError(
+            f"m and omega must have one entry per anti-oscillator;"
+            f" got {m.size} masses and {omega.size} frequencies."
+        )
 
     m0 = checks.number("m0", model.m0, "kg")
     total = float(m.sum()) + max(m0, 0.0)
@@ -250,7 +256,10 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
     k0 = checks.nonnegative("k0", model.k0, "N/m")
     checks.nonnegative("m0", m0, "kg")
     if total == 0 and k0 == 0:
-        raise InputError("the model has neither mass nor stiffness: give m0, k0 or m.")
+        raise InputError(
+            "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor "
+            "stiffness; give it one."
+        )
 
     radius = None if model.radius is None else checks.positive("radius", model.radius, "m")
 
@@ -377,8 +386,8 @@ def _spatial(model: Parameters, rows: Index) -> ParameterDict:
         momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
         if len(momentum) < rows.size:
             raise InputError(
-                f"inertia.momentum needs a row for each of {rows.size} and hidden shapes; got "
-                f"{len(momentum)}."
+                f"inertia.momentum needs a row for each of psi_0 ... psi_{rows.size - 1}, "
+                f"{rows.size} shapes, and one for each hidden motion; got {len(momentum)}."
             )
         all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
         stored["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
@@ -404,7 +413,10 @@ def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) 
             f"sites, {model.n} anti-oscillators, {hidden} hidden motions); got one of {damping.n}."
         )
     if not model.sites and not model.m_st > 0:
-        raise InputError("a model without mass has no motions to damp: give it a mass, m0 or m.")
+        raise InputError(
+            "a model without mass has no motions that a DampingMatrix could brake: give it a mass,"
+            " m0 or m."
+        )
 
     order = np.argsort(np.asarray(omega, dtype=float), kind="stable")
     if np.array_equal(order, np.arange(order.size)):

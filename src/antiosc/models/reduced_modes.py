@@ -211,7 +211,8 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
         L = np.linalg.cholesky(K + shift * M)
     except np.linalg.LinAlgError:
         raise InputError(
-            "k0 and m0 + P P' leave sites without mass and stiffness, or are not semidefinite."
+            "k0 and m0 + P P' leave a combination of the sites without mass and stiffness (or are "
+            "not positive semidefinite)."
         ) from None
 
     from scipy.linalg import null_space, solve_triangular

@@ -162,7 +162,9 @@ def checked_count(stretch: object) -> Count | Literal[False]:
     if isinstance(stretch, str) and stretch == "auto":
         return "auto"
     if isinstance(stretch, bool | str):
-        raise InputError(f'stretch must be a number, "auto" or False; got {checks.shown(stretch)}.')
+        raise InputError(
+            f'stretch must be a number of modes, "auto" or False; got {checks.shown(stretch)}.'
+        )
 
     count = checks.whole("stretch", stretch, least=1)
     if count > MOST_ASKED:
@@ -186,5 +188,6 @@ def refuse_stretch(bodies: Mapping[str, object]) -> None:
     for name, body in bodies.items():
         if stretch_of(body) is not None:
             raise InputError(
-                f"{name!r} stretches, which simulate and Scene.run take: extract without stretch."
+                f"{name!r} stretches, which simulate and Scene.run alone take: for this extract it"
+                " without stretch."
             )

@@ -278,7 +278,8 @@ def _refuse_relaxing(structure: Structure, quantity: str) -> None:
     """InputError for what follows from the stiffness of materials that relax."""
     if quantity in ("stress", "section_forces") and relaxes(structure):
         raise InputError(
-            f"the {quantity.replace('_', ' ')} under prony is not known: probe strain."
+            f"the {quantity.replace('_', ' ')} of materials that relax (prony) is not computed:"
+            " probe the strain, or leave prony out."
         )
 
 

@@ -51,7 +51,10 @@ def listing(path: str | os.PathLike[str]) -> Path:
     path = checks.new_file("path", path)
     target = path if path.suffix.lower() == ".pvd" else path.with_name(f"{path.name}.pvd")
     if not target.stem.isprintable():
-        raise InputError(f"a series cannot be named {checks.shown(target.stem)} in XML.")
+        raise InputError(
+            f"a series cannot be named {checks.shown(target.stem)}: XML has no word for one of its "
+            "characters."
+        )
 
     return target
 

@@ -459,7 +459,10 @@ def _layers(sheet: Sheet) -> list[Layer]:
     if isinstance(sheet, Laminate):
         return list(sheet.layers)
     if isinstance(sheet, GivenSheet):
-        raise InputError("a shell given by its stiffnesses has no stresses; probe section forces.")
+        raise InputError(
+            "the stresses in a shell that is given by its stiffnesses are not known; probe section "
+            "forces instead."
+        )
 
     return [Layer.isotropic(sheet.E, sheet.nu, sheet.rho, sheet.thickness)]  # type: ignore[attr-defined]
 
@@ -473,7 +476,8 @@ def _height(sheet: Sheet, place: Place) -> tuple[int, float]:
     if place.layer is not None:
         if place.layer >= len(layers):
             raise InputError(
-                f"layer must be below {len(layers)}, of all layers; got {place.layer}."
+                f"layer must be below {len(layers)}, the number of layers (0 is the lowest); got "
+                f"{place.layer}."
             )
         k = place.layer
         low = float(z[k])

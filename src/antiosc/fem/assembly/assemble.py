@@ -258,7 +258,10 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]
     """Solve one block of coupled rows: (solved rows, their dofs, redundant rows)."""
     C = system.C[rows]
     if C.shape[0] > LARGEST_BLOCK:
-        raise InputError(f"constraints of {system.names(rows)} overlap: let joints share no nodes.")
+        raise InputError(
+            f"{C.shape[0]} constraints of {system.names(rows)} overlap, more than "
+            f"{LARGEST_BLOCK}: let the joints act on groups that do not share nodes."
+        )
 
     columns = np.unique(C.indices)
     prescribed_columns = columns[system.scale[columns] == 0]  # the last ones
@@ -275,7 +278,11 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]
     solved[np.abs(solved) < LEAST_COEFFICIENT] = 0.0
     largest = np.abs(solved).max(initial=0.0)
     if largest > LARGEST_COEFFICIENT:
-        raise AccuracyError(f"the constraints of {system.names(rows)} nearly depend: remove one.")
+        raise AccuracyError(
+            f"the constraints of {system.names(rows)} are nearly dependent: a coefficient of "
+            f"their solution is {largest:.1e} (limit {LARGEST_COEFFICIENT:.0e}); move the joints "
+            "apart, or remove one of them."
+        )
 
     pivots = order[:rank]
     dependent = order[rank:]
@@ -318,7 +325,8 @@ def _check(system: _System, T: Sparse) -> None:
     worst = int(np.argmax(error))
     if error[worst] > SATISFIED:
         raise AccuracyError(
-            f"{system.names(np.array([worst]))} nearly depends on others: {error[worst]:.1e}."
+            f"the constraints of {system.names(np.array([worst]))} are satisfied only to "
+            f"{error[worst]:.1e} (limit {SATISFIED:.0e}): they are nearly dependent on others."
         )
 
 
@@ -501,7 +509,8 @@ def _check_dense(label: str, functionals: Sparse) -> None:
     count = int(np.diff(functionals.indptr).max(initial=0))
     if functionals.shape[0] <= FEW_ROWS and count > MOST_COUPLED:
         raise InputError(
-            f"{label} couples {count} dofs, over {MOST_COUPLED}: give a smaller group."
+            f"{label} couples {count} dofs of a group with one another, more than {MOST_COUPLED}: "
+            'give a smaller group, or the surface near a point, ("part", point, radius).'
         )
 
 
@@ -557,7 +566,8 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
             return point.six[np.flatnonzero(np.diff(point.six.indptr))]
         if absent := point.lacking(names):
             raise InputError(
-                f"the support {support.label} fixes {', '.join(absent)}, which this site lacks."
+                f"the support {support.label} fixes {', '.join(absent)}, which this site does "
+                "not have."
             )
         return point.components(names)
 
@@ -604,7 +614,8 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
             raise InputError(
-                f"the point {shown(where)} has {len(where)} coordinates: give x, y and z."
+                f"the point {shown(where)} of a mass, spring or damper has {len(where)} coordinates"
+                " in an assembly in space: give x, y and z."
             )
         x = in_space(where)
         (place,) = places_at(layout.members.values(), x[None])

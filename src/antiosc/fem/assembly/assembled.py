@@ -178,8 +178,8 @@ def modes_of(
         values, rotation = np.linalg.eigh(dot(comm, motions, multiply(M, motions)))
         massless = motions @ rotation[:, values <= IDLE_MASS * values[-1]]
         raise InputError(
-            f"{names_of(moving(bodies, eliminated.T @ massless))} moves without resistance and "
-            "without mass: join it, support it, or give it a mass."
+            f"the reference point {names_of(moving(bodies, eliminated.T @ massless))} moves "
+            "without resistance and without mass: join it, support it, or give it a mass."
         )
 
     if not modes.shape[1]:

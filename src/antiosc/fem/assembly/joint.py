@@ -145,7 +145,10 @@ def _point_motion(
     (place,) = places_at([member], in_space(point)[None])
     distance = place.nearest.distance
     if distance > NEAR * member.part.mesh.extent():
-        raise InputError(f"the point {end_text(end)} is {distance:.3g} m off the part.")
+        raise InputError(
+            f"the point {end_text(end)} is {distance:.3g} m off the part; its nearest point is "
+            f"{point_text(place.placed)}."
+        )
     if radius is not None:
         return mean(layout, member, _points_around(place, end, radius)).at(place.placed)
 
@@ -162,7 +165,9 @@ def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
     in_radius = np.flatnonzero(np.linalg.norm(points.x - place.point, axis=1) <= radius)
     if len(in_radius) < CUT_POINTS:
         raise InputError(
-            f"the elements at {end_text(end)} are too large for the radius: enlarge it."
+            f"the elements at {end_text(end)} are too large for this radius, up to "
+            f"{2 * faces.radii[near].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
+            "the radius."
         )
 
     selected = WeightedPoints(*(getattr(points, f.name)[in_radius] for f in fields(WeightedPoints)))

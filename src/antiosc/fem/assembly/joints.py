@@ -122,8 +122,8 @@ class _Axis(_Pin):
         free_rotation = self._turns_about_axis
         if layout.plane and abs(rotated - free_rotation) > COINCIDENT:
             raise InputError(
-                f"{label}: plane parts rotate about z and slide along x and y, not about or along "
-                f"{tuple(self.axis)}."
+                f"{label}: plane parts rotate about z and slide along x and y; the axis "
+                f"{tuple(self.axis)} allows neither."
             )
 
         return super().constraints(layout, held, label)
@@ -182,8 +182,9 @@ def carried(
         across = np.eye(3) - np.outer(arm, arm) / length**2
         if not end_motion.turns(layout.rotations if layout.plane else across):
             raise InputError(
-                f"{label} lies {length:.3g} m off {end_text(end)}, which has no rotation to carry "
-                "it: give a group of faces, or a point where the joint is."
+                f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
+                "carry it there: points of solids do not rotate; give a group of faces, or a point "
+                "where the joint is."
             )
         result.append((end, end_motion.at(x)))
 
@@ -200,7 +201,9 @@ def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
                 names = ", ".join(COMPONENTS[k] for k in np.flatnonzero(direction))
                 raise InputError(
                     f"{label} acts on {names}, a {'rotation' if turns else 'displacement'} that "
-                    f"{end_text(end)} does not have: give a group of faces, a radius, or a Ball."
+                    f"{end_text(end)} does not have: points of a solid, or a straight row of them, "
+                    'do not rotate (give a group of faces, a radius, ("part", point, radius), or '
+                    "a Ball), and a site of a model moves along its directions."
                 )
 
     return (scipy.sparse.csr_matrix(directions) @ (b[1].six - a[1].six)).tocsr()
@@ -224,7 +227,9 @@ class Equation(Joint):
 
     def __post_init__(self) -> None:
         if not isinstance(self.terms, Sequence) or isinstance(self.terms, str) or not self.terms:
-            raise InputError(f"terms list (end, component, coefficient); got {shown(self.terms)}.")
+            raise InputError(
+                f"terms must list (end, component, coefficient); got {shown(self.terms)}."
+            )
 
         terms = tuple(_checked_term(term) for term in self.terms)
         if not any(coefficient for _, _, coefficient in terms):
@@ -239,7 +244,11 @@ class Equation(Joint):
             end_motion = motion(layout, end)
             row = end_motion.components([component])
             if end_motion.lacking([component]):
-                raise InputError(f"{label}: {end_text(end)} has no component {component!r}.")
+                raise InputError(
+                    f"{label}: {end_text(end)} has no component {component!r}; points of solids "
+                    "have no rotations, plane parts move along x and y, a site of a model along "
+                    "its direction."
+                )
             total = total + coefficient * row
 
         total = total.tocsr()
@@ -251,13 +260,16 @@ class Equation(Joint):
 
 def _checked_term(term: object) -> tuple[End, str, float]:
     if not isinstance(term, tuple | list) or len(term) != 3:
-        raise InputError(f"a term must be (end, component, number); got {shown(term)}.")
+        raise InputError(
+            f"a term must be (end, component, coefficient), as (('plate', (0, 0, 0)), 'z', 1.0); "
+            f"got {shown(term)}."
+        )
 
     end, component, coefficient = term
     if not isinstance(component, str) or component not in DISPLACEMENTS + ROTATIONS:
         raise InputError(
-            f"a component must be one of {', '.join(DISPLACEMENTS + ROTATIONS)}; got "
-            f"{shown(component)}."
+            f"a component must be one of {', '.join(DISPLACEMENTS + ROTATIONS)}; "
+            f"got {shown(component)}."
         )
 
     return checked_end("end", end), component, number("a coefficient", coefficient)
@@ -321,7 +333,8 @@ class Bushing(TwoEnds):
         super().__post_init__()
         if not self.stiffness and not self.damping and not self.branches:
             raise InputError(
-                f"a Bushing needs a stiffness or a damping; got {shown(self.stiffness)}."
+                f"a Bushing needs a stiffness, as {{'z': 1e6}}, or a damping; got "
+                f"{shown(self.stiffness)}."
             )
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
@@ -398,7 +411,11 @@ class Rigid(Joint):
         in_member = (columns >= member.rows.start) & (columns < member.rows.stop)
         nodes = nodes[~np.isin(nodes, block[in_member])]  # the point itself may be in the group
         if not leader.turns(layout.rotations):
-            raise InputError(f"{label}: {end_text(point)} does not rotate: take a reference point.")
+            raise InputError(
+                f"{label}: the point {end_text(point)} does not rotate, so that nothing can "
+                "follow its rotation: take a reference point (points={...}), or a point of a beam "
+                "or a shell."
+            )
         if not len(nodes):
             raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")
 
@@ -437,12 +454,15 @@ class Mean(Joint):
         nodes = member.nodes_of(group)
         follower = motion(layout, self.point)
         if len(nodes) == 1:
-            raise InputError(f"{label}: {self.group!r} is a single point, not several (use Weld).")
+            raise InputError(
+                f"{label}: {self.group!r} is a single point; a Mean needs several (use Weld)."
+            )
 
         leader = mean(layout, member, member.points_of(group))
         if set(leader.displacements.indices) & set(follower.displacements.indices):
             raise InputError(
-                f"{label}: {end_text(self.point)} is one of {self.group!r}, whose mean it follows."
+                f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "
+                "whose mean it should follow; take a group without it."
             )
 
         directions = _rows_of(leader.space @ follower.space)
@@ -505,14 +525,15 @@ class Bolt(TwoEnds):
         length = float(np.linalg.norm(line))
         if length <= 1e-9 * layout.size:
             raise InputError(
-                f"{label} has no length: {end_text(self.a)} is {end_text(self.b)}; use a Weld."
+                f"{label} has no length: {end_text(self.a)} and {end_text(self.b)} have the same "
+                "centre; use a Weld."
             )
 
         for end, end_motion in zip((self.a, self.b), ends, strict=True):
             if not end_motion.turns(layout.rotations):
                 raise InputError(
-                    f"{label}: {end_text(end)} has no rotation, and the end of a beam needs one: "
-                    "give a group."
+                    f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
+                    'one: give a group of faces, or a radius, ("part", point, radius).'
                 )
 
         axis = line / length

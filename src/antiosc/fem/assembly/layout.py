@@ -117,8 +117,9 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     size = algebra.size(matrices.K)
     if not matrices.located or size > MOST_SIZE or matrices.C is not None:
         raise InputError(
-            f"the matrices of the part {name!r} need coordinates (map=), at most {MOST_SIZE} dofs, "
-            f"and no C; got {size} dofs."
+            f"the part {name!r} has no mesh: its matrices, of {size} dofs, need coordinates (map= "
+            f"with node, dof, x, y, z of each row), at most {MOST_SIZE} dofs, and no C (damp the "
+            "model of the assembly)."
         )
 
     node, places, ends = matrices.map.node, matrices.places, {}
@@ -369,19 +370,26 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement])
     if len(set(plane.values())) > 1:
         sheet = next(name for name, flat_part in plane.items() if flat_part)
         other = next(name for name, flat_part in plane.items() if not flat_part)
-        raise InputError(f"{sheet!r} is plane, {other!r} is in space: read the mesh with gdim=3.")
+        raise InputError(
+            f"the part {sheet!r} is plane (it moves along x and y) and the part {other!r} moves in "
+            "space: an assembly has parts of one sort; read the mesh with gdim=3."
+        )
 
     flat = any(plane.values())
     for name, part in condensed.items():
         along_z = part.places.axes[part.places.kind == MOVE, 2]
         if flat and (np.abs(along_z).max(initial=0.0) > 1e-12 or part.points[:, 2].any()):
-            raise InputError(f"the part {name!r} moves in space and the others in their plane.")
+            raise InputError(
+                f"the part {name!r} moves in space and the others in their plane: an assembly has "
+                "parts of one sort."
+            )
 
     for name, m in members.items():
         R = m.at.rotation
         if flat and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
             raise InputError(
-                f"at[{name!r}] moves a plane part out of its plane: rotate it about z."
+                f"at[{name!r}] moves a plane part out of its plane: rotate it about z and shift it "
+                "along x and y."
             )
 
     return flat
@@ -427,11 +435,17 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
     if isinstance(part, AntiOscillators):
         return model_superelement(name, part)
     if not isinstance(part, Structure):
-        raise InputError(f"the part {name!r} must be a Structure, or a model; got {shown(part)}.")
+        raise InputError(
+            f"the part {name!r} must be a Structure, or a model of several sites; got "
+            f"{shown(part)}."
+        )
 
     refuse_prestress(part, f"assemble, of its parts ({name!r}),")
     if part.matrices.assembled:
-        raise InputError(f"the part {name!r} is an assembly itself: give its parts and joints.")
+        raise InputError(
+            f"the part {name!r} is an assembly itself: give its parts and joints instead, or a "
+            "model of its sites."
+        )
     if isinstance(part.matrices, NodalMatrices):
         return matrix_superelement(name, part.matrices)
     text = "the part {!r} has no mesh, and its matrices no map= of nodes, dofs and coordinates."

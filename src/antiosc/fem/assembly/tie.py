@@ -211,7 +211,10 @@ class Tie(TwoEnds):
         if not {side.dim for side in sides} <= {1, 2}:
             kinds = {0: "points", 1: "edges", 2: "faces", 3: "cells"}
             first, second = (kinds[side.dim] for side in sides)
-            raise InputError(f"{label} ties {first} to {second}; a Tie takes faces and edges.")
+            raise InputError(
+                f"{label} ties {first} ({self.a!r}) to {second} ({self.b!r}): a Tie takes groups "
+                "of faces and of edges."
+            )
 
         tied = held.fixed.copy()
         for rows in held.rows:
@@ -226,7 +229,8 @@ class Tie(TwoEnds):
                     return made
 
         raise InputError(
-            f"{label} does nothing: no node of {self.a!r}, {self.b!r} is free to follow."
+            f"{label} does nothing: too little of {self.a!r} and {self.b!r} lies on each other for "
+            "a node to follow, or all nodes there are fixed or follow other joints."
         )
 
     def _orders(self, sides: list[Facets], label: str) -> list[tuple[Facets, Facets, Overlap]]:
@@ -236,7 +240,8 @@ class Tie(TwoEnds):
         orders = [(a, b, overlap(a, b, gap)) for a, b in (sides, sides[::-1]) if a.dim <= b.dim]
         if not any(common.share for _, _, common in orders):
             raise InputError(
-                f"{label} touches nothing within {gap:.3g} m: move a part, or give a larger gap."
+                f"{label} touches nothing: {self.a!r} and {self.b!r} have no area in common within "
+                f"the gap of {gap:.3g} m. Move a part (at=...) or give a larger gap."
             )
 
         if len(orders) == 2:
@@ -407,8 +412,9 @@ def led_by_solid(
     if (second < ENOUGH * thickness**2 / 12).any():
         k = int(np.argmin(second / thickness**2))
         raise InputError(
-            f"{label}: at {point_text(points[k])} the face of {face.member.name!r} holds too "
-            "little of the shell's thickness: give all faces that it ends on."
+            f"{label}: at {point_text(points[k])} too little of the shell's thickness of "
+            f"{thickness[k]:.3g} m lies on the face of {face.member.name!r} to hold its rotation; "
+            "give all faces that it ends on."
         )
 
     slope = weight * (height - middle[:, None]) / second[:, None]

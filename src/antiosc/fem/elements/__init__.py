@@ -184,7 +184,8 @@ class Layer(Checked):
         super().__post_init__()
         if self.nu12**2 * self.E2 >= self.E1:
             raise InputError(
-                f"nu12² must be < E1/E2 = {self.E1 / self.E2:g}; got {self.nu12:g} (is it nu21?)."
+                f"nu12² must be < E1/E2 = {self.E1 / self.E2:g}, else the strain energy is not "
+                f"positive; got nu12 = {self.nu12:g} (is it nu21?)."
             )
 
     @classmethod
@@ -315,7 +316,10 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
     """The section of layers from the bottom to the top; z = 0 is in the middle."""
     is_list = isinstance(layers, Sequence) and len(layers) > 0
     if not is_list or not all(isinstance(ply, Layer) for ply in layers):
-        raise InputError(f"layers lists Layer objects, at least one; got {shown(layers)}.")
+        raise InputError(
+            "layers lists the Layer objects of the stack, at least one, from the bottom to the "
+            f"top; got {shown(layers)}."
+        )
 
     z, powers, Q = _levels(layers)
     h = float(sum(layer.thickness for layer in layers))

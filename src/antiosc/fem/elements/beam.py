@@ -81,7 +81,8 @@ class Beam(Isotropic):
         super().__post_init__()
         if self.offset and self.orientation is None:
             raise InputError(
-                f"offset = {self.offset:g} m is along the orientation: give it, as (0, 0, 1)."
+                f"offset = {self.offset:g} m is measured along the orientation: give this as well, "
+                "as (0, 0, 1)."
             )
 
     def shear_stiffness(self, plane: int, size: float) -> float:
@@ -100,9 +101,13 @@ class Beam(Isotropic):
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Strain and kinetic energy of the axis, in a plane or in space."""
         if mesh.tdim != 1:
-            raise InputError(f"Beam needs a mesh of lines; {mesh.name} has {mesh.cell} cells.")
+            raise InputError(
+                f"Beam needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
+            )
         if mesh.order != 1:
-            raise InputError("Beam elements are straight; read the mesh with order 1.")
+            raise InputError(
+                "Beam elements are straight; read the mesh with order 1 and more elements."
+            )
         if mesh.gdim == 2 and any(beam.offset for beam, _ in parts):
             raise InputError("offset applies to beams in space: read the mesh with gdim 3.")
         return on_lines(mesh, parts, order)
@@ -240,7 +245,10 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
     """Unit height directions (n, 3) of elements with these axes (n, 3) and midpoints (n, 3)."""
     if beam.orientation is None:
         if not beam.section.isotropic:
-            raise InputError("a section that is stiffer one way needs an orientation, as z.")
+            raise InputError(
+                "a section with two different second moments of area or shear coefficients needs "
+                "an orientation in space; the orientation (0, 0, 1) puts its height along z."
+            )
         # Any direction across the axis will do: the unit vector least aligned with it.
         return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
     directions = beam.orientation(middle.T).T if callable(beam.orientation) else beam.orientation
@@ -251,7 +259,8 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
         direction_text = "" if beam.orientation is None else shown_direction(beam.orientation)
         raise InputError(
             f"the orientation{direction_text} is parallel to the axis of {int(parallel.sum())} "
-            "beam elements: choose another, or give these a separate material."
+            "beam elements: choose a direction that is not parallel to any of them, or give these "
+            "elements a separate material."
         )
     return np.asarray(height / length)
 
@@ -282,7 +291,9 @@ class Truss(Isotropic):
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Axial strain energy of the bars; half of a bar's mass is at each of its ends."""
         if mesh.tdim != 1:
-            raise InputError(f"Truss needs a mesh of lines; {mesh.name} has {mesh.cell} cells.")
+            raise InputError(
+                f"Truss needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
+            )
         if mesh.order != 1:
             raise InputError("the bars of a Truss are straight; read the mesh with order 1.")
         space = compat.lagrange(mesh.dolfinx, 1, mesh.gdim)

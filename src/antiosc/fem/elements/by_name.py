@@ -71,7 +71,11 @@ def material(
     overrides = {key: value for key, value in constants_given.items() if value is not None}
     if record.G is not None:
         if overrides or thickness is not None or section is not None:
-            raise InputError(f"{record.name} has directions: AnisotropicSolid or Layer take them.")
+            raise InputError(
+                f"{record.name} has directions: give its constants to "
+                "AnisotropicSolid.orthotropic, "
+                "or those of a ply to Layer."
+            )
         return AnisotropicSolid.orthotropic(record.E, record.nu, record.G, record.rho)
 
     constants: dict[str, Any] = {

@@ -319,7 +319,10 @@ def points_of(part: MeshedStructure) -> PartPoints:
     for family, points in _FAMILIES:
         if isinstance(material, family):
             return points(part)
-    raise InputError(f"stretch takes shells, solids and beams; got {type(material).__name__}.")
+    raise InputError(
+        f"stretch takes Shell, Laminate, Solid, AnisotropicSolid and Beam; got"
+        f" {type(material).__name__}."
+    )
 
 
 def _points(

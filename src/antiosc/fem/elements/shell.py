@@ -333,8 +333,8 @@ class Sheet(Checked):
         """Strain and kinetic energy of the shell; cubic triangles, quadratic quadrilaterals."""
         if mesh.tdim != 2:
             raise InputError(
-                f"a {type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "
-                f"has {mesh.cell} cells."
+                f"{type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "
+                f"has {mesh.cell} cells (lines: Beam, volumes: Solid)."
             )
         if order != 2:
             raise InputError("Shell elements need the order 2 of Structure, its default.")
@@ -385,7 +385,10 @@ class Sheet(Checked):
 
     def constants(self) -> tuple[float, float, float]:
         """Raise InputError: layers have directions."""
-        raise InputError(f"advise needs E, nu and rho, which a {type(self).__name__} has not.")
+        raise InputError(
+            f"advise needs an isotropic material; got a {type(self).__name__}: give the "
+            "dimensions, and equivalent E, nu, rho of the part."
+        )
 
     @property
     def patch_radius(self) -> float:
@@ -497,7 +500,9 @@ def _definite(name: str, value: ArrayLike, size: int) -> Array:
     m = floats(name, value, (size, size))
     symmetric = np.abs(m - m.T).max() <= 1e-9 * np.abs(m).max()
     if not symmetric or not np.linalg.eigvalsh(m).min() > 1e-12 * np.abs(m).max():
-        raise InputError(f"the stiffness {name} of a shell must be symmetric, positive definite.")
+        raise InputError(
+            f"the stiffness {name} of a shell must be symmetric and positive definite."
+        )
     return np.asarray((m + m.T) / 2)
 
 

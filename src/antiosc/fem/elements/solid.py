@@ -144,7 +144,7 @@ def _check_cells(mesh: Mesh, order: int) -> None:
     if order < mesh.order:
         raise InputError(
             f"displacements of order {order} on cells of geometric order {mesh.order} cannot "
-            "rotate: use order 2, or read the mesh with order 1."
+            "represent rigid rotations: use order 2, or read the mesh with order 1."
         )
 
 
@@ -286,7 +286,8 @@ class AnisotropicSolid(FieldsRepr):
         smallest_eigenvalue = float(np.linalg.eigvalsh((C + C.T) / 2).min())
         if not smallest_eigenvalue > 1e-12 * float(np.abs(C).max()):
             raise InputError(
-                f"stiffness must be positive definite; least value {smallest_eigenvalue:.3g} Pa."
+                "stiffness must be positive definite, else the strain energy is not positive; its "
+                f"least eigenvalue is {smallest_eigenvalue:.3g} Pa."
             )
 
         store(self, stiffness=read_only((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
@@ -346,7 +347,11 @@ class AnisotropicSolid(FieldsRepr):
 
     def half_space_compliance(self, cosine: float) -> float:
         """Raise InputError: the compliance depends on the directions of surface and material."""
-        raise InputError("the half-space of an AnisotropicSolid is not known: leave radius out.")
+        raise InputError(
+            "a site with a radius on an AnisotropicSolid is not supported, for the half-space "
+            "compliance of its patch is not known: leave the radius out, or make the cells "
+            "around the site a Solid."
+        )
 
     def dimensions(self, box: Box, materials: Sequence[Family]) -> Box:
         """The sides of the box."""
@@ -359,7 +364,10 @@ class AnisotropicSolid(FieldsRepr):
 
     def constants(self) -> tuple[float, float, float]:
         """Raise InputError: the material has directions."""
-        raise InputError("advise needs an isotropic material: give the dimensions, E, nu, rho.")
+        raise InputError(
+            "advise needs an isotropic material; got an AnisotropicSolid: give the dimensions, and "
+            "equivalent E, nu, rho of the part."
+        )
 
 
 def _axes(axes: ArrayLike | None) -> Array:

@@ -173,7 +173,8 @@ def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -
             place = point_text(points.reshape(-1, 3)[np.argmax(bad[edge])])
             raise InputError(
                 f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
-                f"{place}: reverse these cells, or give Laminate or Shell a top."
+                f"{place}, so that the top of the sheet would change sides: reverse the nodes of "
+                "these cells, or give Laminate or Shell a top, a direction on its side."
             )
 
     on_root(mesh.comm, work)
@@ -287,7 +288,10 @@ def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
     if not pairs.size:
         return ()
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not (pairs > 0).all():
-        raise InputError(f"prony lists pairs (stiffness, relaxation time) > 0; got {shown(value)}.")
+        raise InputError(
+            "prony must list pairs (stiffness over the long-term one, relaxation time in s), all "
+            f"> 0; got {shown(value)}."
+        )
 
     return tuple((ratio, tau) for ratio, tau in pairs.tolist())
 
@@ -308,7 +312,10 @@ def _checked_rate(name: str, value: object) -> tuple[float, ...]:
     """Checked constants of Cowper and Symonds: D [1/s], q and, optionally, a strength [Pa]."""
     numbers = tuple(positives(name, value).tolist())
     if len(numbers) not in (2, 3):
-        raise InputError(f"{name} must be D in 1/s, q and maybe a strength; got {len(numbers)}.")
+        raise InputError(
+            f"{name} must be D in 1/s and q, and the strength in Pa if it is not the yield "
+            f"strength that grows so; got {len(numbers)} numbers."
+        )
 
     return numbers
 

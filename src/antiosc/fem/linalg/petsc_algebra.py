@@ -126,7 +126,8 @@ def copied(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
         copy = matrix.convert(PETSc.Mat.Type.AIJ, PETSc.Mat())
     except PETSc.Error as error:
         raise InputError(
-            f"{name} is a PETSc matrix of type {matrix.getType()}: give one of type aij."
+            f"{name} is a PETSc matrix of type {matrix.getType()}, whose entries are not "
+            "accessible: give one of type aij."
         ) from error
 
     copy.setAttr(PRODUCT, matrix.getAttr(PRODUCT))

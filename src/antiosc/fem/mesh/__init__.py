@@ -216,7 +216,10 @@ class Mesh(ReprMixin):
         flat = high[axis] - low[axis] < tolerance
         if flat or not self.comm.allreduce(len(facets)):
             reason = "it is flat" if flat else f"none lies at {name[1]} = {end:g} m"
-            raise InputError(f"{self.name} has no group {name!r}, nor faces there: {reason}.")
+            raise InputError(
+                f"{self.name} has neither a group {name!r} nor faces on that side: {reason}; give"
+                " a group, or a function of the coordinates."
+            )
 
         return {dim: facets}
 

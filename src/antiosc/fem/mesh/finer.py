@@ -219,7 +219,10 @@ MOST_DIVISIONS = 6
 def near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
     """The mesh of straight simplices, divided to the sizes of `refine`; MeshError for others."""
     if refine and not divisible(mesh):
-        raise MeshError(f"refine divides straight simplices, no {mesh.cell} of order {mesh.order}.")
+        raise MeshError(
+            f"{mesh.name}: refine divides straight triangles and tetrahedra, not {mesh.cell} cells"
+            f" of order {mesh.order}; size makes all cells smaller."
+        )
 
     for _ in range(MOST_DIVISIONS):
         ratio = np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0)

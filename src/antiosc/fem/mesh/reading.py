@@ -501,7 +501,9 @@ def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():
         if not isinstance(pair, tuple | list) or len(pair) != 2 or not hasattr(pair[0], "indices"):
-            raise InputError(f"group {shown(name)} must be (MeshTags, value); got {shown(pair)}.")
+            raise InputError(
+                f"group {shown(name)} must be a pair (MeshTags, value); got {shown(pair)}."
+            )
         tags, value = pair
         entities = np.asarray(tags.indices)[np.asarray(tags.values) == value]
         if not compat.communicator(mesh).allreduce(len(entities)):

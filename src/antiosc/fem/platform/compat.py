@@ -83,7 +83,8 @@ def _refuse_double_nodes(comm: MPI.Comm, cells: IntArray, cell: str) -> None:
     double_nodes = comm.allreduce(int(np.isin(inner_nodes, corners).sum()))
     if double_nodes:
         raise MeshError(
-            f"{double_nodes} nodes inside sides of cells are corners of cells too: mesh again."
+            f"{double_nodes} nodes inside sides of cells are corners of cells too: merge nodes "
+            "within a smaller distance, or mesh the part anew."
         )
 
 

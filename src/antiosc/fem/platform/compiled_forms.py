@@ -134,7 +134,8 @@ def compiler() -> Iterator[None]:
             yield
     except (TimeoutError, FileExistsError, ImportError) as error:
         raise InputError(
-            f"a compiled finite element is not complete: delete {place()}, and run again."
+            f"a compiled finite element is not complete, or another process has compiled it for "
+            f"{PATIENCE} s: delete {place()}, and run again."
         ) from error
     except VerificationError as error:
         reason = shorten(str(error), 90)

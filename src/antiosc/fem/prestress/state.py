@@ -95,7 +95,10 @@ class LoadedPart:
         mesh = part.mesh
         self._u = compat.function_of(form.space, np.zeros(part.rows))
         if part.stiffeners:
-            raise InputError("a prestress takes no sheet with beams on its edges: leave one out.")
+            raise InputError(
+                "a prestress does not take a sheet with beams on its edges: leave them or the "
+                "prestress out."
+            )
         self.initial = initial_strain(part, initial)
         stretch = stretch_of(mesh, part.parts, form.degree)
         free = self.initial if initial else None
@@ -111,7 +114,10 @@ class LoadedPart:
 
         if loads.spin is not None and loads.spin.omega:
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
-                raise InputError("a spin takes no PointMass: mesh what it stands for, or no spin.")
+                raise InputError(
+                    "a spin acts on the mass of cells alone: mesh what a PointMass stands for, or "
+                    "leave the spin out."
+                )
             spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
             of_loads.append(-spin)
 
@@ -156,7 +162,8 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
         dim, cells = largest(part.mesh, group)
         if dim != part.mesh.tdim or not isinstance(part.parts[0][0], Beam | Truss):
             raise InputError(
-                f"tension is that of beams and bars, not of {group!r}: use force={{}}."
+                f"tension is that of beams and bars; {group!r} is no group of their cells: use "
+                "force={…} on both ends of what pulls."
             )
         strain_of_cells.x.array[cells] += strain
 
@@ -196,7 +203,9 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
         elif dim == 0:
             forces += _at_points(part, group, force)
         else:
-            raise InputError(f"a force acts on points, faces or cells; {group!r} holds edges.")
+            raise InputError(
+                f"a force acts on points, faces or cells; group {group!r} holds edges."
+            )
 
     return freed(part, forces)
 
@@ -242,7 +251,10 @@ def pressure_energy(
     group, dim, entities = where
     sheet = parts[0][0].kind.sheet
     if dim != (mesh.tdim if sheet else mesh.tdim - 1) or mesh.tdim == 1:
-        raise InputError(f"pressure acts on faces and sheets, not on {group!r}: use force=.")
+        raise InputError(
+            f"pressure acts on faces of solids and on cells of sheets; group {group!r} holds "
+            f"entities of dimension {dim}: give force={{{group!r}: (x, y, z)}} there."
+        )
     factor, dx = measure_on(mesh, dim, entities)
     if not sheet:
         n = ufl.FacetNormal(mesh.dolfinx)
@@ -326,7 +338,8 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
     loads = instance("prestress", prestress, Prestress, "a Prestress(spin=…, tension=…, …)")
     if base.rigid_modes.shape[1]:
         raise InputError(
-            f"a prestress needs supports: {base.rigid_modes.shape[1]} rigid-body modes are left."
+            f"a prestress needs supports that hold the part: {base.rigid_modes.shape[1]} rigid-body"
+            " modes are left."
         )
 
     with doing("static step of the prestress", base.comm.rank):
@@ -372,7 +385,9 @@ def tightened(loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver) -
     forces = np.asarray(dot(solver.comm, pulls, displacements)) / lengths[:, None] - stiffnesses
     for name, group, force in zip(tendons, tendons_listed, forces.diagonal(), strict=True):
         if -force <= YIELDS * group.stiffness:
-            raise InputError(f"{name!r} cannot be tightened: nothing holds its ends against it.")
+            raise InputError(
+                f"{name!r} cannot be tightened: nothing holds its ends against the tension."
+            )
     strains = np.linalg.solve(forces, [loads.tension[name] for name in tendons])
     return dict(zip(tendons, strains.tolist(), strict=True))
 
@@ -404,8 +419,9 @@ def equilibrium(
     linear = elastic.solve(dead - loaded.forces(0 * q))
     reserve = buckling(part.K, elastic, loaded.stiffness(linear, geometric=True))
     raise InputError(
-        f"the part buckles at some {reserve:.3g} times these loads (a spin at "
-        f"{math.sqrt(reserve):.3g} times its speed), or deflects too far; lower them."
+        f"no stable equilibrium is found under the prestress: the part buckles at some "
+        f"{reserve:.3g} times these loads (a spin at {math.sqrt(reserve):.3g} times its speed), or "
+        "deflects too far; lower them, or support the part."
     )
 
 
@@ -457,7 +473,8 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
         return math.inf
     if not eps.getConverged():
         raise NotConvergedError(
-            "SLEPc did not find the buckling load: refine the mesh, or leave prestress out."
+            f"SLEPc did not find the buckling load within {RESTARTS} restarts: refine the mesh, or "
+            "leave prestress out."
         )
     value = eps.getEigenvalue(0).real
     eps.destroy()

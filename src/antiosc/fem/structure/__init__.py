@@ -331,8 +331,8 @@ def modes_and_shift(
     null_space = block[:, zero]
     if null_vectors is not None and null_vectors.shape[1] != null_space.shape[1]:
         raise InputError(
-            f"rigid_modes has {null_vectors.shape[1]} columns, K {null_space.shape[1]} null "
-            "vectors."
+            f"rigid_modes has {null_vectors.shape[1]} columns but K has {null_space.shape[1]} null"
+            " vectors."
         )
 
     for _ in range(REFINEMENTS):
@@ -516,7 +516,9 @@ class StructureMatrices:
     @property
     def mass(self) -> float:
         """Total mass in kg."""
-        raise InputError("the total mass is not known from matrices alone; build it from a mesh.")
+        raise InputError(
+            "the total mass is not known from matrices alone; build the Structure from a mesh."
+        )
 
     @property
     def dimensions(self) -> Box:
@@ -616,7 +618,10 @@ class NodalMatrices(StructureMatrices):
     def mass(self) -> float:
         inertia = self.rigid_inertia
         if inertia is None:
-            raise InputError("the total mass is known only of free bodies with coordinates.")
+            raise InputError(
+                "the total mass is known only of free bodies with coordinates: matrices lack "
+                "the mass of fixed dofs."
+            )
 
         return inertia[0].mass
 

@@ -57,7 +57,9 @@ NAME = checked_by(text)
 def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
     values = floats(name, value, None)
     if values.shape not in ((), (3,)) or (values < 0).any():
-        raise InputError(f"inertia must be >= 0, one number or three (kg m²); got {shown(value)}.")
+        raise InputError(
+            f"inertia must be >= 0, one number or three (in kg m²); got {shown(value)}."
+        )
     if values.ndim:
         return tuple(values.tolist())
     return float(values)
@@ -250,13 +252,15 @@ def terms_of(
         if lacking := end.lacking(names):
             raise InputError(
                 f"{kind} at {attached.where!r} acts on {', '.join(lacking)}, which this point does "
-                "not have: take a group."
+                "not have: points of solids have no rotations (act on a group or on a reference "
+                "point of an assembly), plane parts move along x and y."
             )
         G = end.components(names)
         if other is not None:
             if np.allclose(other.point, end.point):
                 raise InputError(
-                    f"the Damper at {shown(attached.where)} ends at the point where it begins."
+                    f"the Damper at {shown(attached.where)} ends at the point where it begins: "
+                    "name another point, or leave to= out for the ground."
                 )
             G = G - other.components(names)
         name = "" if other is not None else getattr(attached, "name", None) or ""
@@ -298,14 +302,17 @@ def mesh_points(
     if isinstance(where, str):
         group = mesh.group(where)
         if set(group) != {0}:
-            raise InputError(f"group {where!r} must hold points alone to carry masses or springs.")
+            raise InputError(
+                f"group {where!r} must hold points alone to carry masses or springs; it holds "
+                f"entities of dimension {', '.join(str(dim) for dim in sorted(group))}."
+            )
         owned_nodes = group[0][group[0] < mesh.dolfinx.topology.index_map(0).size_local]
         x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[owned_nodes, 0]]
         points = np.vstack(mesh.comm.allgather(x))
     elif len(where) < mesh.gdim:
         raise InputError(
-            f"the point {point_text(np.array(where))} has {len(where)} coordinates: give x, y and "
-            "z."
+            f"the point {point_text(np.array(where))} of a mass, spring or damper has"
+            f" {len(where)} coordinates, and {mesh.name} lives in space: give x, y and z."
         )
     else:
         points = in_space(where)[None]
@@ -315,7 +322,8 @@ def mesh_points(
         if place.distance > NEAR * mesh.extent():
             raise InputError(
                 f"the point {point_text(point)} of a mass, spring or damper is "
-                f"{place.distance:.3g} m off the structure."
+                f"{place.distance:.3g} m off the structure; its nearest point is "
+                f"{point_text(place.x)}."
             )
 
     free = np.ones(compat.local_size(form.space))
@@ -359,7 +367,10 @@ def beams_on(
             "of a stiffener if they are thinner than their rise; mesh the surface with triangles."
         )
     if not beam.shear:
-        raise InputError(f"stiffeners (group {name!r}) deform in shear: leave shear=False out.")
+        raise InputError(
+            f"stiffeners (group {name!r}) deform in shear with their shell: shear=False is for "
+            "beams without a shell only."
+        )
 
     line = _edge_mesh(mesh, edges, f"the edges of group {name!r}")
     cells = compat.cell_map(line.dolfinx)

@@ -275,7 +275,9 @@ class MeshedStructure(PartsMatrices):
 
     def members(self, name: str | None = None) -> list[Member]:
         if name is not None:
-            raise InputError(f"part={shown(name)} is of an assembly; {self.mesh.name} is one part.")
+            raise InputError(
+                f"part={shown(name)} names a part of an assembly; {self.mesh.name} is one."
+            )
         return [Member("", self, Placement(), 0)]
 
     @property
@@ -485,8 +487,8 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
     cells = {name: item for name, item in material.items() if name not in beams}
     if not cells or not all(_family(item).kind.sheet for item in cells.values()):
         raise InputError(
-            f"a Beam on edges ({next(iter(beams))!r}) stiffens a shell: give the cells of "
-            f"{mesh.name} a Shell or Laminate."
+            f"a Beam on edges (group {next(iter(beams))!r}) stiffens a shell: give the cells of "
+            f"{mesh.name} a Shell or Laminate; a frame of beams alone needs a mesh of lines."
         )
 
     on_edges = []
@@ -494,7 +496,8 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
         edges = mesh.group(name).get(1)
         if edges is None:
             raise InputError(
-                f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs."
+                f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs: "
+                "let its lines lie in the surface that is meshed (in gmsh: BooleanFragments)."
             )
         on_edges.append((name, beam, edges))
 
@@ -522,7 +525,8 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
 
     if len({family.kind for family, _ in parts}) > 1:
         raise InputError(
-            "all materials must be of one family: Solid, Beam, Truss, Shell and Laminate."
+            "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
+            "and Laminate."
         )
 
     uncovered = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
@@ -540,7 +544,8 @@ def _family(material: object) -> Family:
     """`material`, or InputError for anything else."""
     if isinstance(material, type) or not isinstance(material, Family):
         raise InputError(
-            f"material must be a Solid, Shell, … or a dict of them; got {type(material).__name__}."
+            "material must be a Solid, Shell, Laminate, Beam or Truss, or a dict of them; got "
+            f"{type(material).__name__}."
         )
     return material
 

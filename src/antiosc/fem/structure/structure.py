@@ -126,11 +126,13 @@ def _check_values(name: str, values: Array) -> None:
     largest = np.abs(values).max(initial=0.0)
     if largest > LARGEST:
         raise InputError(
-            f"{name} has an entry of {largest:g}, above {LARGEST:g} (a penalty of 1e30 is enough)."
+            f"{name} has an entry of {largest:g}; entries must not exceed {LARGEST:g} in magnitude "
+            "(a penalty of 1e30 is sufficient)."
         )
     if 0.0 < largest < SMALLEST:
         raise InputError(
-            f"{name} has no entry above {largest:g}, at least {SMALLEST:g}: check the units, SI."
+            f"{name} has no entry above {largest:g} in magnitude; the largest must be at least "
+            f"{SMALLEST:g}: check the units, which are SI."
         )
 
 
@@ -169,7 +171,10 @@ def matrices_of_pair(
 def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
     """C without the rows of fixed dofs; InputError if it is not a damping matrix."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
-        raise InputError(f"C must have the size of K; got {algebra.size(C)} for {algebra.size(K)}.")
+        raise InputError(
+            f"C must be of the size and distribution of K; got {algebra.size(C)} rows for "
+            f"{algebra.size(K)}."
+        )
 
     _checked_diagonal("C", C)
     first, _ = algebra.row_range(C)
@@ -182,15 +187,16 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     same_rows = algebra.size(K) == algebra.size(M) and alike(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
         raise InputError(
-            f"K and M must be distributed alike, of one size; got {algebra.size(K)} and "
-            f"{algebra.size(M)} rows."
+            "K and M must have the same distribution over the MPI ranks, and one size; got "
+            f"{algebra.size(K)} and {algebra.size(M)} rows."
         )
 
     of_K, of_M = (_checked_diagonal(name, matrix) for name, matrix in (("K", K), ("M", M)))
     empty = np.flatnonzero((of_K == 0) & (of_M == 0))
     if len(empty):
         raise InputError(
-            f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}."
+            f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}: leave "
+            "their rows and columns out."
         )
 
     constrained = _penalised(K, of_K)
@@ -627,10 +633,15 @@ def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
 def refuse_prestress(structure: Structure, what: str) -> None:
     """InputError for a prestressed structure, which the function `what` does not support."""
     if structure.matrices.preload is not None:
-        raise InputError(f"{what} does not take a prestress: leave prestress out of the structure.")
+        raise InputError(
+            f"{what} does not take a structure with a prestress: leave prestress out of it."
+        )
 
 
 def refuse_dampers(structure: Structure, what: str) -> None:
     """InputError for a structure with dampers, which the function `what` does not support."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
-        raise InputError(f"{what} does not take dampers, loss or prony: leave them out.")
+        raise InputError(
+            f"{what} does not take dampers, nor materials with loss or prony: leave them out;"
+            " extract takes them, without damping."
+        )

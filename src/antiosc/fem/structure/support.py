@@ -83,8 +83,8 @@ class Support(FieldsRepr):
 
         if not isinstance(self.where, str) and not callable(self.where):
             raise InputError(
-                "where must be a group or a function, or near, box or plane be given; got "
-                f"{shown(self.where)}."
+                "where must be the name of a group or a function of coordinates x (3, n), or near, "
+                f"box or plane be given; got {shown(self.where)}."
             )
 
         names = self.fix
@@ -94,8 +94,8 @@ class Support(FieldsRepr):
             names = tuple(names) if isinstance(names, list | tuple) else ()
             if not names or not all(isinstance(name, str) for name in names):
                 raise InputError(
-                    f"fix {shown(self.fix)} must be 'all' or such components as 'x', 'rz', ('x', "
-                    "'y')."
+                    f"fix {shown(self.fix)} is not a component: it must be 'all' or such names as "
+                    "'x', 'rz' or ('x', 'y')."
                 )
 
         store(self, fix=names)
@@ -120,7 +120,8 @@ class Support(FieldsRepr):
         mask = np.asarray(self.where(x.T, **size), dtype=bool)
         if mask.shape != (len(x),):
             raise InputError(
-                f"a support's function must return bools: shape ({len(x)},); got {mask.shape}."
+                f"a support's function must return one bool per point: shape ({len(x)},); "
+                f"got {mask.shape}."
             )
 
         return mask
@@ -255,7 +256,7 @@ def _box(value: object) -> Region:
     if (lower > upper).any():
         raise InputError(
             f"box has a lower corner {point_text(lower)} above the upper corner "
-            f"{point_text(upper)}."
+            f"{point_text(upper)} in some direction: exchange these coordinates."
         )
 
     words = f"in the box from {point_text(lower)} to {point_text(upper)}"

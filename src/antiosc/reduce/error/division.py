@@ -146,7 +146,9 @@ def _sites_of(model: AntiOscillators) -> list[Site]:
     """The sites of a model; InputError for one without point and direction."""
     points, columns = site_points(model), model.columns or {"": (0,)}
     if model.direction is None or set(points) != set(columns):
-        raise InputError("the error 'estimate' of beams, shells needs point and direction.")
+        raise InputError(
+            "the error 'estimate' of beams and shells needs a Site with point and direction."
+        )
 
     directions = np.atleast_2d(model.direction)
     radii = model.radius if model.sites else (model.radius,)

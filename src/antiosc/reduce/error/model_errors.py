@@ -96,13 +96,17 @@ class Recovery:
 def _refuse(part: MeshedStructure) -> None:
     """InputError for a single cell, and for linear elements that lock."""
     if part.mesh.n_cells < 2:
-        raise InputError(f"an estimate needs cells that adjoin; {part.mesh.name} has one cell.")
+        raise InputError(
+            "the error 'estimate' compares the strains of neighbouring cells, and"
+            f" {part.mesh.name} has one: give a smaller size."
+        )
 
     strained = [m for m, _ in part.parts if getattr(m, "plane", None) != "stress"]
     nu = max((getattr(material, "nu", 0.0) for material in strained), default=0.0)
     if part.form.degree == 1 and nu >= LOCKING:
         raise InputError(
-            f"linear {part.mesh.cell} elements lock at a Poisson's ratio of {nu:.4g}: take order 2."
+            f"Poisson's ratio is {nu:.4g} and the {part.mesh.cell} elements are linear (order 1):"
+            f" from {LOCKING:g} on they lock, and no error is estimated; take order 2."
         )
 
 
@@ -236,7 +240,8 @@ class Projection:
                 return compat.with_ghosts(self._space, x)
 
         raise NotConvergedError(
-            "the recovery of strains did not converge: the mesh has cells of nearly no volume."
+            f"the recovery of strains did not converge in {CG_STEPS} steps: the mesh has cells of"
+            " nearly no volume; mesh the part anew, or leave the error out."
         )
 
     def _product(self, x: Array) -> Array:

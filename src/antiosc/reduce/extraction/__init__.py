@@ -254,5 +254,7 @@ def statics(structure: Structure, solver: Solver, loads: Array) -> Array:
             return elastic(x)
 
     raise NotConvergedError(
-        "the static modes did not converge: cells or materials are very uneven."
+        f"the static mode of a structure with {R.shape[1]} rigid-body modes did not converge in "
+        f"{STATIC_STEPS} steps: the matrices are ill-conditioned (very uneven elements or "
+        "materials)."
     )

@@ -158,7 +158,10 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
 
     count = eps.getConverged()
     if count < search.wanted:
-        raise NotConvergedError(f"SLEPc found {count} of {search.wanted} modes: ask for fewer.")
+        raise NotConvergedError(
+            f"SLEPc found {count} of {search.wanted} modes within {eps.getIterationNumber()} "
+            f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
+        )
     x = structure.K.createVecRight()
     values = np.zeros(count)
     shapes = np.zeros((structure.rows, count))

@@ -372,7 +372,8 @@ def _checked_options(
     n = whole("n", n, least=0 if band is None else 1)
     if n >= structure.dofs:
         raise InputError(
-            f"n must be below the {structure.dofs} dofs; got {n}: refine the mesh, or ask fewer."
+            f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
+            "ask for fewer anti-oscillators."
         )
 
     if band is not None:
@@ -410,5 +411,7 @@ def _checked_sites(site: object) -> list[dict[str, Site]]:
     for name, one in (item for group in groups for item in group.items()):
         instance("site", one, Site, "a Site(point, direction)")
         if one.tangential and name == UNNAMED:
-            raise InputError("tangential directions need a model of named sites: name the site.")
+            raise InputError(
+                "tangential directions belong to a model of named sites: give the site a name."
+            )
     return groups

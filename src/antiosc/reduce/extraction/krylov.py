@@ -83,7 +83,10 @@ def with_damping(
     kept = slice(V.shape[1] if model.hidden is not None else model.unit.size)
     braked = damping.matrix.diagonal()
     if braked[kept.stop :].sum() > UNDAMPED * braked[kept].sum():
-        raise InputError("a damper brakes a hidden rigid motion: give the matrices a map.")
+        raise InputError(
+            "a damper brakes a rigid-body motion that the site does not see, and that matrices "
+            "without coordinates do not tell: give them a map with coordinates."
+        )
 
     return _with_losses(structure, model, in_coordinates(damping, np.eye(len(braked))[:, kept]))
 

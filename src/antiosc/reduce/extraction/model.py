@@ -488,7 +488,10 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
         "elements or materials: take fewer elements, more even ones, smaller penalties."
     )
     if not value <= USABLE * limit:
-        raise AccuracyError(f"the constraint modes fail their check: {name} {value:.1e}; {reason}")
+        raise AccuracyError(
+            f"the constraint modes fail their own check: {name} {value:.1e}, limit "
+            f"{USABLE * limit:.0e}; {reason}"
+        )
 
     warn(
         comm,
@@ -557,5 +560,6 @@ def check_modes(structure: Structure, modes: Modes) -> None:
     for name, value in worst.items():
         if not value <= CHECK:
             raise AccuracyError(
-                f"the natural modes fail their own check: {name} {value:.1e}; uneven elements?"
+                f"the natural modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
+                " the matrices may be ill-conditioned (very uneven elements or materials)."
             )

@@ -48,7 +48,10 @@ def part_of(structure: Structure) -> MeshedStructure:
     """The meshed part of a map with stretch; InputError for others."""
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled:
-        raise InputError(f"a map with stretch takes one mesh; got {structure.describe()}.")
+        raise InputError(
+            f"a map with stretch takes a part of one mesh; got {structure.describe()}: leave"
+            " stretch out."
+        )
     return cast("MeshedStructure", matrices)
 
 

@@ -318,8 +318,9 @@ def full(
     _check_arguments(structure, site)
     if structure.dofs > DENSE_MANY or structure.comm.size > 1:
         raise InputError(
-            f"full() takes one rank and at most {DENSE_MANY} dofs; got {structure.dofs}: use "
-            "superposition() or extract()."
+            "full() computes all modes of the structure by a dense eigensolver on one rank: at "
+            f"most {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a "
+            "coarser mesh, or superposition() or extract() with a growing n."
         )
 
     checked_damping = as_damping(damping)

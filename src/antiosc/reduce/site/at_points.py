@@ -151,7 +151,9 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) ->
     direction = in_space(site.direction or ())
     direction = direction / np.linalg.norm(direction)
     if layout.plane and direction[2]:
-        raise InputError(f"direction {site.direction} leaves the plane in which parts move.")
+        raise InputError(
+            f"direction {site.direction} leaves the plane in which the assembly moves."
+        )
 
     if site.radius is not None or site.tangential:
         raise InputError(
@@ -163,7 +165,10 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) ->
         )
 
     if not end.has(np.append(direction, np.zeros(3))):
-        raise InputError(f"the site {site.point!r} lacks that direction: extract it tangential.")
+        raise InputError(
+            f"the site {site.point!r} of a superelement does not move along the direction of "
+            "impact: extract its model with a tangential site."
+        )
 
     b = np.asarray(end.displacements.T @ direction)
     (place,) = places_at(structure.members(), end.point[None], direction[None])
@@ -294,8 +299,9 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
     for i, radius in enumerate(sites_found.radii):
         if sites_found.depth[i] > radius:
             raise InputError(
-                f"the site at {text(points[i])} lies about {sites_found.depth[i]:.2g} m inside the "
-                f"part, deeper than its radius {radius:g} m: give a point on the surface."
+                f"the site at {text(points[i])} lies about {sites_found.depth[i]:.2g} m inside "
+                f"the part, deeper than its radius {radius:g} m: a patch needs a surface; give a "
+                "point on it."
             )
         if sites_found.share[i] <= 0:
             least, facets = (engineering(x, "m") for x in (radius, sites_found.size[i]))
@@ -336,7 +342,10 @@ class Released:
         self._of = matrices
         self._assembly = matrices if isinstance(matrices, AssembledMatrices) else None
         for name in self._assembly.layout.condensed if self._assembly else ():
-            raise InputError(f"reactions of superelements, as of {name!r}, are not known.")
+            raise InputError(
+                "reactions of an assembly with superelements are not known: the supports and the "
+                f"inertia inside of the part {name!r} are not."
+            )
 
         self._parts: dict[int, MeshedStructure] = {}
         self._motions = np.zeros((0, 0))
@@ -407,7 +416,8 @@ class Released:
 
         if not centres:
             raise InputError(
-                "the structure has no supports: it has no reactions (probe the points of springs)."
+                "the structure has no supports: it has no reactions; the force of a spring to the"
+                " ground is its stiffness times the displacement of its point (`probe`)."
             )
 
         column = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(centres)}

@@ -147,7 +147,10 @@ def movable(sites: MapSites, where: object) -> MapSites:
     """The sites; InputError if there are none."""
     if not len(sites.sites):
         place = f" on {where!r}" if isinstance(where, str) else ""
-        raise InputError(f"no site of the map can move{place}, or has a surface: take another.")
+        raise InputError(
+            f"no site of the map can move{place}: supports fix the whole surface, or there is no "
+            "surface under the patches; give another group."
+        )
 
     return sites
 
@@ -193,7 +196,10 @@ def _on_part(
     part = member.part
     if direction is None and not part.kind.outside:
         suffix = f" (the part {member.name!r})" if member.name else ""
-        raise InputError(f"shells and beams have no outward normal{suffix}: give a direction.")
+        raise InputError(
+            f"shells and beams have no outward normal{suffix}: give the direction of impact, for "
+            "instance (0, 0, -1)."
+        )
 
     R = member.at.rotation
     count = len(sample.points)
@@ -297,7 +303,10 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
         in_group = np.isin(faces.facets, mesh.group(group).get(faces.dim, []))
 
     if not mesh.comm.allreduce(int(in_group.sum())):
-        raise InputError(f"group {group!r} holds no outer faces of {mesh.name}: name one, or none.")
+        raise InputError(
+            f"group {group!r} holds no outer faces of {mesh.name} (dimension {faces.dim}): a map "
+            "needs a surface; name one, or leave it out for all."
+        )
 
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices[in_group]]
     normals = faces.normals[in_group] if is_solid else np.zeros((int(in_group.sum()), 3))
@@ -325,7 +334,9 @@ def checked_points(points: object, direction: object) -> Array:
     if not coordinates.size:
         raise InputError("a map needs at least one point.")
     if coordinates.ndim != 2 or coordinates.shape[1] not in (2, 3):
-        raise InputError(f"where must list points of 2 or 3 coordinates; got {coordinates.shape}.")
+        raise InputError(
+            f"where must list points of 2 or 3 coordinates; got shape {coordinates.shape}."
+        )
     return np.pad(coordinates, ((0, 0), (0, 3 - coordinates.shape[1])))
 
 

@@ -148,7 +148,10 @@ class Site(FieldsRepr):
                 f"{len(direction)}."
             )
         if not np.linalg.norm(direction):
-            raise InputError("direction must not be the zero vector: the impactor pushes along it.")
+            raise InputError(
+                "direction must not be the zero vector: it is the direction in which the impactor "
+                "pushes."
+            )
         store(self, direction=tuple(direction.tolist()))
         if not at_node:
             store(self, point=text("point", self.point) if is_named else tuple(point.tolist()))
@@ -232,7 +235,10 @@ def motions_without_mesh(
 ) -> Array:
     """Displacement or rotation (gdim, columns) of all shapes at an end without a mesh."""
     if quantity not in MOTIONS:
-        raise InputError(f"{name!r} has no mesh, no {quantity}: ask for its {', '.join(MOTIONS)}.")
+        raise InputError(
+            f"{name!r} is a point without a mesh and has no {quantity}: ask for its "
+            f"{', '.join(MOTIONS)}."
+        )
 
     from antiosc.fem.structure.loads import UNIT  # needs dolfinx
 
@@ -259,7 +265,11 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
     first, last = algebra.row_range(structure.K)
     n = algebra.size(structure.K)
     if site.node is not None:
-        raise InputError("the nodes have no numbers: Site(node=…) needs a numbered mesh, or a map=")
+        raise InputError(
+            "the nodes of this structure have no numbers: Site(node=…) needs a mesh of a file that "
+            "numbers them, with direction=, or matrices with a map, Structure.from_files(K, M, "
+            "map=…)."
+        )
     if site.radius is not None:
         raise InputError(PATCH)
 

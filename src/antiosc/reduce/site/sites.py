@@ -205,7 +205,10 @@ def located(
     size = np.zeros(count)
     has_radius = np.isfinite(radii)
     if kind.point_load and has_radius.any():
-        raise InputError("a radius applies to solids and shells: leave it out on a beam.")
+        raise InputError(
+            "a radius applies to solids and shells: under a beam's point load the compliance is "
+            "finite, so leave the radius out."
+        )
 
     point_sets = []
     own_radii = [material.patch_radius for material, _ in structure.parts]

@@ -129,7 +129,9 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
     a sheet is taken. InputError for a mesh of lines, or one in a plane.
     """
     if faces.dim != 2 or mesh.gdim != 3:
-        raise InputError("beams and plane parts have no surface in space: give the law.")
+        raise InputError(
+            "beams and plane parts have no surface in space: give the law of the contact."
+        )
 
     patch = _patch(faces, point)
     touching = patch.only(patch.touching)
@@ -221,7 +223,10 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     if _level(nodes[:NODES]):
         return _plane(x, normal)
     if len(nodes) < COEFFICIENTS:
-        raise InputError(f"the surface has {len(nodes)} nodes around the site: refine it there.")
+        raise InputError(
+            f"the mesh has {len(nodes)} nodes on the surface around the site, too few for its "
+            "curvature: refine it there, or give the radius."
+        )
 
     count = min(NODES, max(COEFFICIENTS, len(nodes) // 2))
     fit = _fitted(nodes[:count], normal)
