@@ -208,7 +208,7 @@ def _kinds_of(mesh: Mesh, form: WeakForm, parts: Parts) -> list[Cells]:
     materials = constants(parts, count)
     is_straight = straight(x)
     kinds: list[Cells] = [StraightCells(nodes[is_straight], x[is_straight], materials[is_straight])]
-    if mesh.order == 1:
+    if is_straight.all():
         return kinds
 
     rules = []
