@@ -240,5 +240,5 @@ def test_the_skin_is_the_surface_and_moves_with_the_part():
     area = np.linalg.norm(across, axis=1).sum() / 2
     assert area == pytest.approx(2 * (0.2 * 0.05 + 0.2 * 0.04 + 0.05 * 0.04), rel=1e-12)
     for i in (int(faces.max()), int(faces[7, 2])):
-        probed = ao.probe(block, struck, points[i], [2e-4])[0]
+        probed = ao.probe(block, struck, points[i], times=[2e-4])[0]
         np.testing.assert_allclose(moved[i], probed, atol=1e-9 * np.abs(moved).max())

@@ -97,7 +97,7 @@ for name, (mesh, material, point, direction, radius, group) in cases.items():
     whole = ao.impact_map(part, direction=direction, radius=radius, n=2, modes=1)
     here["surface"] = [len(whole.points), whole.models.m_st.sum()]
     hit = ao.simulate(krylov, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=2e-4, step=1e-6)
-    here["fields"] = [hit.peak_force, *ao.probe(part, hit, point, [1e-4])[0]]
+    here["fields"] = [hit.peak_force, *ao.probe(part, hit, point, times=[1e-4])[0]]
     ao.write_series(part, hit, sys.argv[1], [0, 1e-4])
     loaded = ao.Structure(mesh, material, [ao.Support(start)], attached=[
         ao.PointMass(point, 0.5), ao.Spring(point, {"x": 1e5, "y": 1e5})])
@@ -231,7 +231,7 @@ site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.02)
 model = ao.extract(structure, site, n=8, method="modes")
 hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=1e-3, step=1e-5)
 times = np.linspace(0, 1e-3, 4)
-moved = ao.probe(structure, hit, (0.0731, 0.0312, 0.0207), times)
+moved = ao.probe(structure, hit, (0.0731, 0.0312, 0.0207), times=times)
 felt = [ao.probe(structure, hit, (0.0731, 0.0312, 0.0207), q, times).tolist()
         for q in ("acceleration", "stress", "rotation")]
 felt.append(ao.strain_gauge(structure, hit, (0.1, 0.02, 0.02), (1, 0, 0), 0.05, times).tolist())
@@ -278,7 +278,7 @@ for supports, start in (([], thrown), ([guide], sliding)):
                   ao.superposition(structure, site, 5, static_correction=True)):
         hit = ao.simulate(model, ao.RigidMass(0.5, 3.0), ao.Hertz(1e9), 2e-3, gap=1e-4,
                           gravity=(1, 2, -9), initial_velocity=start)
-        moved = ao.probe(structure, hit, (0.1, 0.02, 0.03), [1e-3, 1.5e-3])
+        moved = ao.probe(structure, hit, (0.1, 0.02, 0.03), times=[1e-3, 1.5e-3])
         rows.append([*hit.momentum[-1], *hit.angular_momentum[-1], *moved.ravel(),
                      hit.energy.kinetic[0], hit.peak_force])
 print(json.dumps(rows))
@@ -441,7 +441,7 @@ for name, supports in (
         )
         hit = scene.run(1e-4)
         force = hit["part:c", "ball"].force
-        near = ao.probe(part, hit, (0.12, 0.0, 0.04), [5e-5, 1e-4], body="part")
+        near = ao.probe(part, hit, (0.12, 0.0, 0.04), times=[5e-5, 1e-4], body="part")
         found[f"{name} {method}"] = {
             "fixed": [model.k0.tolist(), model.m_st.tolist()],
             "dependence": model.dependence.tolist(),
