@@ -18,8 +18,8 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine import library
 from antiosc.fem.elements.weak_form import Parts
 
-#: `AFE_LANES` of the C library
-LANES = 8
+#: `AFE_LANES` and `AFE_POINT_DATA` of the C library
+LANES, POINT = 8, 11
 #: Distance of a node from the middle of its edge up to which the edge is straight, over its length.
 STRAIGHT = 1e-9
 #: For each node of a cell in dolfinx's order: the corner, or the two corners it lies between.
@@ -163,7 +163,7 @@ class CurvedCells(Cells):
 
     def blocks(self, k: float, m: float) -> Array:
         count = len(self.nodes)
-        points = self._points.transpose(0, 2, 1).reshape(-1, len(self._gradients), 11)[:count]
+        points = self._points.transpose(0, 2, 1).reshape(-1, len(self._gradients), POINT)[:count]
         masses = self._masses.transpose(0, 2, 1).reshape(-1, len(self._values))[:count]
         inverse = points[:, :, :9].reshape(count, -1, 3, 3)
 
