@@ -214,7 +214,12 @@ class Layer(Checked):
         return np.asarray(T.T @ Q @ T)
 
     def contraction(self) -> Array:
-        """Matrix (1, 3): ε3 of (ε1, ε2, γ12) in plane stress; ν23 = E2/(2 G23) − 1, at most 0.5."""
+        """Matrix (1, 3) that gives the strain ε3 across the layer from (ε1, ε2, γ12), in plane
+        stress.
+
+        Across the fibres the layer is assumed isotropic, with Poisson's ratio nu12 along them and
+        ν23 = E2/(2 G23) − 1, at most 0.5.
+        """
         nu23 = min(self.E2 / (2 * self.G23) - 1, 0.5)
         s3 = np.array([-self.nu12 / self.E1, -nu23 / self.E2])
         c, s = _cosine_sine(self.angle)

@@ -113,7 +113,11 @@ class Beam(Isotropic):
         return on_lines(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
-        """(length, width, thickness) as of rectangles with A and I; the least height, largest A."""
+        """(length, width, thickness) of a beam, as if its sections were rectangles with their A and
+        I.
+
+        The thickness is the least height, the width the largest A over it.
+        """
         thickness = min(
             (12 * material.section.I / material.section.A) ** 0.5 for material in materials
         )

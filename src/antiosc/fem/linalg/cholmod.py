@@ -163,7 +163,13 @@ def failure(common: Common, what: str, size: float | None = None) -> AntioscErro
 
 @contextmanager
 def without_openmp() -> Iterator[None]:
-    """Keep CHOLMOD's own short OpenMP loops on one thread, which slow down BLAS and other ranks."""
+    """Keep CHOLMOD's own OpenMP loops on one thread.
+
+    Up to SuiteSparse 5 they use four threads, independent of the environment. The loops are short,
+    and threads that wait for the next loop slow down those of BLAS and of other ranks: up to half
+    of the time of a factorization on two cores was lost. BLAS keeps its threads, unless it is built
+    on OpenMP.
+    """
     openmp, blas = _loaded("libgomp.so.1"), _loaded("libopenblas.so.0")
     levels = 0
     if openmp and blas and blas.openblas_get_parallel() != ON_OPENMP:
@@ -198,7 +204,12 @@ class NotPositiveDefiniteError(NotConvergedError):
 
 
 class Supernodes(NamedTuple):
-    """L of P A Pᵀ = L Lᵀ: dense blocks, by columns, of columns start[s]… with rows[row[s]…]."""
+    """L of P A Pᵀ = L Lᵀ: dense blocks of columns with the same rows.
+
+    Supernode s has the columns start[s] … start[s+1] - 1 of L and the rows
+    rows[row[s]:row[s+1]], its own columns first; its entries stand in values[value[s]:], column by
+    column (the upper triangle of the first square is unused).
+    """
 
     start: IntArray
     row: IntArray

@@ -534,7 +534,12 @@ class Structure(ReprMixin):
         return algebra.size(self.K)
 
     def factorize(self, columns: float = 1.0) -> Solver:
-        """The one solver of K + shift·M, for `columns` loads of one call; inf: a direct factor."""
+        """The one solver of K + shift·M that every site and every mode of this structure uses.
+
+        The first call makes it, and later calls return it. `columns` is the number of right-hand
+        sides of one call; inf requires a direct factor. If a call asks for more columns than the
+        solver was chosen for, a solver is chosen anew.
+        """
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
         if self._factored is not None and self._factored[0].columns < columns:
             self._factored = None
