@@ -571,7 +571,9 @@ class SceneBody:
 
     @property
     def sites(self) -> dict[str, tuple[int, ...]]:
-        """The columns of each site."""
+        """The columns of each site; none of an obstacle, which does not move."""
+        if isinstance(self.body, Obstacle):
+            return {"": ()}
         return self.modes.columns
 
     @property
@@ -603,12 +605,6 @@ class SceneBody:
     def stretch(self) -> Stretch | None:
         """Its second-order forces; None: it is linear."""
         return stretch_of(self.body)
-
-    def columns_of(self, site: str) -> tuple[int, ...]:
-        """The columns of a site; () for an obstacle."""
-        if isinstance(self.body, Obstacle):
-            return ()
-        return self.sites[site]
 
     def site_directions(self, site: str) -> Array | None:
         """Directions (k, 3) of the first k columns of a site; None if they are unknown."""

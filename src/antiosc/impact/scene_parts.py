@@ -325,7 +325,7 @@ def set_axes(
 ) -> None:
     """Give sites without a direction (`SceneBody.axes`) the direction of their contacts."""
     open_ends = [
-        [(body.name, at) for body, at in pair if body.columns_of(at) and body.directions is None]
+        [(body.name, at) for body, at in pair if body.sites[at] and body.directions is None]
         for pair in ends
     ]
     links = [pair for pair in open_ends if len(pair) == 2]
@@ -341,7 +341,7 @@ def set_axes(
 def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
     """Row (P,) of the body's columns that gives a site's displacement along a direction."""
     row = np.zeros(body.B.shape[1])
-    columns = list(body.columns_of(site))
+    columns = list(body.sites[site])
     if not columns:
         return row
     axes = body.site_directions(site)
@@ -398,7 +398,7 @@ def tangential_rows(
     contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
 ) -> list[Array]:
     """One or two rows (P,) of the tangential displacement of end b relative to end a."""
-    movable_ends = [(body, site) for body, site in ends if body.columns_of(site)]
+    movable_ends = [(body, site) for body, site in ends if body.sites[site]]
     if direction is None or any(body.directions is None for body, _ in movable_ends):
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"

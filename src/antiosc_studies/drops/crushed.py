@@ -16,8 +16,6 @@ from scipy.optimize import brentq, linprog
 
 from antiosc import ContactLaw, ElasticPlastic, Tabulated
 from antiosc.base._types import Array
-from antiosc_studies.drops.floor import Floor, law_at
-from antiosc_studies.drops.free_body import FreeBody, State
 
 #: Mean pressure on the cut over the yield strength: 1.9 to 2.9 for cones of 45° to balls (K. L.
 #: Johnson, Contact Mechanics, 1985, 6.3).
@@ -31,21 +29,6 @@ LEVEL = sin(np.radians(1.0))
 DEPTHS = np.geomspace(1e-3, 20.0, 80)
 #: Largest share of the work that unloading gives back, and of a depth that remains.
 RETURNED, MOST_LEFT = 0.95, 0.99
-
-
-def law_in(body: FreeBody, start: State, floor: Floor, which: int, arm: Array) -> ContactLaw:
-    """The law of a point of a body, at `arm` (3,), that touches in the state `start`."""
-    ball = law_at(body, floor, which)
-    edges = body.facets.get(which)
-    if edges is None or not isinstance(ball, ElasticPlastic):
-        return ball
-
-    up = start.R[2]
-    growth = cut_growth(edges, up)
-    if growth is None:
-        return ball
-
-    return crushed(ball, growth, tip(edges, up, ball.radius), _work(body, start, arm))
 
 
 def crushed(ball: ElasticPlastic, growth: float, tip: float, work: float) -> ContactLaw:
@@ -101,11 +84,3 @@ def _depth(law: ElasticPlastic, work: float) -> float:
     while law.loading_work(high) < work:
         high *= 4
     return float(brentq(lambda depth: law.loading_work(depth) - work, 0.0, high, rtol=1e-9))
-
-
-def _work(body: FreeBody, start: State, arm: Array) -> float:
-    """Kinetic energy [J] that a force at an arm (3,) of the rigid body can take."""
-    turning = np.cross(arm, [0.0, 0.0, 1.0]) @ start.R
-    inverse_mass = 1 / body.mass + float(turning @ body.inverse @ turning)
-    speed = float((start.velocity + np.cross(start.spin(body), arm))[2])
-    return speed**2 / (2 * inverse_mass)

@@ -1,53 +1,38 @@
-"""An episode of contact: a scene of body and floor, corrected for the body's rotation.
+"""An episode of contact: which points may touch, a scene of body and floor, and what it leaves.
 
-The first run of the scene is linear about the orientation at the touch. The path of each run
-changes the lever arms and the gaps; the next run has these changes as given loads and gaps
-(`on_path`), until they no longer change. The result is that of the rotating body, and conserves its
-energy. The scene starts with the modal state of the flight; its final state starts the next flight
-(`handed_over`).
+The scene starts with the modal state of the flight and runs on the path of the rotating body
+(`path`); its final state starts the next flight (`handed_over`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from antiosc import SceneHistory
 from antiosc.base._types import Array, IntArray
 from antiosc.extension import impulses
-from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import forces, interpolated, locate
-from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.touching import (
-    AXES,
-    BODY,
-    TINY,
-    OngoingContact,
-    Touch,
-    run,
-    run_once,
-    scene_of,
+from antiosc_studies.drops.path import (
+    NEAR,
+    SAMPLES,
+    Path,
+    path_of,
+    run_converged,
+    sufficient_duration,
 )
+from antiosc_studies.drops.touching import BODY, OngoingContact, Touch, scene_of
 
 # Measured: an aluminium plate of 120 x 60 x 12 mm with 12 modes, dropped from 0.5 m at the default
 # tol = 1e-3, on concrete and on soft springs. The effects of factors of 2 are the largest relative
 # changes of a peak force.
-#: Number of fixed-point iterations for the orientations on a path: ten change peak forces by 5e-12,
-#: two by 3e-4.
-SWEEPS = 5
 #: Duration of the first run over the expected contact time, and of the longest (2e-5).
 LONG, LONGEST = 3.0, 96.0
-#: Error of a step of the first run, which only tells how long the contact lasts.
-ROUGH = 1e-3
 #: Largest rotation [rad] of the body in an episode; if it still touches, another episode follows.
 #: With half of it peaks change by 6e-4 on the soft floor, with twice as much by 3e-5.
 TURNS = 0.6
-#: A later contact belongs to the same episode if the body has turned by less than this [rad].
-FOLLOWS = 0.01
 #: Candidates for contact lie lower than this many times the motion during a contact time; with
 #: less, points that sink are added in a second run.
 REACH = 1.5
@@ -56,106 +41,10 @@ SINKS = 1e-4
 #: Number of points in one episode: the lowest; points that would sink deeper are added. With six a
 #: peak on the soft floor, where more points touch, changes by 11 %; with 24 none does.
 MOST = 12
-#: Samples of the rotation in an episode (2e-5).
-SAMPLES = 64
-#: Samples of a contact's path times sqrt(tol) (1e-5 on concrete, 1.4e-3 on the soft floor).
-FINE = 2.0
-#: Most samples of a contact's path.
-MOST_LOOKS = 4096
-#: A scene is repeated until its loads and gaps change by less than CLOSE times tol, or by less than
-#: NEAR times tol without further decrease.
-CLOSE, NEAR = 0.03, 0.3
-#: Most runs of a scene on its path; it stalls if FEW runs did not halve the change.
-MOST_RUNS, FEW = 12, 4
 #: A scene that stalls earlier is cut to half its rotation and half its time, at most so many times.
 CUTS = 8
 #: After a cut the next episode may last so many times as long.
 GROWS = 1.5
-
-
-class Path(NamedTuple):
-    """Modal states q, v (n, 6 + J) and orientations R (n, 3, 3) of the body at times (n,).
-
-    `turns` (n, 3): sum of its rotations so far [rad].
-    """
-
-    times: Array
-    q: Array
-    v: Array
-    R: Array
-    turns: Array
-
-
-def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
-    """The path of the body at times (n,) of a run, the first of which is 0."""
-    q, v = (motion[:, history.assembly.spans[BODY]] for motion in history.states(t))
-    body, start, W, momentum = touch
-    L = v[:, :6] @ momentum[:, 3:]
-    frozen = v[:, :6] @ W[:, 3:]
-    half = np.diff(t)[:, None] / 2
-    linear = np.diff(q[:, :6] @ W[:, 3:], axis=0)
-
-    R = np.broadcast_to(start.R, (len(t), 3, 3))
-    for _ in range(SWEEPS):
-        spin_change = np.einsum("nab,nb->na", R @ body.inverse @ np.swapaxes(R, 1, 2), L) - frozen
-        rotations = linear + half * (spin_change[:-1] + spin_change[1:])
-        R = np.concatenate((start.R[None], rotation_matrices(rotations)))
-        span = 1
-        while span < len(R):  # products of the last 1, 2, 4, ... rotations
-            R[span:] = R[span:] @ R[:-span]
-            span *= 2
-
-    return Path(t, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(rotations, axis=0))))
-
-
-def on_path(
-    touch: Touch, which: IntArray, base: Assembly, history: SceneHistory, path: Path
-) -> tuple[Assembly, float]:
-    """(scene `base` with the lever arms of its points on a path, relative change of the scene).
-
-    The additional effect of the run's forces on these arms becomes given loads, the additional
-    motion of the points becomes part of the gaps. The change is relative to the scene that has run:
-    of gaps over the largest depth, of loads over the largest contact loads.
-    """
-    body, _, W, _ = touch
-    first, previous = base.system, history.assembly.system
-    span = base.spans[BODY]
-    beta = first.beta[:, span]
-    shapes = body.shapes[which]
-    balls = body.balls[which, None]
-    R = path.R
-    displacement = path.q - path.q[0]
-    arms = body.points[which] + np.einsum("kjd,nj->nkd", shapes, path.q[:, 6:])
-    arms = arms @ np.swapaxes(R, 1, 2) - balls * AXES[0]
-    point_motion = arms - arms[0] + (displacement[:, :6] @ W[:, :3])[:, None]
-    point_motion -= np.cross(path.turns[:, None], balls * AXES[0])  # a ball rolls
-    row_forces = forces(history.run, *locate(history.run, path.times))
-    point_forces = np.zeros_like(arms)
-
-    offsets = interpolated(path.times, first.breaks, first.offsets).copy()
-    for k, sides in enumerate(first.sides):
-        for row, axis in ((k, 2), *zip(range(sides.start, sides.stop), range(2), strict=False)):
-            point_forces[:, k, axis] = row_forces[:, row]
-            offsets[:, row] += displacement @ beta[row] + point_motion[:, k, axis]
-
-    bending = np.einsum("nkd,kjd->nj", point_forces @ R, shapes)
-    total = np.append(point_forces.sum(axis=1), np.cross(arms, point_forces).sum(axis=1), axis=1)
-    linear = row_forces @ beta
-    loads = interpolated(path.times, first.breaks, first.loads).copy()
-    loads[:, span] += linear + np.append(total @ W.T, bending, axis=1)
-    depth = history.run.depth[:, : len(which)]
-    change = max(
-        _share(offsets - interpolated(path.times, previous.breaks, previous.offsets), depth),
-        _share(loads - interpolated(path.times, previous.breaks, previous.loads), linear),
-    )
-    system = replace(first, breaks=path.times, loads=loads, offsets=offsets)
-
-    return replace(base, system=system), change
-
-
-def _share(change: Array, size: Array) -> float:
-    """The largest magnitude of a change over that of what changes."""
-    return float(np.abs(change).max()) / max(float(np.abs(size).max()), TINY)
 
 
 def handed_over(
@@ -323,8 +212,8 @@ def episode(
     cuts = 0
     while True:
         base = scene_of(touch, setting, which, ongoing)
-        duration = _duration(touch, base, min(LONG * time, longest), longest, turns)
-        found = _converged(touch, which, base, duration, turns, setting.tol)
+        duration = sufficient_duration(touch, base, min(LONG * time, longest), longest, turns)
+        found = run_converged(touch, which, base, duration, turns, setting.tol)
         if found.change > NEAR * setting.tol and cuts < CUTS:
             turns, cuts, longest = turns / 2, cuts + 1, found.end / 2
             continue
@@ -333,61 +222,6 @@ def episode(
             state, held = handed_over(touch, found.history, found.path, which)
             return Episode(touch, state, found.history, which, held if found.touching else {})
         which = np.append(which, sinking)
-
-
-class Followed(NamedTuple):
-    """A run on its own path up to its end, the relative change of the last correction, and whether
-    the body still touches.
-    """
-
-    history: SceneHistory
-    path: Path
-    change: float
-    end: float
-    touching: bool
-
-
-def _duration(touch: Touch, base: Assembly, first: float, longest: float, turns: float) -> float:
-    """A duration [s] in which the contact ends, if it does within the longest."""
-    duration = first
-    while duration < longest:
-        history = run_once(base, duration, ROUGH, {})
-        end, touching = _end(touch, history, turns)
-        if not touching or end < history.time[-1] or history.status:
-            break
-        duration = min(2 * duration, longest)
-
-    return duration
-
-
-def _converged(
-    touch: Touch, which: IntArray, base: Assembly, duration: float, turns: float, tol: float
-) -> Followed:
-    """Repeat the scene `base` on the path of the previous run until the paths no longer change."""
-    history, share = run(base, duration, tol)
-    changes: list[float] = []
-    while True:
-        end, touching = _end(touch, history, turns)
-        path = path_of(touch, history, _times(base, history, end, tol))
-        corrected, change = on_path(touch, which, base, history, path)
-        changes.append(change)
-        count = len(changes)
-        stalls = count == MOST_RUNS or (count >= FEW and change > changes[-3] / 2)
-        if change <= CLOSE * tol or stalls:
-            return Followed(history, path, change, end, touching)
-        if history.status or len(changes) == 1:
-            history, share = run(corrected, duration, tol)
-        else:
-            scale = float(history.run.force[:, : len(which)].max())
-            history = run_once(corrected, duration, share, history.error, scale)
-
-
-def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
-    """Times (n,) up to `end` at which the path is evaluated."""
-    count = 1 + int(min(np.ceil(FINE / np.sqrt(tol)), MOST_LOOKS))
-    spans = [span for c in history.contact_histories for span in c.contacts]
-    t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
-    return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
 
 
 def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -> IntArray:
@@ -407,33 +241,6 @@ def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -
             covered |= body.touching_as([i])
 
     return np.array(candidates)
-
-
-def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool]:
-    """Time at which the episode ends [s], and whether the body still touches.
-
-    It ends when all contacts have parted, except those that follow soon; a longer contact is cut
-    when the body has turned by `turns` [rad].
-    """
-    last = float(history.time[-1])
-    times = np.linspace(0.0, last, SAMPLES + 1)
-    nodes = history.time[::2]
-    q = history.states(times)[0][:, history.assembly.spans[BODY]]
-    angle = np.linalg.norm((q - q[0])[:, :6] @ touch.modes[:, 3:], axis=1)
-    too_far = nodes[np.searchsorted(nodes, np.append(times[angle > turns], last)[0])]
-
-    end = 0.0
-    for first, parting in sorted(s for c in history.contact_histories for s in c.contacts):
-        if first > end > 0 and np.interp(first, times, angle) > FOLLOWS:
-            break
-        end = max(end, parting)
-
-    if end == 0.0:
-        return last, False
-
-    continues = end > too_far or end >= last * (1 - 1e-12)
-
-    return float(too_far if continues else end), bool(continues)
 
 
 def _sinking(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:

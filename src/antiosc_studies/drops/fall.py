@@ -24,7 +24,8 @@ from antiosc_studies.drops.flight import Flight, ringing
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.impacts import Impacts, Peak, impact_of
-from antiosc_studies.drops.touching import BODY, LIMITS
+from antiosc_studies.drops.path import LIMITS
+from antiosc_studies.drops.touching import BODY
 from antiosc_studies.drops.trajectory import trajectory
 from antiosc_studies.drops.yielding import Landed
 

@@ -9,13 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from antiosc import ContactLaw, Gonthier, Power
+from antiosc import ContactLaw, ElasticPlastic, Gonthier, Power
 from antiosc.base import checks
+from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact.choice import Choice, choose
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, matter_of
+from antiosc_studies.drops.crushed import crushed, cut_growth, tip
+from antiosc_studies.drops.free_body import FreeBody, State
 
 #: Largest loss factor.
 LARGEST_LOSS = 1.0
@@ -190,6 +193,30 @@ def choice_of(floor: Floor, surface: Curvature, matter: Matter) -> Choice:
     return choose(touching, floor.face, floor.restitution)
 
 
-def law_at(body: Any, floor: Floor, which: int) -> ContactLaw:
-    """The contact law of a point of a FreeBody with a floor."""
+def law_at(body: FreeBody, floor: Floor, which: int) -> ContactLaw:
+    """The contact law of a point of a body with a floor."""
     return law_of(floor, body.surface(which), body.materials[which])
+
+
+def law_in(body: FreeBody, start: State, floor: Floor, which: int, arm: Array) -> ContactLaw:
+    """The law of a point at `arm` (3,) that touches in the state `start`; corners are crushed."""
+    ball = law_at(body, floor, which)
+    edges = body.facets.get(which)
+    if edges is None or not isinstance(ball, ElasticPlastic):
+        return ball
+
+    work = _work(body, start, arm)
+    up = start.R[2]
+    growth = cut_growth(edges, up)
+    if growth is None:
+        return ball
+
+    return crushed(ball, growth, tip(edges, up, ball.radius), work)
+
+
+def _work(body: FreeBody, start: State, arm: Array) -> float:
+    """Kinetic energy [J] that a force at an arm (3,) of the rigid body can take."""
+    turning = np.cross(arm, [0.0, 0.0, 1.0]) @ start.R
+    inverse_mass = 1 / body.mass + float(turning @ body.inverse @ turning)
+    speed = float((start.velocity + np.cross(start.spin(body), arm))[2])
+    return speed**2 / (2 * inverse_mass)

@@ -19,32 +19,21 @@ from antiosc import (
     ModalState,
     Obstacle,
     Scene,
-    SceneHistory,
     SiteModes,
 )
 from antiosc.base._types import Array, IntArray
-from antiosc.base.errors import AccuracyError, without_warnings
-from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine.equilibrium import set_initial_forces
-from antiosc.engine.march import FINE, Run, run as march_once
-from antiosc.engine.system import ContactState, System
-from antiosc.extension import check_range, integrate_exact
+from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc_studies.drops.crushed import law_in
-from antiosc_studies.drops.floor import Setting
+from antiosc_studies.drops.floor import Setting, law_in
 from antiosc_studies.drops.free_body import FreeBody, State
 
 BODY = "part"
 FLOOR = "floor"
 #: Directions of the columns of a site: normal to the floor, and along it.
 AXES = np.eye(3)[[2, 0, 1]]
-#: Largest number of contacts and of steps of a scene.
-LIMITS = 10_000, 50_000
 #: Duration over which friction springs of an ongoing contact are extended, over the contact time.
 DRAWN = 1e-5
-#: If a run stops before this share of the expected contact time, no contact forces fit at its
-#: start.
-JAMMED = 1e-6
 #: Replaces 0 in denominators.
 TINY = float(np.finfo(float).tiny)
 
@@ -156,69 +145,4 @@ def _body_in_scene(touch: Touch, sites: tuple[Array, Array], arms: Array) -> Sit
         decay=np.append(np.zeros(6), body.decay),
         inertia=Inertia(np.zeros(3), momentum.T @ momentum, inertia),
         **elastic,
-    )
-
-
-def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
-    """The converged history of a scene, and its share; AccuracyError out of range or jammed."""
-    with without_warnings():
-        converged = integrate_exact(assembly, duration, tol, None, *LIMITS)
-    ended = converged.run
-    friction, wedge = _wedge(assembly.system)
-    at_start = ended.time[-1] <= JAMMED * assembly.contact_time_estimate
-    presses = (ended.force[-1, : len(assembly.system.sides)] > 0).any()
-    if at_start or (ended.answer and presses and friction * wedge > 1):
-        raise _jam(friction, wedge)
-
-    history = _history(assembly, converged.run, {"force": converged.force, "peak": converged.peak})
-    check_range(history)
-    return history, converged.share
-
-
-def run_once(
-    assembly: Assembly, duration: float, share: float, error: dict[str, float], scale: float = 0.0
-) -> SceneHistory:
-    """The history of one run with step error `share`; `scale` [N] of its forces if known."""
-    record = march_once(
-        assembly.system,
-        duration,
-        share,
-        scale=scale,
-        fine=assembly.contact_time_estimate / FINE,
-        max_contacts=LIMITS[0],
-        max_steps=LIMITS[1],
-    )
-    return _history(assembly, record, error)
-
-
-def _history(assembly: Assembly, record: Run, error: dict[str, float]) -> SceneHistory:
-    """The history of a recorded run."""
-    return SceneHistory(assembly, record, error, STOPPED if record.answer else COMPLETED, "")
-
-
-def _wedge(system: System) -> tuple[float, float]:
-    """Friction, and what sliding presses in over what the normal force lifts; the worst."""
-    friction, wedge = 0.0, 0.0
-    for k, sides in enumerate(system.sides):
-        tangential = float(np.linalg.norm(system.R[k, sides]))
-        tangential /= max(float(system.R[k, k]), TINY)
-
-        if system.slip[k, 0] * tangential > friction * wedge:
-            friction, wedge = float(system.slip[k, 0]), tangential
-
-    return friction, wedge
-
-
-def _jam(friction: float, wedge: float) -> AccuracyError:
-    """The error of a scene that cannot go on, as friction jams or no forces fit."""
-    if friction == 0:
-        return AccuracyError(
-            "no contact forces fit where a contact goes on; take a smaller tol, or more modes."
-        )
-
-    return AccuracyError(
-        f"friction of {friction:.3g} jams a point at its contact: sliding presses it in by "
-        f"{friction * wedge:.3g} times what its normal force lifts it, by the compliance of the "
-        f"modes that are left out, which must stay well below 1; take more modes, or less "
-        f"friction."
     )

@@ -130,7 +130,7 @@ def _rests(
     body: FreeBody, state: State, ongoing: dict[int, OngoingContact], setting: Setting
 ) -> bool:
     """Whether the body rests on points around its centre of mass, with negligible motion."""
-    arms = body.points @ state.R.T - body.balls[:, None] * AXES[0]
+    arms = state.arms(body)
     heights = arms[:, 2]
     if state.centre[2] + heights.min() > CARRIES * body.extent:
         return False
@@ -138,7 +138,10 @@ def _rests(
     carrying = arms[heights < heights.min() + CARRIES * body.extent]
     W = body.rigid_modes(state.R)[0]
     energy = _stoppable_energy(body, state, W, carrying, setting.floor.friction > 0)
-    energy += _excess_energy(body, state, W, ongoing, setting.gravity)
+    pressed = {i: contact for i, contact in ongoing.items() if contact.force[0] > 0}
+    if pressed:
+        weight = body.mass * setting.gravity
+        energy += _excess_energy(W, arms[list(pressed)], [*pressed.values()], weight)
     if energy > REST * body.mass * setting.gravity * setting.height:
         return False
 
@@ -161,26 +164,19 @@ def _stoppable_energy(body: FreeBody, state: State, W: Array, arms: Array, stick
     return float(momentum @ momentum / 2)
 
 
-def _excess_energy(
-    body: FreeBody, state: State, W: Array, ongoing: dict[int, OngoingContact], gravity: float
-) -> float:
-    """Elastic energy [J] of the contacts above that of their static state under the weight.
+def _excess_energy(W: Array, arms: Array, pressed: list[OngoingContact], weight: float) -> float:
+    """Elastic energy [J] of contacts at arms (n, 3) above that of their static state.
 
     For one contact with force F and approach d it is (F - m g)^2 d/F: twice the energy for a linear
     law, and no less than the energy for a force that grows faster than the approach. Friction may
-    lift a point that sticks: the magnitude of its approach counts.
+    lift a point that sticks: the magnitude of its approach counts. `weight` [N] of the body.
     """
-    ongoing = {i: h for i, h in ongoing.items() if h.force[0] > 0}
-    if not ongoing:
-        return 0.0
-    points = list(ongoing)
-    arms = state.arms(body, points)
-    compliances = np.array([abs(h.height) / h.force[0] for h in ongoing.values()])
+    compliances = np.array([abs(h.height) / h.force[0] for h in pressed])
     compliances = np.maximum(compliances, STILL * compliances.max() + TINY)
 
-    forces = np.array([AXES[: h.force.size].T @ h.force for h in ongoing.values()])
+    forces = np.array([AXES[: h.force.size].T @ h.force for h in pressed])
     wrench = np.append(forces.sum(axis=0), np.cross(arms, forces).sum(axis=0))
-    wrench[2] -= body.mass * gravity
+    wrench[2] -= weight
     vertical = W[:, 2:3] + W[:, 3:] @ np.cross(arms, AXES[0]).T
 
     # with up' their product is the stiffness against rigid motions

@@ -1,0 +1,285 @@
+"""The run of a scene of body and floor on the body's own path.
+
+The first run of the scene is linear about the orientation at the touch. The path of each run
+changes the lever arms and the gaps; the next run has these changes as given loads and gaps
+(`on_path`), until they no longer change. The result is that of the rotating body, and conserves its
+energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from antiosc import SceneHistory
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import AccuracyError, without_warnings
+from antiosc.base.texts import COMPLETED, STOPPED
+from antiosc.engine.march import FINE, Run, run as march_once
+from antiosc.engine.system import System
+from antiosc.extension import check_range, integrate_exact
+from antiosc.impact.assembly import Assembly
+from antiosc.impact.states import forces, interpolated, locate
+from antiosc_studies.drops.flight import rotation_matrices
+from antiosc_studies.drops.touching import AXES, BODY, TINY, Touch
+
+# Measured as in `episode`.
+#: Number of fixed-point iterations for the orientations on a path: ten change peak forces by 5e-12,
+#: two by 3e-4.
+SWEEPS = 5
+#: Error of a step of the first run, which only tells how long the contact lasts.
+ROUGH = 1e-3
+#: A later contact belongs to the same episode if the body has turned by less than this [rad].
+FOLLOWS = 0.01
+#: Samples of the rotation in an episode (2e-5).
+SAMPLES = 64
+#: Samples of a contact's path times sqrt(tol) (1e-5 on concrete, 1.4e-3 on the soft floor).
+PATH_SAMPLES = 2.0
+#: Most samples of a contact's path.
+MOST_LOOKS = 4096
+#: A scene is repeated until its loads and gaps change by less than CLOSE times tol, or by less than
+#: NEAR times tol without further decrease.
+CLOSE, NEAR = 0.03, 0.3
+#: Most runs of a scene on its path; it stalls if FEW runs did not halve the change.
+MOST_RUNS, FEW = 12, 4
+#: Largest number of contacts and of steps of a scene.
+LIMITS = 10_000, 50_000
+#: If a run stops before this share of the expected contact time, no contact forces fit at its
+#: start.
+JAMMED = 1e-6
+
+
+class Path(NamedTuple):
+    """Modal states q, v (n, 6 + J) and orientations R (n, 3, 3) of the body at times (n,).
+
+    `turns` (n, 3): sum of its rotations so far [rad].
+    """
+
+    times: Array
+    q: Array
+    v: Array
+    R: Array
+    turns: Array
+
+
+def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
+    """The path of the body at times (n,) of a run, the first of which is 0."""
+    q, v = (motion[:, history.assembly.spans[BODY]] for motion in history.states(t))
+    body, start, W, momentum = touch
+    L = v[:, :6] @ momentum[:, 3:]
+    frozen = v[:, :6] @ W[:, 3:]
+    half = np.diff(t)[:, None] / 2
+    linear = np.diff(q[:, :6] @ W[:, 3:], axis=0)
+
+    R = np.broadcast_to(start.R, (len(t), 3, 3))
+    for _ in range(SWEEPS):
+        spin_change = np.einsum("nab,nb->na", R @ body.inverse @ np.swapaxes(R, 1, 2), L) - frozen
+        rotations = linear + half * (spin_change[:-1] + spin_change[1:])
+        R = np.concatenate((start.R[None], rotation_matrices(rotations)))
+        span = 1
+        while span < len(R):  # products of the last 1, 2, 4, ... rotations
+            R[span:] = R[span:] @ R[:-span]
+            span *= 2
+
+    return Path(t, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(rotations, axis=0))))
+
+
+def on_path(
+    touch: Touch, which: IntArray, base: Assembly, history: SceneHistory, path: Path
+) -> tuple[Assembly, float]:
+    """(scene `base` with the lever arms of its points on a path, relative change of the scene).
+
+    The additional effect of the run's forces on these arms becomes given loads, the additional
+    motion of the points becomes part of the gaps. The change is relative to the scene that has run:
+    of gaps over the largest depth, of loads over the largest contact loads.
+    """
+    body, _, W, _ = touch
+    first, previous = base.system, history.assembly.system
+    span = base.spans[BODY]
+    beta = first.beta[:, span]
+    shapes = body.shapes[which]
+    balls = body.balls[which, None]
+    R = path.R
+    displacement = path.q - path.q[0]
+    arms = body.points[which] + np.einsum("kjd,nj->nkd", shapes, path.q[:, 6:])
+    arms = arms @ np.swapaxes(R, 1, 2) - balls * AXES[0]
+    point_motion = arms - arms[0] + (displacement[:, :6] @ W[:, :3])[:, None]
+    point_motion -= np.cross(path.turns[:, None], balls * AXES[0])  # a ball rolls
+    row_forces = forces(history.run, *locate(history.run, path.times))
+    point_forces = np.zeros_like(arms)
+
+    offsets = interpolated(path.times, first.breaks, first.offsets).copy()
+    for k, sides in enumerate(first.sides):
+        for row, axis in ((k, 2), *zip(range(sides.start, sides.stop), range(2), strict=False)):
+            point_forces[:, k, axis] = row_forces[:, row]
+            offsets[:, row] += displacement @ beta[row] + point_motion[:, k, axis]
+
+    bending = np.einsum("nkd,kjd->nj", point_forces @ R, shapes)
+    total = np.append(point_forces.sum(axis=1), np.cross(arms, point_forces).sum(axis=1), axis=1)
+    linear = row_forces @ beta
+    loads = interpolated(path.times, first.breaks, first.loads).copy()
+    loads[:, span] += linear + np.append(total @ W.T, bending, axis=1)
+    depth = history.run.depth[:, : len(which)]
+    change = max(
+        _share(offsets - interpolated(path.times, previous.breaks, previous.offsets), depth),
+        _share(loads - interpolated(path.times, previous.breaks, previous.loads), linear),
+    )
+    system = replace(first, breaks=path.times, loads=loads, offsets=offsets)
+
+    return replace(base, system=system), change
+
+
+def _share(change: Array, size: Array) -> float:
+    """The largest magnitude of a change over that of what changes."""
+    return float(np.abs(change).max()) / max(float(np.abs(size).max()), TINY)
+
+
+class Followed(NamedTuple):
+    """A run on its own path up to its end, the relative change of the last correction, and whether
+    the body still touches.
+    """
+
+    history: SceneHistory
+    path: Path
+    change: float
+    end: float
+    touching: bool
+
+
+def sufficient_duration(
+    touch: Touch, base: Assembly, first: float, longest: float, turns: float
+) -> float:
+    """A duration [s] in which the contact ends, if it does within the longest."""
+    duration = first
+    while duration < longest:
+        history = run_once(base, duration, ROUGH, {})
+        end, touching = _end(touch, history, turns)
+        if not touching or end < history.time[-1] or history.status:
+            break
+        duration = min(2 * duration, longest)
+
+    return duration
+
+
+def run_converged(
+    touch: Touch, which: IntArray, base: Assembly, duration: float, turns: float, tol: float
+) -> Followed:
+    """Repeat the scene `base` on the path of the previous run until the paths no longer change."""
+    history, share = run(base, duration, tol)
+    changes: list[float] = []
+    while True:
+        end, touching = _end(touch, history, turns)
+        path = path_of(touch, history, _times(base, history, end, tol))
+        corrected, change = on_path(touch, which, base, history, path)
+        changes.append(change)
+        count = len(changes)
+        stalls = count == MOST_RUNS or (count >= FEW and change > changes[-3] / 2)
+        if change <= CLOSE * tol or stalls:
+            return Followed(history, path, change, end, touching)
+        if history.status or len(changes) == 1:
+            history, share = run(corrected, duration, tol)
+        else:
+            scale = float(history.run.force[:, : len(which)].max())
+            history = run_once(corrected, duration, share, history.error, scale)
+
+
+def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
+    """Times (n,) up to `end` at which the path is evaluated."""
+    count = 1 + int(min(np.ceil(PATH_SAMPLES / np.sqrt(tol)), MOST_LOOKS))
+    spans = [span for c in history.contact_histories for span in c.contacts]
+    t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
+    return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
+
+
+def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool]:
+    """Time at which the episode ends [s], and whether the body still touches.
+
+    It ends when all contacts have parted, except those that follow soon; a longer contact is cut
+    when the body has turned by `turns` [rad].
+    """
+    last = float(history.time[-1])
+    times = np.linspace(0.0, last, SAMPLES + 1)
+    nodes = history.time[::2]
+    q = history.states(times)[0][:, history.assembly.spans[BODY]]
+    angle = np.linalg.norm((q - q[0])[:, :6] @ touch.modes[:, 3:], axis=1)
+    too_far = nodes[np.searchsorted(nodes, np.append(times[angle > turns], last)[0])]
+
+    end = 0.0
+    for first, parting in sorted(s for c in history.contact_histories for s in c.contacts):
+        if first > end > 0 and np.interp(first, times, angle) > FOLLOWS:
+            break
+        end = max(end, parting)
+
+    if end == 0.0:
+        return last, False
+
+    continues = end > too_far or end >= last * (1 - 1e-12)
+
+    return float(too_far if continues else end), bool(continues)
+
+
+def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
+    """The converged history of a scene, and its share; AccuracyError out of range or jammed."""
+    with without_warnings():
+        converged = integrate_exact(assembly, duration, tol, None, *LIMITS)
+    ended = converged.run
+    friction, wedge = _wedge(assembly.system)
+    at_start = ended.time[-1] <= JAMMED * assembly.contact_time_estimate
+    presses = (ended.force[-1, : len(assembly.system.sides)] > 0).any()
+    if at_start or (ended.answer and presses and friction * wedge > 1):
+        raise _jam(friction, wedge)
+
+    history = _history(assembly, converged.run, {"force": converged.force, "peak": converged.peak})
+    check_range(history)
+    return history, converged.share
+
+
+def run_once(
+    assembly: Assembly, duration: float, share: float, error: dict[str, float], scale: float = 0.0
+) -> SceneHistory:
+    """The history of one run with step error `share`; `scale` [N] of its forces if known."""
+    record = march_once(
+        assembly.system,
+        duration,
+        share,
+        scale=scale,
+        fine=assembly.contact_time_estimate / FINE,
+        max_contacts=LIMITS[0],
+        max_steps=LIMITS[1],
+    )
+    return _history(assembly, record, error)
+
+
+def _history(assembly: Assembly, record: Run, error: dict[str, float]) -> SceneHistory:
+    """The history of a recorded run."""
+    return SceneHistory(assembly, record, error, STOPPED if record.answer else COMPLETED, "")
+
+
+def _wedge(system: System) -> tuple[float, float]:
+    """Friction, and what sliding presses in over what the normal force lifts; the worst."""
+    friction, wedge = 0.0, 0.0
+    for k, sides in enumerate(system.sides):
+        tangential = float(np.linalg.norm(system.R[k, sides]))
+        tangential /= max(float(system.R[k, k]), TINY)
+
+        if system.slip[k, 0] * tangential > friction * wedge:
+            friction, wedge = float(system.slip[k, 0]), tangential
+
+    return friction, wedge
+
+
+def _jam(friction: float, wedge: float) -> AccuracyError:
+    """The error of a scene that cannot go on, as friction jams or no forces fit."""
+    if friction == 0:
+        return AccuracyError(
+            "no contact forces fit where a contact goes on; take a smaller tol, or more modes."
+        )
+
+    return AccuracyError(
+        f"friction of {friction:.3g} jams a point at its contact: sliding presses it in by "
+        f"{friction * wedge:.3g} times what its normal force lifts it, by the compliance of the "
+        f"modes that are left out, which must stay well below 1; take more modes, or less "
+        f"friction."
+    )
