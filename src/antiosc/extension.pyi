@@ -109,6 +109,7 @@ from antiosc.strikes.stress import (
     closed as closed,
     divided as divided,
     fields_by_strength as fields_by_strength,
+    struck_again as struck_again,
 )
 from antiosc.strikes.tradeoff import (
     Tradeoff as Tradeoff,

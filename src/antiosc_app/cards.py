@@ -171,14 +171,20 @@ def rows_of_history(
     ]
     if dent := dent_of(hit):
         rows.append(("dent", engineering(dent, "m")))
-    told = dict.fromkeys(field.rounds for field in (fields or {}).values() if field.rounds)
-    return rows + [("stress mesh", rounds) for rounds in told]
+    return rows + _rounds((fields or {}).values())
 
 
-def rows_of_fall(fall: Fall) -> Rows:
+def rows_of_fall(fall: Fall, worst: WorstField | None = None) -> Rows:
     """The rows below the answers of a fall."""
     lost = float(fall.impacts.column("lost").sum()) if len(fall.impacts) else 0.0
-    return [("impacts", f"{len(fall.impacts)}"), ("lost in all", engineering(lost, "J"))]
+    rows = [("impacts", f"{len(fall.impacts)}"), ("lost in all", engineering(lost, "J"))]
+    return rows + _rounds([] if worst is None else [worst])
+
+
+def _rounds(fields: Iterable[PeakField]) -> Rows:
+    """The rows that tell how stresses were brought to a tolerance."""
+    told = dict.fromkeys(field.rounds for field in fields if field.rounds)
+    return [("stress mesh", rounds) for rounds in told]
 
 
 def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:

@@ -321,7 +321,7 @@ def _fall(results: SceneResults) -> Presentation:
 
     presentation.cards = cards.cards_of_fall(fall, worst)
     presentation.asked = _accelerometer_rows(results)
-    presentation.rows = cards.rows_of_fall(fall)
+    presentation.rows = cards.rows_of_fall(fall, worst)
     presentation.caution = falls.caution_of_fall(fall)
     presentation.sentences = falls.sentences_of_fall(fall, worst)
     return presentation

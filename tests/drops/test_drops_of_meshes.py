@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.strikes import stress
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.impacts import Impacts
 from parts import box
@@ -186,3 +187,22 @@ def test_a_face_that_lands_flat_is_outside_of_the_method():
     assert flat.law_error is None
     assert "outside of this method" in flat.no_bar()
     assert tilted.flat == ""
+
+
+@pytest.mark.slow
+def test_a_fall_ends_with_a_stress_to_a_tolerance():
+    """In the hardest impact; the cells at the contact of the modes become small enough too."""
+    steel = ao.Solid(210e9, 0.3, 7850.0, yield_strength=250e6)
+    part = ao.Structure(ao.box_mesh((0.06, 0.02, 0.004), 0.008), steel)
+    fall = ao.drop(part, 0.5, tilt=(20.0, 30.0, 0.0), until=1)
+    before, after = fall.worst(), fall.worst(tol=0.1)
+    assert not before.margin().has_bar
+    assert after.margin().has_bar
+    assert max(stress.bar(after)) <= 0.1 < max(stress.bar(before))
+
+    fine = ao.Structure(ao.box_mesh((0.06, 0.02, 0.004), 0.002), steel)
+    truth = fall.again(fine, 1).worst().margin()
+    low, high = after.margin().errors
+    assert low <= truth.value <= high
+    with pytest.raises(ao.InputError, match="no impact"):
+        ao.drop(part, 0.5, until=1e-3).worst(tol=0.1)

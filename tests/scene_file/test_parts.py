@@ -196,6 +196,16 @@ def box_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
+def test_the_stress_of_a_fall_is_brought_to_a_tolerance(box_folder: Path) -> None:
+    """By smaller cells of the geometry, whose second-order cells cannot be bisected."""
+    (box_folder / "drop.toml").write_text(FALL + "[worst]\ntol = 0.2\n")
+    assert cli.main(["run", "drop.toml", "--out", "out", "--report", "page.html"]) == 0
+    page = (box_folder / "page.html").read_text()
+    assert "rounds of smaller cells" in page
+    assert "cannot say" not in page
+
+
+@pytest.mark.slow
 def test_a_fall_is_that_of_drop(box_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (box_folder / "drop.toml").write_text(FALL + ASKED)
     assert cli.main(["check", "drop.toml"]) == 0

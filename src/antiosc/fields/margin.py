@@ -28,6 +28,7 @@ from antiosc.base.texts import (
 )
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
+from antiosc.io.isolation import Refinement
 from antiosc.recovery import source
 from antiosc.recovery.place import Place, layers_of, strength_of
 
@@ -81,7 +82,7 @@ class Margin(ReprMixin):
     strength_range : least and largest strength of batches of the material [Pa], if known.
     scope : where the value is judged: "outside 3 radii of the contact (4.2 mm)"; "": anywhere.
     note : sentences on places that are not judged, and on why there is no bar.
-    remedy : the cells that would give a bar, and where; "" if there is one.
+    cells : place [m] and size [m] of the cells that would give a bar; None if there is one.
     layer : of a laminate: "layer 2 (top)", counted from the bottom.
     contact : whether the contact itself yields, which the values do not include.
     impact : number of the impact of a fall, from 1, in which it occurs; 0: of another run.
@@ -97,7 +98,7 @@ class Margin(ReprMixin):
     strength_range: tuple[float, float] | None = None
     scope: str = ""
     note: str = ""
-    remedy: str = ""
+    cells: Refinement | None = None
     layer: str = ""
     contact: bool = False
     impact: int = 0
@@ -111,6 +112,11 @@ class Margin(ReprMixin):
     def has_bar(self) -> bool:
         """Whether the mesh resolves the stress, so that it has a largest value."""
         return self.errors is None or isfinite(self.errors[1])
+
+    @property
+    def remedy(self) -> str:
+        """The cells that would give a bar, and where, in words; "" if there is one."""
+        return "" if self.cells is None else _remedy(self.cells)
 
     @property
     def exposure(self) -> float:
@@ -317,8 +323,9 @@ class Nodal(NamedTuple):
 def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     """The margin of the worst node; None if no exposure is above zero.
 
-    There is no bar where the stress of the worst node, or of that with the largest upper bound,
-    differs by half of it between cells, and of modes whose cells do not resolve a contact.
+    There is no bar where the stress of the worst node, or of that with the largest upper bound by
+    the mesh, differs by half of it between cells, and of modes whose cells do not resolve a
+    contact.
     """
     known = nodes.exposure > 0
     if not known.any():
@@ -332,27 +339,26 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     # bounds of all places
     stress, unresolved = _hidden(nodes, zones.contacts)
     hidden = np.divide(stress, nodes.strength, out=np.zeros_like(stress), where=counts)
-    upper = exposure * (1 + nodes.error) + hidden
+    upper = exposure * (1 + nodes.error)
     lower = exposure * (1 - np.minimum(nodes.error, 1.0)) - hidden
-    most = int(upper.argmax())
-    least, largest = float(lower.max(initial=0.0)), float(upper[most])
+    least, largest = float(lower.max(initial=0.0)), float((upper + hidden).max())
 
     # why there is no bar, and the cells that would give one
-    why = remedy = ""
-    jumping = [k for k in (worst, most) if nodes.error[k] > UNRESOLVED]
-
+    cells: Refinement | None = None
+    jumping = [k for k in (worst, int(upper.argmax())) if nodes.error[k] > UNRESOLVED]
     if unresolved is not None:
         least = 0.0
         why = "the cells are larger than the contact"
-        remedy = _cells(unresolved.radius, unresolved.point)
+        cells = (unresolved.point.tolist(), unresolved.radius)
     elif jumping:
+        k = jumping[0]
         why = "it differs by half or more between cells"
-        remedy = _cells(float(nodes.sizes[jumping[0]]) / 2, nodes.points[jumping[0]])
+        cells = (nodes.points[k].tolist(), float(nodes.sizes[k]) / 2)
 
     notes = _at_edges(criterion, nodes, zones, ~counts)
-    if why:
+    if cells is not None:
         largest = inf
-        notes.append(f"the stress has no bar: {why}; {remedy}")
+        notes.append(f"the stress has no bar: {why}; {_remedy(cells)}")
 
     return Margin(
         *(criterion, float(exposure[worst]) * strength, strength, nodes.points[worst]),
@@ -360,7 +366,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
         errors=(strength * least, strength * largest),
         scope=scope,
         note=". ".join([*notes[:1], *map(capitalised, notes[1:])]),
-        remedy=remedy,
+        cells=cells,
     )
 
 
@@ -398,10 +404,11 @@ def _hidden(nodes: Nodal, contacts: Sequence[ContactZone]) -> tuple[Array, Conta
     return hidden, unresolved
 
 
-def _cells(size: float, point: Array) -> str:
-    """The remedy of a stress without a bar: cells of a size [m] at a place."""
-    cells = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS})"
-    return f"{cells} at {point_text(point)} would give one"
+def _remedy(cells: Refinement) -> str:
+    """The cells that would give a bar, in words."""
+    point, size = cells
+    told = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS})"
+    return f"{told} at {point_text(point)} would give one"
 
 
 #: Surfaces of a ply at which a criterion can be largest: in-plane stresses are linear through a

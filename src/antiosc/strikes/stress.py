@@ -9,11 +9,11 @@ largest stress by the mesh is within the tolerance.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,8 @@ from antiosc.io.isolation import Refinement
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.strikes import second_order
 
+H = TypeVar("H")
+
 #: Most rounds of smaller cells, and most places of a round.
 MOST_ROUNDS, MOST_PLACES = 4, 20
 #: Least and largest ratio of new to old sizes of cells, and the share of the tolerance aimed at.
@@ -38,17 +40,17 @@ POWER = 2.0
 #: Most dofs of a refined mesh over those of the mesh of the force, or this number if it is larger.
 MOST_GROWTH, MOST_DOFS = 3.0, 150_000
 
-#: Makes the part, and its model, with smaller cells at places.
-Reduction = Callable[[Sequence[Refinement]], tuple[Structure, AntiOscillators]]
+#: Makes the part with smaller cells at places.
+Finer = Callable[[Sequence[Refinement]], Structure]
 
 
 @dataclass(frozen=True)
 class Stressed:
     """The stress fields of a blow by their quantity, the part and the history that they are of."""
 
-    fields: dict[str, PeakField]
+    fields: dict[str, Any]  # quantity -> PeakField
     structure: Structure
-    hit: History
+    hit: Any  # History or Fall
     rounds: int = 0  # number of meshes after the first
     seconds: float = 0.0
     why: str = ""  # the bar is wider than the tolerance; "" if it is not
@@ -69,11 +71,19 @@ def fields_by_strength(structure: Structure, hit: History, **options: Any) -> di
 
 
 def closed(
-    hit: History, structure: Structure, reduced: Reduction, tol: float, **options: Any
+    hit: H,
+    structure: Structure,
+    tol: float,
+    finer: Finer,
+    struck: Callable[[Structure], H],
+    fields: Callable[[Structure, H], Mapping[str, PeakField]],
 ) -> Stressed:
-    """The stress fields with a bar of at most `tol` by the mesh, or the reason for a larger one."""
+    """The stress fields with a bar of at most `tol` by the mesh, or the reason for a larger one.
+
+    `struck` is the same impact, or fall, of a part with smaller cells; `fields` its stress fields.
+    """
     started = time.perf_counter()
-    known = Stressed(fields_by_strength(structure, hit, **options), structure, hit)
+    known = Stressed(dict(fields(structure, hit)), structure, hit)
     most = max(MOST_GROWTH * structure.dofs, MOST_DOFS)
     refine: list[Refinement] = []
     why = ""
@@ -89,16 +99,15 @@ def closed(
 
         with without_warnings():
             try:
-                finer, model = reduced(refine)
+                part = finer(refine)
+                if part.dofs > most:
+                    why = f"the next mesh has {plain(part.dofs)} dofs, more than {plain(most)}"
+                    break
+                again = struck(part)
             except (InputError, MeshError) as error:
                 why = str(error)
                 break
-            if finer.dofs > most:
-                why = f"the next mesh has {plain(finer.dofs)} dofs, more than {plain(most)}"
-                break
-            again = second_order.simulated(finer, model, partial(_again, hit))
-            fields = fields_by_strength(finer, again, **options)
-            known = Stressed(fields, finer, again, rounds + 1)
+            known = Stressed(dict(fields(part, again)), part, again, rounds + 1)
 
     spent = time.perf_counter() - started
     return _told(replace(known, seconds=spent, why=why), hit, tol)
@@ -110,6 +119,11 @@ def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
         raise InputError("the cells of an assembly, and given matrices, stay as they are")
     mesh, material, options = structure.made_of
     return Structure(near(mesh, refine), material, structure.supports, **options)
+
+
+def struck_again(hit: History, structure: Structure, model: AntiOscillators) -> History:
+    """The same blow on the model of another mesh, by the same law."""
+    return second_order.simulated(structure, model, partial(_again, hit))
 
 
 def _again(hit: History, model: AntiOscillators) -> History:
@@ -141,8 +155,11 @@ def _wanted(fields: dict[str, PeakField], tol: float) -> list[Refinement]:
     """Where the cells must become smaller, and to which size [m], the widest bounds first."""
     wanted: list[Refinement] = []
     for field in fields.values():
+        worst = field.worst_point
         if max(bar(field)) > tol:
             wanted += _places(field, tol)
+        elif worst is not None and worst.cells is not None:
+            wanted.append(worst.cells)
     return wanted
 
 
@@ -167,10 +184,11 @@ def _places(field: PeakField, tol: float) -> list[Refinement]:
     return places
 
 
-def _told(stressed: Stressed, hit: History, tol: float) -> Stressed:
+def _told(stressed: Stressed, hit: Any, tol: float) -> Stressed:
     """`stressed`, its fields with the sentence on rounds, cells and seconds."""
     told = ""
-    change = 0.0 if hit.named else abs(stressed.hit.peak_force / hit.peak_force - 1)
+    several = getattr(hit, "named", False)
+    change = 0.0 if several else abs(stressed.hit.peak_force / hit.peak_force - 1)
     if change > tol:
         told = f"; the force differs by {percent(change)}"
 
@@ -182,7 +200,7 @@ def _told(stressed: Stressed, hit: History, tol: float) -> Stressed:
             f"{stressed.rounds} of at most {MOST_ROUNDS} rounds of smaller cells, {cells} cells,"
             f" {stressed.seconds:.0f} s: +{percent(high)} −{percent(low)} by the mesh{told}"
         )
-        if max(low, high) > tol and stressed.why:
+        if stressed.why:
             sentence += f"; {_open(field)}, since {stressed.why}"
         fields[name] = replace(field, rounds=sentence)
 

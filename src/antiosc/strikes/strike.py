@@ -16,6 +16,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -222,11 +223,8 @@ def struck(
         if stress_tol is None:
             return hit
 
-        def divided(refine: Sequence[Refinement]) -> tuple[Structure, AntiOscillators]:
-            part = stress.divided(source, refine)
-            return part, extract(part, site, n=result.n)
-
-        return replace(hit, stresses=stress.closed(hit, source, divided, stress_tol).fields)
+        divided = partial(stress.divided, source)
+        return _with_stresses(hit, source, stress_tol, divided, site, result.n)
 
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
     site, mesh = _first_mesh(place, site, impactor, material, order)
@@ -267,12 +265,23 @@ def struck(
     if stress_tol is None:
         return hit
 
-    def reduced(refine: Sequence[Refinement]) -> tuple[Structure, AntiOscillators]:
-        finer = place.around(mesh, refine)
-        part = Structure(finer, material, supports, order=order, prestress=prestress)
-        return part, extract(part, site, n=result.n)
+    def finer(refine: Sequence[Refinement]) -> Structure:
+        around = place.around(mesh, refine)
+        return Structure(around, material, supports, order=order, prestress=prestress)
 
-    return replace(hit, stresses=stress.closed(hit, structure, reduced, stress_tol).fields)
+    return _with_stresses(hit, structure, stress_tol, finer, site, result.n)
+
+
+def _with_stresses(
+    hit: History, structure: Structure, tol: float, finer: stress.Finer, site: Site, n: int
+) -> History:
+    """The history with its stress fields to a tolerance."""
+
+    def struck(part: Structure) -> History:
+        return stress.struck_again(hit, part, extract(part, site, n=n))
+
+    closed = stress.closed(hit, structure, tol, finer, struck, stress.fields_by_strength)
+    return replace(hit, stresses=closed.fields)
 
 
 def _material_of(

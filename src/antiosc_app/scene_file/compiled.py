@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from antiosc_app.scene_file.scene import (
     single,
     source,
     structure,
+    with_smaller_cells,
     worst_by_strengths,
 )
 from antiosc_app.scene_file.schema import SECTIONS, SOURCES, headed
@@ -129,8 +131,11 @@ def compiled(document: Document) -> CompiledScene:
         scene.peaks = build.named("accelerometers", arguments | {"quantity": "acceleration"})
         scene.worst = build.table("worst", given=arguments)
         meshed = source(build) in MESHED.split() and "ensemble" not in build.part("drop")
-        if "worst" not in build.data and meshed:
-            scene.worst = Call(worst_by_strengths, arguments)
+        if meshed and scene.structure is not None:
+            known = {} if scene.worst is None else scene.worst.arguments
+            finer = functools.partial(with_smaller_cells, build, scene.structure)
+            known = {**arguments, "finer": finer, **known}
+            scene.worst = Call(worst_by_strengths, known, ("worst",))
     scene.batch = run.sweep(build, scene)
     if scene.batch is not None:
         known = {"batch": scene.batch, "arguments": scene.batch.arguments}

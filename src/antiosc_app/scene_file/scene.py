@@ -464,45 +464,62 @@ def _set_stress(build: Builder, compiled: CompiledScene, arguments: Table) -> No
         compiled.history = replace(compiled.history, arguments=striking)
         compiled.stresses = Call(lambda history: history.stresses, {"history": compiled.history})
     else:
-        reduced = functools.partial(_with_smaller_cells, build, compiled)
         options = {key: value for key, value in asked.arguments.items() if key not in arguments}
-        known = {**arguments, "reduced": reduced, "tol": tol, **options}
+        known = {**arguments, "build": build, "compiled": compiled, "tol": tol, **options}
         compiled.stresses = Call(_closed, known, ("stress",))
 
 
-def _closed(structure: Structure, history: History, **options: Any) -> dict[str, PeakField]:
+def _closed(
+    build: Builder,
+    compiled: CompiledScene,
+    structure: Structure,
+    history: History,
+    tol: float,
+    **options: Any,
+) -> dict[str, PeakField]:
     """The stress fields of an impact, to a tolerance."""
     with finite_element_packages():
-        from antiosc.extension import closed
-    return closed(history, structure, **options).fields
+        from antiosc.extension import closed, fields_by_strength, struck_again
+    call: Any = compiled.structure
+    of_site: Any = compiled.model
+
+    def struck(part: Structure) -> History:
+        model = exchanged_call(of_site, {call: replace(call, made=part)})
+        return struck_again(history, part, Evaluation(build.document)(model))
+
+    finer = functools.partial(with_smaller_cells, build, call, structure)
+    fields = functools.partial(fields_by_strength, **options)
+    return closed(history, structure, tol, finer, struck, fields).fields
 
 
-def _with_smaller_cells(
-    build: Builder, compiled: CompiledScene, places: Sequence[tuple[Sequence[float], float]]
-) -> tuple[Structure, AntiOscillators]:
-    """The structure and its model with smaller cells at places; those of a deck are bisected."""
-    evaluate = Evaluation(build.document)
-    divided = None
-    if not any(call.place == ("geometry",) for call in calls_in(compiled.structure)):
+def with_smaller_cells(
+    build: Builder, call: Call, structure: Structure, places: Sequence[tuple[Any, float]]
+) -> Structure:
+    """The structure of a call with smaller cells at places; those of a deck are bisected."""
+    geometry = next((one for one in calls_in(call) if one.place == ("geometry",)), None)
+    if geometry is None:
         with finite_element_packages():
-            from antiosc.extension import divided as divided_at
-        divided = divided_at(evaluate(compiled.structure), places)
+            from antiosc.extension import divided
+        return divided(structure, places)
+
+    refine = (*geometry.arguments.get("refine", ()), *places)
+    finer = replace(geometry, arguments={**geometry.arguments, "refine": refine})
+    return Evaluation(build.document)(exchanged_call(call, {geometry: finer}))
+
+
+def exchanged_call(call: Call, known: Mapping[Call, Call]) -> Call:
+    """A call with others in place of some in it, and without the errors of a model."""
 
     @functools.cache
-    def exchanged(call: Call) -> Call:
-        if call.made is not None:
-            return call
-        if divided is not None and call is compiled.structure:
-            return replace(call, made=divided)
-        arguments = {key: replaced(value, exchanged) for key, value in call.arguments.items()}
-        if call.place == ("geometry",):
-            arguments["refine"] = (*arguments.get("refine", ()), *places)
-        if call.place == ("extract",):
+    def exchanged(one: Call) -> Call:
+        if one in known or one.made is not None:
+            return known.get(one, one)
+        arguments = {key: replaced(value, exchanged) for key, value in one.arguments.items()}
+        if one.place == ("extract",):
             arguments.pop("error", None)
-        return replace(call, arguments=arguments)
+        return replace(one, arguments=arguments)
 
-    evaluate = Evaluation(build.document)
-    return evaluate(exchanged(compiled.structure)), evaluate(exchanged(compiled.model))
+    return exchanged(call)
 
 
 def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey) -> None:
@@ -527,14 +544,21 @@ def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]
     return fields_by_strength(structure, history)
 
 
-def worst_by_strengths(self: Fall) -> WorstField | None:
+def worst_by_strengths(
+    self: Fall, finer: Callable[..., Structure] | None = None, **options: Any
+) -> WorstField | None:
     """The stress field with the largest exposure in a fall; None where no stress is known."""
     with finite_element_packages():
         from antiosc.extension import criteria_of
     structure: Any = self.body.structure
-    fields = [self.worst(name) for name in criteria_of(structure)]
+    if finer is not None:
+        options["finer"] = functools.partial(finer, structure)
+    if "quantity" in options:
+        return self.worst(**options)
+
+    fields = [self.worst(name, **options) for name in criteria_of(structure)]
     if fields:
         return max(fields, key=lambda field: field.margin().exposure)
     with contextlib.suppress(AntioscError):  # beams whose sections have no outline have no stress
-        return self.worst()
+        return self.worst(**options)
     return None

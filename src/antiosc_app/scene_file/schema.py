@@ -350,7 +350,7 @@ SECTIONS: dict[str, SceneSection] = {
     "monte_carlo": _table("monte_carlo", "runs with random values: n, seed, …", "run inputs"),
     "drop": _table("drop", "the fall of the structure, in place of an impact", "part"),
     "accelerometers": _named("Fall.peak", "points of a fall whose peak is told", "self quantity"),
-    "worst": _table("Fall.worst", "the largest stress of a fall at every node", "self"),
+    "worst": _table("Fall.worst", "the largest stress of a fall at every node", "self finer"),
     "sensors": _named("Sensor", "sensors whose signals identify a blow, in their order"),
     "find": _table("find_impact", "a blow that is looked for in the signals of sensors",
         "structure sensors impactor contact"),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,8 @@ from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampl
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
 from antiosc.base.texts import Result, engineering, exceeds, percent, plain
+from antiosc.io.isolation import Refinement
+from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.flight import Flight, ringing
 from antiosc_studies.drops.floor import Setting
@@ -28,6 +30,9 @@ from antiosc_studies.drops.path import LIMITS
 from antiosc_studies.drops.touching import BODY
 from antiosc_studies.drops.trajectory import trajectory
 from antiosc_studies.drops.yielding import Landed
+
+if TYPE_CHECKING:
+    from antiosc import Structure
 
 #: Samples of a signal in a period of the highest mode: they miss its peak by at most 3.4 %.
 SAMPLES = 12
@@ -337,14 +342,38 @@ class Fall(Result):
         return srs(t, a @ direction / size, frequencies, Q)
 
     def worst(
-        self, quantity: str = "von_mises", impacts: Sequence[int] | None = None, **options: Any
+        self,
+        quantity: str = "von_mises",
+        impacts: Sequence[int] | None = None,
+        *,
+        tol: float | None = None,
+        finer: Callable[[Sequence[Refinement]], Structure] | None = None,
+        **options: Any,
     ) -> WorstField:
-        """The largest value at every node, and its time; options as for `peak_field`.
+        """The largest value at every node, and its time.
 
-        impacts: numbers of the impacts from 0; default: all.
+        Parameters
+        ----------
+        quantity : str
+            As for `peak_field`, as are further options.
+        impacts : sequence of int, optional
+            Numbers of the impacts from 0; default: all, and with `tol` the hardest.
+        tol : float, optional
+            Largest bar of the stress by the mesh, relative: the cells become smaller where it is
+            wider, and the part falls again until these impacts, as in `strike(…, stress_tol=…)`.
+        finer : callable, optional
+            Makes the part with smaller cells at places ((x, y, z), size) [m]; default: straight
+            triangles and tetrahedra are bisected.
+
+        Raises
+        ------
+        InputError
+            A rigid part; with `tol` also a fall without an impact.
         """
         if self.body.structure is None:
             raise InputError("a rigid part has no stress: drop a Structure.")
+        if tol is not None:
+            return self._to_tolerance(quantity, impacts, checks.tolerance(tol), finer, options)
         numbers = range(max(len(self.groups), 1))
         impact_numbers = list(
             numbers if impacts is None else map(int, checks.column("impacts", impacts))
@@ -385,6 +414,38 @@ class Fall(Result):
             field = replace(field, _margin=margin)
 
         return WorstField(**vars(field), impact=impact)
+
+    def _to_tolerance(
+        self,
+        quantity: str,
+        impacts: Sequence[int] | None,
+        tol: float,
+        finer: Callable[[Sequence[Refinement]], Structure] | None,
+        options: dict[str, Any],
+    ) -> WorstField:
+        """The largest value of some impacts, by default the hardest, with a bar of at most tol."""
+        from antiosc.extension import closed, divided
+
+        structure: Any = self.body.structure
+        if self.hardest is None:
+            raise InputError(NO_IMPACT)
+        chosen = [self.hardest] if impacts is None else list(impacts)
+
+        def again(part: Structure) -> Fall:
+            return self.again(part, max(chosen) + 1)
+
+        def fields(_: Structure, fall: Fall) -> dict[str, PeakField]:
+            return {quantity: fall.worst(quantity, chosen, **options)}
+
+        finer = finer or partial(divided, structure)
+        field = closed(self, structure, tol, finer, again, fields).fields[quantity]
+        return checks.instance("worst", field, WorstField, "a field of a fall")
+
+    def again(self, structure: Structure, impacts: int) -> Fall:
+        """The same fall of a part in other cells, until a number of impacts."""
+        body = free_body(structure, len(self.body.omega), None, self.body.corner)
+        body = replace(body, decay=self.body.decay)
+        return fall_of(body, self.start, replace(self.setting, impacts=impacts))
 
     @property
     def notes(self) -> list[str]:
