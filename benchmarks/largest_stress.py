@@ -279,7 +279,7 @@ def fillet(share: float, folder: str, way: str) -> str:
     held = [ao.Support(plane=((0, 0, 0), (1, 0, 0)))]
     site = ao.Site((0.12, half, 0.002), (0, -1, 0), radius=4e-3)
     if way == "along":
-        site = ao.Site((0.13, 0, 0.002), (-1, 0, 0), radius=4e-3)
+        site = ao.Site((0.13, 0, 0.002), (-1, 0, 0), radius=0.55 * d)  # the whole end
     hit = ao.strike(
         *(path, site, ao.RigidMass(5.0, 0.05), ao.Linear(1e6), 2e-2),
         **{"tol": 0.1, "stress_tol": TOLERANCE, "material": steel, "supports": held},

@@ -116,7 +116,10 @@ def closed(
 def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
     """A structure whose straight triangles or tetrahedra are bisected at places."""
     if structure.made_of is None:
-        raise InputError("the cells of an assembly, and given matrices, stay as they are")
+        raise InputError(
+            "the cells of an assembly, and given matrices, stay as they are: give smaller cells"
+            " (refine or size) to its part there"
+        )
     mesh, material, options = structure.made_of
     return Structure(near(mesh, refine), material, structure.supports, **options)
 

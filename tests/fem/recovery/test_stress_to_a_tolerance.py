@@ -19,6 +19,10 @@ BooleanUnion{ Volume{1}; Delete; }{ Volume{2}; Delete; }
 e() = Curve In BoundingBox{0.039, 0.009, -1, 0.041, 0.011, 1};
 Fillet{1}{e()}{0.002}
 """
+BOX = """\
+SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.06, 0.02, 0.01};
+Physical Volume("part") = {1}; Physical Surface("left") = {1};
+"""
 SITE = ao.Site((0.08, 0.01, 0.005), (0, -1, 0), radius=3e-3)
 BALL = ao.RigidMass(0.05, 0.5)
 
@@ -62,12 +66,19 @@ def test_straight_cells_are_bisected():
     assert max(stress.bar(closed)) <= 0.2 < max(stress.bar(ao.peak_field(hit.structure, hit)))
 
 
-@pytest.mark.parametrize("straight", [True, False])
-def test_cells_of_a_structure_are_bisected_or_stay_which_is_told(straight):
+@pytest.mark.parametrize("cell", ["tetrahedron", "quadratic", "hexahedron"])
+def test_cells_of_a_structure_are_bisected_or_stay_which_is_told(cell, tmp_path):
+    """Quadratic cells with straight edges, as decks have them, are bisected too."""
+    straight = cell != "hexahedron"
     mesh = ao.box_mesh((0.06, 0.02, 0.01), 0.01)
+    if cell == "quadratic":
+        (tmp_path / "box.geo").write_text(BOX, encoding="ascii")
+        mesh = ao.read_mesh(tmp_path / "box.geo", size=0.01, order=2)
+        assert mesh.order == 2
     if not straight:
         mesh = parts.box((6, 2, 1), (0.06, 0.02, 0.01), "hexahedron")
-    part = ao.Structure(mesh, STEEL, [ao.Support("-x" if straight else "left")])
+    held = ao.Support("-x" if cell == "tetrahedron" else "left")
+    part = ao.Structure(mesh, STEEL, [held])
     site = ao.Site((0.05, 0.01, 0.01), (0, 0, -1), radius=8e-3)
     tol = 0.15 if straight else 1e-3
     hit = ao.strike(part, site, BALL, ao.Linear(1e7), 1e-3, tol=0.5, stress_tol=tol)

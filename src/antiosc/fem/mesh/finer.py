@@ -210,6 +210,8 @@ def _halves_of_sides(
 DIVIDED = 0.75
 #: Most rounds of division.
 ROUNDS = 3
+#: Distance of a node from the middle of its edge up to which the edge is straight, over its length.
+STRAIGHT = 1e-9
 #: Kinds of cells that can be divided, by dolfinx's names.
 KIND_OF = {"triangle": "triangle", "tetrahedron": "tetra"}
 #: Rounds of divisions around points.
@@ -272,7 +274,18 @@ class Pieces:
 
 def divisible(mesh: Mesh) -> bool:
     """Whether the cells of the mesh can be bisected: straight triangles and tetrahedra."""
-    return mesh.cell in KIND_OF and mesh.order == 1
+    if mesh.cell not in KIND_OF:
+        return False
+
+    # of second-order cells the further nodes are the middles of edges
+    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+    off = 0.0
+    for vertices, node in compat.nodes_between(mesh.cell) if mesh.order == 2 else ():
+        distance = np.linalg.norm(x[:, node] - x[:, vertices].mean(axis=1), axis=1)
+        length = np.linalg.norm(np.ptp(x[:, vertices], axis=1), axis=1)
+        off = max(off, float((distance / length).max(initial=0.0)))
+
+    return bool(mesh.comm.allreduce(off, op=MPI.MAX) <= STRAIGHT)
 
 
 def refined(mesh: Mesh, ratio: Array) -> Mesh:
@@ -296,7 +309,8 @@ def gathered(mesh: Mesh, values: Array) -> Pieces | None:
     nodes_here = np.arange(len(geometry.x), dtype=np.int32)
     number = np.asarray(geometry.index_map().local_to_global(nodes_here))
     count = compat.cell_map(mesh.dolfinx).size_local
-    cells = number[compat.geometry_nodes(mesh.dolfinx)[:count]]
+    nodes = compat.geometry_nodes(mesh.dolfinx)[:count, : len(mesh.geometry.corners)]
+    cells = number[nodes]
     groups = {
         name: {
             dim: number[compat.entity_vertices(mesh.dolfinx, dim)[entities]]
@@ -316,8 +330,13 @@ def gathered(mesh: Mesh, values: Array) -> Pieces | None:
         for dim in set().union(*(of_rank[name] for of_rank in all_groups)):
             rows = [of_rank[name][dim] for of_rank in all_groups if dim in of_rank[name]]
             parts[dim] = np.unique(np.sort(np.vstack(rows), axis=1), axis=0)
-    cells = np.vstack(all_cells).astype(np.int64)
-    return Pieces(points, cells, whole, np.concatenate(all_values))
+    # corners alone
+    used, cells = np.unique(np.vstack(all_cells), return_inverse=True)
+    for parts in whole.values():
+        parts.update({dim: np.searchsorted(used, rows) for dim, rows in parts.items()})
+    return Pieces(
+        points[used], cells.reshape(-1, nodes.shape[1]), whole, np.concatenate(all_values)
+    )
 
 
 def divided(pieces: Pieces, cell: str) -> Pieces:
