@@ -18,10 +18,9 @@ from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.stresses import PAIRS, equivalent, length, tensors_of
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.elements.weak_form import Material, WeakForm
-from antiosc.fem.mesh import Mesh
+from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.mesh.surface import kind_of_cells, measures
-from antiosc.fem.platform import agree, compat
+from antiosc.fem.platform import agreed, compat
 from antiosc.fem.prestress.state import initial_strain
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
 from antiosc.fem.structure.place import places_at
@@ -73,22 +72,16 @@ def tensors_of_part(
     count = np.zeros(len(slots))
     step = max(1, AT_ONCE // len(X))
 
-    error = None
-    for first in range(0, len(selected), step):
-        cells = selected[first : first + step]
-        try:
-            components = _at_nodes_of(cells, part, shapes, evaluate)
-        except InputError as caught:  # on this rank perhaps alone
-            error = caught
-            break
-        slot_rows = slot_of[first : first + step].ravel()
-        ones = np.ones(len(slot_rows))
-        column = np.arange(len(slot_rows))
-        at_slots = csr_matrix((ones, (slot_rows, column)), (len(slots), len(slot_rows)))
-        total += (at_slots @ components.reshape(len(slot_rows), -1)).reshape(total.shape)
-        count += np.bincount(slot_rows, minlength=len(slots))
+    def work() -> None:
+        for first in range(0, len(selected), step):
+            components = _at_nodes_of(selected[first : first + step], part, shapes, evaluate)
+            slot_rows = slot_of[first : first + step].ravel()
+            entries = np.ones(len(slot_rows)), (slot_rows, np.arange(len(slot_rows)))
+            at_slots = csr_matrix(entries, (len(slots), len(slot_rows)))
+            total[:] += (at_slots @ components.reshape(len(slot_rows), -1)).reshape(total.shape)
+            count[:] += np.bincount(slot_rows, minlength=len(slots))
 
-    agree(mesh.comm, error)
+    agreed(mesh.comm, work)  # an error may be that of one rank
     if solid:
         _join_ranks(part, slots, total, count)
 
@@ -209,14 +202,10 @@ def _join_ranks(
     shared_slots = np.flatnonzero(np.isin(names, common[times > 1]))
     pieces = comm.allgather((names[shared_slots], total[shared_slots], count[shared_slots]))
 
-    slot_of = {name: i for i, name in zip(shared_slots, names[shared_slots], strict=True)}
-    for rank, (names_there, sums, numbers) in enumerate(pieces):
-        if rank == comm.rank:
-            continue
-        for name, value, cells in zip(names_there, sums, numbers, strict=True):
-            if name in slot_of:
-                total[slot_of[name]] = joined(total[slot_of[name]], value)
-                count[slot_of[name]] += cells
+    for names_there, sums, numbers in (*pieces[: comm.rank], *pieces[comm.rank + 1 :]):
+        _, here, there = np.intersect1d(names, names_there, return_indices=True)
+        total[here] = joined(total[here], sums[there])
+        count[here] += numbers[there]
 
 
 def at_point(
@@ -258,15 +247,8 @@ def recovered(
     with_ghosts = compat.with_ghosts(member.part.form.space, shapes_of_part)
     here = closest.rank == mesh.comm.rank
     cells, X = closest.cell[here], closest.X[here]
-    values_here = error = None
-
-    try:
-        values_here = evaluate(PointsInCells(member.part, with_ghosts, cells, X))
-    except InputError as caught:
-        error = caught
-
-    agree(mesh.comm, error)
-    assert values_here is not None
+    points_here = PointsInCells(member.part, with_ghosts, cells, X)
+    values_here = agreed(mesh.comm, lambda: evaluate(points_here))
 
     values = np.zeros((len(points), *values_here.shape[1:]))
     values[here] = values_here
@@ -321,11 +303,13 @@ def at_nodes(
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
     """(points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns)) on rank 0."""
     parts = with_parts(structure).fields(shapes, part)
-    points, cells, values = _side_by_side(
-        [_gathered(member, shapes_of_part) for member, shapes_of_part in parts]
-    )
-    kinds = [kind_of_cells(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
-    return points, list(zip(kinds, cells, strict=True)), values
+    points, cells, values = zip(*(_gathered(*part) for part in parts), strict=True)
+    starts = np.cumsum([0, *map(len, points[:-1])])
+    named = [
+        (kind_of_cells(member.part.mesh, of_part), of_part + start)
+        for (member, _), of_part, start in zip(parts, cells, starts, strict=True)
+    ]
+    return np.vstack(points), named, np.concatenate(values)
 
 
 def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
@@ -431,9 +415,7 @@ def _requests(
     if ply is not None:
         stacks = [len(layers_of(material)) for material, _ in part.parts]
         with_layer = [n for n in numbers if stacks[n] > (ply.layer or 0)]
-        if with_layer:
-            return [(ply, with_layer)]
-        return []
+        return [(ply, with_layer)] if with_layer else []
     if part.kind.name == "beam" and places[0].fibre is None:
         on_edge = on_outlines([beam.section for beam, _ in part.parts], places[0])
         if not on_edge:
@@ -443,8 +425,10 @@ def _requests(
     return [(place, numbers) for place in (places if part.kind.sheet else places[:1])]
 
 
-def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
-    """Displacements (nodes, 3, columns) of shapes at the geometry nodes of this rank."""
+def displacements_of_rank(part: MeshedStructure, shapes: Array) -> Array:
+    """Displacements (nodes, 3, columns) at the geometry nodes of this rank, ghosts included."""
+    mesh, form = part.mesh, part.form
+    shapes = compat.with_ghosts(form.space, shapes)
     geometry = mesh.geometry
     nodes = compat.geometry_nodes(mesh.dolfinx)
 
@@ -461,11 +445,6 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
             result[nodes, axis] = table @ shapes[dofs]
 
     return result
-
-
-def displacements_of_rank(part: MeshedStructure, shapes: Array) -> Array:
-    """Displacements (nodes, 3, columns) at the geometry nodes of this rank, ghosts included."""
-    return _at_nodes(part.mesh, part.form, compat.with_ghosts(part.form.space, shapes))
 
 
 def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
@@ -488,18 +467,6 @@ def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
         np.vstack([p for p, _, _ in pieces]),
         np.vstack([c + s for s, (_, c, _) in zip(starts, pieces, strict=True)])[:, order],
         np.concatenate([f for _, _, f in pieces]),
-    )
-
-
-def _side_by_side(
-    gathered: Sequence[tuple[Array, IntArray, Array]],
-) -> tuple[Array, list[IntArray], Array]:
-    """(points of all parts, shapes of all parts, cells of each part)."""
-    starts = np.cumsum([0] + [len(points) for points, _, _ in gathered[:-1]])
-    return (
-        np.vstack([points for points, _, _ in gathered]),
-        [cells + start for (_, cells, _), start in zip(gathered, starts, strict=True)],
-        np.concatenate([shapes for _, _, shapes in gathered]),
     )
 
 

@@ -11,10 +11,13 @@ quadrature and interpolated, as is the membrane strain of curved quadrilaterals.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cached_property, partial
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
@@ -22,17 +25,25 @@ from antiosc.base.stresses import PAIRS, tensors_of
 from antiosc.fem.elements import Layer, shear_stresses
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
-from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.recovery.place import Place
 
 
+def turned(tensors: Array, R: Array) -> Array:
+    """Tensors (P, 3, 3, columns) in the axes that are the rows of R (P, 3, 3)."""
+    return np.einsum("pia,pabk,pjb->pijk", R, tensors, R, optimize=True)
+
+
 def in_frame(local: Array, frame: Sequence[Array]) -> Array:
     """Tensors (P, 3, 3, columns) in the axes of the mesh, from those in the axes `frame` (P, 3)."""
-    axes = np.stack(list(frame), axis=1)
-    return np.einsum("pai,pabk,pbj->pijk", axes, local, axes, optimize=True)
+    return turned(local, np.stack(list(frame), axis=2))
+
+
+def of_components(six: Array) -> Array:
+    """Tensors (P, 3, 3, columns) of the components (P, 6, columns) of `PAIRS`."""
+    return np.moveaxis(tensors_of(np.moveaxis(six, 1, -1)), 1, -1)
 
 
 class PointsInCells:
@@ -78,10 +89,16 @@ class PointsInCells:
         """Number of basis functions of a cell."""
         return int(compat.cell_dofs(self._space, self._first, self.cells[:0]).shape[1])
 
-    def each(self, value: Callable[[Material], list[float]]) -> Array:
-        """`value` of the material at each point: (P, m)."""
-        table = np.array([value(material) for material, _ in self.part.parts])
-        return np.asarray(table[self.part.part_of_cells()[self.cells]])
+    @cached_property
+    def _materials(self) -> tuple[list[Material], IntArray]:
+        """(the materials at the points, the number in these of each point's)."""
+        numbers, index = np.unique(self.part.part_of_cells()[self.cells], return_inverse=True)
+        return [self.part.parts[k][0] for k in numbers] or [self.part.parts[0][0]], index.ravel()
+
+    def each(self, value: Callable[[Material], ArrayLike]) -> Array:
+        """`value` of the material at each point: (P, …)."""
+        materials, index = self._materials
+        return np.array([value(material) for material in materials])[index]
 
     def values(self, dofs: Array) -> Array:
         """Values (P, components, columns) at the points."""
@@ -106,12 +123,8 @@ class PointsInCells:
 
 def lagrange_1d(nodes: Array, x: Array) -> Array:
     """Values (points, nodes) of Lagrange's polynomials through `nodes` (n,) at x (points,)."""
-    table = np.ones((len(x), len(nodes)))
-    for i, node in enumerate(nodes):
-        for j, node_j in enumerate(nodes):
-            if i != j:
-                table[:, i] *= (x - node_j) / (node - node_j)
-    return table
+    count = len(nodes)
+    return np.asarray(np.vander(x, count) @ np.linalg.inv(np.vander(nodes, count)))
 
 
 def gauss_points(count: int) -> Array:
@@ -125,12 +138,13 @@ def solid_strain(at: PointsInCells, place: Place) -> Array:
     result = (gradient + np.swapaxes(gradient, 1, 2)) / 2
     if at.part.initial is not None:
         result += np.einsum("pkic,pkjc->pijc", gradient, gradient) / 2
-    number = at.part.part_of_cells()[at.cells]
-    for k, (material, _) in enumerate(at.part.parts):
-        if getattr(material, "plane", None) == "stress":  # it contracts freely across the plane
-            of_part = result[number == k]
-            e33 = -material.nu / (1 - material.nu) * (of_part[:, 0, 0] + of_part[:, 1, 1])
-            result[number == k, 2, 2] = e33
+
+    # in plane stress it contracts freely across the plane
+    plane_stress = at.each(lambda solid: getattr(solid, "plane", None) == "stress")
+    if plane_stress.any():
+        ratio = at.each(lambda solid: [solid.nu / (1 - solid.nu)])
+        contracted = -ratio * (result[:, 0, 0] + result[:, 1, 1])
+        result[:, 2, 2] = np.where(plane_stress[:, None], contracted, 0.0)
 
     return _in_material_axes(at, result, place)
 
@@ -139,13 +153,8 @@ def solid_stress(at: PointsInCells, place: Place) -> Array:
     """Stress tensors (P, 3, 3, columns), Pa."""
     strains = solid_strain(at, Place())
     engineering = np.stack([(1 if i == j else 2) * strains[:, i, j] for i, j in PAIRS], axis=1)
-    number = at.part.part_of_cells()[at.cells]
-    result = np.zeros_like(engineering)
-    for k, (material, _) in enumerate(at.part.parts):
-        of_part = number == k
-        result[of_part] = material.voigt @ engineering[of_part]
-
-    return _in_material_axes(at, np.moveaxis(tensors_of(np.moveaxis(result, 1, -1)), 1, -1), place)
+    stresses = at.each(lambda solid: solid.voigt) @ engineering
+    return _in_material_axes(at, of_components(stresses), place)
 
 
 def solid_rotation(at: PointsInCells, place: Place) -> Array:
@@ -171,15 +180,7 @@ def _in_material_axes(at: PointsInCells, tensors: Array, place: Place) -> Array:
     """The tensors, in the axes of an anisotropic material if local ones are requested."""
     if not place.local:
         return tensors
-    number = at.part.part_of_cells()[at.cells]
-    result = tensors.copy()
-    for k, (material, _) in enumerate(at.part.parts):
-        if not isinstance(material, Solid):
-            R = np.asarray(material.axes)
-            of_part = number == k
-            result[of_part] = np.einsum("ia,pabk,jb->pijk", R, tensors[of_part], R, optimize=True)
-
-    return result
+    return turned(tensors, at.each(lambda solid: getattr(solid, "axes", np.eye(3))))
 
 
 def truss_section_forces(at: PointsInCells, place: Place) -> Array:
@@ -377,13 +378,12 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
     table = [lagrange_1d(g, at.X[:, axis]) for axis in (0, 1)]
     shear = np.zeros_like(strains.shear)
     membrane = np.zeros_like(strains.membrane)
-    for i in (0, 1):
-        for j in (0, 1):
-            weight = (table[0][:, i] * table[1][:, j])[:, None, None]
-            at_gauss, number = at.once(np.array([g[i], g[j]]))
-            corner_strains = _raw(at_gauss, axes)
-            shear += weight * corner_strains.shear[number]
-            membrane += weight * corner_strains.membrane[number]
+    for i, j in np.ndindex(2, 2):
+        weight = (table[0][:, i] * table[1][:, j])[:, None, None]
+        at_gauss, number = at.once(np.array([g[i], g[j]]))
+        corner_strains = _raw(at_gauss, axes)
+        shear += weight * corner_strains.shear[number]
+        membrane += weight * corner_strains.membrane[number]
 
     curved = at.part.mesh.order > 1
     return Strains(membrane if curved else strains.membrane, strains.bending, shear)
@@ -391,68 +391,42 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
 
 def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
     """(N1, N2, N12, M1, M2, M12, Q1, Q2) (P, 8, columns) per width, N/m and N, in local axes."""
-    strains = middle_strains(at, axes)
-    result = np.zeros((len(at.cells), 8, strains.membrane.shape[2]))
-
-    number = at.part.part_of_cells()[at.cells]
-    for k, (sheet, _) in enumerate(at.part.parts):
-        of_part = number == k
-        s = sheet.section
-        stretch = strains.membrane[of_part]
-        curvature = strains.bending[of_part]
-        result[of_part, :3] = _products(s.A, stretch) + _products(s.B, curvature)
-        result[of_part, 3:6] = _products(s.B, stretch) + _products(s.D, curvature)
-        result[of_part, 6:] = _products(s.S, strains.shear[of_part])
-
-    return result
+    membrane, bending, shear = middle_strains(at, axes)
+    A, B, D, S = (at.each(attrgetter(f"section.{name}")) for name in "ABDS")
+    forces = [A @ membrane + B @ bending, B @ membrane + D @ bending, S @ shear]
+    return np.concatenate(forces, axis=1)
 
 
 def sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress: bool) -> Array:
     """Strain or stress tensors (P, 3, 3, columns), Pa; the stress normal to the sheet is zero."""
-    strains = middle_strains(at, axes)
-    frame = axes.frame(at)
-    result = np.zeros((len(at.cells), 3, 3, strains.membrane.shape[2]))
-    number = at.part.part_of_cells()[at.cells]
+    membrane, bending, shear = middle_strains(at, axes)
+    if not len(at.cells):  # the first material may have no such layer
+        return np.zeros((0, 3, 3, membrane.shape[2]))
 
-    angle = np.zeros(len(at.cells))
-    for k, (sheet, _) in enumerate(at.part.parts):
-        of_part = number == k
-        if not of_part.any():
-            continue
-        layer_number, z = _height(sheet, place)
-        layer = _layers(sheet)[layer_number]
-        angle[of_part] = np.deg2rad(layer.angle)
-        plane = strains.membrane[of_part] + (z + sheet.offset) * strains.bending[of_part]
+    def each(value: Callable[[Sheet, int, float], ArrayLike]) -> Array:
+        """`value` of the sheet, the number of its layer and the height [m] in it, at each point."""
+        return at.each(lambda sheet: value(sheet, *_height(sheet, place)))
 
-        # stresses of the shear forces in equilibrium, and the strains that they cause
-        f = shear_stresses(_layers(sheet), layer_number, z)
-        shear_forces = _products(f @ sheet.section.S, strains.shear[of_part])
-        if of_stress:
-            plane = _products(layer.plane_stress(), plane)
-            half = 1.0
-            result[of_part, 2, 2] = 0.0
-        else:
-            thin = _products(layer.contraction(), plane)
-            shear_forces = _products(np.linalg.inv(layer.transverse_shear()), shear_forces)
-            half = 0.5
-            result[of_part, 2, 2] = thin[:, 0]
-        result[of_part, 0, 0] = plane[:, 0]
-        result[of_part, 1, 1] = plane[:, 1]
-        for (i, j), value in (
-            ((0, 1), plane[:, 2]),
-            ((0, 2), shear_forces[:, 0]),
-            ((1, 2), shear_forces[:, 1]),
-        ):
-            result[of_part, i, j] = result[of_part, j, i] = half * value
+    # stresses of the shear forces in equilibrium, and the strains that they cause
+    plane = membrane + each(lambda sheet, _, z: [[z + sheet.offset]]) * bending
+    f = each(lambda sheet, k, z: shear_stresses(_layers(sheet), k, z) @ sheet.section.S)
+    across = f @ shear
+    if of_stress:
+        plane = each(lambda sheet, k, _: _layers(sheet)[k].plane_stress()) @ plane
+        normal = np.zeros_like(plane[:, 0])
+        half = 1.0
+    else:
+        normal = (each(lambda sheet, k, _: _layers(sheet)[k].contraction()) @ plane)[:, 0]
+        G = each(lambda sheet, k, _: _layers(sheet)[k].transverse_shear())
+        across = np.linalg.solve(G, across)
+        half = 0.5
 
+    shears = half * across[:, 1], half * across[:, 0], half * plane[:, 2]
+    result = of_components(np.stack([plane[:, 0], plane[:, 1], normal, *shears], axis=1))
     if not place.local:
-        return in_frame(result, frame)
-    c = np.cos(angle)
-    s = np.sin(angle)
-    zero = np.zeros_like(angle)
-    R = np.stack([np.stack([c, s, zero], 1), np.stack([-s, c, zero], 1)], axis=1)
-    R = np.concatenate([R, np.broadcast_to([[[0.0, 0.0, 1.0]]], (len(angle), 1, 3))], axis=1)
-    return np.einsum("pia,pabk,pjb->pijk", R, result, R, optimize=True)
+        return in_frame(result, axes.frame(at))
+    angle = each(lambda sheet, k, _: _layers(sheet)[k].angle)
+    return turned(result, Rotation.from_euler("z", -angle, degrees=True).as_matrix())
 
 
 def _layers(sheet: Sheet) -> list[Layer]:
@@ -543,11 +517,6 @@ def _shear_rotations(at: PointsInCells, rotations: Array, frame: SheetFrame) -> 
     shear = np.einsum("pabq,pbqk->pak", compat.edge_interpolation(at.X), covariant, optimize=True)
     to_axes = np.einsum("pac,pdc->pad", tangents, np.linalg.pinv(at.J))
     return np.einsum("pad,pdk->pak", to_axes, shear)
-
-
-def _products(matrix: Array, columns: Array) -> Array:
-    """Products (P, m, columns) of a matrix (m, n) with vectors (P, n, columns)."""
-    return np.einsum("ij,pjk->pik", matrix, columns)
 
 
 def displacement(at: PointsInCells, place: Place) -> Array:
