@@ -31,7 +31,7 @@ from antiosc.fem.assembly.joint import (
 )
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.structure import checked_axis, in_space
+from antiosc.fem.structure import checked_axis, in_space, skew
 from antiosc.fem.structure.attachments import ElasticTerm, by_components
 from antiosc.fem.structure.loads import UNIT, PointMotion
 from antiosc.fem.structure.meshed import Member
@@ -43,9 +43,9 @@ COINCIDENT = 1e-9
 IN_PLANE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 #: Gauss points for the mass matrix, whose integrands are products of two cubics.
 GAUSS_POINTS = 5
-#: Dofs of bending along y and along z, and the sign of their rotations: about z bending is along y,
-#: about y it is along z with the opposite sign.
-PLANES = (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0))
+#: Displacement and rotation of bending along y and along z, and the sign of the rotation: about z
+#: bending is along y, about y it is along z with the opposite sign.
+PLANES = ((1, 5, 1.0), (2, 4, -1.0))
 
 
 @dataclass(frozen=True)
@@ -552,85 +552,48 @@ class Bolt(TwoEnds):
 
 
 def element(beam: Beam, length: float) -> tuple[Array, Array]:
-    """Stiffness and mass (12, 12) of a beam along x, its height along y: six dofs an end."""
-    section = beam.section
-    E = beam.E
-    rho = beam.rho
-    k = np.zeros((12, 12))
-    m = np.zeros((12, 12))
-    bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    line = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
+    """Stiffness and mass (12, 12) of a beam along x, its height along y: six dofs an end.
 
-    polar = section.I + section.side
-    for first, stiffness, inertia in (
-        (0, E * section.A, rho * section.A),
-        (3, beam.G * section.torsion, rho * polar),
-    ):
-        pair = np.ix_((first, first + 6), (first, first + 6))
-        k[pair] += stiffness / length * bar
-        m[pair] += inertia * length * line
-
-    for plane, (dofs, sign) in enumerate(PLANES):
-        signs = np.array([1.0, sign, 1.0, sign])
-        own_k, own_m = _bending(beam, plane, length)
-        k[np.ix_(dofs, dofs)] += own_k * np.outer(signs, signs)
-        m[np.ix_(dofs, dofs)] += own_m * np.outer(signs, signs)
-
-    return k, m
-
-
-def _shear_share(beam: Beam, plane: int, L: float) -> float:
-    """Timoshenko's φ = 12 EI/(GκA L²); 0 for a beam without shear deformation."""
-    if not beam.shear:
-        return 0.0
-    I, shear = beam.section.planes[plane]  # noqa: E741
-    return 12 * beam.E * I / (beam.G * beam.section.A * shear * L**2)
-
-
-def _bending(beam: Beam, plane: int, L: float) -> tuple[Array, Array]:
-    """Bending stiffness (4, 4) of a Timoshenko beam for the deflection and slope of both ends.
-
-    Przemieniecki, *Theory of Matrix Structural Analysis* (1968), chapters 5 and 11.
+    The mass is that of the static shapes: what the ends make of a point between two shorter beams.
     """
-    I, _ = beam.section.planes[plane]  # noqa: E741
-    EI = beam.E * I
-    phi = _shear_share(beam, plane, L)
-    k = (
-        EI
-        / ((1 + phi) * L**3)
-        * np.array(
-            [
-                [12, 6 * L, -12, 6 * L],
-                [6 * L, (4 + phi) * L**2, -6 * L, (2 - phi) * L**2],
-                [-12, -6 * L, 12, -6 * L],
-                [6 * L, (2 - phi) * L**2, -6 * L, (4 + phi) * L**2],
-            ]
-        )
-    )
-    x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    s = (x + 1) / 2
-    w = w / 2 * L
-    factor = 1 / (1 + phi)
-    v = factor * np.stack(
-        [
-            1 - 3 * s**2 + 2 * s**3 + phi * (1 - s),
-            L * (s - 2 * s**2 + s**3 + phi / 2 * (s - s**2)),
-            3 * s**2 - 2 * s**3 + phi * s,
-            L * (-(s**2) + s**3 - phi / 2 * (s - s**2)),
-        ]
-    )
-    rotation = factor * np.stack(
-        [
-            6 / L * (-s + s**2),
-            1 - 4 * s + 3 * s**2 + phi * (1 - s),
-            6 / L * (s - s**2),
-            -2 * s + 3 * s**2 + phi * s,
-        ]
-    )
-    rho_A = beam.rho * beam.section.A
-    rho_I = beam.rotary_inertia(I)
-    m = rho_A * np.einsum("iq,jq,q->ij", v, v, w) + rho_I * np.einsum(
-        "iq,jq,q->ij", rotation, rotation, w
-    )
+    section = beam.section
+    inertia = np.diag([section.A * beam.rho] * 3 + [0.0] * 3)
+    inertia[3, 3] = beam.rho * (section.I + section.side)
+    inertia[4, 4] = beam.rotary_inertia(section.side)
+    inertia[5, 5] = beam.rotary_inertia(section.I)
 
-    return k, m
+    m = np.zeros((12, 12))
+    points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    for share, weight in zip((1 + points) / 2, weights / 2, strict=True):
+        left = _stiffness(beam, share * length)
+        right = _stiffness(beam, (1 - share) * length)
+        to_ends = np.hstack([left[6:, :6], right[:6, 6:]])
+        shapes = -np.linalg.solve(left[6:, 6:] + right[:6, :6], to_ends)
+        m += weight * length * shapes.T @ inertia @ shapes
+
+    return _stiffness(beam, length), m
+
+
+def _stiffness(beam: Beam, length: float) -> Array:
+    """Stiffness (12, 12) of a Timoshenko beam, from the flexibility of its end.
+
+    Przemieniecki, *Theory of Matrix Structural Analysis* (1968), chapter 5.
+    """
+    section = beam.section
+    flexibility = np.zeros((6, 6))
+    flexibility[0, 0] = length / (beam.E * section.A)
+    flexibility[3, 3] = length / (beam.G * section.torsion)
+
+    for (move, turn, sign), (I, shear) in zip(PLANES, section.planes, strict=True):  # noqa: E741
+        bending = length / (beam.E * I)
+        flexibility[turn, turn] = bending
+        flexibility[move, turn] = flexibility[turn, move] = sign * bending * length / 2
+        flexibility[move, move] = bending * length**2 / 3
+        if beam.shear:
+            flexibility[move, move] += length / (beam.G * section.A * shear)
+
+    # a rigid motion of the first end moves the other one without strain
+    carried = np.eye(6)
+    carried[:3, 3:] = -skew(np.array([length, 0.0, 0.0]))
+    strained = np.hstack([-carried, np.eye(6)])
+    return np.asarray(strained.T @ np.linalg.inv(flexibility) @ strained)
