@@ -22,7 +22,7 @@ from antiosc.base.texts import engineering, percent, plain, point_text
 from antiosc.fem.mesh.finer import near
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
-from antiosc.fields.margin import criteria_of, sizes_at_nodes
+from antiosc.fields.margin import UNRESOLVED, criteria_of, sizes_at_nodes
 from antiosc.fields.peaks import PeakField, peak_field
 from antiosc.impact.histories import History
 from antiosc.io.isolation import Refinement
@@ -159,26 +159,32 @@ def _wanted(fields: dict[str, PeakField], tol: float) -> list[Refinement]:
     wanted: list[Refinement] = []
     for field in fields.values():
         worst = field.worst_point
-        if max(bar(field)) > tol:
+        without = worst is not None and not worst.has_bar
+        if max(bar(field)) > tol or without:
             wanted += _places(field, tol)
-        elif worst is not None and worst.cells is not None:
+        if without and worst.cells is not None:
             wanted.append(worst.cells)
     return wanted
 
 
 def _places(field: PeakField, tol: float) -> list[Refinement]:
-    """The places of one field whose upper bounds are above the lower bound of the largest."""
+    """The places of one field whose upper bounds are above the tolerance, or are not reliable."""
     values, errors, counts = _counted(field)
-    lower = float((values - errors)[counts].max())
-    upper = np.where(counts, values + errors, 0.0)
-    open_to = counts & (upper > lower) & (errors > AIM * tol * values)
+    values = np.where(counts, values, 0.0)
+    errors = np.where(counts, errors, 0.0)
+    upper = values + errors
+    allowed = (1 + AIM * tol) * float(values.max())
+    open_to = (errors > UNRESOLVED * values) & (upper > (values - errors).max())
+    open_to |= upper > allowed
+    if bar(field)[0] > AIM * tol:
+        open_to[values.argmax()] = True
 
     # as many places along a fillet as it has cells: those between them become smaller too
     sizes = sizes_at_nodes(field.points, field._cells)
     places: list[Refinement] = []
     while open_to.any() and len(places) < MOST_PLACES:
         k = int(np.argmax(np.where(open_to, upper, 0.0)))
-        ratio = (AIM * tol * values[k] / errors[k]) ** (1 / POWER)
+        ratio = ((allowed - values[k]) / errors[k]) ** (1 / POWER)
         size = float(sizes[k] * np.clip(ratio, FINEST, COARSEST))
         places.append((tuple(field.points[k].tolist()), size))
         distance = np.linalg.norm(field.points - field.points[k], axis=1)
