@@ -15,10 +15,6 @@ This mode-acceleration form contains the whole quasi-static reaction, whatever t
 in u''. Over all supports the motions g add up to a rigid one, so that the reactions, the force and
 the inertia of the reduced motion balance to rounding. Dampers and branches add
 the work gᵀ(C u' + G ε).
-
-In a corner of more than 180° the stress grows as r^-0.46 at 270° (M. L. Williams, J. Appl. Mech. 19
-(1952) 526); the value on a mesh grows with every refinement. A fillet has a limit: its curved faces
-are tangent, and are told from an edge by the directions of the quadratic faces.
 """
 
 from __future__ import annotations
@@ -27,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,6 +52,7 @@ from antiosc.impact.histories.factors import (
     unit_energy_factors,
 )
 from antiosc.impact.histories.parts import BodyHistory
+from antiosc.io.neutral import CELLS, CORNERS, DIMENSION, FACES, outer_facets
 from antiosc.models.modal import superposed
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors
@@ -63,21 +60,6 @@ from antiosc.recovery.series import listing, write_frames
 from antiosc.reduce.extraction import statics
 from antiosc.reduce.site.site import Site
 
-#: Interior angle in degrees from which an edge is sharp; straight fillets of three cells have 210.
-SHARP = 215.0
-#: Corners of the outward faces of cells in VTK's order of nodes; of sheets the cells themselves.
-FACES: dict[str, list[list[int]]] = {
-    "triangle": [[0, 1, 2]],
-    "quad": [[0, 1, 2, 3]],
-    "tetra": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
-    "hexahedron": [
-        *([0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4]),
-        *([1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]),
-    ],
-}
-SOLIDS = ("tetra", "hexahedron")
-#: Middle nodes of the edges of a quadratic tetrahedron, in VTK's order.
-MIDDLES = {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9}
 #: A warning is given if the shapes of a model represent less than this share of the mass that the
 #: ground shakes.
 LEAST_CARRIED = 0.5
@@ -98,7 +80,14 @@ def without_unused(
 
 def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
     """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
-    faces = [_outer(kind.rstrip("0123456789"), cells) for kind, cells in blocks]
+    faces: list[IntArray] = []
+    for kind, cells in blocks:
+        shape = CELLS[kind][0]
+        if DIMENSION[shape] == 3:
+            faces.append(outer_facets(cells, FACES[shape]))
+        else:
+            faces.append(cells[:, : CORNERS[shape]])
+
     most = max(f.shape[1] for f in faces)
 
     visible = [f for f in faces if f.shape[1] >= min(most, 3)]
@@ -108,120 +97,6 @@ def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
         ]
 
     return np.vstack(visible)
-
-
-def _outer(kind: str, cells: IntArray) -> IntArray:
-    """Corners of the faces that belong to only one cell, for cells of one kind."""
-    if kind not in FACES:
-        return cells[:, : 2 if kind == "line" else 1]
-    faces = np.vstack([cells[:, face] for face in FACES[kind]])
-    return faces[_once(faces)] if kind in SOLIDS else faces
-
-
-def _once(faces: IntArray) -> IntArray:
-    """Numbers of the faces that no other has the corners of."""
-    _, first, count = np.unique(
-        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    return np.asarray(first[count == 1])
-
-
-class Skin(NamedTuple):
-    """The outer faces of a solid by their edges (E,); an edge between two faces has two rows.
-
-    `ends` (E, 2): nodes; `across` (E, 3): direction from the middle of the edge into the face;
-    `inward` (E, 3): from there to the middle of the cell.
-    """
-
-    ends: IntArray
-    across: Array
-    inward: Array
-
-
-def sharp_points(points: Array, cells: Sequence[tuple[str, IntArray]], spacing: float) -> Array:
-    """Points (n, 3) along the sharp inner edges of solids, at most `spacing` [m] apart."""
-    # each rank has its own copy of the nodes that it shares
-    points, number = np.unique(points, axis=0, return_inverse=True)
-    found = [np.zeros((0, 3))]
-    for kind, nodes in cells:
-        name = kind.rstrip("0123456789")
-        if name not in SOLIDS:
-            continue
-        sharp = _sharp(points, _skin(points, name, number.ravel()[nodes]))
-        start, end = np.moveaxis(points[sharp], 1, 0)
-        longest = np.linalg.norm(end - start, axis=1).max(initial=0.0)
-        share = np.linspace(0.0, 1.0, 2 + int(longest / spacing))[:, None, None]
-        found.append(np.unique((start + (end - start) * share).reshape(-1, 3), axis=0))
-
-    return np.concatenate(found)
-
-
-def _skin(points: Array, kind: str, cells: IntArray) -> Skin:
-    """The outer faces of cells of one kind."""
-    faces = np.concatenate([cells[:, face] for face in FACES[kind]])
-    outer = _once(faces)
-    number, cell = np.divmod(outer, len(cells))
-    centres = points[cells[cell]].mean(axis=1)
-
-    ends, across, inward = [], [], []
-    size = faces.shape[1]
-    for k, local in enumerate(FACES[kind]):
-        rows = np.flatnonzero(number == k)
-        nodes = cells[cell[rows]]
-        for i in range(size):
-            edge = local[i], local[(i + 1) % size]
-            others = [c for c in local if c not in edge]
-            start = _middle(points, nodes, edge)
-            ends.append(np.sort(nodes[:, list(edge)], axis=1))
-            across.append(_across(points, nodes, edge, others))
-            inward.append(centres[rows] - start)
-
-    return Skin(np.concatenate(ends), np.concatenate(across), np.concatenate(inward))
-
-
-def _middle(points: Array, nodes: IntArray, edge: tuple[int, int]) -> Array:
-    """Middles (n, 3) of an edge of cells: their middle nodes if they have them."""
-    pair = (min(edge), max(edge))
-    if nodes.shape[1] == 10:
-        return points[nodes[:, MIDDLES[pair]]]
-    return points[nodes[:, list(pair)]].mean(axis=1)
-
-
-def _across(points: Array, nodes: IntArray, edge: tuple[int, int], others: list[int]) -> Array:
-    """Derivatives (n, 3) of the place in a face, from the middle of an edge away from it."""
-    a, b = (points[nodes[:, end]] for end in edge)
-    if len(others) == 2:
-        return points[nodes[:, others]].mean(axis=1) - (a + b) / 2
-
-    c = points[nodes[:, others[0]]]
-    ab, bc, ca = (
-        _middle(points, nodes, pair) for pair in (edge, (edge[1], others[0]), (others[0], edge[0]))
-    )
-
-    return 2 * (bc + ca - ab) - c - (a + b) / 2
-
-
-def _sharp(points: Array, skin: Skin) -> IntArray:
-    """Nodes (E, 2) of the edges whose two faces stand at more than `SHARP` inside the solid."""
-    order = np.lexsort(skin.ends.T)
-    ends = skin.ends[order]
-    starts = np.flatnonzero(np.append(True, (np.diff(ends, axis=0) != 0).any(axis=1)))
-    starts = starts[np.diff(np.append(starts, len(ends))) == 2]
-    one, other = order[starts], order[starts + 1]
-
-    along = points[skin.ends[one, 1]] - points[skin.ends[one, 0]]
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    first, second, inner = (
-        rows - np.einsum("ei,ei->e", rows, along)[:, None] * along
-        for rows in (skin.across[one], skin.across[other], skin.inward[one])
-    )
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    inner -= np.einsum("ei,ei->e", inner, first)[:, None] * first
-    inner /= np.linalg.norm(inner, axis=1, keepdims=True)
-
-    sine, cosine = np.einsum("ei,ei->e", second, inner), np.einsum("ei,ei->e", second, first)
-    angle = np.degrees(np.arctan2(sine, cosine)) % 360.0
-    return skin.ends[one[angle > SHARP]]
 
 
 @collective()

@@ -28,6 +28,7 @@ from antiosc.base.stresses import (
     tension,
 )
 from antiosc.base.texts import Completed, ReprMixin, engineering, point_text as placed
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import collective
 from antiosc.fem.prestress import Prestress
 from antiosc.fem.structure.structure import Structure
@@ -35,7 +36,6 @@ from antiosc.fields import margin
 from antiosc.fields.fields import (
     outer_faces,
     shapes_of,
-    sharp_points,
     tensors_at_nodes,
     without_unused,
 )
@@ -321,7 +321,7 @@ def peak_field(
     points, cells, moved = source(structure).at_nodes(structure, shapes, part)
     zones = Zones()
     if recovered == "stress":
-        zones = _zones(structure, part, contacts, r0, (points, cells, moved))
+        zones = _zones(structure, part, contacts, r0, points[~moved.any(axis=(1, 2))])
     counts = ~(zones.at_contacts(points) | zones.at_edges(points))
 
     # the largest values of all nodes
@@ -485,7 +485,7 @@ def _zones(
     part: str | None,
     contacts: Sequence[ContactZone],
     r0: float | None,
-    nodes: tuple[Array, list[tuple[str, IntArray]], Array],
+    held: Array,
 ) -> Zones:
     """What is not judged: edges of solids alone, and no contacts on beams, which are exact."""
     families = source(structure).families(structure, part)
@@ -496,14 +496,14 @@ def _zones(
         thickness = max(getattr(material, "thickness", 0.0) for material in materials)
         return Zones([zone._replace(thickness=thickness) for zone in contacts])
 
-    points, cells, moved = nodes
-    held = ~moved.any(axis=(1, 2))
-    points, cells, held = structure.comm.bcast((points, cells, held), root=0)
+    held = structure.comm.bcast(held, root=0)
     half = source(structure).half_thickness(structure, part)
     if not half:
         return Zones(contacts)
-    edges = sharp_points(points, cells, half / 4)
-    return Zones(contacts, edges, points[held], half if r0 is None else r0)
+    from antiosc.reduce.site.surface import inner_points  # needs dolfinx
+
+    edges = inner_points(with_parts(structure), part, half / 4)
+    return Zones(contacts, edges, held, half if r0 is None else r0)
 
 
 def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zones) -> PeakField:

@@ -17,7 +17,7 @@ from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.isolation import Request
-from antiosc.io.neutral import FACETS, FileMesh, IntArray, Names, Piece, connected
+from antiosc.io.neutral import FACETS, FileMesh, IntArray, Names, Piece, connected, outer_facets
 
 #: Endings of such files.
 SURFACES = (".stl", ".obj", ".ply", ".off")
@@ -371,10 +371,7 @@ def by_ftetwild(ask: Request) -> FileMesh:
     x = points[cells]
     turned = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
     cells[turned] = cells[turned][:, [1, 0, 2, 3]]
-    faces = np.vstack([cells[:, list(side)] for side in FACETS["tetrahedron"]])
-    ordered = np.sort(faces, axis=1)
-    _, first, uses = np.unique(ordered, axis=0, return_index=True, return_counts=True)
-    outer = faces[first[uses == 1]]  # of the side of the nearest triangle
+    outer = outer_facets(cells, FACETS["tetrahedron"])  # of the side of the nearest triangle
     nearest = cKDTree(corners.mean(axis=1)).query(points[outer].mean(axis=1))[1]
     side = surface.sides()[nearest]
     groups = {f"face {k + 1}": {"triangle": np.flatnonzero(side == k)} for k in np.unique(side)}

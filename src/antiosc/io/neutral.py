@@ -70,14 +70,14 @@ EDGES: dict[str, tuple[tuple[int, int], ...]] = {
         *((0, 4), (1, 5), (2, 6), (3, 7)),
     ),
 }
-#: Corners of the faces, around each.
+#: Corners of the faces, around each, seen from outside.
 FACES: dict[str, tuple[tuple[int, ...], ...]] = {
-    "tetra": ((0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)),
-    "pyramid": ((0, 1, 2, 3), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
-    "wedge": ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
+    "tetra": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
+    "pyramid": ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
+    "wedge": ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
     "hexahedron": (
         *((0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4)),
-        *((3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7)),
+        *((3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7)),
     ),
 }
 
@@ -337,6 +337,27 @@ class UnitSystem:
     def density(self) -> float:
         """Unit of density, kg/m³."""
         return self.mass / self.length**3
+
+
+def keys(rows: NDArray[Any]) -> NDArray[np.uint64]:
+    """A hash of each row, whatever the order of its entries; equal by chance with 1e-19."""
+    mixed = np.zeros(len(rows), dtype=np.uint64)
+
+    with np.errstate(over="ignore"):
+        for column in np.sort(rows, axis=1).T:
+            mixed = (mixed ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(29)
+            mixed *= np.uint64(0xBF58476D1CE4E5B9)
+            mixed ^= mixed >> np.uint64(32)
+
+    return mixed
+
+
+def outer_facets(cells: NDArray[Any], sides: Sequence[Sequence[int]]) -> NDArray[Any]:
+    """Facets (n, vertices) of only one of the cells; `sides`: corners of those of a cell."""
+    facets = np.vstack([cells[:, list(side)] for side in sides])
+    _, first, count = np.unique(keys(facets), return_index=True, return_counts=True)
+    return facets[first[count == 1]]
 
 
 def connected(tables: Iterable[IntArray], count: int) -> IntArray:

@@ -38,6 +38,8 @@ from antiosc.io.neutral import (
     Term,
     UnitSystem,
     connected,
+    keys,
+    outer_facets,
 )
 
 #: Dimension, group or groups whose cells make the mesh.
@@ -187,20 +189,6 @@ def _counted(counts: Mapping[str, int]) -> str:
     return " and ".join(f"{n} {_NOUNS[KINDS[k].dim]} ({k})" for k, n in counts.items() if n)
 
 
-def keys(rows: IntArray) -> NDArray[np.uint64]:
-    """A hash of each row, whatever the order of its entries; equal by chance with 1e-19."""
-    mixed = np.zeros(len(rows), dtype=np.uint64)
-
-    with np.errstate(over="ignore"):
-        for column in np.sort(rows, axis=1).T:
-            mixed = (mixed ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
-            mixed ^= mixed >> np.uint64(29)
-            mixed *= np.uint64(0xBF58476D1CE4E5B9)
-            mixed ^= mixed >> np.uint64(32)
-
-    return mixed
-
-
 def positions(rows: NDArray[Any], among: NDArray[Any]) -> IntArray:
     """Index (n,) of each row in `among`, whatever the order of its entries; -1 if absent."""
     if not len(among):
@@ -216,18 +204,11 @@ def _add(raw: RawMesh, group: str, dim: int, entities: IntArray) -> None:
     parts[dim] = np.vstack([parts[dim], entities]) if dim in parts else entities
 
 
-def outer_facets(raw: RawMesh) -> IntArray:
-    """Facets (n, vertices) of only one cell."""
-    if raw.kind.dim < 2:
-        return raw.cells[:0]
-    facets = np.vstack([raw.cells[:, list(f)] for f in FACETS[raw.kind.shape]])
-    _, first, count = np.unique(keys(facets), return_index=True, return_counts=True)
-    return facets[first[count == 1]]
-
-
 def _add_node_sets(raw: RawMesh, node_sets: Rows) -> None:
     """Add node sets as facets that they span, with their mid-side nodes, and other vertices."""
-    outer = outer_facets(raw)
+    outer = raw.cells[:0]
+    if raw.kind.dim > 1:
+        outer = outer_facets(raw.cells, FACETS[raw.kind.shape])
     is_vertex = np.zeros(len(raw.points), dtype=bool)
     is_vertex[raw.cells[:, : raw.kind.vertices]] = True
     for group, nodes in node_sets.items():

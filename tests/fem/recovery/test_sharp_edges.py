@@ -10,8 +10,8 @@ import parts
 from antiosc.extension import longest_cell
 from antiosc.fem.mesh.surface import measures
 from antiosc.fem.platform import compat
-from antiosc.fields.fields import sharp_points
 from antiosc.recovery import source
+from antiosc.reduce.site.surface import inner_points
 from static_loads import held
 
 pytestmark = pytest.mark.fem
@@ -95,9 +95,8 @@ def test_the_sharp_edge_of_an_angle_is_its_inner_one_and_a_fillet_is_none(tmp_pa
 
 def edges_of(part):
     """(points of sharp edges, volume over surface) of a part."""
-    points, cells, _ = source(part).at_nodes(part, np.ones((part.rows, 1)))
     length = source(part).half_thickness(part)
-    return sharp_points(points, cells, length / 4), length
+    return inner_points(part.matrices, None, length / 4), length
 
 
 @pytest.mark.parametrize("kind", ["tetrahedron", "hexahedron"])

@@ -37,6 +37,8 @@ from antiosc.models.body import Body
 #: Least angle between the normals of two faces whose common edge is a sharp edge of the part
 #: [degree].
 SHARP_ANGLE = 40.0
+#: Interior angle in degrees from which an edge is sharp; straight fillets of three cells have 210.
+INNER_ANGLE = 215.0
 #: Nodes of a fit of nine coefficients; twice as many give its uncertainty.
 NODES = 24
 #: Coefficients of a fit.
@@ -97,19 +99,41 @@ class Patch:
         """Mask (n,) of the faces on which the point lies."""
         return np.asarray(self.gap <= self.gap.min() + TOUCH * self.sides.max(axis=1))
 
-    def surfaces(self, sheet: bool) -> IntArray:
-        """Number (n,) of the smooth surface to which each face belongs."""
+    @cached_property
+    def pairs(self) -> IntArray:
+        """Numbers (k, 2) of the sides, counted through all faces, that coincide."""
         ends = np.stack([self.numbers, np.roll(self.numbers, -1, axis=1)], axis=2)
         _, side = np.unique(np.sort(ends.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
         order = np.argsort(side.ravel(), kind="stable")
         coincident = np.flatnonzero(np.diff(side.ravel()[order]) == 0)
-        pairs = np.column_stack([order[coincident], order[coincident + 1]])
+        return np.column_stack([order[coincident], order[coincident + 1]])
 
-        normals = self.normals.reshape(-1, 3)[pairs]
-        cosine = np.einsum("nd,nd->n", normals[:, 0], normals[:, 1])
-        smooth = (np.abs(cosine) if sheet else cosine) > np.cos(np.radians(SHARP_ANGLE))
+    @cached_property
+    def cosines(self) -> Array:
+        """Cosines (k,) between the normals of the two faces of each of the `pairs`."""
+        normals = self.normals.reshape(-1, 3)[self.pairs]
+        return np.asarray(np.einsum("nd,nd->n", normals[:, 0], normals[:, 1]))
+
+    def surfaces(self, sheet: bool) -> IntArray:
+        """Number (n,) of the smooth surface to which each face belongs."""
+        cosines = np.abs(self.cosines) if sheet else self.cosines
+        smooth = cosines > np.cos(np.radians(SHARP_ANGLE))
         count, corners = self.numbers.shape
-        return connected([pairs[smooth] // corners], count)
+        return connected([self.pairs[smooth] // corners], count)
+
+    def inner_edges(self) -> Array:
+        """Ends (e, 2, 3) of the sides whose faces stand at `INNER_ANGLE` or more in the solid."""
+        ends = np.stack([self.corners, np.roll(self.corners, -1, axis=1)], axis=2)
+        across = np.cross(self.normals, ends[:, :, 1] - ends[:, :, 0])
+        inward = self.corners.mean(axis=1)[:, None] - self.middles
+        across *= np.sign(np.einsum("nvd,nvd->nv", across, inward))[:, :, None]
+
+        # seen from the second face, the first one rises along an inner edge
+        first, second = self.pairs.T
+        normals = self.normals.reshape(-1, 3)
+        rise = np.einsum("nd,nd->n", across.reshape(-1, 3)[first], normals[second])
+        sharp = (rise > 0) & (self.cosines < np.cos(np.radians(INNER_ANGLE - 180)))
+        return np.asarray(ends.reshape(-1, 2, 3)[first[sharp]])
 
     def nodes(self) -> Array:
         """Nodes on the surface (k, 3) [m]: vertices, and mid-side nodes of curved sides."""
@@ -157,8 +181,6 @@ def _patch(faces: Faces, point: Array) -> Patch:
     near_faces = np.flatnonzero(distances <= min(nearest) + faces.radii)
     largest = max(comm.allgather(float(faces.radii[near_faces].max(initial=0.0))))
     facets = np.flatnonzero(distances <= min(nearest) + FACES_WIDE * largest)
-    tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
-    corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
     xi = projected(
         lambda k, xi: faces.at(facets[k], xi),
         np.tile(point, (len(facets), 1)),
@@ -166,8 +188,13 @@ def _patch(faces: Faces, point: Array) -> Patch:
         affine=faces.affine,
     )
     nearest_points = faces.at(facets, clamped(xi, faces.simplex))[0]
-    gap = np.linalg.norm(nearest_points - point, axis=1)
+    return _gathered(faces, facets, nearest_points, np.linalg.norm(nearest_points - point, axis=1))
 
+
+def _gathered(faces: Faces, facets: IntArray, nearest: Array, gap: Array) -> Patch:
+    """Some faces of each rank as one patch, with their points `nearest` to a place."""
+    tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
     corner = tensor[corner_order]
     sides = (corner + np.roll(corner, -1, axis=0)) / 2
     values = [faces.across(facets, np.tile(side, (len(facets), 1))) for side in sides]
@@ -175,9 +202,32 @@ def _patch(faces: Faces, point: Array) -> Patch:
     numbers = np.asarray(faces.mesh.dolfinx.geometry.input_global_indices)
     numbers = numbers[faces.vertices[facets][:, corner_order]]
     corners = faces.corners[facets][:, corner_order]
-    here = numbers, corners, middles, normals, nearest_points, gap
-    patch = Patch(*(np.concatenate(rows) for rows in zip(*comm.allgather(here), strict=True)))
+    of_rank = numbers, corners, middles, normals, nearest, gap
+    of_ranks = zip(*faces.mesh.comm.allgather(of_rank), strict=True)
+    patch = Patch(*(np.concatenate(rows) for rows in of_ranks))
     return patch.only(np.unique(np.sort(patch.numbers, axis=1), axis=0, return_index=True)[1])
+
+
+def inner_points(matrices: MeshedParts, part: str | None, spacing: float) -> Array:
+    """Points (n, 3) along the sharp inner edges of solids, at most `spacing` [m] apart.
+
+    In a corner of more than 180° the stress grows as r^-0.46 at 270° (M. L. Williams, J. Appl.
+    Mech. 19 (1952) 526); the value on a mesh grows with every refinement. A fillet has a limit: its
+    curved faces are tangent, and are told from an edge by the normals of the quadratic faces.
+    """
+    found = [np.zeros((0, 3))]
+    for member in matrices.members(part):
+        faces = member.part.faces
+        if faces.sheet or faces.dim != 2:
+            continue
+        count = len(faces.facets)
+        skin = _gathered(faces, np.arange(count), faces.centres, np.zeros(count))
+        start, end = np.moveaxis(member.at.placed(skin.inner_edges()), 1, 0)
+        longest = np.linalg.norm(end - start, axis=1).max(initial=0.0)
+        share = np.linspace(0.0, 1.0, 2 + int(longest / spacing))[:, None, None]
+        found.append(np.unique((start + (end - start) * share).reshape(-1, 3), axis=0))
+
+    return np.concatenate(found)
 
 
 def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
@@ -277,12 +327,11 @@ def _fitted(nodes: Array, normal: Array) -> _Quadric:
 
     columns = [np.ones_like(u), u, v, u * u / 2, u * v, v * v / 2, u * w, v * w, w * w / 2]
     rows = weight[:, None] * np.column_stack(columns)
-    U, s, V = np.linalg.svd(rows, full_matrices=False)
-    inverse = np.where(s > RANK * s[0], 1 / np.maximum(s, np.finfo(float).tiny), 0.0)
-    c = V.T @ (inverse * (U.T @ (weight * w)))
+    inverse = np.linalg.pinv(rows, rcond=RANK)
+    c = inverse @ (weight * w)
     residual = rows @ c - weight * w
     variance = float(residual @ residual) / max(len(nodes) - len(c), 1)
-    spread = np.sqrt(variance * ((V.T * inverse) ** 2).sum(axis=1))[3:6]
+    spread = np.sqrt(variance * (inverse**2).sum(axis=1))[3:6]
 
     # principal curvatures: the Hessian of the height over the slope, on the tangent plane
     H = np.array([[c[3], c[4], c[6]], [c[4], c[5], c[7]], [c[6], c[7], c[8]]])
@@ -309,24 +358,32 @@ SLOPE = 0.05
 STEEP = 0.3
 
 
-def largest_ball(
-    faces: Faces, point: Array, normal: Array, patch_radius: float
-) -> tuple[float, Array]:
-    """(radius [m], the point (3,) that a larger ball at a site meets); inf if there is none."""
-    r = faces.samples - point
-    distance = np.linalg.norm(r, axis=1)
-    mean = faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))] if r.size else 0
-    height = r @ normal - SLOPE * distance
-    near = np.where(height > STEEP * distance, BESIDE / 2, BESIDE) * max(patch_radius, float(mean))
-    touched = (height > 0) & (distance > near)
-    radii = np.where(touched, distance**2 / (2 * np.where(touched, height, 1.0)), np.inf)
-    ball = (np.inf, point)
-    if radii.size:
-        i = int(np.argmin(radii))
-        ball = float(radii[i]), faces.samples[i]
+def _largest_ball(
+    matrices: MeshedParts, at: Curvature, patch_radius: float
+) -> tuple[float, tuple[float, float, float] | None]:
+    """(radius [m] of the largest ball that touches there alone, the point that a larger one meets);
+    inf and None if there is none.
+    """
+    balls: list[tuple[float, tuple[float, float, float] | None]] = [(inf, None)]
+    for member in matrices.members():
+        faces, point = member.part.faces, member.at.own(at.point[None])[0]
+        if member.part.mesh.tdim < 2 or not len(faces.facets):
+            continue
+        size = float(faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))])
+        r = faces.samples - point
+        distance = np.linalg.norm(r, axis=1)
+        height = r @ (at.normal @ member.at.rotation) - SLOPE * distance
+        beside = np.where(height > STEEP * distance, BESIDE / 2, BESIDE)
+        near = beside * max(patch_radius, size)
+        touched = (height > 0) & (distance > near)
+        if touched.any():
+            radii = distance[touched] ** 2 / (2 * height[touched])
+            i = int(np.argmin(radii))
+            x, y, z = member.at.placed(faces.samples[touched][[i]])[0].tolist()
+            balls.append((float(radii[i]), (x, y, z)))
 
-    everywhere: list[tuple[float, Array]] = faces.mesh.comm.allgather(ball)
-    return min(everywhere, key=lambda found: found[0])
+    of_ranks = matrices.comm.allgather(min(balls, key=lambda ball: ball[0]))
+    return min(of_ranks, key=lambda ball: ball[0])
 
 
 def surface_at(
@@ -352,32 +409,12 @@ def surface_of(matrices: MeshedParts, place: Place, radius: float | None) -> Sur
         return _bar_surface(material, matter, radius)
 
     curved = _curvature(place)
-    surface = placed(curved, matter, _corner_radius(matrices), radius)
+    surface = placed(curved, matter, min(CORNER_RADIUS, matrices.dimensions[2] / 4), radius)
     if curved.kind in SHARP:
         return surface
 
-    ball_radius, second_contact = _room(matrices, curved, radius or 0.0)
+    ball_radius, second_contact = _largest_ball(matrices, curved, radius or 0.0)
     return replace(surface, largest_ball=ball_radius, meets=second_contact)
-
-
-def _room(
-    matrices: MeshedParts, curved: Curvature, near: float
-) -> tuple[float, tuple[float, float, float] | None]:
-    """(radius of the largest ball that touches there alone, the point that a larger one meets)."""
-    best = inf
-    second_contact = None
-    for member in matrices.members():
-        if member.part.mesh.tdim < 2:
-            continue
-        point = member.at.own(curved.point[None])[0]
-        normal = curved.normal @ member.at.rotation
-        radius, touched = largest_ball(member.part.faces, point, normal, near)
-        if radius < best:
-            best = radius
-            x, y, z = member.at.placed(touched[None])[0].tolist()
-            second_contact = (x, y, z)
-
-    return best, second_contact
 
 
 def curvature_at(
@@ -405,21 +442,15 @@ def _curvature(place: Place) -> Curvature:
     at = place.member.at
     along = place.direction if place.direction.any() else None
 
-    if part.kind.sheet and part.mesh.gdim == 2:
-        curved = _flat(place.point, along)
+    if part.kind.sheet and part.mesh.gdim == 2:  # in the plane z = 0, seen by the impactor
+        side = -1.0 if along is not None and along[2] > 0 else 1.0
+        curved = _plane(place.point * [1.0, 1.0, 0.0], np.array([0.0, 0.0, side]))
     else:
         curved = curvature(part.mesh, part.faces, place.point, along)
 
     if part.kind.sheet:
         curved = curved.beyond(place.material.section.thickness / 2)
     return curved.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
-
-
-def _flat(point: Array, along: Array | None) -> Curvature:
-    """The flat face of a sheet in the plane z = 0 on the side of the impactor."""
-    normal = np.array([0.0, 0.0, -1.0 if along is not None and along[2] > 0 else 1.0])
-    on_sheet = point * [1.0, 1.0, 0.0]
-    return Curvature(PLANE, np.zeros(2), 0.0, np.eye(3)[:2], on_sheet, normal)
 
 
 class PlaneOf(Body):
@@ -443,11 +474,6 @@ def flat_face(structure: Structure) -> Surface | None:
     if matter is None:
         return None
     return Surface(matter)
-
-
-def _corner_radius(matrices: MeshedParts) -> float:
-    """The radius that is assumed for sharp edges of a structure [m]."""
-    return float(min(CORNER_RADIUS, matrices.dimensions[2] / 4))
 
 
 def placed(curvature: Curvature, matter: Matter, corner: float, radius: float | None) -> Surface:
