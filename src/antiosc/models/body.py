@@ -272,6 +272,8 @@ class ModalModel(Body):
     local_compliance: float = 0.0
     radius: float | None = None
     stretch: Stretch | None = None
+    velocity: float | Motion = 0.0
+    gap: float = 0.0
 
     @property
     def patch_radius(self) -> float | None:
@@ -281,33 +283,6 @@ class ModalModel(Body):
         return self.modes
 
 
-class _UserBody(Body):
-    """A user's body: its checked attributes, with defaults for missing ones."""
-
-    def __init__(self, name: str, body: LinearBody) -> None:
-        self._body = body
-        self.velocity = getattr(body, "velocity", Body.velocity)
-        if not isinstance(self.velocity, Motion):
-            self.velocity = checks.number(f"the velocity of {name}", self.velocity, "m/s")
-
-        self.gap = checks.nonnegative(f"the gap of {name}", getattr(body, "gap", Body.gap), "m")
-        self.local_compliance = checks.nonnegative(
-            f"the local_compliance of {name}",
-            getattr(body, "local_compliance", Body.local_compliance),
-            "m/N",
-        )
-        self._radius: float | None = getattr(body, "radius", None)
-        if self._radius is not None:
-            self._radius = checks.positive(f"the radius of {name}", self._radius, "m")
-
-    @property
-    def patch_radius(self) -> float | None:
-        return self._radius
-
-    def modal(self) -> ModalBody:
-        return self._body.modal()
-
-
 def checked_body(name: str, body: object) -> Body:
     """`body` as a `Body` of one contact point, with defaults for a user's, or InputError."""
     if isinstance(body, Body):
@@ -315,12 +290,29 @@ def checked_body(name: str, body: object) -> Body:
             raise InputError(several_sites_message(name, body.sites))
         return body
     if isinstance(body, LinearBody) and not isinstance(body, type) and callable(body.modal):
-        return _UserBody(name, body)
+        return _with_defaults(name, body)
 
     raise InputError(
         f"{name} must have a modal() method, as the model that extract(part, site) makes, a "
         f"RigidMass and a Sphere have; got {checks.shown(body)}."
     )
+
+
+def _with_defaults(name: str, body: LinearBody) -> ModalModel:
+    """A user's body with its checked attributes, and defaults for missing ones."""
+    velocity = getattr(body, "velocity", Body.velocity)
+    if not isinstance(velocity, Motion):
+        velocity = checks.number(f"the velocity of {name}", velocity, "m/s")
+
+    units = {"gap": "m", "local_compliance": "m/N"}
+    known: dict[str, Any] = {
+        key: checks.nonnegative(f"the {key} of {name}", getattr(body, key, 0.0), unit)
+        for key, unit in units.items()
+    }
+    radius = getattr(body, "radius", None)
+    if radius is not None:
+        known["radius"] = checks.positive(f"the radius of {name}", radius, "m")
+    return ModalModel(body.modal(), velocity=velocity, **known)
 
 
 def site_points(body: object) -> dict[str, tuple[float, ...]]:
