@@ -44,26 +44,25 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
     p, hidden = model.n_sites, model.hidden_count
     of_lambda, to_shapes = _coordinates(model)
 
-    coupled = isinstance(model.damping, DampingMatrix)
-    if model.sites or coupled:
+    if model.sites or isinstance(model.damping, DampingMatrix):
         found = _damped_modes(model)
-        in_space = _with_hidden(found.shape, hidden)
         shape, residual = of_lambda @ found.shape, of_lambda @ found.residual
     else:
         found = _modes_at_one_site(model)
-        in_space, shape, residual = None, found.shape, found.residual
+        shape, residual = found.shape, found.residual
 
     # with the hidden motions
     shape = _with_hidden(shape, hidden)
     residual = np.vstack((residual, np.zeros((hidden, p))))
     omega = np.concatenate((np.zeros(hidden), found.omega))
-    decay, damping = _damping_of(model, omega, in_space)
+    decay = damping = None
+    if isinstance(model.damping, DampingMatrix):
+        damping = in_coordinates(model.damping, _with_hidden(found.shape, hidden))
+    elif model.damping is not None:
+        decay = model.damping.decay(omega)
 
     # what the body carries
-    if hidden:
-        from scipy.linalg import block_diag  # takes long to load
-
-        to_shapes = block_diag(to_shapes, np.eye(hidden))
+    to_shapes = np.roll(_with_hidden(to_shapes, hidden), -hidden, axis=1)  # these last
     inertia = weight = None
     if model.inertia is not None:
         inertia = model.inertia.along((to_shapes @ shape).T @ model.inertia.momentum)
@@ -71,6 +70,7 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
         weight = shape[: len(model.participation)].T @ model.participation
     if inertia is not None and model.direction is not None and not model.sites:
         weight = inertia.momentum[:, :3] @ model.direction
+    blocks = (model.shapes, model.hidden)[: 1 + (hidden > 0)]
 
     known: dict[str, Any] = {
         "omega": omega,
@@ -79,7 +79,7 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
         "weight": weight,
         "shape": shape,
         "inertia": inertia,
-        "basis": _basis(model),
+        "basis": None if any(block is None for block in blocks) else blocks,
     }
     if not model.sites:
         return unchecked_body(
@@ -109,11 +109,9 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
 
 def _with_hidden(shape: Array, hidden: int) -> Array:
     """Modes (size + hidden, hidden + J) with the hidden motions first."""
-    if not hidden:
-        return shape
-    from scipy.linalg import block_diag
-
-    return np.roll(block_diag(shape, np.eye(hidden)), hidden, axis=1)
+    padded = np.pad(shape, ((0, hidden), (hidden, 0)))
+    padded[len(shape) :, :hidden] = np.eye(hidden)
+    return padded
 
 
 def _coordinates(model: Parameters) -> tuple[Array, Array]:
@@ -149,15 +147,6 @@ def _modes_at_one_site(model: Parameters) -> ReducedModes:
     return ReducedModes(np.sqrt(x), shape if group is None else shape[group], residual)
 
 
-def _basis(model: Parameters) -> tuple[Array, ...] | None:
-    """The shapes, then the hidden motions; None if any is unknown."""
-    blocks = (model.shapes, model.hidden) if model.hidden_count else (model.shapes,)
-    known_blocks = tuple(block for block in blocks if block is not None)
-    if len(known_blocks) == len(blocks):
-        return known_blocks
-    return None
-
-
 def _damped_modes(model: Parameters) -> ReducedModes:
     """As `reduced_modes`; a damped massless site gets a little mass."""
     m0, P = model.m0_matrix, model.inertias
@@ -172,16 +161,6 @@ def _damped_modes(model: Parameters) -> ReducedModes:
         m0 = m0 + np.diag(np.where((acted > 0) & (m0.diagonal() < floor), floor, 0.0))
 
     return reduced_modes(model.k0_matrix, m0, P, model.omega, model.rigid_modes)
-
-
-def _damping_of(
-    model: Parameters, omega: Array, shape: Array | None
-) -> tuple[Array | None, DampingMatrix | None]:
-    """(decays, damping matrix) of modes (size, J) in u, eta, hidden motions; at most one known."""
-    damping = model.damping
-    if isinstance(damping, DampingMatrix):
-        return None, None if shape is None else in_coordinates(damping, shape)
-    return None if damping is None else damping.decay(omega), None
 
 
 @dataclass(frozen=True)
