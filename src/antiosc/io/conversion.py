@@ -150,7 +150,7 @@ class NodeTable:
         #: weights of the middles of pairs that are set, and the row of each
         self._places = PairTable(len(points))
         self._placed = self.weights[:0]
-        self._faces: dict[bytes, int] = {}
+        self._faces = PairTable(len(points))  # by the diagonal from the lowest corner
 
     @property
     def count(self) -> int:
@@ -197,14 +197,12 @@ class NodeTable:
 
     def of_face(self, corners: IntArray, weights: csr_matrix) -> IntArray:
         """Nodes (n,) inside faces with corners (n, 4); new ones get these weights."""
-        ordered = np.ascontiguousarray(np.sort(corners, axis=1))
-        _, first, face_index = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
-        keys = [ordered[k].tobytes() for k in first]
-        missing = np.flatnonzero([key not in self._faces for key in keys])
-        for k, node in zip(missing, self.new(weights[first[missing]]), strict=True):
-            self._faces[keys[k]] = int(node)
-        nodes = np.array([self._faces[key] for key in keys], dtype=np.int64)
-        return nodes[np.ravel(face_index)]
+        opposite = corners.argmin(axis=1)[:, None] + np.array([0, 2])
+        ends = np.take_along_axis(corners, opposite % 4, axis=1)  # the same in two cells
+        absent = np.flatnonzero(self._faces.find(ends) < 0)
+        _, one = np.unique(ends[absent], axis=0, return_index=True)
+        self._faces.add(ends[absent[one]], self.new(weights[absent[one]]))
+        return self._faces.find(ends)
 
 
 class PairTable:
