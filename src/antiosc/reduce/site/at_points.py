@@ -89,9 +89,8 @@ def before_joining(
         struck = [sites[k] for k in of_part]
         found = _on_mesh(part, struck, places)
         warn_of_doubts(part, found)
-        functionals = _site_functionals(part, struck, places, found)
-        for k, place, functional in zip(of_part, places, functionals, strict=True):
-            by_site[k] = _on_whole(structure, place, functional)
+        functionals = _site_functionals(structure, part, struck, places, found)
+        by_site.update(zip(of_part, functionals, strict=True))
 
     return [by_site[k] for k in range(len(sites))]
 
@@ -123,25 +122,6 @@ def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | Poin
         found.update(zip(numbers, places, strict=True))
 
     return [found[k] for k in range(len(sites))]
-
-
-def _on_whole(structure: MeshedParts, place: Place, functional: Functional) -> Functional:
-    """The functional of a part with its load vectors on all dofs of the structure."""
-    assert functional.point is not None
-    assert functional.directions is not None
-    member = place.member
-    B = functional.B
-    if structure.assembled:
-        B = np.zeros((algebra.size(structure.K), B.shape[1]))  # u and q have as many dofs
-        B[member.rows] = functional.B
-
-    return replace(
-        functional,
-        B=B,
-        point=place.placed,
-        directions=functional.directions @ member.at.rotation.T,
-        place=replace(place, direction=functional.directions[0]),
-    )
 
 
 def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) -> Functional:
@@ -227,34 +207,43 @@ def _leaving(
 
 
 def _site_functionals(
-    structure: MeshedStructure, sites: Sequence[Site], places: Sequence[Place], found: Sites
+    matrices: MeshedParts,
+    part: MeshedStructure,
+    sites: Sequence[Site],
+    places: Sequence[Place],
+    found: Sites,
 ) -> list[Functional]:
-    """The load vectors and patch data of each site."""
+    """The load vectors of sites of a part on all dofs, and the data of their patches."""
     columns, axes = [found.loads], [found.directions]
 
     if found.weighted is not None and any(site.tangential for site in sites):
-        for across in tangents(found.directions, "z" not in structure.form.components):
-            B = loads(structure.comm, structure.form, found.weighted, across)
-            free = structure.joined(B)
-            is_movable = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, B)
+        for across in tangents(found.directions, "z" not in part.form.components):
+            B = loads(part.comm, part.form, found.weighted, across)
+            free = part.joined(B)
+            is_movable = sums(part, free) > LEAST_FREE_SHARE * sums(part, B)
             columns.append((free @ scipy.sparse.diags(is_movable.astype(float))).tocsr())
             axes.append(across)
 
     # computed here, since all ranks must take part
-    low, high = structure.mesh.box
-    thickness = structure.dimensions[2]
+    low, high = part.mesh.box
+    thickness = part.dimensions[2]
     functionals = []
     for i, (site, place) in enumerate(zip(sites, places, strict=True)):
         count = len(columns) if site.tangential else 1
         directions = np.array([of_sites[i] for of_sites in axes[:count]])
+        B = np.hstack([column[:, [i]].toarray() for column in columns[:count]])
+        if matrices.assembled:
+            of_part, B = B, np.zeros((algebra.size(matrices.K), count))  # of q, as many as of u
+            B[place.member.rows] = of_part
         functionals.append(
             Functional(
-                np.hstack([column[:, [i]].toarray() for column in columns[:count]]),
+                B,
                 None if np.isnan(found.radii[i]) else float(found.radii[i]),
                 float(found.local[i]),
-                found.points[i],
-                directions,
-                cell_and_waves(structure, place.nearest, directions[0], high - low, thickness),
+                place.placed,
+                directions @ place.member.at.rotation.T,
+                cell_and_waves(part, place.nearest, directions[0], high - low, thickness),
+                replace(place, direction=directions[0]),
             )
         )
 
