@@ -28,7 +28,7 @@ from antiosc.models.free_modes import RESIDUAL_ROUNDING, UNOBSERVABLE, shares_of
 from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.recovery import source
 from antiosc.recovery.series import write_vtu_file
-from antiosc.reduce.extraction import SiteShapes, site_shapes, statics
+from antiosc.reduce.extraction import site_shapes, statics
 from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
 from antiosc.reduce.extraction.model import (
     DEFAULT_COUNT,
@@ -39,7 +39,7 @@ from antiosc.reduce.extraction.model import (
     weights_of,
 )
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.site import Functional, Site
+from antiosc.reduce.site.site import Site
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -265,25 +265,19 @@ def superposition(
     InputError, NotConvergedError, AccuracyError
         As `extract`.
     """
-    _check_arguments(structure, site)
     n = whole("n", n)
     flag("static_correction", static_correction)
     checked_damping = as_damping(damping)
+    at_site = _AtSite(structure, site)
     if n > structure.dofs:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
-    site_load = functional(structure, site)
-    structure.factorize(AS_SITES)
-    static = site_shapes(structure, site_load.b[:, None])
-
-    def visible_of(modes: Modes) -> Modes:
-        """The modes that move the site."""
-        return _observable_modes(structure, site_load, static, modes, COUNTED)
 
     solver = ModeSolver(structure)
     most = SEARCHED * (n + DEFAULT_COUNT)
-    modes = solver.lowest(n + 2, lambda modes: len(visible_of(modes).omega) >= n, most)
-
-    visible = visible_of(modes)
+    modes = solver.lowest(
+        n + 2, lambda modes: len(at_site.observable(modes, COUNTED).omega) >= n, most
+    )
+    visible = at_site.observable(modes, COUNTED)
     if len(visible.omega) < n and not modes.complete:
         message = (
             f"only {len(visible.omega)} of the first {len(modes.omega)} modes are observable at "
@@ -293,8 +287,7 @@ def superposition(
 
     selected = Modes(visible.omega[:n], visible.phi[:, :n], len(visible.omega) <= n)
     all_kept = selected.complete and len(modes.omega) == solver.limit
-    correction = static_correction and not all_kept
-    return _model(structure, site_load, static, selected, correction, checked_damping)
+    return at_site.model(selected, static_correction and not all_kept, checked_damping)
 
 
 @collective()
@@ -315,7 +308,7 @@ def full(
     InputError
         More dofs than a dense eigensolver can treat; several MPI ranks.
     """
-    _check_arguments(structure, site)
+    instance("structure", structure, Structure, "a Structure")
     if structure.dofs > DENSE_MANY or structure.comm.size > 1:
         raise InputError(
             "full() computes all modes of the structure by a dense eigensolver on one rank: at "
@@ -324,116 +317,103 @@ def full(
         )
 
     checked_damping = as_damping(damping)
-    site_load = functional(structure, site)
-    static = site_shapes(structure, site_load.b[:, None])
+    at_site = _AtSite(structure, site)
     solver = ModeSolver(structure)
     modes = solver.lowest(structure.dofs)
-    visible = _observable_modes(structure, site_load, static, modes, UNOBSERVABLE)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
-    model = _model(structure, site_load, static, visible, massless, checked_damping)
+    model = at_site.model(at_site.observable(modes, UNOBSERVABLE), massless, checked_damping)
     return replace(model, info=model.info.having(method="full"))
 
 
-def _check_arguments(structure: Structure, site: Site) -> None:
-    instance("structure", structure, Structure, "a Structure")
-    instance("site", site, Site, "a Site(point, direction)")
-    refuse_dampers(structure, "a model of natural modes")
+class _AtSite:
+    """A structure without dampers at one site."""
 
+    def __init__(self, structure: Structure, site: Site) -> None:
+        instance("structure", structure, Structure, "a Structure")
+        instance("site", site, Site, "a Site(point, direction)")
+        refuse_dampers(structure, "a model of natural modes")
+        self._structure = structure
+        self._comm = structure.comm
+        self._where = functional(structure, site)
+        structure.factorize(AS_SITES)
+        self._static = static = site_shapes(structure, self._where.b[:, None])
 
-def _observable_modes(
-    structure: Structure, where: Functional, static: SiteShapes, modes: Modes, tol: float
-) -> Modes:
-    """The modes above the share `tol`, the rigid-body one first, equal frequencies merged."""
-    check_modes(structure, modes)
-    b = dot(structure.comm, modes.phi, where.b)
-    rigid, a = _rigid_modes(static)
-    moves_site = a != 0
-    shares = shares_of_receptance(np.append(a[moves_site].sum(), b), np.append(0.0, modes.omega**2))
-    visible = shares[1:] > tol
-    omega = modes.omega[visible]
-    b = b[visible]
-    phi = modes.phi[:, visible]
+        # M-orthonormal rigid-body modes (rows, r), displacements >= 0 of the site in them
+        a = np.append(static.rigid[0], np.zeros(static.nodal.shape[1]))
+        self._rigid = static.rigid_shapes * np.where(a < 0, -1.0, 1.0)
+        self._a = np.abs(a)
 
-    if len(omega):
-        start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
-        size = np.sqrt(np.add.reduceat(b**2, start))
-        phi = np.add.reduceat(phi * b, start, axis=1) / size
-        omega = omega[start]
+    def observable(self, modes: Modes, tol: float) -> Modes:
+        """The modes above the share `tol`, the rigid-body one first, equal frequencies merged."""
+        check_modes(self._structure, modes)
+        moves_site = self._a != 0
+        b = np.append(self._a.sum(), dot(self._comm, modes.phi, self._where.b))
+        shares = shares_of_receptance(b, np.append(0.0, modes.omega**2))
+        visible = shares[1:] > tol
+        omega = modes.omega[visible]
+        b = b[1:][visible]
+        phi = modes.phi[:, visible]
 
-    omega = np.append(np.zeros(int(moves_site.sum())), omega)
-    return Modes(omega, np.hstack([rigid[:, moves_site], phi]), modes.complete)
+        if len(omega):
+            start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
+            size = np.sqrt(np.add.reduceat(b**2, start))
+            phi = np.add.reduceat(phi * b, start, axis=1) / size
+            omega = omega[start]
 
+        omega = np.append(np.zeros(int(moves_site.sum())), omega)
+        return Modes(omega, np.hstack([self._rigid[:, moves_site], phi]), modes.complete)
 
-def _rigid_modes(static: SiteShapes) -> tuple[Array, Array]:
-    """(M-orthonormal rigid-body modes (rows, r), displacements >= 0 of the site in them)."""
-    a = np.append(static.rigid[0], np.zeros(static.nodal.shape[1]))
-    return static.rigid_shapes * np.where(a < 0, -1.0, 1.0), np.abs(a)
+    def model(self, modes: Modes, static_correction: bool, damping: Damping | None) -> NaturalModes:
+        """The model of the modes that move the site."""
+        structure, where = self._structure, self._where
+        b = np.asarray(dot(self._comm, modes.phi, where.b))
+        hidden = self._rigid[:, self._a == 0]
+        if structure.rigid_inertia is None:
+            hidden = hidden[:, :0]
+        phi = np.hstack([hidden, modes.phi])
+        omega = np.append(np.zeros(hidden.shape[1]), modes.omega)
 
+        basis: tuple[Array, ...] = (hidden, modes.phi)
+        r, shape, residual = 0.0, None, None
+        if static_correction:
+            r, deflection = self._left_out(modes, b)
+        if r > 0:  # the massless deflection is one more shape, its amplitude the force
+            basis = (*basis, deflection[:, None])
+            shape = np.eye(len(omega) + 1, len(omega))
+            residual = np.eye(len(omega) + 1)[-1]
 
-def _model(
-    structure: Structure,
-    where: Functional,
-    static: SiteShapes,
-    modes: Modes,
-    static_correction: bool,
-    damping: Damping | None,
-) -> NaturalModes:
-    """The model of the modes that move the site."""
-    b = np.asarray(dot(structure.comm, modes.phi, where.b))
-    rigid, a = _rigid_modes(static)
-    hidden = rigid[:, a == 0]
-    if structure.rigid_inertia is None:
-        hidden = hidden[:, :0]
-    phi = np.hstack([hidden, modes.phi])
-    omega = np.append(np.zeros(hidden.shape[1]), modes.omega)
+        load = None if where.direction is None else structure.uniform_inertia(where.direction)
+        body = ModalBody(
+            omega,
+            np.append(np.zeros(hidden.shape[1]), b),
+            r,
+            decay=None if damping is None else damping.decay(omega),
+            weight=None if load is None else np.asarray(dot(self._comm, phi, load)),
+            shape=shape,
+            residual=residual,
+            basis=basis,
+            direction=where.direction,
+            inertia=inertia_of(structure, phi),
+        )
+        info = UNKNOWN.having(
+            structure=structure.describe(),
+            dofs=structure.dofs,
+            method="superposition",
+            converged=len(modes.omega),
+            point=None if where.point is None else where.point.tolist(),
+        )
+        patch = where.local_compliance, where.radius
+        return NaturalModes(modes.omega, b, modes.phi, body, *patch, damping, info)
 
-    basis: tuple[Array, ...] = (hidden, modes.phi)
-    r, shape, residual = 0.0, None, None
-    if static_correction:
-        r, deflection = _left_out(structure, where, static, modes, b)
-    if r > 0:  # the massless deflection is one more shape, its amplitude the force
-        basis = (*basis, deflection[:, None])
-        shape = np.eye(len(omega) + 1, len(omega))
-        residual = np.eye(len(omega) + 1)[-1]
-
-    load = None if where.direction is None else structure.uniform_inertia(where.direction)
-    body = ModalBody(
-        omega,
-        np.append(np.zeros(hidden.shape[1]), b),
-        r,
-        decay=None if damping is None else damping.decay(omega),
-        weight=None if load is None else np.asarray(dot(structure.comm, phi, load)),
-        shape=shape,
-        residual=residual,
-        basis=basis,
-        direction=where.direction,
-        inertia=inertia_of(structure, phi),
-    )
-    info = UNKNOWN.having(
-        structure=structure.describe(),
-        dofs=structure.dofs,
-        method="superposition",
-        converged=len(modes.omega),
-        point=None if where.point is None else where.point.tolist(),
-    )
-
-    return NaturalModes(
-        modes.omega, b, modes.phi, body, where.local_compliance, where.radius, damping, info
-    )
-
-
-def _left_out(
-    structure: Structure, where: Functional, static: SiteShapes, modes: Modes, b: Array
-) -> tuple[float, Array]:
-    """(compliance, shape) of what the modes lack of the static deflection of a unit force."""
-    elastic = static.y[:, 0] / static.W[0, 0]
-    if structure.rigid_modes.shape[1]:
-        elastic = statics(structure, structure.factorize(), where.B)[:, 0]
-    compliance = float(dot(structure.comm, where.b, elastic))
-    modal_force = np.zeros_like(b)
-    is_elastic = modes.omega > 0
-    modal_force[is_elastic] = b[is_elastic] / modes.omega[is_elastic] ** 2
-    r = compliance - float(modal_force @ b)
-    if r <= RESIDUAL_ROUNDING * compliance:
-        return 0.0, np.zeros_like(elastic)
-    return r, elastic - modes.phi @ modal_force
+    def _left_out(self, modes: Modes, b: Array) -> tuple[float, Array]:
+        """(compliance, shape) of what the modes lack of the static deflection of a unit force."""
+        structure, where = self._structure, self._where
+        elastic = self._static.y[:, 0] / self._static.W[0, 0]
+        if structure.rigid_modes.shape[1]:
+            elastic = statics(structure, structure.factorize(), where.B)[:, 0]
+        compliance = float(dot(self._comm, where.b, elastic))
+        poles = np.where(modes.omega > 0, modes.omega, np.inf) ** 2
+        r = compliance - float(np.sum(b**2 / poles))
+        if r <= RESIDUAL_ROUNDING * compliance:
+            return 0.0, np.zeros_like(elastic)
+        return r, elastic - modes.phi @ (b / poles)
