@@ -17,7 +17,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import tomllib
 import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -266,22 +265,9 @@ def registered(group: str) -> tuple[metadata.EntryPoint, ...]:
 def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]:
     from importlib import metadata  # its modules for mails take 16 ms of each start
 
-    installed = [e for d in metadata.distributions(path=list(path)) for e in d.entry_points]
-    entries = dict.fromkeys(e for e in [*installed, *_of_source_tree(group)] if e.group == group)
+    installed = (e for d in metadata.distributions(path=list(path)) for e in d.entry_points)
+    entries = dict.fromkeys(entry for entry in installed if entry.group == group)
     return tuple(sorted(entries, key=lambda entry: entry.value.startswith(OWN)))
-
-
-def _of_source_tree(group: str) -> list[metadata.EntryPoint]:
-    """The entry points in pyproject.toml, if antiosc runs from its source tree."""
-    try:
-        text = Path(__file__).resolve().parents[3].joinpath("pyproject.toml").read_text("utf-8")
-        project = tomllib.loads(text).get("project", {})
-    except (OSError, ValueError):
-        return []
-    from importlib import metadata
-
-    groups = project.get("entry-points", {}) if project.get("name") == "antiosc" else {}
-    return [metadata.EntryPoint(name, to, group) for name, to in groups.get(group, {}).items()]
 
 
 def loaded(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
