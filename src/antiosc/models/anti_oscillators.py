@@ -267,9 +267,10 @@ def reduced_matrices(
     sites = len(stiffness)
 
     # the sites
-    of_sites = _as_list(range(1, sites + 1) if nodes is None else nodes)
-    numbers = [checks.whole("nodes", node, least=1) for node in of_sites]
-    components = [component_of(dof) for dof in _as_list(dofs)]
+    given = range(1, sites + 1) if nodes is None else nodes
+    of_nodes, of_dofs = (np.ravel(np.array(one, dtype=object)) for one in (given, dofs))
+    numbers = [checks.whole("nodes", node, least=1) for node in of_nodes]
+    components = [component_of(dof) for dof in of_dofs]
     components = components * sites if len(components) == 1 else components
     if len(numbers) != sites or len(components) != sites:
         raise InputError(
@@ -286,13 +287,6 @@ def reduced_matrices(
     if len(np.unique(labels, axis=0)) < len(K):
         raise InputError("nodes and dofs name one dof twice.")
     return ReducedMatrices(K, M, labels)
-
-
-def _as_list(value: object) -> list[object]:
-    """A list, tuple or range as a list; any other value as its only element."""
-    if isinstance(value, list | tuple | range):
-        return list(value)
-    return [value]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -165,7 +165,14 @@ def _at_points(
     found = places_at(members, points, np.tile(_in_space(direction), (len(points), 1)))
     size = float(np.linalg.norm(structure.dimensions)) if structure.assembled else None
     distance = np.array([place.nearest.distance for place in found])
-    _on_structure(points, distance, size or members[0].part.mesh.extent())
+    off_points = np.flatnonzero(distance > ON_STRUCTURE * (size or members[0].part.mesh.extent()))
+    if len(off_points):
+        first = off_points[0]
+        at_point = ", ".join(f"{c:.6g}" for c in points[first])
+        raise InputError(
+            f"{len(off_points)} of {len(points)} points lie off the structure, one at "
+            f"({at_point}) m by {distance[first]:.3g} m: give points on it, or the name of a group."
+        )
 
     of_parts = []
     order = []
@@ -346,15 +353,3 @@ def _in_space(direction: Sequence[float]) -> Array:
     if not np.linalg.norm(components):
         raise InputError("direction must not be the zero vector.")
     return in_space(components)
-
-
-def _on_structure(points: Array, distance: Array, size: float) -> None:
-    """InputError if points (P, 3) at a `distance` (P,) [m] lie off a structure of this size [m]."""
-    off_points = np.flatnonzero(distance > ON_STRUCTURE * size)
-    if len(off_points):
-        at_point = ", ".join(f"{c:.6g}" for c in points[off_points[0]])
-        raise InputError(
-            f"{len(off_points)} of {len(points)} points lie off the structure, one at "
-            f"({at_point}) m by "
-            f"{distance[off_points[0]]:.3g} m: give points on it, or the name of a group."
-        )
