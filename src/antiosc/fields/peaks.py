@@ -314,7 +314,9 @@ def peak_field(
         r0 = checks.nonnegative("r0", r0, "m")
     shapes = shapes_of(structure, history, body)
     if contacts is None:
-        contacts = _contacts(history, body)
+        contacts = ()
+        if isinstance(history, History):
+            contacts = contact_zones(history.contact_histories, history.name_of(body))
     contacts = checks.list_of("contacts", contacts, ContactZone, "ContactZone")
 
     # nodes, and those that count
@@ -471,13 +473,6 @@ def _mesh_error(
     instants, number = np.unique(times, return_inverse=True)
     factors = amplitudes(history, instants, body)[number.ravel()]
     return stress_jumps(structure, shapes, factors, part)
-
-
-def _contacts(history: AnyHistory, body: str) -> Sequence[ContactZone]:
-    """The contacts of the body in a history; those of a BodyHistory are not known."""
-    if not isinstance(history, History):
-        return ()
-    return contact_zones(history.contact_histories, history.name_of(body))
 
 
 def _zones(

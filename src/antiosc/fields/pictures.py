@@ -235,7 +235,12 @@ def deformed(
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     history.of(body)
     if time is None:
-        time = float(history.time[np.argmax(_motion(history, body))])
+        if isinstance(history, SceneHistory):
+            motion = history.run.force.T
+        else:
+            impactor = body == "impactor"
+            motion = history.impactor_displacement if impactor else history.displacement
+        time = float(history.time[np.abs(np.atleast_2d(motion)).max(axis=0).argmax()])
 
     if field is not None:
         peak = peak_field(structure, history, field, [time], body=body)
@@ -259,11 +264,3 @@ def _arrow(
         return None
     tip = np.array(checks.coordinates("point", point))
     return tip, np.array(checks.coordinates("direction", direction))
-
-
-def _motion(history: History, body: str) -> Array:
-    """The curve that sets the time of the picture: motion of the site, or contact forces."""
-    if isinstance(history, SceneHistory):
-        return np.asarray(np.abs(history.run.force).max(axis=1))
-    impactor = body == "impactor"
-    return np.abs(history.impactor_displacement if impactor else history.displacement)

@@ -140,10 +140,6 @@ class ModelInfo(ReprMixin):
         surfaces = (self.surfaces or {}).items()
         return {name: Surface.of(table) for name, table in surfaces if NOT_KNOWN not in table}
 
-    def unknown_surface(self, site: str) -> str:
-        """Reason why the surface of a site is unknown; "" if it is known or was not requested."""
-        return str((self.surfaces or {}).get(site, {}).get(NOT_KNOWN, ""))
-
     def as_dict(self) -> dict[str, object]:
         """The known data as JSON values."""
         attributes = {name: getattr(self, name) for name in _NAMES}
@@ -479,7 +475,8 @@ def _surface(body: object, site: str) -> Surface:
     linear_body = body if isinstance(body, Body) else checked_body("a body in contact", body)
     surface = linear_body.surface(site)
     if surface is None:
-        reason = info_of(linear_body).unknown_surface(site)
+        known = (info_of(linear_body).surfaces or {}).get(site, {})
+        reason = known.get(NOT_KNOWN, "")
         if reason:
             raise InputError(
                 'the contact "auto" finds no law, give one, such as Hertz: nothing is known of '

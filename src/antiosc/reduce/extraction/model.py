@@ -306,26 +306,19 @@ def info_of_model(
 ) -> ModelInfo:
     """The record of an extraction."""
     measured, converged = checked_modes(structure, known, method)
-    info = info_of_places(structure, sites)
-    return info.having(
+    cells = {name: site.cell for name, site in sites.items() if site.cell is not None}
+    info = UNKNOWN.having(
+        structure=structure.describe(),
+        dofs=structure.dofs,
         method=method,
         modes_computed=len(known.modes.omega),
         converged=converged,
         modes_unobservable=selected.unobservable,
         modes_merged=selected.merged,
+        rigid_modes=int(structure.rigid_modes.shape[1]),
         rigid_share=known.static.share,
         checks=measured,
         solver=known.static.solver.description,
-    )
-
-
-def info_of_places(structure: Structure, sites: Sites) -> ModelInfo:
-    """What is known of a structure and its sites without modes."""
-    cells = {name: site.cell for name, site in sites.items() if site.cell is not None}
-    info = UNKNOWN.having(
-        structure=structure.describe(),
-        dofs=structure.dofs,
-        rigid_modes=int(structure.rigid_modes.shape[1]),
         cells=cells or None,
         surfaces=surfaces(structure, sites),
         **structure.matrices.plausibility,
@@ -499,33 +492,25 @@ def checked_modes(
     projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
     strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
     sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
+
+    # displacements of the sites in the modes, and the excess of the modes over the static masses
+    squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (static.load, modes.phi)]
+    moved = dot(comm, static.load, modes.phi) / np.sqrt(np.outer(*squares))
+    unit = 1 / np.sqrt(np.maximum(static.mass.diagonal(), np.finfo(float).tiny))
+    remaining_mass = (static.mass - known.P.T @ known.P) * unit[:, None] * unit
     equation = {"residual": residual_forces} if method == "modes" else {"projection": projection}
     measured = {
         **{name: float(np.abs(value).max(initial=0.0)) for name, value in equation.items()},
         "orthogonality": float(
             np.abs(known.masses - np.eye(len(residual_forces))).max(initial=0.0)
         ),
-        "constraint": _displacement(comm, static.load, modes.phi),
-        "mass": _excess(static.mass, known.P),
+        "constraint": float(np.abs(moved).max(initial=0.0)),
+        "mass": max(0.0, -float(np.linalg.eigvalsh(remaining_mass)[0])),
         "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
     }
     for name, value in measured.items():
         check_limit(name, value, FORCES if name == "residual" else CHECK, comm)
     return measured, int(np.sum(residual_forces < CONVERGED))
-
-
-def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:
-    """Largest displacement of a site in the modes, relative to the norms of load and mode."""
-    squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (load, phi)]
-    sizes = np.sqrt(np.outer(*squares))
-    return float((np.abs(dot(comm, load, phi)) / sizes).max(initial=0.0))
-
-
-def _excess(mass: Array, P: Array) -> float:
-    """Largest relative excess of the modes' masses over the mass of the static shapes."""
-    scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
-    remaining_mass = (mass - P.T @ P) * scale[:, None] * scale
-    return max(0.0, -float(np.linalg.eigvalsh(remaining_mass)[0]))
 
 
 def check_modes(structure: Structure, modes: Modes) -> None:

@@ -27,7 +27,7 @@ from antiosc.fem.mesh.surface import (
     struck_point,
 )
 from antiosc.fem.platform import warn
-from antiosc.fem.structure import Dissipation, in_space
+from antiosc.fem.structure import in_space
 from antiosc.fem.structure.loads import PointMotion, loads
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.place import Place, places_at
@@ -351,37 +351,38 @@ class Released:
 
     def applied(self, sites: Sequence[Site], rigid: Array) -> tuple[Array, Array]:
         """(bᵀg (P, 6 S), bᵀr (P, 3)) for the load vectors b of the sites along their contacts."""
+        columns = []
         with without_warnings():  # they were told of when the model was extracted
-            functionals_found = [self._functional(site) for site in sites]
-        b = np.hstack([functional.B for functional in functionals_found])
+            for site in sites:
+                if site.point is not None:
+                    (functional,) = before_joining(self._of, [site], self._part)
+                elif self._assembly:
+                    raise InputError("reactions of an assembly take sites at points, not dofs.")
+                else:
+                    functional = algebraic(self._part(self._of.members()[0]), site)
+                columns.append(functional.B)
+
+        b = np.hstack(columns)
         return dot(self._of.comm, b, self._motions), dot(self._of.comm, b, rigid)
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
         """(relaxation time, reactions (6 S, B)) of each damping term due to shapes (rows, B)."""
-        u = self._of.expanded(shapes)
+        comm, u = self._of.comm, self._of.expanded(shapes)
         own = self._assembly.added.dissipation(on_u=True) if self._assembly else []
         terms = [(slice(None), term) for term in own]
         for member in self._of.members():
             terms += [(member.rows, term) for term in self._part(member).dissipation()]
         terms.sort(key=lambda pair: pair[1].matrix is not None)
-        return [(term.tau, self._by_term(term, rows, u)) for rows, term in terms]
 
-    def _by_term(self, term: Dissipation, rows: slice, u: Array) -> Array:
-        """Reactions due to one term of the damping on some rows, for motions u of all parts."""
-        comm = self._of.comm
-        if term.matrix is not None:
-            loads = term.factor * multiply(term.matrix, u[rows])
-        else:
-            loads = term.G.T @ (term.c @ comm.allreduce(np.asarray(term.G @ u[rows])))
-        return np.asarray(dot(comm, self._motions[rows], np.asarray(loads)))
-
-    def _functional(self, site: Site) -> Functional:
-        """The functional of a site on the dofs of all parts before joining."""
-        if site.point is not None:
-            return before_joining(self._of, [site], self._part)[0]
-        if self._assembly:
-            raise InputError("reactions of an assembly take sites at points, not dofs.")
-        return algebraic(self._part(self._of.members()[0]), site)
+        reactions: list[tuple[float | None, Array]] = []
+        for rows, term in terms:
+            if term.matrix is not None:
+                loads = term.factor * multiply(term.matrix, u[rows])
+            else:
+                loads = term.G.T @ (term.c @ comm.allreduce(np.asarray(term.G @ u[rows])))
+            of_term = dot(comm, self._motions[rows], np.asarray(loads))
+            reactions.append((term.tau, np.asarray(of_term)))
+        return reactions
 
     def _released(self, supports: Sequence[Support]) -> tuple[dict[str, Array], Array]:
         """(centre of each support, forces on the free dofs for unit motions of each)."""
