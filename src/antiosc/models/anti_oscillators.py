@@ -52,7 +52,6 @@ from antiosc.models.parameters import (
     Parameters,
     checked,
     sorted_damping,
-    stiffness_at_sites,
     with_sums,
 )
 from antiosc.models.recurrence import Recurrence
@@ -409,9 +408,12 @@ class AntiOscillators(ReprMixin, Parameters):
         forces per displacement u, (..., p, p).
         """
         x = checks.spectrum("omega", omega) ** 2
-        P = self.inertias.T
-        Z = stiffness_at_sites(x, self.k0_matrix, self.m0_matrix, P, self.omega**2)
-        return Z if self.sites else np.asarray(Z[..., 0, 0])
+        poles = self.omega**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            dynamic_mass = np.tensordot(poles / (poles - x[..., np.newaxis]), self.m, axes=1)
+        if self.sites:
+            x = x[..., np.newaxis, np.newaxis]
+        return np.asarray(self.k0 - x * (self.m0 + dynamic_mass))
 
     def truncated(self, n: int) -> AntiOscillators:
         """The model with the `n` lowest anti-oscillators; the mass of the others returns to m0."""

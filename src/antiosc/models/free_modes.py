@@ -278,8 +278,7 @@ def parameters(
         x = np.where(theta > 0, 1 / theta - shift, np.inf)
     is_pole = np.isfinite(x) & (x > 0)
     lumped = left + np.sum(np.where(is_pole, 0.0, m), axis=1)
-    poles = np.where(is_pole, x, 0.0)
-    share = shares_at_sites(k0[:, None, None], lumped[:, None, None], c[:, :, None], poles)
+    share = shares(k0, lumped, np.where(is_pole, m, 0.0), np.where(is_pole, x, 1.0))
     observable = share > UNOBSERVABLE
     order = np.argsort(np.where(observable, x, np.inf), axis=1, kind="stable")
     x, m, observable = (np.take_along_axis(a, order, axis=1) for a in (x, m, observable))
@@ -369,25 +368,23 @@ def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
     return np.geomspace(start, top, count) * (1 + 1j * DAMPING)
 
 
-def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
-    """Spectral radius (..., N) of Z^-1 times the change of Z at each damped pole without its mode.
+def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
+    """|change of Z| over |Z| (..., N) at each damped pole if its mass is added to m0 instead.
 
-    For models of p sites: k0, m0 (..., p, p), P (..., N, p) and poles = omega_i^2 (..., N), 0 for
-    none. Z is written with m0, not with m_st: -x m_st would cancel the term of a large P_i.
+    For models of one site: k0, m0 (...,) and m, poles = omega_i^2 (..., N), m = 0 for no pole. Z is
+    written with m0, not with m_st = m0 + sum(m_i), since -x m_st would cancel the term of a large
+    m_i.
     """
-    known = poles > 0
-    weighted = np.where(known, poles, 0.0)[..., None] * P
-    distant = np.where(known, poles, -1.0)
+    k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
+    weight = np.where(m > 0, m * poles, 0.0)
+    poles = np.where(m > 0, poles, -1.0)
 
-    share = np.zeros(poles.shape)
-    for i in range(poles.shape[-1]):  # one after the other: all at once take N times the memory
-        pole = np.where(known[..., i], poles[..., i], 1.0)
+    share = np.zeros(m.shape)
+    for i in range(m.shape[-1]):  # one after the other: all at once take N times the memory
+        pole = np.where(m[..., i] > 0, poles[..., i], 1.0)
         x = pole * (1 + 1j * DAMPING) ** 2
-        near = weighted / (distant - x[..., None])[..., None]
-        Z = k0 - x[..., None, None] * (m0 + np.swapaxes(near, -1, -2) @ P)
-        own = P[..., i, :, None]
-        moved = (own * np.linalg.solve(Z, own)).sum(axis=(-1, -2))
-        share[..., i] = known[..., i] * np.abs(x**2 / (pole - x) * moved)
+        Z = k0 - x * (m0 + np.sum(weight / (poles - x[..., None]), axis=-1))
+        share[..., i] = m[..., i] * np.abs(x**2 / (pole - x) / Z)
 
     return share
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array, Index, Numbers
+from antiosc.base._types import Array, Index
 from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import InputError
 from antiosc.engine.damping import DampingMatrix, in_coordinates
@@ -166,14 +166,6 @@ class Parameters(Body):
             for k, row in enumerate(self.dependence[list(columns)].tolist()):
                 labels.setdefault(tuple(row), f"{name} across {k}" if k else name)
         return tuple(labels.get(tuple(row), "") for row in np.eye(self.n_sites).tolist())
-
-
-def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array) -> Numbers:
-    """Z (..., p, p) = k0 - x m0 - sum_i P_i P_i' x poles_i/(poles_i - x) [N/m] at x = omega^2."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        weight = poles / (poles - x[..., None])
-    outer = P[:, :, None] * P[:, None, :]
-    return np.asarray(k0 - x[..., None, None] * (m0 + np.tensordot(weight, outer, axes=1)))
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:

@@ -15,9 +15,9 @@ from antiosc.fem.elements import tetrahedra
 from antiosc.fem.linalg import iterative as cg, solver_choice
 from antiosc.fem.linalg.iterative import TwoLevels
 from antiosc.fem.linalg.solver import TETRAHEDRA, LevelSizes
-from antiosc.models.parameters import stiffness_at_sites
 from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.krylov import Lanczos
+from antiosc.reduce.extraction.model import stiffness_at_sites
 from mpi import START, run_ranks
 
 TIP = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)

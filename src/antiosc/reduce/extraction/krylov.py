@@ -52,9 +52,8 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure import Dissipation, dashpot_patterns, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.free_modes import EXHAUSTED, samples, shares_at_sites
+from antiosc.models.free_modes import EXHAUSTED, samples
 from antiosc.models.modal import Damping
-from antiosc.models.parameters import stiffness_at_sites
 from antiosc.models.recurrence import BROKEN, recurrence_of
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, polish
@@ -62,7 +61,9 @@ from antiosc.reduce.extraction.model import (
     Remainder,
     lowest_frequency_at_sites,
     semidefinite,
+    shares_at_sites,
     spectral_norms,
+    stiffness_at_sites,
 )
 
 #: Share of the damping of the model by which dampers may brake motions that it has not.

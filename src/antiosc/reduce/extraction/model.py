@@ -25,14 +25,9 @@ from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import UNKNOWN, ModelInfo
-from antiosc.models.free_modes import (
-    DAMPING,
-    MASSLESS,
-    samples,
-    shares_at_sites,
-)
+from antiosc.models.free_modes import DAMPING, MASSLESS, samples
 from antiosc.models.motion import Inertia
-from antiosc.models.parameters import squeezed, stiffness_at_sites
+from antiosc.models.parameters import squeezed
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver, allowed, residuals
 from antiosc.reduce.site import surfaces
@@ -58,6 +53,8 @@ LEAST_BOUND = 2e-6
 
 #: Modes whose products with K and M are in memory together.
 TOGETHER = 8
+#: Frequencies at which Z is computed at once, to limit the memory.
+AT_ONCE = 500
 #: A stiffness of several sites, per unit mass, is rounding below this share of the largest.
 UNSTRAINED = 1e-10
 
@@ -271,6 +268,30 @@ def error_bound(
     hidden = spectral_norms(static.missed[None])
     error = error + spectral_norms(elastic) / np.abs(x) * hidden**2
     return max(float(np.max(error)), LEAST_BOUND), float(np.sqrt(x[0]).real)
+
+
+# -- p >= 1 sites: Z, K0, M0 are (p, p), and mode i has P_i (p,), its inertia at the sites
+
+
+def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array) -> Numbers:
+    """Z (..., p, p) = k0 - x m0 - sum_i P_i P_i' x poles_i/(poles_i - x) [N/m] at x = omega^2."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = poles / (poles - x[..., None])
+    outer = P[:, :, None] * P[:, None, :]
+    return np.asarray(k0 - x[..., None, None] * (m0 + np.tensordot(weight, outer, axes=1)))
+
+
+def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
+    """Spectral radius (N,) of Z^-1 times the change of Z at each damped pole without its mode."""
+    share = np.zeros(len(poles))
+    positive = np.flatnonzero(poles > 0)
+    for i in np.split(positive, range(AT_ONCE, len(positive), AT_ONCE)):
+        x = poles[i] * (1 + 1j * DAMPING) ** 2
+        Z = stiffness_at_sites(x, k0, m0, P[positive], poles[positive])
+        shares = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
+        share[i] = np.abs(x**2 / (poles[i] - x) * shares)
+
+    return share
 
 
 def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
