@@ -483,16 +483,17 @@ def _zones(
     held: Array,
 ) -> Zones:
     """What is not judged: edges of solids alone, and no contacts on beams, which are exact."""
-    families = source(structure).families(structure, part)
+    module = source(structure)
+    families = module.families(structure, part)
     if not families & {"solid", "sheet"}:
         return Zones()
     if "solid" not in families:
-        materials = source(structure).materials_of(structure, part)
+        materials = module.materials_of(structure, part)
         thickness = max(getattr(material, "thickness", 0.0) for material in materials)
         return Zones([zone._replace(thickness=thickness) for zone in contacts])
 
     held = structure.comm.bcast(held, root=0)
-    half = source(structure).half_thickness(structure, part)
+    half = module.half_thickness(structure, part)
     if not half:
         return Zones(contacts)
     from antiosc.reduce.site.surface import inner_points  # needs dolfinx
