@@ -155,14 +155,6 @@ def _alone(gmsh: ModuleType, piece: int, name: str) -> None:
     gmsh.model.occ.synchronize()
 
 
-def left_out(gmsh: ModuleType, ask: Request) -> list[str]:
-    """A sentence (in a list) on a solid that is read without the others."""
-    count = len(gmsh.model.getEntities(3))
-    if ask.piece is None or ask.fragments or count < 2:
-        return []
-    return [piece_is_read(ask.name, ask.piece, count)]
-
-
 # --- Faces ----------------------------------------------------------------------------------------
 
 
@@ -456,7 +448,9 @@ def _opened(gmsh: ModuleType, ask: Request, path: Path, suffix: str) -> FileMesh
         surface, names = facets.fill(gmsh, ask)
         notes = surface.remarks
     elif suffix in CAD:
-        notes = left_out(gmsh, ask)
+        count = len(gmsh.model.getEntities(3))
+        if ask.piece is not None and not ask.fragments and count > 1:
+            notes = [piece_is_read(ask.name, ask.piece, count)]
         names = names_of(gmsh, ask, unit * ask.unit[0])
     if ask.outline:
         return _outline(gmsh, names, unit)

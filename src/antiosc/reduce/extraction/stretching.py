@@ -55,9 +55,9 @@ def part_of(structure: Structure) -> MeshedStructure:
     return cast("MeshedStructure", matrices)
 
 
-def pairs_of(count: Count, most: int = MOST) -> int:
+def pairs_of(count: Count) -> int:
     """Number of pairs of modes, of which each takes a solve."""
-    modes = most if count == "auto" else min(count + 2, MOST)
+    modes = MOST if count == "auto" else min(count + 2, MOST)
     return modes * (modes + 1) // 2
 
 
