@@ -109,7 +109,7 @@ ROOMS = {
     "fem": {"base", "engine", "io", "models"},
     "recovery": {"base", "fem"},
     "reduce": {"base", "engine", "fem", "io", "models", "recovery"},
-    "fields": {"base", "fem", "impact", "models", "plot", "recovery", "reduce"},
+    "fields": {"base", "fem", "impact", "io", "models", "plot", "recovery", "reduce"},
     "strikes": {
         "base",
         "engine",

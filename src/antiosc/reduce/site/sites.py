@@ -30,7 +30,6 @@ from antiosc.fem.platform import warn
 from antiosc.fem.structure.loads import Points, loads
 from antiosc.fem.structure.meshed import ON_SURFACE, MeshedStructure
 from antiosc.models.body import CUT, NEAR
-from antiosc.reduce.site.site import tangents
 
 #: Rings of a disc's quadrature in addition to those that the size of the cells requires. With too
 #: few rings, cells would be loaded by single forces.
@@ -121,7 +120,14 @@ def _rule_on_faces(
     comm = faces.mesh.comm
     normal = normals[part]
 
-    axes = np.stack(tangents(normal, rule.shape[1] == 1), axis=1)
+    # between axes that are equally oblique rounding must not decide how the rule is oriented
+    helper_axis = np.argmin(np.abs(normal).round(6), axis=1)
+    first = np.cross(normal, np.eye(3)[helper_axis])
+    if rule.shape[1] == 1:
+        first = np.cross(normal, [0.0, 0.0, 1.0])
+    size = np.linalg.norm(first, axis=1, keepdims=True)
+    first = first / np.where(size > 0, size, 1.0)
+    axes = np.stack([first, np.cross(normal, first)], axis=1)[:, : rule.shape[1]]
     x = points[part, None] + radii[part, None, None] * np.einsum("qk,pkd->pqd", rule, axes)
     count = len(weights)
     line = x.reshape(-1, 3), np.repeat(normal, count, axis=0), rise * float(radii[part].max())
