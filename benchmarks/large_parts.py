@@ -12,6 +12,10 @@ each as its imaginary part, which keeps off the poles.
 The bracket, curved unless it says straight, beside plain dolfinx with MUMPS, whose set-up is the
 assembly of K and M and one factor; "over" is assembly, set-up and extraction over that. Forms are
 compiled before.
+
+Two levels on one rank and on two, seconds by the clock. "Efficiency" is the time a dof of the one
+rank in the line above it over that of the ranks together: of the same part, or of a larger one. The
+peak of the memory is that of the largest rank.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ import resource
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +48,7 @@ CASES = {
     "44 k": ((20, 10, 8), COMPACT, "tetrahedron", 0.3, True),
     "125 k": ((28, 15, 12), COMPACT, "tetrahedron", 0.3, True),
     "340 k": ((40, 21, 16), COMPACT, "tetrahedron", 0.3, True),
+    "680 k": ((50, 26, 20), COMPACT, "tetrahedron", 0.3, False),
     "1.0 M": ((60, 30, 23), COMPACT, "tetrahedron", 0.3, False),
     "2.2 M": ((76, 40, 30), COMPACT, "tetrahedron", 0.3, False),
     "9.3 M": ((122, 64, 49), COMPACT, "tetrahedron", 0.3, False),
@@ -64,6 +70,8 @@ BRACKETS = {
 #: What the table says of the machine of its figures.
 NOTE = "The machine had other work: ratios tell more than seconds."
 PEER = "dolfinx + MUMPS"
+#: cases on one rank, and after it on two: the same part, or one with as many dofs on each
+RANKS = ("bracket 281 k", 1), ("bracket 281 k", 2), ("340 k", 1), ("340 k", 2), ("680 k", 2)
 #: kinds of solver -> the choice of a structure
 KINDS: dict[str, SolverChoice] = {"direct": "direct", "two levels": "iterative", "auto": "auto"}
 
@@ -102,26 +110,29 @@ def make(part: ao.Structure, kind: str) -> Solver:
     return solver
 
 
-def measured(case: str, kind: str) -> dict[str, object]:
+def measured(
+    case: str, kind: str, clock: Callable[[], float] = time.process_time
+) -> dict[str, object]:
     """The line of one case and solver; `Z` to compare."""
     mesh, material, held, site = (bracket_of if case in BRACKETS else block_of)(case)
     part = ao.Structure(mesh, material, [held])
     if kind == PEER:
         with_entries(part.K), with_entries(part.M)  # compiles their forms
-    start = time.process_time()
+    start = clock()
     part = ao.Structure(mesh, material, [held])
-    before = time.process_time()
+    before = clock()
     solver = make(part, kind)
-    made = time.process_time()
+    made = clock()
 
     Z = np.zeros(0, dtype=complex)
     if kind != PEER:
         model = ao.extract(part, site, n=20, shapes=False)
         fifth = float(f"{model.omega[4]:.3g}")  # the same for every solver
         Z = model.dynamic_stiffness(np.linspace(0.04, 1.0, 25) * fifth * (1 - 0.01j))
-    done = time.process_time()
+    done = clock()
     solver.solve(np.random.default_rng(0).standard_normal(part.rows))
-    solved = time.process_time()
+    solved = clock()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     return {
         "dofs": part.dofs,
         "solver": type(solver).__name__,
@@ -130,14 +141,16 @@ def measured(case: str, kind: str) -> dict[str, object]:
         "extract": done - made if kind != PEER else 0.0,
         "whole": done - start,
         "solve": solved - done,
-        "GB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
+        "GB": part.comm.allreduce(peak, MPI.MAX),
         "Z": [np.real(Z).tolist(), np.imag(Z).tolist()],
     }
 
 
-def run(case: str, kind: str) -> dict[str, Any]:
-    """The line of a process of its own; {} with its last words where it failed."""
+def run(case: str, kind: str, ranks: int = 0) -> dict[str, Any]:
+    """The line of a process of its own, or of ranks by the clock; its last words if it failed."""
     command = [sys.executable, __file__, case, kind]
+    if ranks:
+        command = ["mpirun", "-n", str(ranks), *command, "clock"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         return {"failed": done.stderr.strip().splitlines()[-1][:90]}
@@ -176,9 +189,30 @@ def table(lines: list[str], cases: dict[str, list[str]], columns: tuple[str, ...
             print(lines[-1], flush=True)
 
 
+def over_ranks(lines: list[str]) -> None:
+    """Add the table of ranks."""
+    columns = "assembly", "set-up", "extract", "whole", "GB", "efficiency"
+    names = ["GB" if name == "GB" else f"{name} s" for name in columns[:-1]]
+    heads = ["case", "dofs", "ranks", *names, "efficiency"]
+    lines += ["", f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
+
+    alone = 0.0
+    for case, ranks in RANKS:
+        line = run(case, "two levels", ranks)
+        a_dof = ranks * line["whole"] / line["dofs"]
+        if ranks == 1:
+            alone = a_dof
+        line["efficiency"] = alone / a_dof
+        numbers = [f"{line[name]:.3g}" for name in columns]
+        lines.append(f"| {' | '.join([case, str(line['dofs']), str(ranks), *numbers])} |")
+        OUT.write_text("\n".join(lines) + "\n")
+        print(lines[-1], flush=True)
+
+
 def main() -> None:
-    """Write both tables."""
-    of_blocks, of_brackets = (text.strip().replace("\n", " ") for text in __doc__.split("\n\n")[2:])
+    """Write all tables."""
+    texts = [text.strip().replace("\n", " ") for text in __doc__.split("\n\n")[2:]]
+    of_blocks, of_brackets, of_ranks = texts
     lines = ["# Solvers of large solids", "", f"{of_blocks} {NOTE}"]
     every = list(KINDS)
     tried = {case: every if item[-1] else ["two levels"] for case, item in CASES.items()}
@@ -187,10 +221,14 @@ def main() -> None:
     every = [PEER, *every]
     tried = {case: every if item[-1] else ["two levels"] for case, item in BRACKETS.items()}
     table(lines, tried, OF_BRACKETS)
+    lines += ["", of_ranks]
+    over_ranks(lines)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 3:
-        print(json.dumps(measured(*sys.argv[1:])))
+    if len(sys.argv) > 2:
+        line = measured(*sys.argv[1:3], time.perf_counter if sys.argv[3:] else time.process_time)
+        if MPI.COMM_WORLD.rank == 0:
+            print(json.dumps(line))
     else:
         main()
