@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from math import prod
@@ -24,7 +25,7 @@ from antiosc.fem.mesh.surface import (
     size_at,
 )
 from antiosc.fem.platform import compat
-from mpi import run_ranks
+from mpi import START, run_ranks
 from parts import EXPONENTS, box, frame, moments
 from sheets import sheet
 
@@ -78,6 +79,39 @@ def test_a_dolfinx_mesh_with_tags():
             ao.read_mesh(mesh, **option)
     assert [len(adopted.group(name)[1]) for name in ("low", "high")] == [2, 2]
     np.testing.assert_allclose(parts.group_points(adopted, "low", 1)[..., 0], 0, atol=1e-15)
+
+
+READ_IN_PARALLEL = """
+from dolfinx.io import XDMFFile
+
+comm = MPI.COMM_WORLD
+with XDMFFile(comm, sys.argv[1], "r") as file:
+    mesh = file.read_mesh()
+    mesh.topology.create_connectivity(2, 3)
+    clamp = file.read_meshtags(mesh, "clamp")
+
+mesh = ao.read_mesh(mesh, groups={"clamp": (clamp, 1)})
+part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("clamp")])
+model = ao.extract(part, ao.Site((0.2, 0.05, 0.1), (0, 0, -1)), n=3, shapes=False)
+print(json.dumps([model.k0, *model.omega]))
+"""
+
+
+@pytest.mark.mpi
+def test_a_file_is_read_by_all_ranks_with_dolfinx(tmp_path):
+    path = tmp_path / "large.xdmf"
+    corners = [np.zeros(3), np.array([0.2, 0.1, 0.1])]
+    mesh = dolfinx.mesh.create_box(MPI.COMM_SELF, corners, [4, 2, 2])
+    mesh.topology.create_connectivity(2, 3)
+    left = dolfinx.mesh.locate_entities_boundary(mesh, 2, lambda x: np.isclose(x[0], 0))
+    clamp = dolfinx.mesh.meshtags(mesh, 2, np.sort(left), np.ones(len(left), dtype=np.int32))
+    clamp.name = "clamp"
+    with dolfinx.io.XDMFFile(MPI.COMM_SELF, path, "w") as file:
+        file.write_mesh(mesh)
+        file.write_meshtags(clamp, *[mesh.geometry][: dolfinx.__version__ >= "0.7"])
+
+    one, two = (json.loads(run_ranks(n, START + READ_IN_PARALLEL, str(path))[0]) for n in (1, 2))
+    np.testing.assert_allclose(two, one, rtol=1e-8)
 
 
 @pytest.mark.mpi
