@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import readers
+from antiosc.io import isolation
 from rank import compile_quickly
 
 
@@ -54,6 +56,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_collection_finish() -> None:
+    isolation._ask = readers.ask
     if "dolfinx.jit" in sys.modules:
         from antiosc.fem import missing
 

@@ -24,6 +24,7 @@ from antiosc.io.reading import read
 from mesh_files import refusal
 from paths import MESHES
 
+AFRESH = isolation._ask
 BAR = "Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Line(1) = {1, 2};\n"
 
 
@@ -32,6 +33,12 @@ def archive(head: dict, arrays: list) -> bytes:
     content = io.BytesIO()
     np.savez(content, np.frombuffer(json.dumps(head).encode(), dtype=np.uint8), *arrays)
     return content.getvalue()
+
+
+@pytest.fixture(autouse=True)
+def processes_of_their_own(monkeypatch):
+    """Readers start as those of a user do."""
+    monkeypatch.setattr(isolation, "_ask", AFRESH)
 
 
 @pytest.fixture

@@ -1,0 +1,98 @@
+"""Reading processes of tests: forks of one that has loaded its packages, in place of new ones.
+
+Each runs `antiosc.io.child` with all its limits, 0.2 s sooner. `python readers.py` is their parent.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import types
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("antiosc.io.mesh_files", "antiosc_decks.readers", "meshio", "gmsh")
+_lock = threading.Lock()
+_parent: subprocess.Popen[bytes] | None = None
+
+
+def ask(request: dict[str, Any]) -> tuple[int, bytes]:
+    """(exit code, response) of a reading process; stands for `antiosc.io.isolation._ask`."""
+    from antiosc.io.isolation import ENVIRONMENT
+
+    global _parent
+    path = [os.path.abspath(p) for p in sys.path if p]
+    environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
+    environment |= {"LC_ALL": "C.UTF-8", "OPENBLAS_NUM_THREADS": "1"}
+    with _lock, tempfile.TemporaryDirectory() as folder:
+        Path(folder, "request").write_text(json.dumps({**request, "sys_path": path}))
+        os.mkfifo(f"{folder}/response")  # a reader may write no large file
+        if _parent is None:
+            _parent = subprocess.Popen(
+                [sys.executable, "-I", "-S", "-B", __file__, *path],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=0,
+            )  # fmt: skip
+        try:
+            _parent.stdin.write(json.dumps([folder, environment]).encode() + b"\n")
+            response = Path(folder, "response").read_bytes()
+            return int(_parent.stdout.readline()), response
+        except BaseException:  # its next answer would be that of this request
+            end()
+            raise
+
+
+@atexit.register
+def end() -> None:
+    """End the parent of the reading processes, and with it those."""
+    global _parent
+    if _parent is not None:
+        with _parent:
+            _parent.kill()
+        _parent = None
+
+
+def serve(child: types.ModuleType) -> None:
+    """Fork a reading process for each request, and say how it ended."""
+    for line in sys.stdin:
+        folder, environment = json.loads(line)
+        with open(f"{folder}/response", "wb") as response:
+            pid = os.fork()
+            if pid == 0:
+                with contextlib.suppress(BaseException):
+                    read(child, f"{folder}/request", response.fileno(), environment)
+                os._exit(1)
+
+        _, status = os.waitpid(pid, 0)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(pid, signal.SIGKILL)  # what the reader has started
+        print(os.waitstatus_to_exitcode(status), flush=True)
+
+
+def read(child: types.ModuleType, request: str, response: int, environment: dict[str, str]) -> None:
+    """Read one file as a process of its own would."""
+    os.setsid()
+    os.environ.clear()
+    os.environ.update(environment)
+    os.dup2(response, 1)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+    os.chdir("/")
+    with open(request) as sys.stdin:
+        child.main()
+
+
+if __name__ == "__main__":
+    sys.path[:] = sys.argv[1:]
+    from antiosc.io import child
+
+    for name in PACKAGES:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
+    serve(child)
