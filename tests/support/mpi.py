@@ -56,18 +56,16 @@ from antiosc.fem.platform import compat
 SPARE = 30
 
 
-def run_ranks(
-    n: int, script: str, *arguments: str, timeout: float = 300, alone: bool = False
-) -> list[str]:
+def run_ranks(n: int, script: str, *arguments: str, timeout: float = 300) -> list[str]:
     """Run the Python source `script` on `n` ranks and return what each of them prints.
 
-    It can import the modules of this folder. `alone`: in processes of its own, because it changes
-    what later scripts would find. Raises AssertionError with the output of all ranks when one of
-    them ends with an error (the others are then ended too) or when they are not done after
-    `timeout` seconds.
+    It can import the modules of this folder, and must leave these and all others as they were:
+    later scripts find them. Raises AssertionError with the output of all ranks when one of them
+    ends with an error (the others are then ended too) or when they are not done after `timeout`
+    seconds.
     """
     ranks = _ranks.pop(n, None)
-    if ranks and (alone or ranks.environment != _environment() or ranks.process.poll() is not None):
+    if ranks and (ranks.environment != _environment() or ranks.process.poll() is not None):
         ranks.end()
         ranks = None
     ranks = ranks or Ranks(n)
@@ -76,10 +74,7 @@ def run_ranks(
     except BaseException:
         ranks.end(patience=0.1)
         raise
-    if alone:
-        ranks.end()
-    else:
-        _ranks[n] = ranks
+    _ranks[n] = ranks
     return printed
 
 
