@@ -135,10 +135,6 @@ def test_impacts_are_single_impacts(steel):
         assert result.peak_deflection[i] == pytest.approx(hit.displacement.max(), rel=1e-3)
 
 
-STEEL_BALL = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
-RUBBER_BALL = ao.Sphere(0.02, material="rubber NR 50", velocity=0.1)
-
-
 @pytest.mark.slow
 def test_files(mapped, tmp_path):
     read = meshio.read(mapped.write(tmp_path / "map.vtu"))

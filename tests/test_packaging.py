@@ -81,12 +81,12 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
     assert not any("libantiosc_march" in name for name in names)
 
     # an environment of its own with the NumPy and SciPy of this machine; nothing is fetched
-    run(sys.executable, "-m", "venv", "fresh")
+    run(sys.executable, "-m", "venv", "--without-pip", "fresh")
     fresh = tmp_path / "fresh" / "bin"
     (packages,) = (tmp_path / "fresh").glob("lib/*/site-packages")
     (packages / "others.pth").write_text(str(Path(np.__file__).parents[1]))
-    install = ("-m", "pip", "install", "--quiet", "--no-deps", "--no-index")
-    run(str(fresh / "python"), *install, "--force-reinstall", str(wheel))
+    pip = (sys.executable, "-m", "pip", "--python", str(fresh / "python"), "install", "--quiet")
+    run(*pip, "--no-deps", "--no-index", "--force-reinstall", str(wheel))
     (tmp_path / "program.py").write_text(PROGRAM, encoding="utf-8")
     assert "peak force" in run(str(fresh / "python"), "program.py")
     assert "antiosc" in run(str(fresh / "antiosc"), "--help")

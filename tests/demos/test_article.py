@@ -27,7 +27,7 @@ def demos() -> dict[str, ModuleType]:
 @pytest.fixture(scope="module")
 def case1(demos) -> dict[str, Any]:
     return demos["case1"].main(
-        step=1.2e-7, reference_modes=150, counts=(20, 50), refinements=((2, 100),), check=False
+        step=1.2e-7, reference_modes=100, counts=(20, 50), refinements=((2, 50),), check=False
     )
 
 
@@ -35,9 +35,10 @@ def case1(demos) -> dict[str, Any]:
 def case2(demos) -> dict[str, Any]:
     return demos["case2"].main(
         velocities=(0.01, 1.0),
-        counts=(4, 6, 9, 12, 15, 20, 30, 45),
-        sweep=(1.5e9, 4e9, 1.55e10),
-        fe_counts=(5, 8, 9, 12, 15, 20, 30, 40),
+        counts=(4, 6, 9, 12, 15, 20, 30),
+        duration=3e-3,
+        sweep=(4e9,),
+        fe_counts=(5, 9, 20),
     )
 
 
@@ -98,7 +99,7 @@ def test_two_integrators_agree_on_the_forces_of_case2(case2):
 
 def test_plane_and_solid_parts_are_the_beam(demos):
     """Stiffness, mass, antiresonance and, where the contact is calm, the force."""
-    parts = demos["parts"].main(n1=20, n2=12, check=False, step=1e-6)
+    parts = demos["parts"].main(across=3, coarse=16e-3, n1=20, n2=12, check=False, step=2e-6)
     for beam, plane, solid in (case.values() for case in parts.values()):
         for part in (plane, solid):
             assert part.half_period == pytest.approx(beam.half_period, rel=2e-3)

@@ -91,6 +91,8 @@ def test_bars_of_a_report_tell_what_they_hold(tmp_path, capsys):
     assert cli.main(["run", scene, "--out", str(tmp_path), "--report", str(report)]) == 0
     said = capsys.readouterr().out
     text = re.sub(r"<(style|script).*?</\1>|<[^>]+>", " ", report.read_text(), flags=re.S)
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert (result["result"]["status"], result["warnings"]) == (0, [])
     assert "±" in said
     assert "±" in text
     assert outputs.unsaid(text) == []

@@ -32,7 +32,8 @@ BEAM = {
 SWEPT = [0.5, 1.0, 2.0]
 #: A ball on the eye of the bracket.
 BRACKET = {
-    "geometry": {"source": "bracket.msh", "unit": "m"},
+    "geometry": {"source": "bracket.msh", "unit": "m", "order": 1},
+    "structure": {"order": 1},
     "material": "aluminium 6061-T6",
     "supports": [{"where": "clamp"}],
     "sites": {

@@ -89,9 +89,6 @@ def beam_between_walls():
     return held(line((0, 0, 0), (0.3, 0, 0), 40), beam), site
 
 
-#: Sites of a map.
-
-
 CASES = {
     "shell": plate,
     "quadrilaterals": lambda: plate(cell="quadrilateral"),
@@ -103,6 +100,25 @@ CASES = {
     "plane strain": lambda: bar((24, 2), ao.Solid(**STEEL, plane="strain"), 2),
 }
 IMPACTS = {**CASES, "beam": beam_between_walls}
+#: Mass, speed, stiffness and duration of a blow on a part.
+BLOWS = {
+    "shell": (0.2, 1.5, 1e6, 4e-3),
+    "cap": (0.5, 0.5, 1e7, 4e-3),
+    "beam": (0.2, 4.0, 1e6, 4e-3),
+    "laminate": (0.1, 1.0, 1e6, 4e-3),
+    "folded": (0.2, 1.5, 1e6, 4e-3),
+    "solid": (0.2, 2.5, 1e6, 4e-3),
+}
+SLOW = {"laminate", "folded", "solid"}
+
+
+@functools.cache
+def struck(case):
+    """A part, its site, motion (161, dofs), times, forces and deflections of all its dofs."""
+    part, site = IMPACTS[case]()
+    full = Full(part, site)
+    found = full.impact(*BLOWS[case], 160)
+    return part, site, full.motion, *found
 
 
 @pytest.mark.slow
@@ -141,20 +157,11 @@ def test_a_beam_between_walls_has_the_force_of_woinowsky_krieger():
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(
-    ("case", "blow"),
-    [
-        ("shell", (0.2, 1.5, 1e6, 4e-3)),
-        ("cap", (0.5, 0.5, 1e7, 4e-3)),
-        ("beam", (0.2, 4.0, 1e6, 4e-3)),
-        pytest.param("laminate", (0.1, 1.0, 1e6, 4e-3), marks=pytest.mark.slow),
-        pytest.param("folded", (0.2, 1.5, 1e6, 4e-3), marks=pytest.mark.slow),
-        pytest.param("solid", (0.2, 2.5, 1e6, 4e-3), marks=pytest.mark.slow),
-    ],
+    "case", [pytest.param(x, marks=[pytest.mark.slow] * (x in SLOW)) for x in BLOWS]
 )
-def test_an_impact_is_that_of_all_degrees_of_freedom(case, blow):
-    part, site = IMPACTS[case]()
-    mass, speed, k, duration = blow
-    _, force, moved = Full(part, site).impact(mass, speed, k, duration, 160)
+def test_an_impact_is_that_of_all_degrees_of_freedom(case):
+    part, site, _, _, force, moved = struck(case)
+    mass, speed, k, duration = BLOWS[case]
     model = ao.extract(part, site, n=24, stretch="auto")
     ball = ao.RigidMass(mass, velocity=speed)
     hit = ao.simulate(model, ball, ao.Power(k, 1.5), duration)
@@ -204,9 +211,8 @@ def test_a_free_sheet_stretches_as_all_of_its_degrees_of_freedom():
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error:.*deflects by")
 def test_strike_takes_second_order_forces_where_the_linear_deflection_asks_for_them():
-    part, site = plate()
+    part, site, _, _, force, _ = struck("shell")
     blow = ao.Power(1e6, 1.5), 4e-3
-    _, force, _ = Full(part, site).impact(0.2, 1.5, 1e6, 4e-3, 160)
     hit = ao.strike(part, site, ao.RigidMass(0.2, velocity=1.5), *blow, tol=0.1)
     assert hit.peak_force == pytest.approx(force.max(), rel=0.01)
     assert hit.error_budget["peak_force"].stretch > 0
@@ -269,33 +275,28 @@ def test_reactions_of_a_part_that_stretches_are_refused():
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(
-    ("case", "blow", "place", "rel"),
-    [
-        ("shell", (0.2, 1.5, 1e6, 4e-3), (0.08, 0.09, 0.0), 0.03),
-        ("cap", (0.5, 0.5, 1e7, 4e-3), (0.03, 0.03, 0.0), 0.03),
-        ("solid", (0.2, 2.5, 1e6, 4e-3), (0.03, 0.006, 0.0), 0.03),
-    ],
+    ("case", "place"),
+    [("shell", (0.08, 0.09, 0.0)), ("cap", (0.03, 0.03, 0.0)), ("solid", (0.03, 0.006, 0.0))],
 )
-def test_stresses_are_those_of_all_degrees_of_freedom(case, blow, place, rel):
+def test_stresses_are_those_of_all_degrees_of_freedom(case, place):
     """Whole strains of the nodal displacements of the reference, on both faces of a sheet."""
-    part, site = CASES[case]()
-    mass, speed, k, duration = blow
-    full = Full(part, site)
-    times = full.impact(mass, speed, k, duration, 160)[0][::8]
+    part, site, motion, times, _, _ = struck(case)
+    mass, speed, k, duration = BLOWS[case]
+    times = times[::8]
     model = ao.extract(part, site, n=24, stretch="auto")
     ball = ao.RigidMass(mass, velocity=speed)
     hit = ao.simulate(model, ball, ao.Power(k, 1.5), duration)
     linear = ao.simulate(replace(model, stretch=None), ball, ao.Power(k, 1.5), duration)
     for surface in ("top", "middle", "bottom") if case != "solid" else ("top",):
         asked = np.array([place]), None, "stress", Place(surface), Reach("the point")
-        known = recovered(part, full.motion[::8].T, *asked, second_order=True)[0]
+        known = recovered(part, motion[::8].T, *asked, second_order=True)[0]
         known = von_mises(np.moveaxis(known, -1, 0))
         sides = {} if case == "solid" else {"surface": surface}
         found, flat = (
             von_mises(ao.probe(part, one, place, "stress", times, **sides)) for one in (hit, linear)
         )
-        assert found == pytest.approx(known, abs=rel * known.max())
-        assert np.abs(flat - known).max() > 4 * rel * known.max()
+        assert found == pytest.approx(known, abs=0.03 * known.max())
+        assert np.abs(flat - known).max() > 0.12 * known.max()
 
 
 @pytest.mark.slow

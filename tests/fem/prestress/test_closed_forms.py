@@ -14,8 +14,10 @@ from sheets import at, sheet
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("family", ["beam", "solid", "triangle", "quadrilateral"])
-@pytest.mark.parametrize("speed", [3, 12])
+@pytest.mark.parametrize(
+    ("family", "speed"),
+    [("beam", 3), ("beam", 12), ("solid", 12), ("triangle", 12), ("quadrilateral", 12)],
+)
 def test_a_rotating_cantilever_has_the_frequencies_of_wrights_table(family, speed):
     part, unit = blade(family, speed)
     found = part.natural_modes(6).omega / unit

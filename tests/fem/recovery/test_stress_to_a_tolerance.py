@@ -39,15 +39,15 @@ def test_a_blow_ends_with_a_stress_to_a_tolerance(stepped):
     """At the fillet, where bending is largest; a mesh of half its cells is within the bar."""
     held = [ao.Support(plane=((0, 0, 0), (1, 0, 0)))]
     asked = {"tol": 0.2, "material": STEEL, "supports": held}
-    hit = ao.strike(stepped, SITE, BALL, ao.Linear(1e7), 1e-3, stress_tol=0.12, **asked)
+    hit = ao.strike(stepped, SITE, BALL, ao.Linear(1e7), 1e-3, stress_tol=0.2, **asked)
     (closed,) = hit.stresses.values()
-    assert max(stress.bar(closed)) <= 0.12
+    assert max(stress.bar(closed)) <= 0.2
     assert "rounds of smaller cells" in closed.rounds
-    assert max(stress.bar(ao.peak_field(hit.structure, hit))) > 0.12
+    assert max(stress.bar(ao.peak_field(hit.structure, hit))) > 0.2
 
     point = closed.margin().point
     assert 0.036 < point[0] < 0.045
-    fine = ao.read_mesh(stepped, size=4e-3, refine=[(tuple(point), 3e-4)])
+    fine = ao.read_mesh(stepped, size=4e-3, refine=[(tuple(point), 4.5e-4)])
     part = ao.Structure(fine, STEEL, held)
     again = hit.again(model=ao.extract(part, SITE, n=hit.model.n), law=hit.law)
     low, high = closed.margin().stresses

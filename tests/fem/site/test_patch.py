@@ -56,22 +56,23 @@ def compliance(structure: ao.Structure, direction, radius=None) -> tuple[float, 
 
 
 @pytest.mark.slow
-def test_point_and_patches_over_four_meshes():
+def test_point_and_patches_over_three_meshes():
     normal = (0, 0, -1)
-    structures = [graded(n) for n in (6, 8, 12, 16)]
+    structures = [graded(n) for n in (6, 8, 12)]
     sizes = np.array([smallest(s) for s in structures])
     point = np.array([compliance(s, normal)[0] for s in structures])
     # The point's compliance grows as 1/h: it knows no limit.
     np.testing.assert_allclose(point * sizes, point[-1] * sizes[-1], rtol=0.03)
-    assert point[-1] > 4 * point[0]
+    assert point[-1] > 2.9 * point[0]
     rest = []
     for radius in RADII:
         found = np.array([compliance(s, normal, radius) for s in structures])
         whole, local = found[:, 0], found[0, 1]
         assert local == pytest.approx(0.6 * (1 - 0.3**2) / 210e9 / radius)
         # The patch's converges, from below as all displacement methods do.
-        assert np.all(np.diff(whole) > 0)
-        assert whole[-1] / whole[-2] - 1 < 4e-3
+        first, second = np.diff(whole)
+        assert first > second > 0
+        assert whole[-1] / whole[-2] - 1 < 0.013
         rest.append(whole[-1] - local)
     # What the half-space takes off leaves the block's own share: no radius in it.
     rest = np.array(rest)
