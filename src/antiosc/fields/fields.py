@@ -407,7 +407,19 @@ def reactions(
     from antiosc.reduce.site.at_points import Released  # needs dolfinx
 
     released = Released(matrices, structure.supports)
-    _check_reactions(structure, history, body)
+    scene = history.assembly.scene
+    if stretch_in(history, body) is not None:
+        raise InputError(
+            "reactions of a part that stretches as it bends are not computed: extract its model "
+            "without stretch, whose reactions are those of linear theory."
+        )
+    if scene.base is not None:
+        raise InputError("reactions under a moving ground (Base) are not implemented.")
+    if np.any(scene.gravity) and structure.rigid_modes.shape[1]:
+        raise InputError(
+            "reactions under gravity of a part that its supports let slide are not implemented."
+        )
+
     solver = structure.factorize(released.pulled.shape[1])
     support_motions = statics(structure, solver, released.pulled)
     support_motions[structure.fixed[structure.fixed < structure.rows]] = 0.0
@@ -446,23 +458,6 @@ def reactions(
         applied=forces @ applied,
         inertia=accelerations @ dot(comm, shapes, rigid_inertia),
     )
-
-
-def _check_reactions(structure: Structure, history: History, body: str) -> None:
-    """InputError if the reactions of this history cannot be computed."""
-    scene = history.assembly.scene
-    has_gravity = bool(np.any(scene.gravity))
-    if stretch_in(history, body) is not None:
-        raise InputError(
-            "reactions of a part that stretches as it bends are not computed: extract its model "
-            "without stretch, whose reactions are those of linear theory."
-        )
-    if scene.base is not None:
-        raise InputError("reactions under a moving ground (Base) are not implemented.")
-    if has_gravity and structure.rigid_modes.shape[1]:
-        raise InputError(
-            "reactions under gravity of a part that its supports let slide are not implemented."
-        )
 
 
 def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:

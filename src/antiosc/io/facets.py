@@ -115,11 +115,6 @@ class Surface:
         return np.cross(b - a, c - a)
 
     @property
-    def size(self) -> float:
-        """Longest side of its box."""
-        return float(np.ptp(self.points[self.triangles], axis=(0, 1)).max())
-
-    @property
     def volume(self) -> float:
         """The volume that it encloses, outward normals counting."""
         return float(volumes(self.points, self.triangles).sum())
@@ -218,7 +213,8 @@ def read(ask: Request) -> FileMesh:
     surface = surface_of(ask)
     groups = {}
     area = np.linalg.norm(surface.normals, axis=1).sum() / 2
-    if not surface.open_edges and 2 * abs(surface.volume) > THICK * surface.size * area:
+    size = float(np.ptp(surface.points[surface.triangles], axis=(0, 1)).max())
+    if not surface.open_edges and 2 * abs(surface.volume) > THICK * size * area:
         groups = {CLOSED: {"triangle": np.arange(len(surface.triangles))}}
 
     mesh = FileMesh(surface.points, {"triangle": surface.triangles}, groups)

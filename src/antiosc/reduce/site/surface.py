@@ -11,7 +11,7 @@ Faces are parts of one smooth surface across edges at which their normals turn b
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 from math import hypot, inf, isclose
 from typing import Any, NamedTuple
@@ -405,16 +405,31 @@ def surface_of(matrices: MeshedParts, place: Place, radius: float | None) -> Sur
     matter = _contact_material(material)
     if matter is None:
         raise InputError("a plane part has no surface in space.")
-    if isinstance(material, Beam):
-        return _bar_surface(material, matter, radius)
+    if isinstance(material, Beam):  # struck from the side
+        section = material.section
+        if not section.isotropic or len(section.outline) <= 4:
+            return Surface(matter, radius=radius)
+        bent = 1 / hypot(*section.outline[0])
+        return Surface(matter, (0.0, bent), kind=LINE, radius=radius)
 
     curved = _curvature(place)
-    surface = placed(curved, matter, min(CORNER_RADIUS, matrices.dimensions[2] / 4), radius)
     if curved.kind in SHARP:
-        return surface
+        bent = 1 / min(CORNER_RADIUS, matrices.dimensions[2] / 4)
+        return Surface(matter, (bent, bent), kind=curved.kind, radius=radius)
 
+    low, high = curved.values.tolist()
+    x, y, z = curved.directions[0].tolist()
     ball_radius, second_contact = _largest_ball(matrices, curved, radius or 0.0)
-    return replace(surface, largest_ball=ball_radius, meets=second_contact)
+    return Surface(
+        matter,
+        (low, high),
+        float(curved.error),
+        curved.kind,
+        along=(x, y, z),
+        radius=radius,
+        largest_ball=ball_radius,
+        meets=second_contact,
+    )
 
 
 def curvature_at(
@@ -476,22 +491,6 @@ def flat_face(structure: Structure) -> Surface | None:
     return Surface(matter)
 
 
-def placed(curvature: Curvature, matter: Matter, corner: float, radius: float | None) -> Surface:
-    """A `Surface` of this curvature and material; `corner`: radius assumed for sharp edges [m]."""
-    if curvature.kind in SHARP:
-        return Surface(matter, (1 / corner, 1 / corner), kind=curvature.kind, radius=radius)
-    low, high = curvature.values.tolist()
-    x, y, z = curvature.directions[0].tolist()
-    return Surface(
-        matter,
-        (low, high),
-        float(curvature.error),
-        curvature.kind,
-        along=(x, y, z),
-        radius=radius,
-    )
-
-
 def _contact_material(material: Any) -> Matter | None:
     """The material properties that a contact needs; None for anisotropic and plane materials."""
     if getattr(material, "plane", None) is not None:
@@ -506,11 +505,3 @@ def _contact_material(material: Any) -> Matter | None:
         return matter_of(material)
     except InputError:
         return None
-
-
-def _bar_surface(bar: Beam, matter: Matter, radius: float | None) -> Surface:
-    """The surface of a bar struck from the side: a cylinder for round sections, otherwise flat."""
-    section = bar.section
-    if not section.isotropic or len(section.outline) <= 4:
-        return Surface(matter, radius=radius)
-    return Surface(matter, (0.0, 1 / hypot(*section.outline[0])), kind=LINE, radius=radius)
