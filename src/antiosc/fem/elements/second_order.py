@@ -8,13 +8,14 @@ with the internal forces N of a state, the geometric stiffness is K_σ(a, b) = �
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.sparse
 import ufl
+from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
@@ -29,7 +30,7 @@ from antiosc.fem.elements.solid import (
     voigt_in,
     voigt_strain,
 )
-from antiosc.fem.elements.weak_form import Parts, coefficient, measure, tangent
+from antiosc.fem.elements.weak_form import Material, Parts, coefficient, tangent
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
@@ -182,6 +183,8 @@ def _bar_strain(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
 
 #: Distance of nodes from a plane, over the thickness, up to which a sheet is flat.
 FLAT = 1e-3
+#: Degree of the quadrature for the share of second-order forces.
+SHARE_DEGREE = 6
 
 
 def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> float:
@@ -192,19 +195,17 @@ def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> fl
     """
     if is_flat(part) and part.preload is None:
         return 0.0
-    frame = frames(part.mesh, part.parts)
-    section = section_fields(part.mesh, part.parts)
-    motion = compat.function_of(part.form.space, shape)
-    strains = strains_of(frame, motion, section.middle)
-    stretch = strains.membrane
-    if section.coupling is not None:
-        stretch = stretch + section.coupling * strains.bending
+    points = _points(part, SHARE_DEGREE)
     if part.preload is not None:
-        state = compat.function_of(part.form.space, part.preload.q)
-        stretch = stretch + sheet_eta(frame, state, motion)
-    energy = ufl.inner(section.A * stretch, sheet_eta(frame, motion, motion))
-    g = compat.integrate(energy * measure(part.mesh, 6), part.mesh.dolfinx)
-    return 1.5 * g / stiffness
+        points = points.about(_whole(part, part.preload.q))
+    slopes = points.slopes(_whole(part, shape))
+    of_rank = np.sum(points.stress(slopes) * points.second(slopes, slopes))
+    return 1.5 * float(part.comm.allreduce(of_rank)) / stiffness
+
+
+def _whole(part: MeshedStructure, motion: Array) -> Array:
+    """A motion (dofs of this rank,) with the values of the ghosts."""
+    return compat.with_ghosts(part.form.space, motion[:, None])[:, 0]
 
 
 def is_flat(part: MeshedStructure) -> bool:
@@ -244,7 +245,7 @@ class PartPoints:
     gradient: scipy.sparse.csr_matrix  # (n d, nodes) derivatives of functions on the nodes
     weight: Array  # (n,)
     strain: Array  # T (n, s, d, b), or (1, s, d, b) where all points have one
-    square: Array  # V (s, d, d)
+    square: Array  # V (s, d d), symmetric: η from the products of derivatives
     stiffness: Array  # C (n, s, s)
     components: int  # number b of components of a node; the first `moved` of them are displacements
     moved: int
@@ -282,7 +283,7 @@ class PartPoints:
         u = a[:, :, : self.moved]
         v = b[:, :, : self.moved]
         product = u @ v.transpose(0, 2, 1)
-        return np.asarray(product.reshape(len(a), -1) @ self._both().T)
+        return np.asarray(product.reshape(len(a), -1) @ self.square.T)
 
     def load(self, strained: Array, pushed: Array) -> Array:
         """Nodal forces (dofs,), also on fixed dofs, of the work Σ strained·ε(w) + pushed·∇w."""
@@ -301,136 +302,127 @@ class PartPoints:
         """A (n, d, b) with stress·η(a, w) = A·∇w for every w; `slopes` are derivatives of a."""
         result = np.zeros_like(slopes)
         direction_count = slopes.shape[1]
-        tension = (stress @ self._both()).reshape(-1, direction_count, direction_count)
+        tension = (stress @ self.square).reshape(-1, direction_count, direction_count)
         result[:, :, : self.moved] = tension @ slopes[:, :, : self.moved]
         return result
 
-    def _both(self) -> Array:
-        """The symmetrized V as a matrix (s, d d): η from the products of derivatives."""
-        symmetric = (self.square + self.square.transpose(0, 2, 1)) / 2
-        return np.asarray(symmetric.reshape(len(symmetric), -1))
+
+class _Local(NamedTuple):
+    """What a family has at n points."""
+
+    along: Array  # (n, d, 3) directions of the derivatives
+    strain: Array  # T
+    pairs: Sequence[tuple[int, int]]  # directions of each component of η
+    stiffness: Callable[[Material], ArrayLike]  # C (s, s) of a material
 
 
 def points_of(part: MeshedStructure) -> PartPoints:
     """The Gauss points of a part; InputError for a family without second-order strain."""
     if part.stiffeners:
         raise InputError("stretch does not take a sheet with stiffeners on its edges.")
+    return _points(part, DEGREES.get(part.mesh.cell, OTHERS))
+
+
+def _points(part: MeshedStructure, degree: int) -> PartPoints:
+    """The points of a rule in the cells of this rank."""
+    mesh, space = part.mesh, part.form.space
+    X, weights = compat.quadrature(mesh.cell, degree)
+    count = compat.cell_map(mesh.dolfinx).size_local
+    cells = np.repeat(np.arange(count), len(weights))
+    _, J = mesh.geometry.at(cells, np.tile(X, (count, 1)))
+    area = np.sqrt(np.linalg.det(J.swapaxes(1, 2) @ J))
+
     material = part.parts[0][0]  # all are of one family
-    for family, points in _FAMILIES:
+    number = part.part_of_cells()[cells]
+    for family, local_of in _FAMILIES:
         if isinstance(material, family):
-            return points(part)
-    raise InputError(
-        f"stretch takes Shell, Laminate, Solid, AnisotropicSolid and Beam; got"
-        f" {type(material).__name__}."
+            local: _Local = local_of(part, cells, J)
+            break
+    else:
+        raise InputError(
+            f"stretch takes Shell, Laminate, Solid, AnisotropicSolid and Beam; got"
+            f" {type(material).__name__}."
+        )
+
+    # derivatives (n, d, functions) of the functions of the nodes along the directions
+    slopes = np.tile(compat.tabulate_slopes(space, (0,), X), (count, 1, 1))
+    derivatives = local.along @ np.swapaxes(slopes @ np.linalg.pinv(J), 1, 2)
+    n, d, functions = derivatives.shape
+    nodes = compat.cell_dofs(space, (0,), cells) // part.block
+    gradient = scipy.sparse.csr_matrix(
+        (
+            derivatives.ravel(),
+            np.repeat(nodes, d, axis=0).ravel(),
+            functions * np.arange(n * d + 1),
+        ),
+        shape=(n * d, len(space.tabulate_dof_coordinates())),
     )
 
+    square = np.zeros((len(local.pairs), d, d))
+    for s, (i, j) in enumerate(local.pairs):
+        square[s, i, j] = square[s, j, i] = 1.0
 
-def _points(
-    part: MeshedStructure,
-    ways: Callable[[Expr], Expr],
-    count: int,
-    strain: Callable[[compat.GaussPoints], Array],
-    square: Array,
-    stiffness: Callable[[compat.GaussPoints], Array],
-    displacement_count: int,
-) -> PartPoints:
-    """The Gauss points; `ways` is the UFL vector of `count` directional derivatives of a scalar."""
-    mesh = part.mesh
-    space = part.form.space
-    gauss_points = compat.GaussPoints(mesh.dolfinx, DEGREES.get(mesh.cell, OTHERS))
     return PartPoints(
-        gradient=gauss_points.derivatives(ways, count, space),
-        weight=gauss_points.weight,
-        strain=strain(gauss_points),
-        square=square,
-        stiffness=stiffness(gauss_points),
-        components=int(space.dofmap.index_map_bs),
-        moved=displacement_count,
+        gradient=gradient,
+        weight=area * np.tile(weights, count),
+        strain=local.strain,
+        square=square.reshape(len(square), -1),
+        stiffness=np.array([local.stiffness(entry) for entry, _ in part.parts])[number],
+        components=part.block,
+        moved=3 if part.kind.sheet else mesh.gdim,
         held=part.fixed,
     )
 
 
-def _sheet_points(part: MeshedStructure) -> PartPoints:
-    """Gauss points of sheets."""
-    frame = frames(part.mesh, part.parts)
-    section = section_fields(part.mesh, part.parts)
-    square = np.zeros((3, 2, 2))
-    for s, (d, e) in enumerate(IN_PLANE):
-        square[s, d, e] = square[s, e, d] = 1.0
+def _of_sheet(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
+    """Sheets: along the frame of `frames`."""
+    axis, side = part.axes_and_sides
+    n = np.cross(J[:, :, 0], J[:, :, 1])
+    n *= (side[cells] / np.linalg.norm(n, axis=1))[:, None]
+    e1 = axis[cells] - np.einsum("nc,nc->n", axis[cells], n)[:, None] * n
+    e1 /= np.linalg.norm(e1, axis=1)[:, None]
+    e2 = np.cross(n, e1)
 
-    def matrix(at: compat.GaussPoints, value: Expr) -> Array:
-        rows = [value[i, j] for i in range(3) for j in range(3)]
-        return at.values(ufl.as_vector(rows), 9).reshape(-1, 3, 3)
+    stretch, bending = np.zeros((2, len(cells), 3, 2, 6))
+    stretch[:, 0, 0, :3] = e1
+    stretch[:, 1, 1, :3] = e2
+    stretch[:, 2, 0, :3] = e2
+    stretch[:, 2, 1, :3] = e1
+    bending[:, 0, 0, 3:] = e2
+    bending[:, 1, 1, 3:] = -e1
+    bending[:, 2, 0, 3:] = -e1
+    bending[:, 2, 1, 3:] = e2
 
-    def strain(at: compat.GaussPoints) -> Array:
-        e = at.values(ufl.as_vector([x[i] for x in (frame.e1, frame.e2) for i in range(3)]), 6)
-        e1 = e[:, :3]
-        e2 = e[:, 3:]
-        stretch, bending = np.zeros((2, at.weight.size, 3, 2, 6))
-        stretch[:, 0, 0, :3] = e1
-        stretch[:, 1, 1, :3] = e2
-        stretch[:, 2, 0, :3] = e2
-        stretch[:, 2, 1, :3] = e1
-        bending[:, 0, 0, 3:] = e2
-        bending[:, 1, 1, 3:] = -e1
-        bending[:, 2, 0, 3:] = -e1
-        bending[:, 2, 1, 3:] = e2
-        if section.coupling is None:
-            return stretch
-        coupling = matrix(at, section.coupling)
-        return stretch + np.einsum("nst,ntdb->nsdb", coupling, bending)
-
-    def grad(u: Expr) -> Expr:
-        return ufl.dot(frame.along, ufl.grad(u))
-
-    return _points(part, grad, 2, strain, square, lambda at: matrix(at, section.A), 3)
+    sections = [material.section for material, _ in part.parts]
+    coupling = np.array([np.linalg.solve(section.A, section.B) for section in sections])
+    of_points = coupling[part.part_of_cells()[cells]]
+    strain = stretch + np.einsum("nst,ntdb->nsdb", of_points, bending)
+    return _Local(np.stack([e1, e2], axis=1), strain, IN_PLANE, lambda sheet: sheet.section.A)
 
 
-def _solid_points(part: MeshedStructure) -> PartPoints:
-    """Gauss points of solids."""
+def _of_solid(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
+    """Solids: along the axes."""
     d = part.mesh.gdim
     pairs = VOIGT if d == 3 else IN_PLANE
-    size = len(pairs)
-    square = np.zeros((size, d, d))
-    strain = np.zeros((1, size, d, d))
+    strain = np.zeros((1, len(pairs), d, d))
     for s, (i, j) in enumerate(pairs):
-        square[s, i, j] = square[s, j, i] = 1.0
         strain[0, s, i, j] = strain[0, s, j, i] = 1.0
-
-    C = coefficient(part.mesh, part.parts, lambda solid: voigt_in(solid, d))
-
-    def stiffness(at: compat.GaussPoints) -> Array:
-        rows = [C[i, j] for i in range(size) for j in range(size)]
-        return at.values(ufl.as_vector(rows), size**2).reshape(-1, size, size)
-
-    return _points(part, ufl.grad, d, lambda at: strain, square, stiffness, d)
+    along = np.broadcast_to(np.eye(3)[:d], (len(cells), d, 3))
+    return _Local(along, strain, pairs, lambda solid: voigt_in(solid, d))
 
 
-def _beam_points(part: MeshedStructure) -> PartPoints:
-    """Gauss points of beams without offset."""
+def _of_beam(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
+    """Beams without offset: along the axis."""
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch does not take beams with an offset.")
-    t = tangent(part.mesh)
-    displacement_count = part.mesh.gdim
-    components = int(part.form.space.dofmap.index_map_bs)
-
-    def strain(at: compat.GaussPoints) -> Array:
-        axial = np.zeros((at.weight.size, 1, 1, components))
-        axial[:, 0, 0, :displacement_count] = at.values(t, displacement_count)
-        return axial
-
-    def stiffness(at: compat.GaussPoints) -> Array:
-        EA = coefficient(part.mesh, part.parts, lambda beam: beam.E * beam.section.A)
-        return at.values(ufl.as_vector([EA]), 1)[:, :, None]
-
-    def grad(u: Expr) -> Expr:
-        return ufl.as_vector([ufl.dot(ufl.grad(u), t)])
-
-    return _points(part, grad, 1, strain, np.ones((1, 1, 1)), stiffness, displacement_count)
+    t = J[:, :, 0] / np.linalg.norm(J[:, :, 0], axis=1)[:, None]
+    axial = np.zeros((len(cells), 1, 1, part.block))
+    axial[:, 0, 0, : part.mesh.gdim] = t[:, : part.mesh.gdim]
+    return _Local(t[:, None], axial, ((0, 0),), lambda beam: [[beam.E * beam.section.A]])
 
 
-_FAMILIES = (
-    (Sheet, _sheet_points),
-    ((Solid, AnisotropicSolid), _solid_points),
-    (Beam, _beam_points),
+_FAMILIES: tuple[tuple[Any, Callable[..., _Local]], ...] = (
+    (Sheet, _of_sheet),
+    ((Solid, AnisotropicSolid), _of_solid),
+    (Beam, _of_beam),
 )

@@ -8,13 +8,12 @@ of it is in one file, so that a new version needs changes here only.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import basix
 import dolfinx
 import numpy as np
-import scipy.sparse
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
@@ -389,39 +388,6 @@ def assemble(
         raise ValueError("no form to assemble")
 
     return total
-
-
-class GaussPoints:
-    """Quadrature points on a mesh of one process; `weight` (n,) are their weights."""
-
-    def __init__(self, mesh: dolfinx.mesh.Mesh, degree: int) -> None:
-        self._mesh = mesh
-        self._degree = degree
-        self._dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
-        space = _space(mesh, "Quadrature", degree, 1)
-        self.weight = assemble_functional(ufl.TestFunction(space)[0] * self._dx, space)
-
-    def values(self, expression: Expr, size: int) -> Array:
-        """Values (n, size) of a UFL vector at the points."""
-        space = _space(self._mesh, "Quadrature", self._degree, size)
-        form = ufl.dot(expression, ufl.TestFunction(space)) * self._dx
-        return assemble_functional(form, space).reshape(-1, size) / self.weight[:, None]
-
-    def derivatives(
-        self, ways: Callable[[Expr], Expr], count: int, space: fem.FunctionSpace
-    ) -> scipy.sparse.csr_matrix:
-        """Matrix (n count, nodes): `count` derivatives of a scalar at the nodes of `space`."""
-        degree = space.sub(0).element.basix_element.degree
-        scalars = lagrange(self._mesh, degree, 0)
-        test = ufl.TestFunction(_space(self._mesh, "Quadrature", self._degree, count))
-        form = ufl.dot(ways(ufl.TrialFunction(scalars)), test) * self._dx
-        matrix = assemble([form], scalars, {}, 0.0)
-        pointers, columns, values = matrix.getValuesCSR()
-        weighted = scipy.sparse.csr_matrix((values, columns, pointers), shape=matrix.getSize())
-        if not np.array_equal(_nodes(scalars), _nodes(space)):
-            raise ValueError("the nodes of a scalar and of a vector differ")
-
-        return scipy.sparse.diags(np.repeat(1 / self.weight, count)) @ weighted
 
 
 def strain_matrix(

@@ -41,11 +41,12 @@ from antiosc.fem.linalg import solver_for
 from antiosc.fem.linalg.algebra import diagonal, dot, free_when_dropped, multiply, sum_of
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import largest
+from antiosc.fem.mesh.surface import largest, quadrature
 from antiosc.fem.platform import compat
 from antiosc.fem.prestress import Preload, Prestress, Spin
+from antiosc.fem.structure.loads import Points, loads as load_columns
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.support import Support, dofs_of_entities
+from antiosc.fem.structure.support import Support
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -186,41 +187,35 @@ def tendon(part: MeshedStructure, name: str) -> Tendon:
 
 def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
     """Constant forces on groups (rows of this rank,)."""
-    rows = part.rows
-    forces = np.zeros(rows)
-
-    v = ufl.TestFunction(part.form.space)
+    forces = np.zeros(part.rows)
     for group, resultant in loads.force.items():
-        dim, entities = largest(part.mesh, group)
         force = np.array(resultant)
         if np.abs(force[part.mesh.gdim :]).max(initial=0.0):
             raise InputError(f"the force on {group!r} points out of the plane of the part.")
         if not force.any():
             continue
-        if dim in (part.mesh.tdim, part.mesh.tdim - 1) and dim:
-            work = spread(part.mesh, v, force, (group, dim, entities))
-            forces += compat.assemble_functional(work, part.form.space)[:rows]
-        elif dim == 0:
-            forces += _at_points(part, group, force)
-        else:
-            raise InputError(
-                f"a force acts on points, faces or cells; group {group!r} holds edges."
-            )
+        points = _loaded_points(part, group)
+        column = load_columns(part.comm, part.form, points, force[None])
+        forces += column.toarray()[:, 0]
 
     return freed(part, forces)
 
 
-def _at_points(part: MeshedStructure, group: str, force: Array) -> Array:
-    """Nodal forces (rows of this rank,) of a resultant spread evenly over the points of a group."""
-    rows = part.rows
-    forces = np.zeros(rows)
-    for axis in range(part.mesh.gdim):
-        path = part.form.components["xyz"[axis]]
-        dofs = dofs_of_entities(part.mesh, part.form, {0: part.mesh.group(group)[0]}, path)
-        owned_dofs = dofs[dofs < rows]
-        forces[owned_dofs] = force[axis] / part.comm.allreduce(len(owned_dofs))
+def _loaded_points(part: MeshedStructure, group: str) -> Points:
+    """Points of a group among which a force is distributed evenly; InputError for edges."""
+    mesh = part.mesh
+    dim, entities = largest(mesh, group)
+    if dim not in (0, mesh.tdim - 1, mesh.tdim):
+        raise InputError(f"a force acts on points, faces or cells; group {group!r} holds edges.")
 
-    return forces
+    owned = entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
+    if dim and dim < mesh.tdim:
+        owned = np.intersect1d(owned, compat.exterior_facets(mesh.dolfinx)).astype(np.int32)
+    points = quadrature(mesh, dim, owned, DEGREE)
+    total = part.comm.allreduce(points.weight.sum())
+    if not total:
+        raise InputError(f"the group {group!r} holds no outer faces, on which loads act.")
+    return Points(np.zeros(len(points.cell), int), points.cell, points.X, points.weight / total)
 
 
 # -- energies (UFL) of pressures and of spin on a mesh; measures of its groups
@@ -314,23 +309,6 @@ def _fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
     offset = coefficient(mesh, parts, lambda b: b.offset)
     first = of("A") * offset
     return [(axes.y, first, of("I") + first * offset), (axes.z, 0.0, of("side"))]
-
-
-def total_of(mesh: Mesh, group: str, dim: int, entities: IntArray) -> float:
-    """Length, area or volume of a group; InputError if it is 0."""
-    factor, dx = measure_on(mesh, dim, entities)
-    size = compat.integrate(factor * dx, mesh.dolfinx)
-    if size <= 0:
-        raise InputError(f"the group {group!r} holds no outer faces, on which loads act.")
-    return size
-
-
-def spread(mesh: Mesh, v: Expr, force: Array, where: tuple[str, int, IntArray]) -> ufl.Form:
-    """Work of a force (3,), distributed evenly over a group, on the test function v."""
-    group, dim, entities = where
-    factor, dx = measure_on(mesh, dim, entities)
-    density = (force / total_of(mesh, group, dim, entities)).tolist()
-    return factor * sum(density[i] * v[i] for i in range(mesh.gdim)) * dx
 
 
 def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
