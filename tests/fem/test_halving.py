@@ -12,6 +12,8 @@ from antiosc.fem.mesh.reading import sound
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.io.neutral import KINDS, RawMesh
+from antiosc.reduce.error.division import finer
+from parts import gmsh_cube
 
 pytestmark = pytest.mark.fem
 basix = pytest.importorskip("basix")
@@ -84,6 +86,14 @@ def test_repeated_halves_of_a_tetrahedron_have_three_shapes_at_most():
     pairs = np.triu_indices(4, 1)
     edges = np.sort(np.linalg.norm(x[:, pairs[0]] - x[:, pairs[1]], axis=2), axis=1)
     assert len(np.unique(np.round(edges, 9), axis=0)) <= 3
+
+
+def test_curved_cells_of_a_part_are_divided_with_their_sides(tmp_path):
+    """The mesh of an error estimate has the order of the part's."""
+    mesh = ao.read_mesh(gmsh_cube(tmp_path / "q.msh", "quadrilateral", 2, bent=True), gdim=3)
+    fine = finer(mesh)
+    assert (fine.n_cells, fine.order) == (4 * mesh.n_cells, 2)
+    assert set(fine.groups) == set(mesh.groups)
 
 
 # -- smaller cells around a point

@@ -152,9 +152,11 @@ def test_cells_around_points_have_the_sizes_of_the_points():
     assert edge_lengths(fine)[far].max() > 0.05
     assert source_of(mesh).first(1.0, []) is mesh
     whole = gathered(fine, edge_lengths(fine))
-    assert whole.values == pytest.approx(edge_lengths(fine))
+    assert whole is not None
+    raw, values = whole
+    assert values == pytest.approx(edge_lengths(fine))
     np.testing.assert_allclose(
-        np.sort(whole.points[whole.cells].mean(axis=1), axis=0),
+        np.sort(raw.points[raw.cells].mean(axis=1), axis=0),
         np.sort(corners(fine).mean(axis=1)[:, :2], axis=0),
     )
 

@@ -14,14 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.engine import library
 from antiosc.fem.elements.weak_form import Parts
 
 #: `AFE_LANES` and `AFE_POINT_DATA` of the C library
 LANES, POINT = 8, 11
-#: Distance of a node from the middle of its edge up to which the edge is straight, over its length.
-STRAIGHT = 1e-9
 #: For each node of a cell in dolfinx's order: the corner, or the two corners it lies between.
 ENDS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
 #: A quadrature rule: shape functions (points, 10), their gradients (points, 10, 3), weights.
@@ -202,19 +200,6 @@ def _squares(slopes: Array, ends: Sequence[int]) -> Array:
     return np.asarray(
         0.8 * sum(vector[:, :, None] * vector[:, None] for vector in (g, h, gradient_sum))
     )
-
-
-def straight(x: Array) -> BoolArray:
-    """Mask of cells (n, nodes, 3) whose further nodes are the middles of their edges."""
-    result = np.ones(len(x), dtype=bool)
-    for node, ends in enumerate(ENDS[: x.shape[1]]):
-        if len(ends) == 1:
-            continue
-        a, b = x[:, ends[0]], x[:, ends[1]]
-        off = np.linalg.norm(x[:, node] - (a + b) / 2, axis=1)
-        result &= off <= STRAIGHT * np.linalg.norm(b - a, axis=1)
-
-    return result
 
 
 def constants(parts: Parts, count: int) -> Array:

@@ -22,7 +22,6 @@ from antiosc.fem.elements.cell_products import (
     CurvedCells,
     StraightCells,
     constants,
-    straight,
 )
 from antiosc.fem.elements.solid import Solid, degrees, weak_form_of
 from antiosc.fem.elements.weak_form import Parts, WeakForm
@@ -203,10 +202,10 @@ class Tetrahedra:
 def _kinds_of(mesh: Mesh, form: WeakForm, parts: Parts) -> list[Cells]:
     """The straight cells of this rank and, on a mesh of order 2, the curved ones."""
     count = compat.cell_map(mesh.dolfinx).size_local
-    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)[:count]]
+    x = mesh.geometry.nodes[:count]
     nodes = compat.cell_dofs(form.space, (0,), np.arange(count)) // 3
     materials = constants(parts, count)
-    is_straight = straight(x)
+    is_straight = mesh.geometry.straight[:count]
     kinds: list[Cells] = [StraightCells(nodes[is_straight], x[is_straight], materials[is_straight])]
     if is_straight.all():
         return kinds

@@ -23,6 +23,10 @@ from antiosc.io.reading import positions
 SIMPLICES = ("interval", "triangle", "tetrahedron")
 
 
+#: Distance of a node from where it stands in a straight cell, over the size of the cell.
+STRAIGHT = 1e-9
+
+
 class CellGeometry:
     """Nodes (cells, k, 3) [m] and shape functions of cells of a shape, of order 1 or 2."""
 
@@ -57,6 +61,15 @@ class CellGeometry:
     def centre(self) -> Array:
         """Reference coordinates (tdim,) of the middle of a cell."""
         return np.asarray(self.corners.mean(axis=0))
+
+    @cached_property
+    def straight(self) -> BoolArray:
+        """Mask (cells,) of the cells whose further nodes lie on straight edges and flat faces."""
+        linear = basix.create_element(basix.ElementFamily.P, self._element.cell_type, 1)
+        corners = self.nodes[:, : len(self.corners)]
+        off = self.nodes - linear.tabulate(0, self.reference_nodes)[0, :, :, 0] @ corners
+        size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+        return np.asarray(np.linalg.norm(off, axis=2).max(axis=1) <= STRAIGHT * size)
 
     def entities(self, dim: int) -> tuple[Array, Array]:
         """Origins (n, tdim), axes (n, tdim, dim) of entities: X = origin + axes ξ."""

@@ -8,11 +8,11 @@ three shapes at most. Second-order cells keep their curved sides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import basix
 import numpy as np
@@ -29,6 +29,8 @@ from antiosc.io.isolation import GRADING, Refinement
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.io.reading import keys, positions
 
+#: name -> {dimension: (entities, vertices of one)}
+Groups: TypeAlias = dict[str, dict[int, NDArray[np.int64]]]
 #: Halves of a simplex; each vertex lies between two corners.
 SIMPLICES = {
     "triangle": ("00 01 02", "01 11 12", "02 12 22", "01 12 02"),
@@ -37,8 +39,8 @@ SIMPLICES = {
         *("01 02 03 13", "01 02 12 13", "02 03 13 23", "02 12 13 23"),
     ),
 }
-#: Shapes of edges and faces by their number of vertices.
-SIDES = {2: "interval", 3: "triangle", 4: "quadrilateral"}
+#: Corners of a hexahedron.
+MOST_CORNERS = 8
 #: Cells may exceed a size by this share.
 ROUNDING = 1e-9
 
@@ -135,12 +137,24 @@ def halved(raw: RawMesh) -> RawMesh:
     places = np.einsum("hmk,cki->chmi", shape.weights[kind.order - 1], raw.points[nodes])
     x = places.reshape(-1, raw.points.shape[1])[first]
     without = np.full(len(x) if len(raw.labels) else 0, -1)
+    points = np.vstack([raw.points, x])
+
+    # the old corners between which each node lies
+    support = np.full((len(points), MOST_CORNERS), -1)
+    support[:, 0] = np.arange(len(points))
+    for k, vertices in enumerate(shape.members, start=kind.vertices):
+        support[lattice[:, k], : len(vertices)] = old_corners[:, vertices]
+
+    def entities(dim: int) -> IntArray:
+        of_cell = np.array(basix.topology(getattr(basix.CellType, kind.shape))[dim])
+        rows = cells[:, of_cell].reshape(-1, of_cell.shape[1])
+        return rows[np.unique(keys(rows), return_index=True)[1]]
 
     return replace(
         raw,
-        points=np.vstack([raw.points, x]),
+        points=points,
         cells=cells[:, np.argsort(order)].astype(np.int64),
-        groups=_groups(raw, old_corners, lattice),
+        groups=_followed(raw.groups, support, entities),
         numbers=np.zeros(0, dtype=np.int64),
         labels=np.concatenate([raw.labels, without]),
     )
@@ -148,59 +162,29 @@ def halved(raw: RawMesh) -> RawMesh:
 
 def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, IntArray]:
     """(new nodes (cells, middles) of cells, numbered from `start` on, the first place of each)."""
-    rows = np.full((len(corners), len(shape.members), 8), -1, dtype=np.int64)
+    rows = np.full((len(corners), len(shape.members), MOST_CORNERS), -1, dtype=np.int64)
     for k, vertices in enumerate(shape.members):
         rows[:, k, : len(vertices)] = corners[:, vertices]
-    _, first, index = np.unique(keys(rows.reshape(-1, 8)), return_index=True, return_inverse=True)
+    _, first, index = np.unique(
+        keys(rows.reshape(-1, MOST_CORNERS)), return_index=True, return_inverse=True
+    )
     return start + index.reshape(len(corners), -1), first
 
 
-def _groups(
-    raw: RawMesh, corners: IntArray, lattice: IntArray
-) -> dict[str, dict[int, NDArray[np.int64]]]:
-    """The groups of the halved mesh; `corners`, `lattice`: old nodes and middles of its cells."""
-    groups: dict[str, dict[int, NDArray[np.int64]]] = {name: {} for name in raw.groups}
-    for dim in sorted({dim for parts in raw.groups.values() for dim in parts}):
-        names = [name for name, parts in raw.groups.items() if dim in parts]
-        blocks = [raw.groups[name][dim] for name in names]
-        entities = np.vstack(blocks)
-        if dim == 0:
-            halves: NDArray[Any] = entities[:, None]
-        elif dim == raw.kind.dim:
-            at = positions(entities, corners)
-            halves = lattice[:, scheme(raw.kind.shape).halves][at]
-            halves[at < 0] = -1
-        else:
-            halves = _halves_of_sides(raw, entities, corners, lattice)
-        ends = np.cumsum([len(block) for block in blocks])[:-1]
-        for name, part in zip(names, np.split(halves, ends), strict=True):
-            rows = part.reshape(-1, part.shape[-1])
-            groups[name][dim] = rows[(rows >= 0).all(axis=1)].astype(np.int64)
+def _followed(groups: Groups, support: IntArray, entities_of: Callable[[int], IntArray]) -> Groups:
+    """The groups among new entities, by the old points (n, k) between which new ones lie; -1: none.
 
-    return groups
+    `entities_of` a dimension: vertices (entities, corners) of all new ones.
+    """
+    result: Groups = {name: {} for name in groups}
+    for dim in sorted({dim for parts in groups.values() for dim in parts}):
+        entities = entities_of(dim).astype(np.int64)
+        carriers = _old_points_under(support, entities)
+        for name, parts in groups.items():
+            if dim in parts:
+                result[name][dim] = entities[positions(carriers, parts[dim]) >= 0]
 
-
-def _halves_of_sides(
-    raw: RawMesh, sides: IntArray, corners: IntArray, lattice: IntArray
-) -> IntArray:
-    """Vertices (n, halves, k) of the halves of edges or faces (n, k); -1 of those of no cell."""
-    count = sides.shape[1]
-    order = compat.node_order(SIDES[count], count, "vtk")
-    sides = sides[:, order]
-    shape = scheme(SIDES[count])
-
-    columns = [sides]
-    for vertices in shape.members:
-        middles = [
-            (corners[:, of_cell], lattice[:, corners.shape[1] + k])
-            for k, of_cell in enumerate(scheme(raw.kind.shape).members)
-            if len(of_cell) == len(vertices)
-        ]
-        rows, nodes = (np.concatenate(parts) for parts in zip(*middles, strict=True))
-        at = positions(sides[:, vertices], rows)
-        columns.append(np.where(at >= 0, nodes[at], -1)[:, None])
-
-    return np.hstack(columns)[:, shape.halves][:, :, np.argsort(order)]
+    return result
 
 
 # -- bisection of straight triangles and tetrahedra, and the sizes of cells around points
@@ -210,8 +194,6 @@ def _halves_of_sides(
 DIVIDED = 0.75
 #: Most rounds of division.
 ROUNDS = 3
-#: Distance of a node from the middle of its edge up to which the edge is straight, over its length.
-STRAIGHT = 1e-9
 #: Kinds of cells that can be divided, by dolfinx's names.
 KIND_OF = {"triangle": "triangle", "tetrahedron": "tetra"}
 #: Rounds of divisions around points.
@@ -261,56 +243,43 @@ def _mean_edges(corners: Array) -> Array:
     return np.asarray(np.linalg.norm(corners[:, first] - corners[:, second], axis=2).mean(axis=1))
 
 
-@dataclass(frozen=True)
-class Pieces:
-    """A whole mesh on one rank with a value for each cell."""
-
-    points: Array  # (n, gdim) m
-    cells: IntArray  # (c, dim + 1) numbers of points
-    #: name -> {dimension: (entities, vertices of one) numbers of points}
-    groups: dict[str, dict[int, IntArray]]
-    values: Array  # (c,) one for each cell
-
-
 def divisible(mesh: Mesh) -> bool:
     """Whether the cells of the mesh can be bisected: straight triangles and tetrahedra."""
-    if mesh.cell not in KIND_OF:
-        return False
-
-    # of second-order cells the further nodes are the middles of edges
-    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-    off = 0.0
-    for vertices, node in compat.nodes_between(mesh.cell) if mesh.order == 2 else ():
-        distance = np.linalg.norm(x[:, node] - x[:, vertices].mean(axis=1), axis=1)
-        length = np.linalg.norm(np.ptp(x[:, vertices], axis=1), axis=1)
-        off = max(off, float((distance / length).max(initial=0.0)))
-
-    return bool(mesh.comm.allreduce(off, op=MPI.MAX) <= STRAIGHT)
+    return mesh.cell in KIND_OF and all(mesh.comm.allgather(bool(mesh.geometry.straight.all())))
 
 
 def refined(mesh: Mesh, ratio: Array) -> Mesh:
     """The mesh, bisected until its sizes are about `ratio` (cells,) times the present ones."""
-    pieces = gathered(mesh, ratio)
-    if pieces is not None:
+    whole = gathered(mesh, ratio)
+    raw = None
+    if whole is not None:
+        raw, values = _straight(whole[0]), whole[1]
         for _ in range(ROUNDS):
-            if not np.any(pieces.values < DIVIDED):
+            if not np.any(values < DIVIDED):
                 break
-            pieces = divided(pieces, mesh.cell)
+            raw, values = divided(raw, values)
 
-    pieces = mesh.comm.bcast(pieces)
-    kind = KINDS[KIND_OF[mesh.cell]]
-    raw = RawMesh(pieces.points, pieces.cells, kind, pieces.groups)
-    return distributed(raw, mesh.name, mesh.comm)
+    return distributed(mesh.comm.bcast(raw), mesh.name, mesh.comm)
 
 
-def gathered(mesh: Mesh, values: Array) -> Pieces | None:
+def _straight(raw: RawMesh) -> RawMesh:
+    """The mesh of simplices by their corners alone."""
+    used, cells = np.unique(raw.cells[:, : raw.kind.vertices], return_inverse=True)
+    groups: Groups = {
+        name: {dim: np.searchsorted(used, rows) for dim, rows in parts.items()}
+        for name, parts in raw.groups.items()
+    }
+    cells = cells.reshape(-1, raw.kind.vertices)
+    return RawMesh(raw.points[used], cells, KINDS[KIND_OF[raw.kind.shape]], groups)
+
+
+def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
     """The mesh and `values` of its cells on rank 0; None on other ranks."""
     geometry = mesh.dolfinx.geometry
     nodes_here = np.arange(len(geometry.x), dtype=np.int32)
     number = np.asarray(geometry.index_map().local_to_global(nodes_here))
     count = compat.cell_map(mesh.dolfinx).size_local
-    nodes = compat.geometry_nodes(mesh.dolfinx)[:count, : len(mesh.geometry.corners)]
-    cells = number[nodes]
+    cells = number[compat.geometry_nodes(mesh.dolfinx)[:count]]
     groups = {
         name: {
             dim: number[compat.entity_vertices(mesh.dolfinx, dim)[entities]]
@@ -325,50 +294,40 @@ def gathered(mesh: Mesh, values: Array) -> Pieces | None:
     numbers, x, all_cells, all_values, all_groups = zip(*of_ranks, strict=True)
     points = np.zeros((int(geometry.index_map().size_global), mesh.gdim))
     points[np.concatenate(numbers)] = np.vstack(x)
-    whole: dict[str, dict[int, IntArray]] = {name: {} for name in mesh.groups}
+    whole: Groups = {name: {} for name in mesh.groups}
     for name, parts in whole.items():
         for dim in set().union(*(of_rank[name] for of_rank in all_groups)):
             rows = [of_rank[name][dim] for of_rank in all_groups if dim in of_rank[name]]
-            parts[dim] = np.unique(np.sort(np.vstack(rows), axis=1), axis=0)
-    # corners alone
-    used, cells = np.unique(np.vstack(all_cells), return_inverse=True)
-    for parts in whole.values():
-        parts.update({dim: np.searchsorted(used, rows) for dim, rows in parts.items()})
-    return Pieces(
-        points[used], cells.reshape(-1, nodes.shape[1]), whole, np.concatenate(all_values)
-    )
+            parts[dim] = np.unique(np.sort(np.vstack(rows), axis=1), axis=0).astype(np.int64)
+
+    kind = next(k for k in KINDS.values() if (k.shape, k.order) == (mesh.cell, mesh.order))
+    order = np.argsort(compat.node_order(kind.shape, kind.nodes, "vtk"))
+    raw = RawMesh(points, np.vstack(all_cells)[:, order].astype(np.int64), kind, whole)
+    return raw, np.concatenate(all_values)
 
 
-def divided(pieces: Pieces, cell: str) -> Pieces:
+def divided(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
     """The mesh with all edges halved of the cells that have small values, once.
 
     The new values are those of the parents times the old size over the new one.
     """
-    arguments = np.ascontiguousarray(pieces.cells), pieces.points, cell, 1
+    arguments = np.ascontiguousarray(raw.cells), raw.points, raw.kind.shape, 1
     old_mesh = compat.create_mesh(MPI.COMM_SELF, *arguments)
     input_cells = np.asarray(old_mesh.topology.original_cell_index)
-    is_refined = pieces.values[input_cells] < DIVIDED
+    is_refined = values[input_cells] < DIVIDED
     new = compat.refined(old_mesh, np.unique(compat.cell_entities(old_mesh, 1)[is_refined]))
-    gdim = pieces.points.shape[1]
+    gdim = raw.points.shape[1]
     x = new.geometry.x[:, :gdim].copy()
-    support = _supports(pieces, x)
+    support = _supports(raw, x)
     cells = compat.geometry_nodes(new).astype(np.int64)
-    parent = positions(_old_points_under(support, cells), pieces.cells)
-    old_corners = pieces.points[pieces.cells]
-    if cell == "triangle" and gdim == 3:  # the normals tell the side of layers
+    parent = positions(_old_points_under(support, cells), raw.cells)
+    old_corners = raw.points[raw.cells]
+    if raw.kind.shape == "triangle" and gdim == 3:  # the normals tell the side of layers
         turned = np.einsum("ci,ci->c", _normals(x[cells]), _normals(old_corners[parent])) < 0
         cells[turned] = cells[turned][:, [0, 2, 1]]
-    values = pieces.values[parent] * _mean_edges(old_corners)[parent] / _mean_edges(x[cells])
-
-    groups: dict[str, dict[int, IntArray]] = {name: {} for name in pieces.groups}
-    for dim in set().union(*pieces.groups.values()):
-        entities = compat.entity_vertices(new, dim).astype(np.int64)
-        carriers = _old_points_under(support, entities)
-        for name, parts in pieces.groups.items():
-            if dim in parts:
-                groups[name][dim] = entities[positions(carriers, parts[dim]) >= 0]
-
-    return Pieces(x, cells, groups, values)
+    sizes = _mean_edges(old_corners)[parent] / _mean_edges(x[cells])
+    groups = _followed(raw.groups, support, lambda dim: compat.entity_vertices(new, dim))
+    return replace(raw, points=x, cells=cells, groups=groups), values[parent] * sizes
 
 
 def _normals(corners: Array) -> Array:
@@ -376,14 +335,14 @@ def _normals(corners: Array) -> Array:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
-def _supports(pieces: Pieces, x: Array) -> IntArray:
+def _supports(raw: RawMesh, x: Array) -> IntArray:
     """The two old points (n, 2) between which each new point lies; of an old one itself, twice."""
-    first, second = np.triu_indices(pieces.cells.shape[1], 1)
-    edges = np.stack([pieces.cells[:, first].ravel(), pieces.cells[:, second].ravel()], axis=1)
+    first, second = np.triu_indices(raw.kind.vertices, 1)
+    edges = np.stack([raw.cells[:, first].ravel(), raw.cells[:, second].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
-    old_points = np.repeat(np.arange(len(pieces.points))[:, None], 2, axis=1)
+    old_points = np.repeat(np.arange(len(raw.points))[:, None], 2, axis=1)
     pairs = np.vstack([old_points, edges])
-    _, nearest = cKDTree(pieces.points[pairs].mean(axis=1)).query(x)
+    _, nearest = cKDTree(raw.points[pairs].mean(axis=1)).query(x)
     return np.asarray(pairs[nearest])
 
 
@@ -391,8 +350,8 @@ def _old_points_under(support: IntArray, entities: IntArray) -> IntArray:
     """Old points (n, k) under each new entity (n, k); -1 of those of a larger dimension."""
     k = entities.shape[1]
     rows = np.sort(support[entities].reshape(len(entities), -1), axis=1)
-    first = np.ones(rows.shape, dtype=bool)
-    first[:, 1:] = np.diff(rows, axis=1) > 0
+    first = rows >= 0
+    first[:, 1:] &= np.diff(rows, axis=1) > 0
     fit = first.sum(axis=1) == k
     carriers = np.full((len(entities), k), -1, dtype=np.int64)
     carriers[fit] = rows[fit][first[fit]].reshape(-1, k)

@@ -63,7 +63,7 @@ from antiosc.fem.structure.structure import Structure, holding, on_mesh
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.by_gmsh import CUT, GEOMETRY, SizeField
 from antiosc.io.isolation import GRADING as USUAL, Refinement
-from antiosc.io.neutral import KINDS, RawMesh
+from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import site_points
@@ -211,21 +211,9 @@ def finer(mesh: Mesh) -> Mesh:
     """The mesh on one rank with each cell c divided into h cells with the input numbers h c to
     h c + h - 1.
     """
-    return distributed(halved(_raw(mesh)), mesh.name, mesh.comm)
-
-
-def _raw(mesh: Mesh) -> RawMesh:
-    """The arrays of a mesh on one rank, with its cells by their input numbers."""
-    pieces = gathered(mesh, np.zeros(mesh.n_cells))
-    assert pieces is not None  # on one rank
-    kind = next(k for k in KINDS.values() if (k.shape, k.order) == (mesh.cell, mesh.order))
-    order = np.argsort(compat.node_order(kind.shape, kind.nodes, "vtk"))
-    groups = {
-        name: {dim: rows.astype(np.int64) for dim, rows in parts.items()}
-        for name, parts in pieces.groups.items()
-    }
-    cells = pieces.cells[:, order].astype(np.int64)
-    return RawMesh(pieces.points, cells, kind, groups)
+    whole = gathered(mesh, np.zeros(mesh.n_cells))
+    assert whole is not None  # on one rank
+    return distributed(halved(whole[0]), mesh.name, mesh.comm)
 
 
 def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
@@ -445,16 +433,17 @@ def largest(mesh: Mesh) -> float:
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
     """Size field on rank 0 for `ratio`: at each corner the smallest size of its cells."""
-    pieces = gathered(mesh, ratio * edge_lengths(mesh))
-    if pieces is None:
+    whole = gathered(mesh, ratio * edge_lengths(mesh))
+    if whole is None:
         return None
-    corners = pieces.cells[:, : mesh.tdim + 1]
+    raw, wished = whole
+    corners = raw.cells[:, : mesh.tdim + 1]
     used_nodes, local = np.unique(corners, return_inverse=True)
     local = local.reshape(corners.shape)
     sizes = np.full(len(used_nodes), np.inf)
-    np.minimum.at(sizes, local.ravel(), np.repeat(pieces.values, corners.shape[1]))
+    np.minimum.at(sizes, local.ravel(), np.repeat(wished, corners.shape[1]))
     x = np.zeros((len(used_nodes), 3))
-    x[:, : mesh.gdim] = pieces.points[used_nodes]
+    x[:, : mesh.gdim] = raw.points[used_nodes]
     return SizeField(x.tolist(), local.tolist(), sizes.tolist())
 
 
