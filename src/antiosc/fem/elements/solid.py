@@ -37,14 +37,6 @@ THIN_CELL = 8.0
 THIN_PART = 100.0
 #: Up to so many cells the strains take little memory.
 MOST_THIN_CELLS = 1000
-#: Corners of the edges of cells, dolfinx's numbers.
-SOLID_EDGES = {
-    "tetrahedron": [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)],
-    "hexahedron": [
-        *((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3)),
-        *((4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)),
-    ],
-}
 
 
 @dataclass(frozen=True)
@@ -195,9 +187,7 @@ def _is_thin(mesh: Mesh) -> bool:
     if mesh.gdim != 3 or mesh.n_cells > MOST_THIN_CELLS:
         return False
 
-    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-    corners = x[:, : len(mesh.geometry.corners)]
-    ends = corners[:, SOLID_EDGES[mesh.cell]]
+    ends = mesh.geometry.nodes[:, mesh.geometry.edges]
     lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     shortest = np.min(mesh.comm.allgather(lengths.min(initial=np.inf)))
     aspect = np.max(mesh.comm.allgather((lengths.max(axis=1) / lengths.min(axis=1)).max(initial=1)))

@@ -62,6 +62,11 @@ class CellGeometry:
         """Reference coordinates (tdim,) of the middle of a cell."""
         return np.asarray(self.corners.mean(axis=0))
 
+    @property
+    def edges(self) -> IntArray:
+        """Corners (edges, 2) of the edges of a cell."""
+        return np.array(self._topology[1])
+
     @cached_property
     def straight(self) -> BoolArray:
         """Mask (cells,) of the cells whose further nodes lie on straight edges and flat faces."""

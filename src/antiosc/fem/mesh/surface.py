@@ -286,6 +286,12 @@ def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
     return dim, np.asarray(by_dimension.get(dim, np.zeros(0, dtype=np.int32)))
 
 
+def owned(mesh: Mesh, dim: int, entities: IntArray) -> IntArray:
+    """Those of some entities that this rank owns."""
+    mesh.dolfinx.topology.create_entities(dim)
+    return entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
+
+
 def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArray]:
     """(a cell at each entity, local number of the entity in that cell)."""
     topology = mesh.dolfinx.topology
@@ -364,9 +370,7 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Weighte
 def centre(mesh: Mesh, group: str) -> Array:
     """Centroid (3,) [m] of the highest-dimensional entities of a group, on all ranks."""
     dim, entities = largest(mesh, group)
-    mesh.dolfinx.topology.create_entities(dim)
-    entities = entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
-    points = quadrature(mesh, dim, entities, DEGREE)
+    points = quadrature(mesh, dim, owned(mesh, dim, entities), DEGREE)
     total = mesh.comm.allreduce(points.weight.sum())
     return np.asarray(mesh.comm.allreduce(points.weight @ points.x) / total)
 

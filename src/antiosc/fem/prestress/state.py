@@ -41,7 +41,7 @@ from antiosc.fem.linalg import solver_for
 from antiosc.fem.linalg.algebra import diagonal, dot, free_when_dropped, multiply, sum_of
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import largest, quadrature
+from antiosc.fem.mesh.surface import largest, owned, quadrature
 from antiosc.fem.platform import compat
 from antiosc.fem.prestress import Preload, Prestress, Spin
 from antiosc.fem.structure.loads import Points, loads as load_columns
@@ -208,10 +208,10 @@ def _loaded_points(part: MeshedStructure, group: str) -> Points:
     if dim not in (0, mesh.tdim - 1, mesh.tdim):
         raise InputError(f"a force acts on points, faces or cells; group {group!r} holds edges.")
 
-    owned = entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
+    entities = owned(mesh, dim, entities)
     if dim and dim < mesh.tdim:
-        owned = np.intersect1d(owned, compat.exterior_facets(mesh.dolfinx)).astype(np.int32)
-    points = quadrature(mesh, dim, owned, DEGREE)
+        entities = np.intersect1d(entities, compat.exterior_facets(mesh.dolfinx)).astype(np.int32)
+    points = quadrature(mesh, dim, entities, DEGREE)
     total = part.comm.allreduce(points.weight.sum())
     if not total:
         raise InputError(f"the group {group!r} holds no outer faces, on which loads act.")

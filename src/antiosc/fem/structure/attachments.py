@@ -36,7 +36,7 @@ from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import closest
+from antiosc.fem.mesh.surface import cells_at, closest, owned
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.structure import Dissipation, in_space
 from antiosc.fem.structure.loads import NEAR, PointMotion, Sparse, motion_at
@@ -306,7 +306,7 @@ def mesh_points(
                 f"group {where!r} must hold points alone to carry masses or springs; it holds "
                 f"entities of dimension {', '.join(str(dim) for dim in sorted(group))}."
             )
-        owned_nodes = group[0][group[0] < mesh.dolfinx.topology.index_map(0).size_local]
+        owned_nodes = owned(mesh, 0, group[0])
         x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[owned_nodes, 0]]
         points = np.vstack(mesh.comm.allgather(x))
     elif len(where) < mesh.gdim:
@@ -389,28 +389,12 @@ def beams_on(
     return Stiffener(line, form, parts, K, M, T, mass, inertia)
 
 
-#: Corners of the edges of a cell, in dolfinx's order; mid-side nodes follow the corners.
-SHEET_EDGES = {
-    "triangle": ((1, 2), (0, 2), (0, 1)),
-    "quadrilateral": ((0, 1), (0, 2), (1, 3), (2, 3)),
-}
-
-
 def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     """A mesh in space of some edges, curved as they are in the sheet."""
-    topology = mesh.dolfinx.topology
-    topology.create_connectivity(1, 2)
-    topology.create_connectivity(2, 1)
-    owned_edges = edges[edges < topology.index_map(1).size_local]
-    nodes = np.zeros((len(owned_edges), mesh.order + 1), dtype=np.int64)
-    of_cell = compat.geometry_nodes(mesh.dolfinx)
-
-    table = SHEET_EDGES[mesh.cell]
-    for row, edge in enumerate(owned_edges):
-        cell = topology.connectivity(1, 2).links(edge)[0]
-        local = int(np.flatnonzero(topology.connectivity(2, 1).links(cell) == edge)[0])
-        positions = [*table[local], len(table) + local][: mesh.order + 1]
-        nodes[row] = of_cell[cell][positions]
+    cell, number = cells_at(mesh, 1, owned(mesh, 1, edges))
+    between = [[*ends, middle] for ends, middle in compat.nodes_between(mesh.cell) if len(ends) < 3]
+    places = np.array(between)[number, : mesh.order + 1]
+    nodes = compat.geometry_nodes(mesh.dolfinx)[cell[:, None], places]
 
     x = np.zeros((len(mesh.dolfinx.geometry.x), 3))
     x[:] = mesh.dolfinx.geometry.x
