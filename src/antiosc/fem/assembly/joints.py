@@ -31,7 +31,7 @@ from antiosc.fem.assembly.joint import (
 )
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.structure import checked_axis, in_space, skew
+from antiosc.fem.structure import across, checked_axis, in_space, skew
 from antiosc.fem.structure.attachments import ElasticTerm, by_components
 from antiosc.fem.structure.loads import UNIT, PointMotion
 from antiosc.fem.structure.meshed import Member
@@ -130,10 +130,7 @@ class _Axis(_Pin):
 
     def _across(self) -> Array:
         """Two unit vectors (2, 3) perpendicular to the axis."""
-        unit = np.array(self.axis) / np.linalg.norm(self.axis)
-        first = np.cross(unit, np.eye(3)[np.argmin(np.abs(unit))])
-        first /= np.linalg.norm(first)
-        return np.vstack([first, np.cross(unit, first)])
+        return across(np.array([self.axis]) / np.linalg.norm(self.axis))[0]
 
 
 @dataclass(frozen=True)

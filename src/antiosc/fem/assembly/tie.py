@@ -33,9 +33,9 @@ from antiosc.base.checks import checked_by, point_text, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.joint import NAME, Constraints, Rows, TwoEnds, group_end
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.mesh.surface import Entities, clamped, excess, largest, pairs_within, projected
+from antiosc.fem.mesh.surface import Entities, feet, largest, pairs_within
 from antiosc.fem.platform import compat
-from antiosc.fem.structure import skew
+from antiosc.fem.structure import across, skew
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
@@ -165,10 +165,7 @@ def overlap(follower: Facets, leader: Facets, gap: float) -> Overlap:
 def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
     """(face, ξ, point) of the nearest points of faces; the point is infinite beyond `reach`."""
     item, point = pairs_within(faces.centres, faces.radii + reach, points)
-    xi = projected(
-        lambda k, xi: faces.at(item[k], xi), points[point], faces.middle[item], affine=faces.affine
-    )
-    xi = np.where(excess(xi, faces.simplex)[:, None] > 0, clamped(xi, faces.simplex), xi)
+    xi = feet(faces, item, points[point])
     x = faces.at(item, xi)[0]
     order = np.argsort(-np.linalg.norm(x - points[point], axis=1), kind="stable")
     face = np.zeros(len(points), dtype=int)
@@ -464,23 +461,18 @@ def rotation_rows(
     """Constraints by which rotations of nodes, but those about the normals, follow n × g."""
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
+    units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    E = across(units)
 
-    rows, pivots = [], []
-    for i, normal in enumerate(normals):
-        unit = normal / np.linalg.norm(normal)
-        helper_axis = np.eye(3)[np.argmin(np.abs(unit))]
-        first = np.cross(unit, helper_axis)
-        E = np.vstack([first / np.linalg.norm(first), np.cross(unit, first)])
-        axes = E @ member.at.rotation  # on the components of the part
-        drilling = int(np.argmax(np.abs(unit @ member.at.rotation)))
-        components = [c for c in range(3) if c != drilling]
-        inverse = np.linalg.inv(axes[:, components])
-        free_rows = scipy.sparse.csr_matrix(inverse @ axes) @ layout.units(dofs[i])
-        right = scipy.sparse.csr_matrix(inverse @ E) @ motion[3 * i : 3 * i + 3]
-        rows.append(free_rows - right)
-        pivots += list(dofs[i, components])
+    # the part's component about the normal stays free
+    axes = E @ member.at.rotation
+    drilling = np.abs(units @ member.at.rotation).argmax(axis=1)
+    led = np.array([(1, 2), (0, 2), (0, 1)])[drilling]
+    inverse = np.linalg.inv(np.take_along_axis(axes, led[:, None], axis=2))
 
-    matrix = scipy.sparse.vstack(rows).tocsr()
+    rotations = scipy.sparse.block_diag(inverse @ axes, "csr") @ layout.units(dofs.ravel())
+    followed = scipy.sparse.block_diag(inverse @ E, "csr") @ Sparse(motion)
+    matrix = (rotations - followed).tocsr()
     matrix.data[np.abs(matrix.data) < 1e-14 * np.abs(matrix.data).max()] = 0.0
     matrix.eliminate_zeros()
-    return Rows(matrix, np.array(pivots), label)
+    return Rows(matrix, np.take_along_axis(dofs, led, axis=1).ravel(), label)

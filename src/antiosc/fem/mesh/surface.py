@@ -234,28 +234,30 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
     near_cells = np.flatnonzero(from_box <= from_nodes)
 
     cells = []
-    feet = []
+    reached = []
     for dim in range(1, mesh.tdim + 1):
         origin, axes = geometry.entities(dim)
         cell = np.repeat(near_cells, len(origin))
         of_cells = np.tile(np.arange(len(origin)), len(near_cells))
         entities = CellEntities(geometry, cell, origin[of_cells], axes[of_cells])
+        item = np.arange(len(entities))
+        xi = feet(entities, item, np.broadcast_to(point, (len(entities), 3)))
         cells.append(cell)
-        feet.append(_feet(entities, point))
+        reached.append(entities.reference(item, xi))
 
     cell = np.concatenate(cells)
-    X = np.concatenate(feet)
+    X = np.concatenate(reached)
     x = geometry.at(cell, X)[0]
     distance = np.linalg.norm(x - point, axis=1)
     i = int(distance.argmin())
     return ClosestPoint(mesh.comm.rank, int(cell[i]), X[i], x[i], float(distance[i]))
 
 
-def _feet(entities: CellEntities, point: Array) -> Array:
-    """Reference coordinates (n, tdim) in cells of feet from `point`, moved onto the entities."""
-    points = np.broadcast_to(point, (len(entities), 3))
-    xi = projected(entities.at, points, entities.middle, affine=entities.affine)
-    return entities.reference(np.arange(len(entities)), clamped(xi, entities.simplex))
+def feet(entities: CellEntities, item: IntArray, points: Array) -> Array:
+    """Coordinates ξ (n, dim) in entities (n,) of their places nearest to points (n, 3)."""
+    start = entities.middle[item]
+    xi = projected(lambda k, xi: entities.at(item[k], xi), points, start, affine=entities.affine)
+    return clamped(xi, entities.simplex)
 
 
 @dataclass(frozen=True, eq=False)
@@ -501,10 +503,7 @@ class Faces(Entities):
     def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
         """(face, point, unit normal, distance) of the nearest places within the radii."""
         face, point = self._within(points, radii)
-        xi = projected(
-            lambda k, xi: self.at(face[k], xi), points[point], self.middle[face], affine=self.affine
-        )
-        x, normal = self.across(face, clamped(xi, self.simplex))
+        x, normal = self.across(face, feet(self, face, points[point]))
         gap = np.linalg.norm(x - points[point], axis=1)
         near = gap <= radii[point]
         return face[near], point[near], normal[near], gap[near]
@@ -528,25 +527,25 @@ class Faces(Entities):
         distance = np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
         item, point = self._crossed(points, normals, rise)
-        feet = projected(
+        on_plane = projected(
             lambda k, xi: self.at(item[k], xi),
             points[point],
             self.middle[item],
             affine=self.affine,
             along=normals[point],
         )
-        x, normal = self.across(item, feet)
+        x, normal = self.across(item, on_plane)
         gap = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))
         cosine = np.einsum("nd,nd->n", normal, normals[point])
         cosine = np.abs(cosine) if self.sheet else cosine
 
         hit = np.flatnonzero(
-            (excess(feet, self.simplex) <= OUTSIDE_FACE) & (cosine > SAME_FACE) & (gap <= rise)
+            (excess(on_plane, self.simplex) <= OUTSIDE_FACE) & (cosine > SAME_FACE) & (gap <= rise)
         )
 
         # the nearest, then the first, is written last
         hit = hit[np.lexsort((-item[hit], -gap[hit], point[hit]))]
-        face[point[hit]], xi[point[hit]], distance[point[hit]] = item[hit], feet[hit], gap[hit]
+        face[point[hit]], xi[point[hit]], distance[point[hit]] = item[hit], on_plane[hit], gap[hit]
         return face, xi, distance
 
     def _crossed(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, IntArray]:

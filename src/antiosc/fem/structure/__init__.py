@@ -126,6 +126,13 @@ def skew(a: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def across(units: Array) -> Array:
+    """Two unit vectors each (n, 2, 3) perpendicular to unit vectors (n, 3) and to each other."""
+    first = np.cross(units, np.eye(3)[np.abs(units).argmin(axis=1)])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(units, first)], axis=1)
+
+
 #: What a dof is: the amplitude of a mode, a displacement or a rotation.
 AMPLITUDE = 0
 MOVE = 1
