@@ -112,19 +112,10 @@ def moving(bodies: Sequence[RigidDofs], motions: Array) -> list[RigidDofs]:
 
 def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
     """The motions of all bodies as columns (size, k) of u."""
-    rows = []
-    columns = []
-    values = []
-    count = 0
-    for body in bodies:
-        motions = body.motions
-        rows.append(np.repeat(body.rows, motions.shape[1]))
-        columns.append(np.tile(count + np.arange(motions.shape[1]), len(motions)))
-        values.append(motions.ravel())
-        count += motions.shape[1]
-
-    indices = np.concatenate(rows), np.concatenate(columns)
-    return scipy.sparse.csr_matrix((np.concatenate(values), indices), shape=(size, count))
+    blocks = scipy.sparse.block_diag([body.motions for body in bodies])
+    rows = np.concatenate([body.rows for body in bodies])
+    indices = rows[blocks.row], blocks.col
+    return scipy.sparse.csr_matrix((blocks.data, indices), shape=(size, blocks.shape[1]))
 
 
 def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:

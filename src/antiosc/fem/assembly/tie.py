@@ -57,8 +57,7 @@ class Facets(Entities):
     def __init__(self, member: Member, group: str) -> None:
         self.member = member
         super().__init__(member.part.mesh, *largest(member.part.mesh, group))
-        corners = member.vertices[self.vertices]
-        self.corners = corners if self.simplex else corners[:, [0, 1, 3, 2]]
+        self.corners = member.vertices[self.vertices]
 
     @cached_property
     def normals(self) -> Array:
