@@ -40,6 +40,7 @@ from antiosc.fem.mesh.surface import cells_at, closest, owned
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.structure import Dissipation, in_space
 from antiosc.fem.structure.loads import NEAR, PointMotion, Sparse, motion_at
+from antiosc.fem.structure.support import places_of
 from antiosc.io.matrices import COMPONENTS
 
 
@@ -378,11 +379,7 @@ def beams_on(
     form = on_lines(line, parts, 3 if mesh.cell == "triangle" else 2, on_sheet=True)
     T = _shared_dofs(sheet, fixed, edges, form, line)
     K, M = (compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass))
-    directions = np.zeros((compat.local_size(form.space), 3))
-    for axis, component in enumerate("xyz"):
-        dofs, _ = compat.dof_coordinates(form.space, form.components[component])
-        directions[dofs[dofs < len(directions)], axis] = 1.0
-
+    directions = places_of(form).rigid_motions(np.zeros(3))[:, :3]
     loads = multiply(M, directions)
     mass = line.comm.allreduce(float(directions[:, 0] @ loads[:, 0]))
     inertia = multiply(T.transpose(PETSc.Mat()), loads)
@@ -437,13 +434,10 @@ def _shared_dofs(
         error = InputError(f"{line.name} do not carry the dofs of the sheet.")
     agree(line.comm, error)
 
-    T = PETSc.Mat().createAIJ(
-        ((rows, None), (compat.local_size(sheet), None)), nnz=1, comm=line.comm
-    )
-    first_row, _ = T.getOwnershipRange()
-    for node, k in enumerate(nearest):
-        for component in components[~is_fixed[k]]:
-            T.setValue(first_row + block * node + component, numbers[k, component], 1.0)
-
+    is_free = ~is_fixed[nearest]
+    ends = np.append(0, np.cumsum(is_free)).astype(PETSc.IntType)
+    columns = numbers[nearest][is_free].astype(PETSc.IntType)
+    sizes = (rows, None), (compat.local_size(sheet), None)
+    T = PETSc.Mat().createAIJ(sizes, csr=(ends, columns, np.ones(len(columns))), comm=line.comm)
     T.assemble()
     return T
