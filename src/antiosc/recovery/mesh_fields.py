@@ -364,37 +364,32 @@ def tensors_at_nodes(
     if second_order:
         parts = _whole(parts)
     points, cells, _ = at_nodes(structure, np.zeros((structure.rows, 0)), part)
-    node = []
-    tensors = []
-    origin = []
+    found: list[tuple[IntArray, Array, IntArray]] = []  # nodes, columns, origins of them
     origins = list[Origin]()
 
     start = 0
     for member, shapes_of_part in parts:
-        of_parts: list[tuple[IntArray, IntArray, Array]] = []
+        of_part: list[tuple[IntArray, Array, IntArray]] = []
         for place, numbers in _requests(member.part, places, ply):
             arguments = shapes_of_part, quantity, place, numbers
             nodes, kind, columns = tensors_of_part(member.part, *arguments)
-            of_parts.append((nodes, kind + len(origins), columns))
+            of_part.append((nodes, columns, kind + len(origins)))
             origins += [
                 Origin(strength_of(material, place) if n in numbers else None, place)
                 for n, (material, _) in enumerate(member.part.parts)
             ]
         node_count = len(member.part.mesh.dolfinx.geometry.x)
-        pieces = member.part.mesh.comm.gather((node_count, of_parts), root=0) or []
-        for size, tensors_of_piece in pieces:
-            for nodes, kind, columns in tensors_of_piece:
-                node.append(nodes + start)
-                origin.append(kind)
-                tensors.append(columns)
+        pieces = member.part.mesh.comm.gather((node_count, of_part), root=0) or []
+        for size, of_rank in pieces:
+            found += [(nodes + start, columns, kind) for nodes, columns, kind in of_rank]
             start += size
 
-    if not node:
+    if not found:
         empty = np.zeros(0, dtype=int)
         return points, cells, NodeTensors(empty, np.zeros((0, 6, 0)), empty, origins)
 
-    arrays = np.concatenate(node), np.concatenate(tensors), np.concatenate(origin)
-    return points, cells, NodeTensors(*arrays, origins)
+    node, columns, origin = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    return points, cells, NodeTensors(node, columns, origin, origins)
 
 
 def materials_of(
