@@ -158,12 +158,11 @@ def _wanted(fields: dict[str, PeakField], tol: float) -> list[Refinement]:
     """Where the cells must become smaller, and to which size [m], the widest bounds first."""
     wanted: list[Refinement] = []
     for field in fields.values():
-        worst = field.worst_point
-        without = worst is not None and not worst.has_bar
-        if max(bar(field)) > tol or without:
+        cells = None if field.worst_point is None else field.worst_point.cells
+        if max(bar(field)) > tol or cells is not None:
             wanted += _places(field, tol)
-        if without and worst.cells is not None:
-            wanted.append(worst.cells)
+        if cells is not None:
+            wanted.append(cells)
     return wanted
 
 
