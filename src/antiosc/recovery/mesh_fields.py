@@ -22,8 +22,8 @@ from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.mesh.surface import kind_of_cells, measures
 from antiosc.fem.platform import agreed, compat
 from antiosc.fem.prestress.state import initial_strain
-from antiosc.fem.structure.loads import places_at
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
+from antiosc.fem.structure.place import places_at
 from antiosc.fem.structure.structure import Structure
 from antiosc.recovery.place import (
     NO_OUTLINE,

@@ -18,7 +18,7 @@ from antiosc.base.stresses import Strengths, Tensile
 from antiosc.fem.elements import Layer, Section
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure import loads
+    from antiosc.fem.structure import place as fem_place
 
 #: Without a length a point is moved by at most this share of the part's size, or by one element.
 SNAP_SHARE = 0.02
@@ -60,7 +60,7 @@ class Reach:
             f"{units if distance > size else ''}; {self.remedy}."
         )
 
-    def check_at(self, point: Array, place: loads.Place) -> None:
+    def check_at(self, point: Array, place: fem_place.Place) -> None:
         """`check` for a point (3,) and its place on a part, in the axes of the structure."""
         extent = place.member.part.mesh.extent()
         self.check(point, place.placed, extent, lambda: place.cell_size)

@@ -24,16 +24,9 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.surface import WeightedPoints, quadrature
 from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import ElasticTerm
-from antiosc.fem.structure.loads import (
-    NEAR,
-    Place,
-    PointMotion,
-    motion_at,
-    motions_of,
-    places_at,
-    stacked,
-)
+from antiosc.fem.structure.loads import NEAR, PointMotion, motion_at, motions_of, stacked
 from antiosc.fem.structure.meshed import Member
+from antiosc.fem.structure.place import Place, places_at
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
 #: Fraction of the largest second moment of a group below which it does not tell a rotation.

@@ -18,8 +18,9 @@ from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import group_of
 from antiosc.fem.mesh.surface import SurfaceAtSites
 from antiosc.fem.structure import in_space
-from antiosc.fem.structure.loads import PointMotion, places_at
+from antiosc.fem.structure.loads import PointMotion
 from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.fem.structure.place import places_at
 from antiosc.reduce.site.at_points import ON_STRUCTURE, places_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
 from antiosc.reduce.site.sites import (

@@ -29,7 +29,7 @@ from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces, clamped, projected
 from antiosc.fem.structure import in_space
-from antiosc.fem.structure.loads import Place, places_at
+from antiosc.fem.structure.place import Place, places_at
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.neutral import connected
 from antiosc.models.body import Body
