@@ -48,7 +48,7 @@ FACE = re.compile(r"face \d+")
 #: Labels that programs write by themselves.
 NO_NAME = re.compile(r"Shapes|SOLID|SHELL|COMPOUND|FACE|NONE|=>\[.*\]|Open CASCADE .*|Unnamed.*|")
 #: Radii, axes and angles that differ by this share are equal.
-ALIKE = 1e-3
+EQUAL_WITHIN = 1e-3
 #: What is said of a CAD file without shapes, and of a STEP file that says so of itself.
 NO_SHAPES = (
     "it holds no shapes, as an assembly whose parts are files of their own; open one of these, or "
@@ -60,21 +60,21 @@ ANALYSIS, NO_ANALYSIS = (
     "Nastran or Abaqus, or the shape as STEP AP203, AP214 or AP242",
 )
 #: Size requested from gmsh over the required one, since its edges are up to 1.9 times longer.
-SHORTER = 0.5
+REQUESTED_SIZE = 0.5
 #: More cells than this are refused: gmsh would need some 20 GB.
 MOST_CELLS = 10_000_000
 #: Processor time [s] that a mesh may take, besides 2 ms a cell.
-TIME = 120.0
+MESHING_TIME = 120.0
 #: Least size of elements by the curvature over the one that is asked for.
 LEAST_SIZE = 0.02
 #: Share of the volume by which a mesh may differ without a word, and words of what is told.
-TOLD_VOLUME, CUT = 5e-3, "elements cut off bends and holes"
+VOLUME_TOLERANCE, CUT = 5e-3, "elements cut off bends and holes"
 #: Number of regular simplices with edges of length 1 per unit of length, area or volume.
 CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
 
 def opened_cad(gmsh: ModuleType, path: str) -> float:
-    """Open a file; returns metres per unit of its coordinates: gmsh takes no unit for IGES."""
+    """Open a file in gmsh; returns the unit of the coordinates that gmsh gives [m]."""
     iges = path.endswith((".iges", ".igs"))
     gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
     gmsh.open(path)
@@ -82,18 +82,18 @@ def opened_cad(gmsh: ModuleType, path: str) -> float:
 
 
 def names_of(gmsh: ModuleType, ask: Request, scale: float) -> Names:
-    """Names of solids, faces and holes of a CAD file, its solids cut at each other or one alone."""
-    names = _labelled(gmsh, 3)
+    """Names of solids, faces and holes of a CAD file, its solids cut or selected as `ask` says."""
+    names = _labels(gmsh, 3)
     if ask.fragments:
-        names = _cut(gmsh, names, ask.name)
+        names = _cut_solids(gmsh, names, ask.name)
     elif ask.piece is not None:
-        _alone(gmsh, ask.piece, ask.name)
+        _remove_other_solids(gmsh, ask.piece, ask.name)
     solids = gmsh.model.getEntities(3)
     return {s: names[s] for s in solids if s in names} | face_names(gmsh, scale)
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Names sorted by the numbers in them, those of numbered faces last."""
+    """Names sorted alphabetically and by the numbers in them; "face 1", "face 2", … come last."""
 
     def key(name: str) -> list[tuple[float, str]]:
         words = re.split(r"(\d+(?:\.\d+)?)", name)
@@ -108,8 +108,8 @@ def _label(gmsh: ModuleType, entity: tuple[int, int]) -> str:
     return next((part for part in reversed(parts) if not NO_NAME.fullmatch(part)), "")
 
 
-def _labelled(gmsh: ModuleType, dim: int) -> Names:
-    """Entities by label; a label of several entities gets numbers."""
+def _labels(gmsh: ModuleType, dim: int) -> Names:
+    """Names of the entities of dimension `dim`: their labels, numbered where several are equal."""
     names: Names = {}
     counts: dict[str, int] = {}
     for entity in gmsh.model.getEntities(dim):
@@ -123,8 +123,8 @@ def _labelled(gmsh: ModuleType, dim: int) -> Names:
 # --- Solids ---------------------------------------------------------------------------------------
 
 
-def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
-    """Cut the solids at each other; returns the names of the pieces."""
+def _cut_solids(gmsh: ModuleType, names: Names, name: str) -> Names:
+    """Cut the solids at each other; returns the names of the pieces, from those of the solids."""
     solids = gmsh.model.getEntities(3)
     if len(solids) < 2:
         raise MeshError(f"fragments joins solids; {name} has {len(solids)} of them.")
@@ -140,14 +140,14 @@ def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
 
 
 def largest_first(gmsh: ModuleType) -> list[tuple[int, int]]:
-    """The solids by their volumes: the rank of a piece. Of facets, as gmsh numbers them."""
+    """The solids (dimension, tag) by descending volume; those made of facets in gmsh's order."""
     solids = list(gmsh.model.getEntities(3))
     volumes = {solid: gmsh.model.occ.getMass(*solid) for solid in gmsh.model.occ.getEntities(3)}
     return sorted(solids, key=lambda solid: -volumes.get(solid, 0.0))
 
 
-def _alone(gmsh: ModuleType, piece: int, name: str) -> None:
-    """Remove all solids but the `piece`-th largest; of sheets the pieces are those of the mesh."""
+def _remove_other_solids(gmsh: ModuleType, piece: int, name: str) -> None:
+    """Remove all solids but the `piece`-th largest; a file without solids stays as it is."""
     solids = largest_first(gmsh)
     if piece > len(solids) > 0:
         raise MeshError(f"{name} has {len(solids)} solids; there is no piece {piece}.")
@@ -159,7 +159,7 @@ def _alone(gmsh: ModuleType, piece: int, name: str) -> None:
 
 
 def face_names(gmsh: ModuleType, scale: float) -> Names:
-    """Names of the outer faces: numbers, labels, holes."""
+    """Names of the outer faces: "face <tag>", the file's labels, and names of their holes."""
     faces = gmsh.model.getEntities(2)
     if gmsh.model.getEntities(3):
         faces = [face for face in faces if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
@@ -168,7 +168,7 @@ def face_names(gmsh: ModuleType, scale: float) -> Names:
     # some programs give every face the name of its solid, which names none of them
     of_solids = {_label(gmsh, solid) for solid in gmsh.model.getEntities(3)}
     numbered = {label for labels in names.values() for label in labels}
-    for face, (label,) in _labelled(gmsh, 2).items():
+    for face, (label,) in _labels(gmsh, 2).items():
         if face in names and label not in numbered and _label(gmsh, face) not in of_solids:
             names[face].append(label)
 
@@ -192,26 +192,26 @@ class Cylinder(NamedTuple):
     edges: frozenset[int]
 
     def continues(self, other: Cylinder) -> bool:
-        """Whether both share an edge, the axis and the radius."""
+        """Whether both cylinders have a common edge, one axis and one radius: parts of one hole."""
         aside = np.linalg.norm(np.cross(self.middle - other.middle, self.axis))
-        parallel = abs(float(self.axis @ other.axis)) > 1 - ALIKE
-        same_radius = abs(self.radius - other.radius) < ALIKE * self.radius
+        parallel = abs(float(self.axis @ other.axis)) > 1 - EQUAL_WITHIN
+        same_radius = abs(self.radius - other.radius) < EQUAL_WITHIN * self.radius
         beside = bool(self.edges & other.edges)
-        return beside and parallel and same_radius and bool(aside < 10 * ALIKE * self.radius)
+        return beside and parallel and same_radius and bool(aside < 10 * EQUAL_WITHIN * self.radius)
 
 
 def _holes(
     gmsh: ModuleType, faces: Sequence[tuple[int, int]], scale: float
 ) -> Iterator[tuple[str, list[tuple[int, int]]]]:
-    """Pairs ("hole 6 mm (1)", its faces): coaxial cylindrical faces that enclose empty space."""
-    hollow = [c for face in faces if (c := _hollow(gmsh, face))]
+    """Yield (name as "hole 6 mm (1)", faces) of each hole: coaxial faces over a full turn."""
+    hollow = [c for face in faces if (c := _hollow_cylinder(gmsh, face))]
     pairs = [(i, j) for j, c in enumerate(hollow) for i in range(j) if c.continues(hollow[i])]
     label = connected([np.array(pairs, dtype=np.int64).reshape(-1, 2)], len(hollow))
     holes = [[c for c, k in zip(hollow, label, strict=True) if k == hole] for hole in set(label)]
 
     by_size: dict[str, list[list[Cylinder]]] = {}
     for hole in holes:
-        if sum(cylinder.angle for cylinder in hole) > 2 * np.pi * (1 - ALIKE):  # a full turn
+        if sum(cylinder.angle for cylinder in hole) > 2 * np.pi * (1 - EQUAL_WITHIN):  # a full turn
             size = f"hole {2e3 * scale * hole[-1].radius:.4g} mm"
             by_size.setdefault(size, []).append(hole)
 
@@ -221,7 +221,7 @@ def _holes(
             yield f"{size} ({number})", [cylinder.face for cylinder in hole]
 
 
-def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
+def _hollow_cylinder(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
     """The cylinder of a face that encloses empty space; None for any other face."""
     if gmsh.model.getType(*face) != "Cylinder":
         return None
@@ -247,7 +247,7 @@ def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
 
 
 def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
-    """Mesh the current gmsh model, one unit of which is `scale` metres."""
+    """Mesh the current gmsh model, whose unit of length is `scale` metres."""
     dim = gmsh.model.getDimension()
     if dim < 1:
         raise MeshError(f"{ask.name} contains no geometry (curves, surfaces or volumes).")
@@ -258,7 +258,7 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
     gmsh.option.setNumber("Mesh.ElementOrder", order)
     stated = gmsh.option.getNumber("Mesh.MeshSizeFromCurvature")
     around = max(stated, ask.around if of_cad or ask.around > AROUND else 0.0)
-    ask.allow(TIME)
+    ask.allow(MESHING_TIME)
 
     fields = [_graded_field(gmsh, point, local, ask, scale) for point, local in ask.refine]
     if ask.size is not None:
@@ -272,8 +272,8 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
     if ask.sizes is not None:
         size_field = SizeField(**ask.sizes)
-        ask.allow(TIME + 2e-3 * size_field.expected())
-        fields.append(size_field.lay(gmsh, scale))
+        ask.allow(MESHING_TIME + 2e-3 * size_field.expected())
+        fields.append(size_field.add_to(gmsh, scale))
         around = max(ask.around, AROUND_FLAT if order == 1 else AROUND)
 
     if fields:
@@ -291,7 +291,7 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
 
 
 def _check_size(gmsh: ModuleType, ask: Request, dim: int, scale: float) -> None:
-    """MeshError for an element size that is far too small; else the time that the cells take."""
+    """MeshError for too many cells; otherwise set the time limit by their expected number."""
     assert ask.size is not None
     measure = sum(_mass(gmsh, dim, tag) for _, tag in gmsh.model.getEntities(dim))
     box = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
@@ -302,11 +302,11 @@ def _check_size(gmsh: ModuleType, ask: Request, dim: int, scale: float) -> None:
             f"{ask.name} would need about {max(cells, along):.1e} cells at a size of "
             f"{ask.size:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
         )
-    ask.allow(TIME + 2e-3 * cells)
+    ask.allow(MESHING_TIME + 2e-3 * cells)
 
 
 def _mass(gmsh: ModuleType, dim: int, tag: int) -> float:
-    """Length, area or volume of an entity by OpenCASCADE; 0 if it is none of its entities."""
+    """Length, area or volume of an entity of OpenCASCADE; 0 for any other entity."""
     try:
         return float(gmsh.model.occ.getMass(dim, tag))
     except Exception:  # gmsh raises nothing else
@@ -316,7 +316,7 @@ def _mass(gmsh: ModuleType, dim: int, tag: int) -> float:
 def _graded_field(
     gmsh: ModuleType, point: Sequence[float], local: float, ask: Request, scale: float
 ) -> int:
-    """A size field: edges of at most `local` around the point, growing to the size away from it."""
+    """Tag of a size field: `local` [m] at most near `point`, growing to `ask.size` around."""
     x, y, z = (float(c) / scale for c in (*point, 0.0)[:3])
     outer_size = 1e22 if ask.size is None else ask.size / scale
     growth, reach = ask.grading
@@ -324,7 +324,7 @@ def _graded_field(
 
     tag = gmsh.model.mesh.field.add("MathEval")
     distance = f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2+(z-({z!r}))^2)"
-    grown = f"{SHORTER * local!r}+{growth!r}*Max(0,{distance}-{reach * local!r})"
+    grown = f"{REQUESTED_SIZE * local!r}+{growth!r}*Max(0,{distance}-{reach * local!r})"
     gmsh.model.mesh.field.setString(tag, "F", f"Min({outer_size!r},{grown})")
     return int(tag)
 
@@ -340,19 +340,19 @@ CELLS_MADE = {2: 1.35, 3: 0.95}
 #: parts of a cylinder.
 AROUND_FLAT = 12.0
 #: Gmsh's names of scalars on triangles and on tetrahedra.
-LISTS = {3: "ST", 4: "SS"}
+LIST_TYPES = {3: "ST", 4: "SS"}
 
 
 @dataclass
 class SizeField:
-    """Element sizes at the corners of simplices, as lists for the reading process."""
+    """Element sizes [m] at the corners of simplices, as lists, which a request in JSON can hold."""
 
     points: list[list[float]]
     cells: list[list[int]]
     sizes: list[float]
 
     def expected(self) -> float:
-        """Estimated number of cells."""
+        """Estimated number of cells of a mesh with these sizes."""
         x, cells, sizes = (np.array(a) for a in (self.points, self.cells, self.sizes))
         sides = x[cells[:, 1:]] - x[cells[:, :1]]
         dim = cells.shape[1] - 1
@@ -360,13 +360,13 @@ class SizeField:
         share = CELLS_MADE[dim] * CELLS_PER_SIZE[dim] / factorial(dim)
         return float(share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
 
-    def lay(self, gmsh: ModuleType, scale: float) -> int:
-        """Add the sizes to gmsh's model, whose unit is `scale` m; returns the tag of the field."""
+    def add_to(self, gmsh: ModuleType, scale: float) -> int:
+        """Add the sizes to gmsh's model, whose unit is `scale` m, as a field; returns its tag."""
         x = np.array(self.points)[np.array(self.cells)] / scale
         sizes = np.array(self.sizes)[np.array(self.cells)] / (scale * EDGE_OVER_SIZE)
         rows = np.concatenate([x.transpose(0, 2, 1).reshape(len(x), -1), sizes], axis=1)
         view = gmsh.view.add("sizes")
-        gmsh.view.addListData(view, LISTS[sizes.shape[1]], len(rows), rows.ravel())
+        gmsh.view.addListData(view, LIST_TYPES[sizes.shape[1]], len(rows), rows.ravel())
         tag = int(gmsh.model.mesh.field.add("PostView"))
         gmsh.model.mesh.field.setNumber(tag, "ViewTag", view)
 
@@ -394,12 +394,12 @@ def read(ask: Request) -> FileMesh:
     if ask.by_ftetwild:
         return facets.by_ftetwild(ask)
 
-    path = source if ask.trust or ask.solid else _copied(source, suffix, ask.name)
+    path = source if ask.trust or ask.solid else _checked_copy(source, suffix, ask.name)
     gmsh = session()
     ask.seal()
 
     try:
-        return _opened(gmsh, ask, path, suffix)
+        return _mesh_of(gmsh, ask, path, suffix)
     except MeshError:
         raise
     except Exception as error:
@@ -411,8 +411,8 @@ def read(ask: Request) -> FileMesh:
         raise MeshError(f"gmsh cannot read {ask.name}: {reason}.") from error
 
 
-def _copied(source: Path, suffix: str, name: str) -> Path:
-    """A copy of the file in the empty folder, checked; beside a script that of CAD it merges."""
+def _checked_copy(source: Path, suffix: str, name: str) -> Path:
+    """Copy the checked file, and CAD files that a script merges, into the working folder."""
     copy = Path(f"mesh{suffix}")
     if suffix in SCRIPTS:
         text, merged = harmless(source.read_text(encoding="latin-1"), name)
@@ -432,8 +432,8 @@ def _copied(source: Path, suffix: str, name: str) -> Path:
     return Path(shutil.copyfile(source, copy))
 
 
-def _opened(gmsh: ModuleType, ask: Request, path: Path, suffix: str) -> FileMesh:
-    """The mesh of a file, with its names and remarks."""
+def _mesh_of(gmsh: ModuleType, ask: Request, path: Path, suffix: str) -> FileMesh:
+    """The mesh of the file at `path` in the file's unit, with names and remarks."""
     unit = 1.0 if ask.solid else opened_cad(gmsh, str(path))
     if suffix in CAD and gmsh.model.getDimension() < 1:
         with open(path, "rb") as file:
@@ -453,29 +453,29 @@ def _opened(gmsh: ModuleType, ask: Request, path: Path, suffix: str) -> FileMesh
             notes = [piece_is_read(ask.name, ask.piece, count)]
         names = names_of(gmsh, ask, unit * ask.unit[0])
     if ask.outline:
-        return _outline(gmsh, names, unit)
+        return _diagonals(gmsh, names, unit)
 
     if suffix != ".msh":
         mesh_model(gmsh, ask, unit * ask.unit[0])
-    mesh = _arrays(gmsh, ask.name, names, numbered=suffix == ".msh")
+    mesh = _mesh_from_gmsh(gmsh, ask.name, names, numbered=suffix == ".msh")
     if ask.order != 1 and suffix != ".msh":
         solids = [abs(_mass(gmsh, 3, tag)) for _, tag in gmsh.model.getEntities(3)]
         exact = surface.volume if ask.solid else sum(solids) if all(solids) else 0.0
-        notes += _volume_told(gmsh, ask.name, exact)
+        notes += _volume_remarks(gmsh, ask.name, exact)
     mesh.points *= unit
     mesh.remarks = [*notes, *mesh.remarks]
     return mesh
 
 
-def _volume_told(gmsh: ModuleType, name: str, exact: float) -> list[str]:
-    """A sentence (in a list) on tetrahedra whose volume differs from that of the geometry."""
+def _volume_remarks(gmsh: ModuleType, name: str, exact: float) -> list[str]:
+    """A remark if the mesh has another volume than the `exact` one; otherwise []."""
     meshed = 0.0
     for kind in gmsh.model.mesh.getElementTypes(3):
         points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss3")
         det = gmsh.model.mesh.getJacobians(kind, points)[1]
         meshed += float(np.abs(det.reshape(-1, len(weights)) @ weights).sum())
     change = meshed / exact - 1 if exact else 0.0
-    if abs(change) <= TOLD_VOLUME:
+    if abs(change) <= VOLUME_TOLERANCE:
         return []
 
     sense = "large" if change > 0 else "small"
@@ -485,8 +485,8 @@ def _volume_told(gmsh: ModuleType, name: str, exact: float) -> list[str]:
     ]
 
 
-def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
-    """A line across the box of each solid, or of the model; each group and name has all lines."""
+def _diagonals(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
+    """Diagonals of the boxes of all solids, or of the model; each group has all these lines."""
     entities = largest_first(gmsh) or [(-1, -1)]
     boxes = scale * np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)
@@ -525,8 +525,8 @@ def session() -> ModuleType:
     return gmsh
 
 
-def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMesh:
-    """All cells of the current gmsh model, its physical groups and `names` (entity -> names)."""
+def _mesh_from_gmsh(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMesh:
+    """The mesh in gmsh's model with groups and `names`; `numbered`: with node numbers."""
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     by_tag = np.argsort(tags).astype(np.int64)
     sorted_tags = np.asarray(tags)[by_tag]
@@ -548,7 +548,7 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
         for kind, block in zip(kinds, nodes, strict=True):
             label = known(GMSH_KINDS.get(int(kind), f"gmsh type {kind}"), name)
             if label not in orders:
-                orders[label] = _order(gmsh, int(kind), label)
+                orders[label] = _node_order(gmsh, int(kind), label)
             part = indices(block, CELLS[label][1])[:, orders[label]]
             start = count.get(label, 0)
             count[label] = start + len(part)
@@ -571,8 +571,8 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
     return as_carried(mesh, name)
 
 
-def _order(gmsh: ModuleType, number: int, label: str) -> IntArray:
-    """Where the nodes of cells of a kind, in VTK's order, stand in gmsh's."""
+def _node_order(gmsh: ModuleType, number: int, label: str) -> IntArray:
+    """Permutation (nodes,) of the nodes of a cell kind from gmsh's order to VTK's."""
     shape, count, _ = CELLS[label]
     x = np.reshape(gmsh.model.mesh.getElementProperties(number)[4], (count, -1))
     corners = tuple(range(CORNERS[shape]))
@@ -584,7 +584,7 @@ def _order(gmsh: ModuleType, number: int, label: str) -> IntArray:
 def _groups(
     gmsh: ModuleType, rows: dict[tuple[int, int], dict[str, IntArray]], name: str
 ) -> dict[str, dict[str, IntArray]]:
-    """The physical groups of the model, by name or number, as rows of its cells."""
+    """Physical groups: name or number -> {kind: rows of its cells}, from `rows` of each entity."""
     members: dict[tuple[int, int], list[tuple[str, IntArray]]] = {}
     for (dim, tag), blocks in rows.items():
         # the inverse query searches all entities for each group

@@ -18,7 +18,7 @@ PR_SET_PDEATHSIG = 1
 
 
 def main() -> None:
-    """Read the file, and write the response."""
+    """Read the request on standard input and its file; write the response to standard output."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     request = json.load(sys.stdin)
 
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def _read(request: "dict[str, object]") -> bytes:
-    """The mesh of a file, or the error that its reader raised, as an archive."""
+    """Archive (npz) of the mesh of the requested file, or of the error that its reader raised."""
     import numpy as np
 
     from antiosc.base.errors import AntioscError

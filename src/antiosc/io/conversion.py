@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Block:
-    """Elements of one type."""
+    """Elements of one type of a deck, as tables of their nodes."""
 
     shape: str  # a key of `antiosc.io.neutral.EDGES`
     type: str  # the deck's own name of the type
@@ -57,17 +57,17 @@ class Block:
         return len(self.corners)
 
     def __getitem__(self, selection: BoolArray | IntArray) -> Block:
-        """The block with some of its elements."""
+        """The block with the elements of a mask or of row numbers."""
         return self.mapped(lambda table: table[selection])
 
     def mapped(self, new: Callable[[IntArray], IntArray]) -> Block:
-        """The block with its node tables transformed by `new`."""
+        """The block with `new` applied to each of its node tables: corners, mids and inner."""
         corners, mids, inner = map(new, (self.corners, self.mids, self.inner))
         return Block(self.shape, self.type, corners, mids, inner, self.role)
 
     @property
     def nodes(self) -> IntArray:
-        """All nodes of its elements, ascending."""
+        """Numbers of all nodes of its elements, ascending."""
         tables = (self.corners, self.mids, self.inner)
         nodes = np.unique(np.concatenate([table.ravel() for table in tables]))
         return nodes[nodes >= 0]
@@ -106,14 +106,14 @@ class Deck:
         return sum(len(block) for block in self.blocks)
 
     def numbered(self) -> Iterator[tuple[Block, IntArray]]:
-        """Each block, with the numbers of its elements."""
+        """Yield (block, numbers of its elements); they count through all blocks."""
         start = 0
         for block in self.blocks:
             yield block, np.arange(start, start + len(block))
             start += len(block)
 
     def blocks_of(self, elements: IntArray) -> Iterator[tuple[Block, BoolArray]]:
-        """Each block restricted to some elements, with the mask of `elements` that it contains."""
+        """Yield (block with those of `elements` that it has, mask of them in `elements`)."""
         start = 0
         for block in self.blocks:
             in_block = (elements >= start) & (elements < start + len(block))
@@ -122,20 +122,20 @@ class Deck:
             start += len(block)
 
     def nodes_of(self, elements: IntArray) -> IntArray:
-        """All nodes of some elements, ascending."""
+        """Numbers of all nodes of some elements, ascending."""
         tables = [block.nodes for block, _ in self.blocks_of(elements)]
         return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *tables]))
 
 
 def listed(counts: dict[str, int]) -> str:
-    """Counts by element type as text."""
+    """Counts by element type as text, as "3 C3D8, 2 S4"."""
     words = [f"{count} {kind}" for kind, count in sorted(counts.items())]
     more_text = f" and {len(words) - 8} more" if len(words) > 8 else ""
     return ", ".join(words[:8]) + more_text
 
 
 class NodeTable:
-    """The nodes of a file, and new ones between them: weighted sums of the nodes of the file."""
+    """Nodes of a file, and new nodes, whose coordinates are weighted sums of those of the file."""
 
     def __init__(self, points: Array) -> None:
         from scipy.sparse import eye, vstack  # the reading process needs it for few files
@@ -161,42 +161,42 @@ class NodeTable:
         """Coordinates of all nodes, those of the file first."""
         return np.vstack([self.points, self.weights[len(self.points) :] @ self.points])
 
-    def mixed(self, nodes: IntArray, weights: Sequence[float]) -> csr_matrix:
-        """Weights (n, len(points)) of the sums of `nodes` (n, k) with `weights` (k,)."""
+    def combined(self, nodes: IntArray, weights: Sequence[float]) -> csr_matrix:
+        """Weights (n, nodes of the file) of the points Σ_j weights_j x(nodes_ij), i = 1 … n."""
         shares = (w * self.weights[column] for column, w in zip(nodes.T, weights, strict=True))
         return sum(shares).tocsr()
 
     def new(self, weights: csr_matrix) -> IntArray:
-        """New nodes with these weights."""
+        """Add n nodes with these weights (n, nodes of the file); returns their numbers (n,)."""
         first = self.count
         self.weights = self._vstack([self.weights, weights], format="csr")
         return np.arange(first, self.count)
 
-    def give(self, ends: IntArray, nodes: IntArray) -> None:
-        """Store `nodes` (n,) of the file as the middle nodes of the pairs `ends` (n, 2)."""
+    def set_middle_nodes(self, ends: IntArray, nodes: IntArray) -> None:
+        """Set existing nodes (n,) as the middle nodes of the pairs `ends` (n, 2)."""
         self._pairs.add(ends, nodes)
 
-    def place(self, ends: IntArray, weights: csr_matrix) -> None:
-        """Set where the middle nodes of `ends` (n, 2) are made if needed."""
+    def set_middle_weights(self, ends: IntArray, weights: csr_matrix) -> None:
+        """Set the weights with which `between` makes the middle nodes of `ends` (n, 2)."""
         first = self._placed.shape[0]
         self._places.add(ends, np.arange(first, first + len(ends)))
         self._placed = self._vstack([self._placed, weights], format="csr")
 
     def between(self, ends: IntArray) -> IntArray:
-        """Middle nodes (…,) of `ends` (…, 2), created if they do not exist."""
+        """Numbers (…,) of the middle nodes of pairs `ends` (…, 2); missing ones are made."""
         flat = ends.reshape(-1, 2)
         absent = flat[self._pairs.find(flat) < 0]
         if len(absent):
             pairs = np.unique(np.sort(absent, axis=1), axis=0)
             row = self._places.find(pairs)
             halfway = pairs[row < 0]
-            self._pairs.add(halfway, self.new(self.mixed(halfway, (0.5, 0.5))))
+            self._pairs.add(halfway, self.new(self.combined(halfway, (0.5, 0.5))))
             self._pairs.add(pairs[row >= 0], self.new(self._placed[row[row >= 0]]))
 
         return self._pairs.find(flat).reshape(ends.shape[:-1])
 
     def of_face(self, corners: IntArray, weights: csr_matrix) -> IntArray:
-        """Nodes (n,) inside faces with corners (n, 4); new ones get these weights."""
+        """Numbers (n,) of middle nodes of faces (n, 4); missing ones are made by `weights`."""
         opposite = corners.argmin(axis=1)[:, None] + np.array([0, 2])
         ends = np.take_along_axis(corners, opposite % 4, axis=1)  # the same in two cells
         absent = np.flatnonzero(self._faces.find(ends) < 0)
@@ -206,7 +206,7 @@ class NodeTable:
 
 
 class PairTable:
-    """Values of unordered pairs of nodes; the first value of a pair is kept."""
+    """A table from unordered pairs of nodes to numbers; the first entry of a pair counts."""
 
     def __init__(self, n: int) -> None:
         self._n = max(n, 1)
@@ -214,18 +214,19 @@ class PairTable:
         self._values = np.zeros(0, dtype=np.int64)
 
     def _key(self, ends: IntArray) -> IntArray:
+        """A number (n,) for each pair (n, 2), the same in both orders."""
         low = ends.min(axis=1)
         high = ends.max(axis=1)
         return np.asarray(low * self._n + high)
 
     def add(self, ends: IntArray, values: IntArray) -> None:
-        """Set the values of pairs (n, 2)."""
+        """Enter `values` (n,) for the pairs `ends` (n, 2) that have none."""
         keys = np.concatenate([self._keys, self._key(ends)])
         self._keys, first = np.unique(keys, return_index=True)
         self._values = np.concatenate([self._values, values])[first]
 
     def find(self, ends: IntArray) -> IntArray:
-        """Values of pairs (n, 2), -1 for unknown ones."""
+        """Values (n,) of the pairs `ends` (n, 2); -1 for pairs without one."""
         if not len(self._keys) or not len(ends):
             return np.full(len(ends), -1, dtype=np.int64)
         key = self._key(ends)
@@ -243,7 +244,7 @@ NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
 class Division(NamedTuple):
-    """The mesh of a deck, its nodes, and of each kind of cells its label, shape and blocks."""
+    """A deck as a mesh, its nodes, and (label, shape, blocks) of each kind of cells."""
 
     mesh: FileMesh
     nodes: NodeTable
@@ -271,17 +272,17 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
         for block in (b for b, _ in of_dimension if b.mids.shape[1]):
             ends = block.corners[:, np.array(EDGES[block.shape])]
             has_middle = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
-            nodes.give(ends[has_middle], block.mids[has_middle])
+            nodes.set_middle_nodes(ends[has_middle], block.mids[has_middle])
 
         apart = mixed and dim == 2
         for of_shape in _by_shape(of_dimension) if apart else filter(None, [of_dimension]):
             shapes = {block.shape for block, _ in of_shape}
             wider = [b for b, _ in of_shape if CORNERS[b.shape] > DIMENSION[b.shape] + 1]
-            needed = shapes not in _WHOLE or any(folded(block).any() for block in wider)
+            needed = shapes not in _UNDIVIDED or any(folded(block).any() for block in wider)
             split = dim > 1 and (split or needed)
             shape = _SIMPLEX[dim] if split else next(iter(shapes))
             label = CELL_LABELS[shape, order]
-            cells[label], owners[label] = _of_dimension(deck, of_shape, split, order, nodes)
+            cells[label], owners[label] = _cells_of_blocks(deck, of_shape, split, order, nodes)
             kinds.append((label, shape, [block for block, _ in of_shape]))
 
     mesh = FileMesh(nodes.all_points(), cells)
@@ -299,7 +300,7 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
 
 
 def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, IntArray]]]:
-    """(quadrilaterals, triangles and quadrilaterals that repeat a node)."""
+    """[quadrilaterals, triangles]; a quadrilateral that repeats a node counts as a triangle."""
     by_shape: list[list[tuple[Block, IntArray]]] = [[], []]
     for block, elements in sheets:
         flat = folded(block) | (block.shape == "triangle")
@@ -311,16 +312,17 @@ def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, In
 
 
 #: Shapes that are not divided if all elements have one of them.
-_WHOLE = [{"point"}, {"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
+_UNDIVIDED = [{"point"}, {"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
 _SIMPLEX = {0: "point", 1: "line", 2: "triangle", 3: "tetra"}
 
 
-def _of_dimension(
+def _cells_of_blocks(
     deck: Deck, blocks: list[tuple[Block, IntArray]], split: bool, order: int, nodes: NodeTable
 ) -> tuple[IntArray, IntArray]:
-    """(cells of one dimension with all their nodes, the element of each)."""
+    """(cells (n, nodes) of blocks of one dimension, number (n,) of the element each is a part of).
+    `split`: into simplices; `order`: geometric order of the cells."""
     for block, _ in blocks if order == 2 and split else ():
-        _note_cuts(block, nodes)
+        _set_diagonal_weights(block, nodes)
 
     tables = []
     owners = []
@@ -337,7 +339,7 @@ def _of_dimension(
         if order == 2:
             ends = corners[:, np.array(EDGES[shape])]
             mids = nodes.between(ends)
-            inner = _inner(block, nodes) if not split else corners[:, :0]
+            inner = _middle_nodes(block, nodes) if not split else corners[:, :0]
             corners = np.hstack([corners, mids, inner])
         tables.append(corners)
         owners.append(elements[rows])
@@ -345,17 +347,17 @@ def _of_dimension(
     return np.vstack(tables), np.concatenate(owners)
 
 
-def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> csr_matrix:
-    """Weights of the middles of faces of four corners, or of hexahedra, by their functions."""
+def _middle_weights(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> csr_matrix:
+    """Weights of the middle of a `face` (four local corners); by default of hexahedra."""
     corners = block.corners[:, list(face)] if face else block.corners
     edges = np.stack([face, np.roll(face, -1)], axis=1) if face else np.array(EDGES[block.shape])
     mids = nodes.between(block.corners[:, edges])
     weights = [-0.25] * corners.shape[1] + [0.5 if face else 0.25] * mids.shape[1]
-    return nodes.mixed(np.hstack([corners, mids]), weights)
+    return nodes.combined(np.hstack([corners, mids]), weights)
 
 
-def _inner(block: Block, nodes: NodeTable) -> IntArray:
-    """Nodes within the faces and the volume of quadrilaterals and hexahedra, in VTK's order."""
+def _middle_nodes(block: Block, nodes: NodeTable) -> IntArray:
+    """Middle nodes (n, k) of faces and volume of quadrilaterals and hexahedra, VTK's order."""
     if block.shape not in ("quad", "hexahedron"):
         return block.corners[:, :0]
     if block.inner.shape[1] and (block.inner >= 0).all():
@@ -363,43 +365,43 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
 
     columns = []
     for face in rectangles(block.shape):
-        middles = _middles(block, nodes, face)
+        middles = _middle_weights(block, nodes, face)
         columns.append(nodes.of_face(block.corners[:, list(face)], middles))
 
     if block.shape == "hexahedron":
-        columns.append(nodes.new(_middles(block, nodes)))
+        columns.append(nodes.new(_middle_weights(block, nodes)))
 
     return np.stack(columns, axis=1)
 
 
-def _note_cuts(block: Block, nodes: NodeTable) -> None:
-    """Enter the middles of all diagonals of divided faces and cells into the table."""
+def _set_diagonal_weights(block: Block, nodes: NodeTable) -> None:
+    """Set the weights of the middles of all diagonals that a division may use."""
     for face in rectangles(block.shape):
         whole = ~_repeats(block.corners[:, list(face)])  # the diagonals of others are edges
-        middles = _middles(block[whole], nodes, face)
+        middles = _middle_weights(block[whole], nodes, face)
         for k in (0, 1):
-            nodes.place(block.corners[whole][:, [face[k], face[k + 2]]], middles)
+            nodes.set_middle_weights(block.corners[whole][:, [face[k], face[k + 2]]], middles)
 
     if block.shape == "hexahedron":
         whole = ~folded(block)
-        middles = _middles(block[whole], nodes)
+        middles = _middle_weights(block[whole], nodes)
         for ends in DIAGONALS:
-            nodes.place(block.corners[whole][:, list(ends)], middles)
+            nodes.set_middle_weights(block.corners[whole][:, list(ends)], middles)
 
 
 def folded(block: Block) -> BoolArray:
-    """Mask of the elements that repeat a node."""
+    """Mask (n,) of the elements that have one node at several corners."""
     return _repeats(block.corners)
 
 
 def _repeats(nodes: IntArray) -> BoolArray:
-    """Mask of the rows that repeat a node."""
+    """Mask (n,) of the rows of `nodes` (n, k) in which a number occurs twice."""
     ordered = np.sort(nodes, axis=1)
     return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
 
 
 def _simplices(block: Block) -> tuple[IntArray, IntArray]:
-    """(corners of triangles or tetrahedra, row of the element of each)."""
+    """(corners (n, k) of the triangles or tetrahedra of a block, row (n,) of each's element)."""
     if DIMENSION[block.shape] == 2:
         return _triangles(block.corners)
     if block.shape == "tetra":
@@ -418,7 +420,7 @@ def _simplices(block: Block) -> tuple[IntArray, IntArray]:
 
 
 def _triangles(corners: IntArray) -> tuple[IntArray, IntArray]:
-    """Triangles from the lowest node of each face, and the row of the face of each."""
+    """(triangles (n, 3) from the lowest node of faces (m, 3 or 4), row (n,) of each's face)."""
     rows = np.arange(len(corners))
 
     if corners.shape[1] == 4:
@@ -432,7 +434,7 @@ def _triangles(corners: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
-    """(two straight lines for each line with a middle node, the element of each)."""
+    """(two straight lines for each line with a middle node, number of the element of each)."""
     if not block.mids.shape[1] or (block.mids < 0).any():
         return block, elements
     ends = np.column_stack([block.corners[:, 0], block.mids[:, 0], block.corners[:, 1]])
@@ -445,7 +447,7 @@ def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
 
 
 def known(label: str, name: str) -> str:
-    """`label` itself; MeshError for cells that can neither be used nor divided."""
+    """The kind `label` of cells; MeshError if they can neither be used nor divided."""
     if label not in CELLS:
         raise MeshError(
             f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
@@ -457,7 +459,7 @@ def known(label: str, name: str) -> str:
 
 
 def as_carried(mesh: FileMesh, name: str) -> FileMesh:
-    """The mesh with one supported kind of cells for each dimension; other cells are divided."""
+    """The mesh with one supported kind of cells for each dimension; others are divided."""
     labels = [label for label, block in mesh.cells.items() if len(block)]
     dims = {label: DIMENSION[CELLS[label][0]] for label in labels}
     tops = [label for label in labels if dims[label] == max(dims.values())]
@@ -481,7 +483,7 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
 
 
 def _block(label: str, cells: IntArray) -> Block:
-    """Cells of one kind as elements."""
+    """A block of cells (n, nodes) of the kind `label`."""
     shape = CELLS[label][0]
     first = CORNERS[shape]
     inner = min(first + len(EDGES[shape]), cells.shape[1])

@@ -51,15 +51,15 @@ ENVELOPE, FTETWILD_TIME = 1e-3, 600.0
 
 
 def volumes(points: Array, triangles: IntArray) -> Array:
-    """Signed volumes (t,) between the origin and triangles; they add up to the enclosed volume."""
+    """Signed volumes (t,) of the tetrahedra over triangles (t, 3) with their apex at the origin."""
     a, b, c = points[triangles].transpose(1, 0, 2)
     return np.asarray(np.einsum("ni,ni->n", a, np.cross(b, c)) / 6)
 
 
 def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]:
-    """(triangles of one orientation, outward on closed pieces; number of the piece of each)."""
+    """(triangles (t, 3) of one orientation, closed pieces outward; piece number (t,) of each)."""
     count = len(triangles)
-    consistent, pairs, _ = _edges(triangles)
+    consistent, pairs, _ = _edges_of_triangles(triangles)
 
     # each triangle twice: as it is, and turned
     a, b = pairs.T
@@ -77,8 +77,9 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
     return turned, piece
 
 
-def _edges(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
-    """(whether triangles at an edge agree, their numbers (k, 2); uses of all edges)."""
+def _edges_of_triangles(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
+    """(whether the two triangles at an edge agree (k,), their numbers (k, 2); number of triangles
+    at every edge); the first two for edges of two triangles alone."""
     ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
     _, edge, uses = np.unique(
         np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
@@ -96,7 +97,7 @@ def _edges(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
 
 @dataclass
 class Surface:
-    """A surface of triangles."""
+    """A surface of triangles, in one or several connected pieces."""
 
     points: Array
     triangles: IntArray  # (t, 3) corners, consistently oriented; closed pieces have outward normals
@@ -105,28 +106,28 @@ class Surface:
 
     @property
     def open_edges(self) -> int:
-        """Number of edges that do not belong to two triangles, or to pairs of these."""
-        return int((_edges(self.triangles)[2] % 2 != 0).sum())
+        """Number of edges with an odd number of triangles: 0 for a closed surface."""
+        return int((_edges_of_triangles(self.triangles)[2] % 2 != 0).sum())
 
     @property
     def normals(self) -> Array:
-        """Normals (t, 3) of the triangles, as long as twice their areas."""
+        """Normals (t, 3) of the triangles; their length is twice the area."""
         a, b, c = self.points[self.triangles].transpose(1, 0, 2)
         return np.cross(b - a, c - a)
 
     @property
     def volume(self) -> float:
-        """The volume that it encloses, outward normals counting."""
+        """Enclosed volume; positive if the normals point outward."""
         return float(volumes(self.points, self.triangles).sum())
 
     def only(self, pieces: Sequence[int]) -> Surface:
-        """Some of its pieces."""
+        """The surface with the triangles of some pieces."""
         rows = np.isin(self.piece, pieces)
         return Surface(self.points, self.triangles[rows], self.piece[rows], self.remarks)
 
     def sides(self) -> IntArray:
-        """Number of the smooth side of each triangle; sharp edges separate sides."""
-        _, pairs, _ = _edges(self.triangles)
+        """Number (t,) of the smooth side of each triangle; sharp edges separate the sides."""
+        _, pairs, _ = _edges_of_triangles(self.triangles)
         normals = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
         cosine = np.einsum("ni,ni->n", *normals[pairs].transpose(1, 0, 2))
         smooth = cosine > math.cos(math.radians(SHARP_ANGLE))
@@ -134,7 +135,7 @@ class Surface:
 
 
 def surface_of(ask: Request) -> Surface:
-    """The mended surface in a file."""
+    """The surface in a file, repaired and oriented."""
     try:
         import trimesh
     except ImportError as error:
@@ -179,7 +180,7 @@ def surface_of(ask: Request) -> Surface:
 
 
 def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> None:
-    """MeshError for a surface without triangles, or with fewer than its file announces."""
+    """MeshError for a surface without triangles, or with fewer than the file's header announces."""
     faces = getattr(mesh, "faces", np.zeros((0, 3)))
     count = len(getattr(mesh, "vertices", ()))
     unused = count - len(np.unique(faces))
@@ -209,7 +210,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
 
 
 def read(ask: Request) -> FileMesh:
-    """Read a surface as a sheet; of a closed one the bodies that it would enclose too."""
+    """Read a surface as a mesh of triangles; `pieces` of a closed one are the bodies in it."""
     surface = surface_of(ask)
     groups = {}
     area = np.linalg.norm(surface.normals, axis=1).sum() / 2
@@ -232,7 +233,7 @@ def read(ask: Request) -> FileMesh:
 
 
 def _bodies(surface: Surface, name: str) -> tuple[list[list[int]], bool]:
-    """(pieces of each body, the outer one first, then cavities; whether some pierce each other)."""
+    """([outer piece, its cavities …] of each body, whether some pieces pierce each other)."""
     count = int(surface.piece.max()) + 1
     if count > MOST_BODIES:
         raise MeshError(f"{name} has {count} closed surfaces: give one body a file.")
@@ -262,15 +263,15 @@ def _bodies(surface: Surface, name: str) -> tuple[list[list[int]], bool]:
 
 
 def _by_volume(surface: Surface, bodies: list[list[int]]) -> list[list[int]]:
-    """The bodies by their volumes, the largest first."""
+    """The bodies by descending volume."""
     volume = np.abs(np.bincount(surface.piece, volumes(surface.points, surface.triangles)))
     return sorted(bodies, key=lambda body: -volume[body[0]])
 
 
 def winding(corners: Array, point: Array) -> float:
-    """How often triangles (t, 3, 3) wind around a point: their solid angles over 4π (A. van
-    Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125).
-    """
+    """How often triangles with corners (t, 3, 3) wind around a point (3,): 1 inside, 0 outside. It
+    is their solid angle over 4π (A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983)
+    125)."""
     a, b, c = (corners - point).transpose(1, 0, 2)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     ab, bc, ca = (np.einsum("ni,ni->n", *pair) for pair in ((a, b), (b, c), (c, a)))
@@ -279,8 +280,8 @@ def winding(corners: Array, point: Array) -> float:
     return float(angles.sum() / (2 * np.pi))
 
 
-def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
-    """(the closed surface to be filled, cavities turned inward; its bodies), or MeshError."""
+def _surface_to_fill(ask: Request) -> tuple[Surface, list[list[int]]]:
+    """(closed surface of the requested bodies, pieces of each); cavities point inward."""
     surface = surface_of(ask)
     if surface.open_edges:
         raise MeshError(
@@ -307,10 +308,10 @@ def _wanted(ask: Request) -> tuple[Surface, list[list[int]]]:
 
 
 def fill(gmsh: ModuleType, ask: Request) -> tuple[Surface, Names]:
-    """(the closed surface that is filled in gmsh's model, names of gmsh's surfaces)."""
+    """Put the closed surface into gmsh's model as volumes; (the surface, names of gmsh's faces)."""
     import trimesh
 
-    surface, bodies = _wanted(ask)
+    surface, bodies = _surface_to_fill(ask)
     side = surface.sides()
     points, triangles, piece = surface.points, surface.triangles, surface.piece
     size = np.inf if ask.size is None else ask.size / ask.unit[0]
@@ -344,14 +345,13 @@ def fill(gmsh: ModuleType, ask: Request) -> tuple[Surface, Names]:
 
 
 def by_ftetwild(ask: Request) -> FileMesh:
-    """The tetrahedra by which fTetWild (Hu et al., ACM Trans. Graph. 39 (2020) 117) fills a surface
-    within an envelope, with its sides as groups.
-    """
+    """Mesh of tetrahedra in a surface by fTetWild (Hu et al., ACM Trans. Graph. 39 (2020) 117),
+    within `ENVELOPE` of it; its smooth sides are groups."""
     import pytetwild
     from scipy.spatial import cKDTree
 
     ask.allow(FTETWILD_TIME)
-    surface, _ = _wanted(ask)
+    surface, _ = _surface_to_fill(ask)
     corners = surface.points[surface.triangles]
     diagonal = float(np.linalg.norm(np.ptp(corners, axis=(0, 1))))
     size = np.inf if ask.size is None else ask.size / ask.unit[0]

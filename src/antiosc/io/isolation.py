@@ -53,7 +53,7 @@ SYSTEM = ("/proc", "/sys", "/dev")
 
 
 def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | None) -> FileMesh:
-    """The content of a file by its reader; a `geometry` may be meshed much larger than the file."""
+    """Read a file in a separate process; `geometry`: its mesh may be much larger than the file."""
     name = printable(path.name)
     size = _size(path)
     most = int(READER_MEMORY_SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
@@ -70,8 +70,8 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
             code, response = _ask(request)
 
     if code != 0:
-        raise _broken_off(name, code, memory, geometry, timeout is None)
-    return _answer(name, response, memory)
+        raise _reader_error(name, code, memory, geometry, timeout is None)
+    return _mesh_of_response(name, response, memory)
 
 
 def _size(path: Path) -> int:
@@ -98,7 +98,7 @@ def _size(path: Path) -> int:
 
 
 def _ask(request: Json) -> tuple[int, bytes]:
-    """(exit code, response) of the reading process, `child.py`."""
+    """Run the reading process `child.py` on a request; returns (exit code, response)."""
     # "" stands for the working folder, which holds no packages
     line = {**request, "sys_path": [os.path.abspath(p) for p in sys.path if p]}
     environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
@@ -121,8 +121,8 @@ def _ask(request: Json) -> tuple[int, bytes]:
         process.wait()
 
 
-def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) -> MeshError:
-    """The error for a reader process that ended early; `again`: another attempt may follow."""
+def _reader_error(name: str, code: int, memory: int, geometry: bool, again: bool) -> MeshError:
+    """The error for a reader that ended early; `again`: another attempt may follow."""
     if -code in OVERTIME:
         size = ", or a larger element size" if geometry else ""
         return (UnmeshableError if geometry and again else MeshError)(
@@ -137,8 +137,8 @@ def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) 
     )
 
 
-def _answer(name: str, response: bytes, memory: int) -> FileMesh:
-    """The mesh in the reader's response, or its error raised."""
+def _mesh_of_response(name: str, response: bytes, memory: int) -> FileMesh:
+    """The mesh in the reader's response; if it is an error, this is raised."""
     if not response:
         raise MeshError(f"the reader of {name} gave no mesh: a command of the file ends it (Exit).")
 
@@ -161,7 +161,7 @@ def _answer(name: str, response: bytes, memory: int) -> FileMesh:
 
 
 def _printable(value: Any) -> Any:
-    """Values of JSON, whose texts can be printed: names in a file may hold escape characters."""
+    """A value of JSON with escape characters of its texts replaced: names come from the file."""
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, list):
@@ -190,7 +190,7 @@ ModelOptions = Json
 
 @dataclass
 class Request:
-    """A file to be read by a separate process in a private working folder."""
+    """What the reading process is to read, and how; in a private working folder."""
 
     path: str  # of the file, absolute
     name: str  # of the file, for messages
@@ -224,7 +224,7 @@ class Request:
             resource.setrlimit(resource_kind, (most, hard))
 
     def allow(self, seconds: float) -> None:
-        """Let the kernel end this process after so much processor time, or at the timeout."""
+        """Let the kernel end this process after `seconds` of processor time, or at `timeout`."""
         for ending in OVERTIME:
             signal.signal(ending, signal.SIG_DFL)
         if self.timeout is None:
@@ -235,7 +235,7 @@ class Request:
             signal.setitimer(signal.ITIMER_REAL, remaining)
 
     def seal(self) -> None:
-        """Limit files that are written from now on to 1 MB, unless the input is trusted."""
+        """Limit each file written from now on to 1 MB, unless the input is trusted."""
         if not self.trust:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             with contextlib.suppress(ValueError):  # a lower limit is in force
@@ -263,6 +263,7 @@ def registered(group: str) -> tuple[metadata.EntryPoint, ...]:
 
 @functools.lru_cache
 def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]:
+    """Unloaded entry points of `group` among the packages in the folders `path`."""
     from importlib import metadata  # its modules for mails take 16 ms of each start
 
     installed = (e for d in metadata.distributions(path=list(path)) for e in d.entry_points)
@@ -271,7 +272,7 @@ def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]
 
 
 def loaded(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
-    """The object of an entry point; MissingDependencyError unless it is of this kind."""
+    """The object that an entry point names; MissingDependencyError unless it is a `kind`."""
     try:
         reader = entry.load()
     except AntioscError:
@@ -321,7 +322,8 @@ INTO_FILE = re.compile(r"[)\]]\s*>")
 
 
 def harmless(text: str, name: str) -> tuple[str, list[str]]:
-    """(a script as gmsh may run it, the CAD that it merges); MeshError for any other file."""
+    """(a script of gmsh without comments, names of the CAD files that it merges). MeshError if it
+    could run programs, or read or write other files."""
     if "\0" in text:
         raise MeshError(f"{name} is binary and no script of gmsh: write it as .step or .inp.")
 

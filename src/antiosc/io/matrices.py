@@ -25,7 +25,7 @@ from antiosc.base.errors import InputError
 from antiosc.io.isolation import loaded, registered
 
 #: What is told of a table of entries.
-WHOLE = "rows, nodes and dofs must be whole numbers."
+WHOLE_NUMBERS = "rows, nodes and dofs must be whole numbers."
 #: Numbers as Fortran writes them: 1.5D+03, 1.5+103 without a letter.
 _FORTRAN = re.compile(rb"([0-9.])[dD]([+-]?[0-9])|([0-9.])([+-][0-9]{1,3})(?![0-9.])")
 
@@ -47,38 +47,38 @@ class MatrixFile:
             raise InputError(f"{self.name} is empty.")
 
     def lines(self) -> list[bytes]:
-        """Its lines without their ends."""
+        """The lines of the file, without line ends."""
         return self.content.splitlines()
 
     def error(self, line: int, text: str) -> InputError:
-        """InputError for a line (from 1) with the sentence `text`."""
+        """An InputError that names the file and the line (from 1) before the sentence `text`."""
         return InputError(f"{self.name}, line {line}: {text}")
 
     def needs(self, holds: object, line: int, text: str) -> None:
-        """Raise `error(line, text)` unless `holds`."""
+        """Raise `error(line, text)` unless the condition `holds` is true."""
         if not holds:
             raise self.error(line, text)
 
     def at_byte(self, offset: int, text: str) -> InputError:
-        """InputError for an offset in a binary file."""
+        """An InputError that names the file and the byte `offset` before the sentence `text`."""
         return InputError(f"{self.name}, byte {offset}: {text}")
 
     def table(self, lines: Sequence[bytes], numbers: Sequence[int], columns: int) -> Array:
-        """Values (lines, columns) of lines with `columns` numbers each, at the line `numbers`."""
+        """Values (n, columns) of n lines of a table; `numbers`: those of the lines, for errors."""
         rows = [line.replace(b",", b" ") for line in lines]
         values = _floats(b"\n".join(rows))
         if values is None or any(len(row.split()) != columns for row in rows):
             for row, number in zip(rows, numbers, strict=True):
                 if len(row.split()) != columns or _floats(row) is None:
-                    raise self.error(number, f"{columns} numbers are expected; got {_shown(row)}.")
+                    raise self.error(number, f"{columns} numbers are expected; got {_quoted(row)}.")
         assert values is not None
         return values.reshape(-1, columns)
 
     def rows(self, lines: Sequence[bytes], numbers: Sequence[int], size: int | None) -> Entries:
-        """The matrix of lines of row, column, value; `size` None: the last row that is named."""
+        """Matrix of lines (row, column, value); `size` None: the highest row number."""
         table = self.table(lines, numbers, 3)
         whole = (table[:, :2] % 1 == 0) & (table[:, :2] >= 1) & (table[:, :2] < 2**31)
-        self.needs(whole.all(), numbers[int(whole.all(axis=1).argmin())], WHOLE)
+        self.needs(whole.all(), numbers[int(whole.all(axis=1).argmin())], WHOLE_NUMBERS)
 
         row, column = table[:, :2].astype(np.int64).T - 1
         count = int(max(row.max(), column.max())) + 1 if size is None else size
@@ -89,7 +89,7 @@ class MatrixFile:
 
 
 def _floats(text: bytes) -> Array | None:
-    """All numbers of a text; None if it contains anything else."""
+    """All numbers (n,) of a text; None if it contains anything but numbers."""
     try:
         return np.array(text.split(), dtype=float)
     except ValueError:
@@ -102,14 +102,14 @@ def _floats(text: bytes) -> Array | None:
 
 
 def fortran(text: bytes) -> bytes:
-    """The text with Fortran exponents (1D+3) in the form 1E+3."""
+    """The text with numbers as Fortran writes them (1D+3) in the form 1E+3."""
     return _FORTRAN.sub(
         lambda m: m[1] + b"E" + m[2] if m[1] is not None else m[3] + b"E" + m[4], text
     )
 
 
 def is_text(content: bytes) -> bool:
-    """Whether the content begins as a text."""
+    """Whether the first bytes of a file are text."""
     return not any(byte < 9 or 13 < byte < 32 for byte in content[:4096])
 
 
@@ -122,7 +122,7 @@ Labels = IntArray
 
 @dataclass(frozen=True)
 class Entries:
-    """The entries of a square matrix as a file lists them, rows and columns counted from 0."""
+    """Entries of a square matrix in the order of the file; rows and columns count from 0."""
 
     source: str  # names of the file and of the matrix
     row: IntArray
@@ -143,7 +143,8 @@ class Entries:
 
 
 def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
-    """Entries from a table (node, component, node, component, value); `triangle` None: unknown."""
+    """Entries from rows (node, component, node, component, value) of `table`. `triangle`: whether
+    only one triangle of the symmetric matrix is listed; None: to be found out."""
     pairs = table[:, :4].reshape(-1, 2).astype(np.int64)
     labels, index = np.unique(pairs, axis=0, return_inverse=True)
     row, column = index.reshape(-1, 2).T
@@ -168,7 +169,7 @@ def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> boo
 
 
 def checked(entries: Entries) -> Entries:
-    """The entries; InputError if they are not those of a matrix."""
+    """`entries`; InputError if a value is not finite, or a row or column outside the matrix."""
     source, size = entries.source, entries.size
     bad = ~np.isfinite(entries.value)
     if bad.any():
@@ -246,7 +247,7 @@ def read_matrix_market(source: MatrixFile) -> Entries:
 
 @dataclass(frozen=True)
 class MatrixPair:
-    """K and M, and (node, component) of each row where the files name them."""
+    """K and M, and labels (node, component) of their rows where the files name them."""
 
     K: scipy.sparse.csr_matrix
     M: scipy.sparse.csr_matrix
@@ -258,19 +259,19 @@ def read_pair(
     mass: str | os.PathLike[str],
     names: tuple[str, str] | None = None,
 ) -> MatrixPair:
-    """Read K and M from files recognised by their content; `names`: among several matrices."""
+    """Read K and M from files of any format; `names`: K's and M's in files of several."""
     pair = (None, None) if names is None else names
     if not isinstance(pair, list | tuple) or len(pair) != 2:
         raise InputError("names must be two, of K and of M: names=('KAA', 'MAA').")
-    K = _one(stiffness, "K", pair[0])
-    M = _one(mass, "M", pair[1])
+    K = _matrix_of(stiffness, "K", pair[0])
+    M = _matrix_of(mass, "M", pair[1])
 
     size = max(K.size, M.size)
     K, M = (matrix if matrix.counted else replace(matrix, size=size) for matrix in (K, M))
     labels = M.labels if K.labels is None else K.labels
 
     if K.labels is not None and M.labels is not None:
-        M = _on(K, M)
+        M = _in_order_of(K, M)
     elif K.size != M.size:
         raise InputError(
             f"K and M must be of one size: {K.source} has {K.size} rows, {M.source} {M.size}."
@@ -286,8 +287,8 @@ def read_pair(
     return MatrixPair(K.matrix(), M.matrix(), labels)
 
 
-def _on(K: Entries, M: Entries) -> Entries:
-    """M with its rows in the order of K's, matched by node and component."""
+def _in_order_of(K: Entries, M: Entries) -> Entries:
+    """M with its rows in the order of those of K, matched by their labels (node, component)."""
     assert K.labels is not None
     assert M.labels is not None
     all_labels, index = np.unique(np.vstack([K.labels, M.labels]), axis=0, return_inverse=True)
@@ -300,8 +301,8 @@ def _on(K: Entries, M: Entries) -> Entries:
     return replace(M, row=row[M.row], column=row[M.column], size=K.size)
 
 
-def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries:
-    """The matrix of a file: the one of this name, or by default the one of this initial letter."""
+def _matrix_of(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries:
+    """The matrix `name` of a file; default: the only one, or that with the initial `letter`."""
     source = MatrixFile(path)
     matrices = _matrices(source)
     if isinstance(matrices, Entries):
@@ -324,6 +325,7 @@ def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries
 
 
 def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
+    """The matrix of a file, or its matrices by name; the content determines the format."""
     content = source.content
     if content[:14].lower() == BANNER.lower():
         return read_matrix_market(source)
@@ -346,7 +348,7 @@ def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
 
 
 def read_sierra(source: MatrixFile) -> Entries:
-    """The matrix of Sierra/SD's function for MATLAB, with lines of row, column, value."""
+    """The matrix in a MATLAB function written by Sierra/SD: lines of row, column, value."""
     lines = [line.strip() for line in source.lines()]
     size = re.search(rb"NumRows *= *(\d+)", source.content)
     source.needs(size and b"a=[" in lines, 1, "'NumRows =' and 'a=[' are expected before entries.")
@@ -364,7 +366,7 @@ def read_sierra(source: MatrixFile) -> Entries:
 
 
 def read_abaqus(source: MatrixFile) -> Entries:
-    """The matrix of Abaqus `*MATRIX GENERATE`: node, dof, node, dof, value, or by rows."""
+    """Matrix of `*MATRIX GENERATE`: node, dof, node, dof, value, or row, column, value."""
     texts = {k: line.strip().rstrip(b",") for k, line in enumerate(source.lines(), 1)}
     entries = {k: text for k, text in texts.items() if text and not text.startswith(b"*")}
     source.needs(entries, 1, "the file has no entries.")
@@ -377,18 +379,18 @@ def read_abaqus(source: MatrixFile) -> Entries:
         columns == 5,
         numbers[0],
         "an Abaqus matrix has lines of node, dof, node, dof, value or of row, column, value; "
-        f"got {_shown(lines[0])}.",
+        f"got {_quoted(lines[0])}.",
     )
     table = source.table(lines, numbers, columns)
     whole = ((table[:, :4] % 1 == 0) & (np.abs(table[:, :4]) < 2**31)).all(axis=1)
-    source.needs(whole.all(), numbers[int(whole.argmin())], WHOLE)
+    source.needs(whole.all(), numbers[int(whole.argmin())], WHOLE_NUMBERS)
     return of_labels(source.name, table, None)
 
 
 #: Distance [m] up to which a node that two bodies share is at one place in both.
 SAME_PLACE = 1e-6
 #: Largest number of a dof: Abaqus's temperatures have 11 to 30.
-LARGEST = 30
+LARGEST_DOF = 30
 #: Displacements and rotations of a node by their numbers 1 to 6.
 DISPLACEMENTS = ("x", "y", "z")
 ROTATIONS = ("rx", "ry", "rz")
@@ -403,7 +405,7 @@ _OTHER_NAMES = {
 
 @dataclass(frozen=True, eq=False)
 class DofMap:
-    """Node and component of each of the n rows of K and M."""
+    """(node, component) of each of the n rows of K and M, and the coordinates of its node."""
 
     node: IntArray
     #: 1 to 6 for x, y, z, rx, ry, rz along the axes of the coordinates; 0 or more than 6 for others
@@ -412,11 +414,11 @@ class DofMap:
 
     @property
     def located(self) -> bool:
-        """Whether coordinates of the nodes are known."""
+        """Whether coordinates of nodes are known."""
         return bool(np.isfinite(self.points).all(axis=1).any())
 
     def row(self, node: int, component: int) -> int:
-        """The row of a node's component; InputError if there is none."""
+        """The row of a component of a node; InputError if there is none."""
         rows = self.rows(node)
         matches = rows[self.component[rows] == component]
         if not len(matches):
@@ -437,12 +439,12 @@ class DofMap:
 
 
 def name_of(component: int) -> str:
-    """x, y, z, rx, ry, rz, or the number of another dof."""
+    """Name of a component: x, y, z, rx, ry, rz; of any other its number as text."""
     return COMPONENTS[component - 1] if 1 <= component <= 6 else str(component)
 
 
 def component_of(dof: object) -> int:
-    """The number of a dof's name (x, ux, t1, …) or number; InputError for others."""
+    """Number of the component that a name (x, ux, t1, …) or number means; else InputError."""
     if not isinstance(dof, str):
         return checks.whole("dof", dof, least=0)
     component = _OTHER_NAMES.get(dof.strip().lower())
@@ -456,7 +458,7 @@ def component_of(dof: object) -> int:
 
 
 def rows_of(supports: object, rows: DofMap | None) -> IntArray:
-    """The rows of {node: "all" or names of dofs}."""
+    """Rows (n,) of the dofs that supports {node: "all" or names of dofs} fix, ascending."""
     if rows is None:
         raise InputError("supports by nodes need a map of the nodes and dofs of the matrices.")
     expected = "a dict of node -> 'all' or names of dofs"
@@ -474,23 +476,25 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
 
 
 def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
-    """The map of the rows of matrices, as `Structure.from_matrices` and `from_files` take it."""
+    """The map of `size` rows in any form that `Structure.from_matrices` takes as `map`; None:
+    unknown.
+    `labels`: (node, component) of the rows as the files of the matrices name them."""
     if source is None:
         if labels is None:
             return None
         return DofMap(labels[:, 0], labels[:, 1], np.full((size, 3), np.nan))
     name = "map"
     if isinstance(source, str | os.PathLike):
-        name, table = _table(MatrixFile(source))
+        name, table = _read_map(MatrixFile(source))
     elif isinstance(source, tuple) and all(isinstance(s, str | os.PathLike) for s in source[:2]):
-        name, table = _of_vectors(*map(MatrixFile, source))
+        name, table = _map_of_sierra(*map(MatrixFile, source))
     elif isinstance(source, tuple) and 2 <= len(source) <= 3 and size > 3:
-        table = _of_columns(source, size)
+        table = _map_of_columns(source, size)
     else:
         table = checks.floats("map", source, (None, None))
 
     if table.shape[1] == 4:
-        return _with_nodes(name, table, labels)
+        return _with_coordinates(name, table, labels)
 
     if table.shape[1] == 3:  # row, node, dof
         order = np.argsort(table[:, 0], kind="stable")
@@ -506,12 +510,14 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
         )
 
     pairs = table[:, :2].astype(np.int64)
-    bad = (pairs != table[:, :2]).any(axis=1) | (pairs < 0).any(axis=1) | (pairs[:, 1] > LARGEST)
+    bad = (
+        (pairs != table[:, :2]).any(axis=1) | (pairs < 0).any(axis=1) | (pairs[:, 1] > LARGEST_DOF)
+    )
     if bad.any():
         node, dof = table[bad.argmax(), :2]
         raise InputError(
             f"{name} gives nodes and dofs as whole numbers, of x, y, z, rx, ry, rz 1 to 6, of "
-            f"others 0 or up to {LARGEST}; got node {node:g}, dof {dof:g}."
+            f"others 0 or up to {LARGEST_DOF}; got node {node:g}, dof {dof:g}."
         )
     if len(np.unique(pairs, axis=0)) < size:
         raise InputError(f"{name} names one dof of a node twice.")
@@ -519,8 +525,8 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
     return DofMap(pairs[:, 0], pairs[:, 1], points)
 
 
-def _of_columns(columns: tuple[object, ...], size: int) -> Array:
-    """Rows of node, dof and perhaps coordinates from columns."""
+def _map_of_columns(columns: tuple[object, ...], size: int) -> Array:
+    """Table (size, 2 or 5) of node, dof and perhaps x, y, z, each given as a sequence."""
     nodes = checks.floats("the nodes of map", columns[0], (size,))
     dofs = columns[1] if isinstance(columns[1], list | tuple | np.ndarray) else [columns[1]]
     numbers = [component_of(dof.item() if isinstance(dof, np.generic) else dof) for dof in dofs]
@@ -530,8 +536,8 @@ def _of_columns(columns: tuple[object, ...], size: int) -> Array:
     return np.column_stack([nodes, numbers, *points])
 
 
-def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
-    """Node and component labels of the matrices, with coordinates from rows of node, x, y, z."""
+def _with_coordinates(name: str, table: Array, labels: Labels | None) -> DofMap:
+    """The map of the matrices' `labels`, coordinates from rows node, x, y, z of `table`."""
     if labels is None:
         raise InputError(
             f"{name} has rows of node, x, y, z, but the files do not say which rows of the "
@@ -545,15 +551,15 @@ def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
     return DofMap(labels[:, 0], labels[:, 1], points)
 
 
-def _table(source: MatrixFile) -> tuple[str, Array]:
-    """The numbers of a map file; names of components become their numbers."""
+def _read_map(source: MatrixFile) -> tuple[str, Array]:
+    """(name, table) of a map file; names of components are replaced by their numbers."""
     rows: dict[int, bytes] = {}
     for k, line in enumerate(source.lines(), 1):
         text = line.partition(b"#")[0].replace(b",", b" ").strip()
         if text.lstrip(b"+-")[:1].isdigit():
-            rows[k] = b" ".join(_numbered(source, k, word) for word in text.split())
+            rows[k] = b" ".join(_dof_as_number(source, k, word) for word in text.split())
         elif rows and text and not text.startswith((b"*", b"!", b"$", b"%")):
-            raise source.error(k, f"a row of numbers is expected; got {_shown(text)}.")
+            raise source.error(k, f"a row of numbers is expected; got {_quoted(text)}.")
 
         # else a comment, or the heading of the table
     source.needs(rows, 1, "the map has no row of numbers.")
@@ -563,9 +569,9 @@ def _table(source: MatrixFile) -> tuple[str, Array]:
     return source.name, table
 
 
-def _of_vectors(gid: MatrixFile, aset: MatrixFile) -> tuple[str, Array]:
-    """Rows of node, dof from Sierra/SD's vectors: the number of each node, the row of each dof."""
-    nodes, rows = (_vector(file) for file in (gid, aset))
+def _map_of_sierra(gid: MatrixFile, aset: MatrixFile) -> tuple[str, Array]:
+    """(name, rows (node, dof)) from two files of Sierra/SD: node numbers, row of each dof."""
+    nodes, rows = (_matlab_vector(file) for file in (gid, aset))
     each = len(rows) // len(nodes)
     if len(rows) != each * len(nodes):
         raise InputError(f"{aset.name} has {len(rows)} dofs of {len(nodes)} nodes of {gid.name}.")
@@ -574,8 +580,8 @@ def _of_vectors(gid: MatrixFile, aset: MatrixFile) -> tuple[str, Array]:
     return aset.name, np.column_stack([nodes[dofs // each], dofs % each + 1])
 
 
-def _vector(source: MatrixFile) -> Array:
-    """The vector x of a text for MATLAB: x = zeros(n, 1), then lines x(i) = value."""
+def _matlab_vector(source: MatrixFile) -> Array:
+    """The vector in a MATLAB text: x = zeros(n, 1), then lines x(i) = value."""
     size = re.search(rb"x = zeros\((\d{1,9}), 1\)", source.content)
     source.needs(size, 1, "'x = zeros(n, 1)' is expected, as Sierra/SD writes vectors.")
     assert size is not None
@@ -593,7 +599,7 @@ Body: TypeAlias = tuple[Any, Any, DofMap | None]
 
 
 def tied(bodies: Sequence[Body]) -> Body:
-    """The one body of several that share the dofs of nodes of the same number: sums of K and M."""
+    """One body of several, joined at the nodes with equal numbers; its K and M are the sums."""
     maps = [rows for *_, rows in bodies if rows is not None]
     if len(maps) < len(bodies):
         raise InputError("bodies are tied at nodes of the same number: give the map of each.")
@@ -612,14 +618,14 @@ def tied(bodies: Sequence[Body]) -> Body:
     return K.tocsr(), M.tocsr(), DofMap(shared[:, 0], shared[:, 1], points[first])
 
 
-def _numbered(source: MatrixFile, number: int, word: bytes) -> bytes:
-    """A word of a map, with the number of a dof in place of its name."""
+def _dof_as_number(source: MatrixFile, number: int, word: bytes) -> bytes:
+    """A word of line `number` of a map file; the name of a dof becomes its number."""
     text = word.decode("ascii", "replace")
     known = _OTHER_NAMES.get(text.lower())
     source.needs(known or not text[:1].isalpha(), number, f"{text!r} is not the name of a dof.")
     return word if known is None else str(known).encode()
 
 
-def _shown(text: bytes) -> str:
-    """The beginning of a line, in quotes."""
+def _quoted(text: bytes) -> str:
+    """The first 60 characters of a line, in quotes."""
     return repr(text.decode("ascii", "replace")[:60])

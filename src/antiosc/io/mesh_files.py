@@ -80,7 +80,7 @@ def _content(path: Path, name: str) -> meshio.Mesh:
 
 
 def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
-    """Yield (group name, block, rows) of cell groups, as meshio's formats store them."""
+    """Yield (group name, index of a block of cells, rows in it) in the ways of meshio's formats."""
     pairs = {name: np.asarray(pair) for name, pair in mesh.field_data.items()}
     physical = {  # (tag, dimension) -> name
         (int(pair[0]), int(pair[1])): name
@@ -110,7 +110,7 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
 
 
 def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
-    """Yield (value, rows with this value), ascending, by one sort."""
+    """Yield (value, rows that have it) for each different value, ascending."""
     order = np.argsort(values, kind="stable")
     distinct, first = np.unique(values[order], return_index=True)
     for value, rows in zip(distinct, np.split(order, first[1:]), strict=True):
@@ -118,6 +118,7 @@ def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
 
 
 def _node_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, IntArray]]:
+    """Yield (name, rows of points) of the sets of nodes."""
     for name, nodes in getattr(mesh, "point_sets", {}).items():
         yield str(name), np.asarray(nodes, dtype=np.int64)
 
@@ -149,7 +150,7 @@ FIRST_BYTES = 2**20
 
 
 def reader_of(path: str | Path, solid: bool = False) -> FileReader:
-    """The reader for a file, by its ending and content; `solid`: a surface to be filled."""
+    """The reader of a file by ending and content; `solid`: it is a surface to be filled."""
     if solid:
         return GMSH
 
@@ -165,19 +166,19 @@ def reader_of(path: str | Path, solid: bool = False) -> FileReader:
 
 
 def _start(path: str | Path) -> bytes:
-    """The first bytes of a file; none of one that cannot be read."""
+    """The first bytes of a file; b"" if it cannot be read."""
     with contextlib.suppress(OSError), Path(path).open("rb") as file:
         return file.read(FIRST_BYTES)
     return b""
 
 
 def is_deck(path: str | Path) -> bool:
-    """Whether a file may contain a whole model."""
+    """Whether the reader of this file can give a whole model: materials and supports too."""
     return reader_of(path).model
 
 
 def deck_endings() -> list[str]:
-    """Endings of the files that `read_model` reads, whatever their content."""
+    """Endings of the files that `read_model` reads."""
     readers = {f".{entry.name.lower()}": loaded(entry, FileReader) for entry in registered(GROUP)}
     return sorted(
         ending for ending, reader in readers.items() if reader.model and not reader.matches

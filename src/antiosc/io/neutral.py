@@ -83,7 +83,7 @@ FACES: dict[str, tuple[tuple[int, ...], ...]] = {
 
 
 def rectangles(shape: str) -> list[tuple[int, ...]]:
-    """Corners of the quadrilateral faces of a shape; a quadrilateral is its own face."""
+    """Local corners of each quadrilateral face of a cell; a quadrilateral is its own face."""
     faces = FACES.get(shape, ((0, 1, 2, 3),) if shape == "quad" else ())
     return [face for face in faces if len(face) == 4]
 
@@ -98,7 +98,7 @@ Term = tuple[int, int, float]
 
 
 class Joints(TypedDict):
-    """Constraints and springs between nodes of a deck as sums of motions, SI units."""
+    """Constraints, springs, dampers, masses between nodes as sums of motions (`Term`), SI units."""
 
     equations: list[list[Term]]  # sums that are zero, the dependent motion first
     springs: list[tuple[list[Term], float]]  # N/m
@@ -136,7 +136,7 @@ class Model(TypedDict):
 
 @dataclass(frozen=True)
 class CellKind:
-    """A cell shape with its geometric order; the first `vertices` of its `nodes` are vertices."""
+    """A cell shape of one geometric order; the first `vertices` of its `nodes` are corners."""
 
     shape: str
     dim: int
@@ -164,20 +164,20 @@ EDGES_OF_KIND = {CARRIED[shape]: EDGES[shape] for shape in ("tetra", "hexahedron
 
 
 class Piece(NamedTuple):
-    """A connected piece of a part: its name or "", and the corners of its box."""
+    """A connected piece of a part: its name ("": none), lowest and highest corner of its box."""
 
     name: str
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
     def scaled(self, factor: float) -> Piece:
-        """The piece in another unit."""
+        """The piece with its box scaled by `factor`, to another unit of length."""
         return Piece(self.name, factor * self.low, factor * self.high)
 
 
 @dataclass
 class FileMesh:
-    """The content of one mesh file; the cells of the mesh are selected and checked later."""
+    """Nodes, cells of all kinds and groups of a file; `reading.selected` takes a mesh of it."""
 
     points: NDArray[np.float64]  # (n, 3) node coordinates, m
     cells: dict[str, IntArray]  # kind (a name of KINDS) -> (cells, nodes of one), vertices first
@@ -202,7 +202,7 @@ class FileMesh:
 
 @dataclass
 class RawMesh:
-    """Nodes, cells of one kind, and groups, as arrays; the last four as in `FileMesh`."""
+    """Nodes, cells of one kind, and groups; remarks, model, labels and pieces as in `FileMesh`."""
 
     points: NDArray[np.float64]  # (n, 3) node coordinates
     #: (cells, nodes per cell), vertices first
@@ -220,7 +220,7 @@ class RawMesh:
 
 
 def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
-    """Groups of cells merged from partial ones: (name, kind, rows)."""
+    """Groups name -> {kind: rows} from parts (name, kind, rows) of groups."""
     groups: dict[str, dict[str, list[IntArray]]] = {}
     for name, kind, rows in parts:
         groups.setdefault(name, {}).setdefault(kind, []).append(rows)
@@ -232,19 +232,19 @@ def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, In
 
 
 def of_kind(name: str, label: str) -> str:
-    """Name of a support's cells of one kind, where there are several kinds."""
+    """Name of the group of those fixed cells whose kind is `label`, if there are several kinds."""
     return f"{name}@{label}"
 
 
 #: Fields of a `FileMesh` that are values of JSON.
-_PLAIN = ("of_gmsh", "aids", "remarks", "model")
+_PLAIN_FIELDS = ("of_gmsh", "aids", "remarks", "model")
 
 
 def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[Any]]]:
-    """The mesh as (JSON values, arrays); the rows of groups, maybe thousands, are concatenated."""
+    """The mesh as (JSON values, arrays); the rows of all groups are in the first array."""
     node_sets = {name: {"": nodes} for name, nodes in mesh.node_sets.items()}
     tables: Json = {"groups": mesh.groups, "fixed": mesh.fixed, "node_sets": node_sets}
-    header = {name: getattr(mesh, name) for name in _PLAIN}
+    header = {name: getattr(mesh, name) for name in _PLAIN_FIELDS}
     header["cells"] = list(mesh.cells)
     header["sets"] = {
         field_name: [(name, [(key, e.shape) for key, e in of.items()]) for name, of in sets.items()]
@@ -281,11 +281,12 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
 
     sets["node_sets"] = {name: of[""] for name, of in sets["node_sets"].items()}
     pieces = [Piece(str(name), *np.array(box, float)) for name, *box in head["pieces"]]
-    plain = {name: head[name] for name in _PLAIN}
+    plain = {name: head[name] for name in _PLAIN_FIELDS}
     return FileMesh(points, cells, labels=labels, pieces=pieces, **plain, **sets)
 
 
 def _check_indices(rows: IntArray, most: int, what: str) -> None:
+    """ValueError unless all `rows` are 0 … most - 1."""
     if rows.dtype != np.int64:
         raise ValueError(f"{what} by {rows.dtype}")
     if rows.size and not (rows.min() >= 0 and rows.max() < most):
@@ -311,7 +312,7 @@ class UnitSystem:
 
     @classmethod
     def of(cls, unit: str | float) -> UnitSystem:
-        """The system of this name or number of metres per unit, with forces in N."""
+        """The unit system of a name, or of a number of metres per unit, with forces in N."""
         if not isinstance(unit, str):
             return cls(positive("unit", unit, "m"))
         if unit in SYSTEMS:
@@ -340,7 +341,7 @@ class UnitSystem:
 
 
 def keys(rows: NDArray[Any]) -> NDArray[np.uint64]:
-    """A hash of each row, whatever the order of its entries; equal by chance with 1e-19."""
+    """Hash (n,) of each row, whatever the order in it; two rows collide by chance with 1e-19."""
     mixed = np.zeros(len(rows), dtype=np.uint64)
 
     with np.errstate(over="ignore"):
@@ -354,14 +355,15 @@ def keys(rows: NDArray[Any]) -> NDArray[np.uint64]:
 
 
 def outer_facets(cells: NDArray[Any], sides: Sequence[Sequence[int]]) -> NDArray[Any]:
-    """Facets (n, vertices) of only one of the cells; `sides`: corners of those of a cell."""
+    """Facets (n, vertices) of one cell only; `sides`: local corners of a cell's facets."""
     facets = np.vstack([cells[:, list(side)] for side in sides])
     _, first, count = np.unique(keys(facets), return_index=True, return_counts=True)
     return facets[first[count == 1]]
 
 
 def connected(tables: Iterable[IntArray], count: int) -> IntArray:
-    """Piece number of each of `count` nodes; a row of a table (n, k) joins nodes (< 0: none)."""
+    """Number (count,) of each node's connected piece. A row of a table (n, k) connects its nodes;
+    entries below 0 are ignored."""
     from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
     from scipy.sparse.csgraph import connected_components
 

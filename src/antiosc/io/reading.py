@@ -53,22 +53,23 @@ AS_SIDES, LEFT_OUT = "are read as sides, not as elements", "are left out"
 CLOSELY = "is meshed with elements that follow the curvature"
 HOW_MADE = CLOSELY, BY_FTETWILD
 #: Share of the largest piece by which the volumes of two must differ to rank them.
-AS_LARGE = 0.01
+DISTINCT_SIZE = 0.01
 #: Largest coordinate of a part: squares and volumes of it are numbers still.
 FARTHEST = 1e30
 
 
 def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> RawMesh:
-    """The `wanted` cells of a file as a mesh, by default those of the highest dimension."""
+    """The `wanted` cells of a file as a mesh, by default those of the highest dimension. `order` 1:
+    without mid-side nodes; `name`: of the file, for messages."""
     dims = {label: KINDS[label].dim for label, block in mesh.cells.items() if len(block)}
     if not any(dims.values()):
         found = ", ".join(sorted(dims)) or "none"
         raise MeshError(f"{name} contains no cells: no lines, faces or volumes (found: {found}).")
 
     # the rows of the cells
-    rows = _every_row(mesh) if wanted is None else _wanted(mesh, wanted, name)
+    rows = _every_row(mesh) if wanted is None else _selected_rows(mesh, wanted, name)
     top = max(dims[label] for label in rows)
-    grouped = _grouped(mesh, [label for label in dims if dims[label] == top])
+    grouped = _rows_in_groups(mesh, [label for label in dims if dims[label] == top])
     aids = wanted is None and mesh.aids and bool(grouped)
     if aids:  # as gmsh itself writes files
         rows = grouped
@@ -84,7 +85,7 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     if len(mesh.labels):
         without = np.full(len(mesh.points) - len(mesh.labels), -1, dtype=np.int64)
         raw.labels = np.concatenate([mesh.labels, without])
-    others = _others(mesh, raw, aids, name) if wanted is None else ()
+    others = _remarks_on_others(mesh, raw, aids, name) if wanted is None else ()
     raw.remarks = [*mesh.remarks, *others]
 
     # its groups
@@ -103,12 +104,12 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
 
 
 def _every_row(mesh: FileMesh) -> Rows:
-    """All rows of a file."""
+    """Rows of all cells by kind."""
     return {label: np.arange(len(block)) for label, block in mesh.cells.items() if len(block)}
 
 
-def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
-    """The rows selected by cells=."""
+def _selected_rows(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
+    """Rows, by kind, of the cells that the argument `cells` of `read_mesh` selects."""
     if isinstance(wanted, int):
         rows = {k: r for k, r in _every_row(mesh).items() if KINDS[k].dim == wanted}
         if not rows:
@@ -125,25 +126,26 @@ def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
         if group not in of_cells:
             known = ", ".join(map(repr, of_cells[:20])) or "none"
             raise InputError(f"{name} has no group of cells {group!r}; it has: {known}.")
-    return _joined([mesh.groups[group] for group in names])
+    return _united([mesh.groups[group] for group in names])
 
 
-def _grouped(mesh: FileMesh, labels: Sequence[str]) -> Rows:
-    """The rows of these kinds that belong to any group."""
+def _rows_in_groups(mesh: FileMesh, labels: Sequence[str]) -> Rows:
+    """Rows, by kind, of the cells of the kinds `labels` that belong to at least one group."""
     parts = [{k: r for k, r in g.items() if k in labels} for g in mesh.groups.values()]
-    return _joined(parts)
+    return _united(parts)
 
 
-def _joined(parts: Sequence[Rows]) -> Rows:
+def _united(parts: Sequence[Rows]) -> Rows:
+    """Union of several selections of rows by kind."""
     labels = dict.fromkeys(label for part in parts for label, rows in part.items() if len(rows))
     return {k: np.unique(np.concatenate([p[k] for p in parts if k in p])) for k in labels}
 
 
-def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str]:
-    """Sentences on elements beside those of the mesh; MeshError if some may be parts of it."""
+def _remarks_on_others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str]:
+    """Yield remarks on elements outside the mesh; MeshError if they may be of the part."""
     made_here = mesh.of_gmsh and not name.lower().endswith(".msh")
     top = raw.kind.dim
-    grouped = _grouped(mesh, list(mesh.cells))
+    grouped = _rows_in_groups(mesh, list(mesh.cells))
 
     if aids and not made_here:
         counts = {label: len(block) for label, block in mesh.cells.items() if KINDS[label].dim}
@@ -185,7 +187,7 @@ def _others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str
 
 
 def _counted(counts: Mapping[str, int]) -> str:
-    """Numbers of elements by kind, in words."""
+    """Numbers of elements by kind as text."""
     return " and ".join(f"{n} {_NOUNS[KINDS[k].dim]} ({k})" for k, n in counts.items() if n)
 
 
@@ -200,12 +202,13 @@ def positions(rows: NDArray[Any], among: NDArray[Any]) -> IntArray:
 
 
 def _add(raw: RawMesh, group: str, dim: int, entities: IntArray) -> None:
+    """Add entities (n, vertices) of dimension `dim` to a group."""
     parts = raw.groups.setdefault(group, {})
     parts[dim] = np.vstack([parts[dim], entities]) if dim in parts else entities
 
 
 def _add_node_sets(raw: RawMesh, node_sets: Rows) -> None:
-    """Add node sets as facets that they span, with their mid-side nodes, and other vertices."""
+    """Add node sets as groups: facets with all nodes in the set, and remaining vertices."""
     outer = raw.cells[:0]
     if raw.kind.dim > 1:
         outer = outer_facets(raw.cells, FACETS[raw.kind.shape])
@@ -258,7 +261,7 @@ def read(
     sound: Callable[[RawMesh], RawMesh] = lambda raw: raw,
     **options: Any,
 ) -> RawMesh:
-    """Read or mesh a file (`antiosc.read_mesh`); a geometry once more if gmsh cannot mesh it."""
+    """Read or mesh a file (`antiosc.read_mesh`); if gmsh cannot mesh it, try in a second way."""
     name = printable(path.name)
     suffix = path.suffix.lower()
     solid = bool(options.get("solid"))
@@ -272,6 +275,7 @@ def read(
     }
 
     def attempt(**how: Any) -> RawMesh:
+        """Read with the further options `how` of the request."""
         raw = selected(content_of(path, timeout, unit, merge, **options, **how), cells, order, name)
         if piece is not None and not (by_reader and raw.kind.dim == 3):
             raw = one_piece(raw, piece, name)
@@ -303,7 +307,7 @@ def read(
 
 
 def piece_of_cells(raw: RawMesh) -> IntArray:
-    """Number of the connected piece of each cell (cells,), 0 for the largest by its measure."""
+    """Number (cells,) of the connected piece of each cell; 0 is the largest piece."""
     label = connected([raw.cells], len(raw.points))[raw.cells[:, 0]]
     pieces, piece_index = np.unique(label, return_inverse=True)
     piece_index = piece_index.ravel()
@@ -311,14 +315,14 @@ def piece_of_cells(raw: RawMesh) -> IntArray:
         return piece_index
 
     size = np.bincount(piece_index, _relative_measures(raw))
-    steps = np.rint(size / (AS_LARGE * size.max()))
+    steps = np.rint(size / (DISTINCT_SIZE * size.max()))
     rank = np.empty(len(pieces), dtype=np.int64)
     rank[np.argsort(-steps, kind="stable")] = np.arange(len(pieces))
     return rank[piece_index]
 
 
 def _relative_measures(raw: RawMesh) -> Array:
-    """Length, area or volume of each cell up to a factor, by the covariance of its corners."""
+    """Length, area or volume (cells,) up to a common factor, by the corners' covariance."""
     x = raw.points[raw.cells[:, : raw.kind.vertices]]
     x = x - x.mean(axis=1, keepdims=True)
     squares = np.linalg.eigvalsh(x.transpose(0, 2, 1) @ x)[:, -raw.kind.dim :]
@@ -326,7 +330,7 @@ def _relative_measures(raw: RawMesh) -> Array:
 
 
 def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
-    """The cells of one connected piece, 1 being the largest."""
+    """The mesh of the `piece`-th largest connected piece, from 1."""
     label = piece_of_cells(raw)
     count = int(label.max()) + 1
     if piece > count:
@@ -340,7 +344,7 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
 
 
 def pieces_of(raw: RawMesh) -> list[Piece]:
-    """The pieces, the largest first."""
+    """The connected pieces, by descending size."""
     label = piece_of_cells(raw)
     _, first = np.unique(label, return_index=True)
     names: dict[int, str] = {}
@@ -358,7 +362,7 @@ def pieces_of(raw: RawMesh) -> list[Piece]:
 
 
 def described_pieces(pieces: Sequence[Piece], most: int = 6) -> str:
-    """Pieces in words: rank, name and size."""
+    """Rank, name and size of the first `most` pieces as text."""
     words = []
     for k, piece in enumerate(pieces[:most], 1):
         size = " × ".join(f"{1e3 * c:.3g}" for c in piece.high - piece.low)
@@ -367,7 +371,7 @@ def described_pieces(pieces: Sequence[Piece], most: int = 6) -> str:
 
 
 def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
-    """The error for a mesh of several connected pieces, with their description."""
+    """The error for a mesh of several connected pieces, with `what` and `remedy` in words."""
     pieces = pieces_of(raw)
     error = PiecesError(f"{what} ({described_pieces(pieces)}): {remedy}")
     error.pieces = pieces
@@ -378,7 +382,7 @@ def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
 
 
 def outline(path: Path, **options: Any) -> FileMesh:
-    """The box of a geometry as a line between its corners, and its groups, without a mesh."""
+    """Groups of a geometry, and the diagonals of its boxes as lines, without meshing it."""
     return content_of(path, None, None, None, outline=True, **options)
 
 
@@ -389,12 +393,13 @@ def content_of(
     merge: float | None,
     **options: Any,
 ) -> FileMesh:
-    """The content of a file; `options` are fields of a `Request`."""
+    """A file's content [m], nodes within `merge` [m] merged; `options`: fields of `Request`."""
     name, suffix = path.name, path.suffix.lower()
     solid = options.get("solid", False)
     geometry = suffix in GEOMETRY or solid
 
     def refuse(fault: object, text: str) -> None:
+        """MeshError with the file's name and `text`, if `fault` is true."""
         if fault:
             raise MeshError(f"{name} {text}.")
 
@@ -454,10 +459,11 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
 
 
 def _renumbered(model: Model, row: IntArray) -> Model:
-    """The model with new node numbers; negative ones are points that belong to no element."""
+    """The model with node n replaced by row[n]; negative numbers, points of no element, stay."""
     joints = model["joints"]
 
     def new(terms: list[Term]) -> list[Term]:
+        """The terms with new node numbers."""
         return [(int(row[n]) if n >= 0 else n, motion, c) for n, motion, c in terms]
 
     renumbered: Joints = {

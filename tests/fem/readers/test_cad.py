@@ -117,8 +117,8 @@ def test_a_volume_that_differs_from_cad_is_told(tmp_path):
         gmsh.model.mesh.generate(3)
         held = by_gmsh._mass(gmsh, 3, 1)
         assert held == pytest.approx(exact, rel=1e-9)
-        assert by_gmsh._volume_told(gmsh, "rod.step", 1.005 * held) != []
-        assert "too small" in by_gmsh._volume_told(gmsh, "rod.step", 1.05 * held)[0]
+        assert by_gmsh._volume_remarks(gmsh, "rod.step", 1.005 * held) != []
+        assert "too small" in by_gmsh._volume_remarks(gmsh, "rod.step", 1.05 * held)[0]
 
 
 @pytest.mark.parametrize("name", ["/proc/kmsg", "/dev/kmsg", "part\ud800.msh"])
