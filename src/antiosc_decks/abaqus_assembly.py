@@ -10,7 +10,7 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Deck, IntArray
 from antiosc_decks.abaqus_cards import OTHER, Card, Row, Scope, account_for, cards as read_cards
-from antiosc_decks.abaqus_mesh import NONE, AbaqusMesh, mesh_of
+from antiosc_decks.abaqus_mesh import NO_ROWS, AbaqusMesh, mesh_of
 from antiosc_decks.constraints import lever
 from antiosc_decks.entries import DeckPlace, Numbering
 from antiosc_decks.sources import Account, Sources
@@ -20,9 +20,9 @@ NOUNS = {"NSET": "node", "ELSET": "element"}
 
 @dataclass
 class Instance(Scope):
-    """A part placed in the assembly, and where its nodes and elements begin in the whole deck."""
+    """A part placed in the assembly; `first_…`: rows in the deck of its first node, cell, other."""
 
-    whole: Whole
+    assembled: AbaqusDeck
     cards: list[Card]
     mesh: AbaqusMesh
     first_node: int = 0
@@ -30,7 +30,7 @@ class Instance(Scope):
     first_other: int = 0
 
     def placed(self, keyword: str, rows: IntArray) -> IntArray:
-        """Rows in the whole deck of nodes (NSET) or elements (ELSET) of this instance."""
+        """Rows in the whole deck of nodes (NSET) or elements (ELSET) given by `rows` here."""
         if keyword == "NSET":
             return rows + self.first_node
         extra_rows = rows - self.mesh.cells
@@ -41,48 +41,48 @@ class Instance(Scope):
     def spelled(self, name: str) -> str:
         """A set's name as it was first written; names are not case-sensitive."""
         name = self.prefix + name
-        return self.whole.spelling.setdefault(name.upper(), name)
+        return self.assembled.spelling.setdefault(name.upper(), name)
 
     def rows(self, keyword: str, word: str, place: DeckPlace) -> IntArray:
-        """Rows of the node or element with the number `word`, or of the set of that name."""
+        """Rows of the node (NSET) or element (ELSET) numbered `word`, or of the set so named."""
         members = self.find(keyword, word)
         if members is None:
             noun = NOUNS[keyword]
             where = f" in {self.name}" if self.name else ""
             number = word.lstrip("-").isdigit()
-            if number and len(self.whole.instances) > 1 and not self.name:
+            if number and len(self.assembled.instances) > 1 and not self.name:
                 where = " outside the instances; name its instance (INSTANCE=)"
             noun = noun if number else f"set of {noun}s"
             raise place.error(f"there is no {noun} {word}{where}.")
         return members
 
     def find(self, keyword: str, word: str) -> IntArray | None:
-        """Rows of a number or of a named set; None if neither exists."""
+        """As `rows`; None if no such number or set exists."""
         word = word.strip().strip('"')
         name, dot, inner = word.partition(".")
         owner = self
-        if dot and name.upper() in self.whole.instances:
-            owner = self.whole.instances[name.upper()]
+        if dot and name.upper() in self.assembled.instances:
+            owner = self.assembled.instances[name.upper()]
             word = inner
         try:
             label = np.array([int(word)])
         except ValueError:
-            return self.whole.sets.get((keyword, (owner.prefix + word).upper()))
+            return self.assembled.sets.get((keyword, (owner.prefix + word).upper()))
         rows = owner.numbered(keyword, lambda known: known.rows(label))
         return rows if len(rows) else None
 
     def numbered(self, keyword: str, rows_of: Callable[[Numbering], IntArray]) -> IntArray:
-        """Rows in the deck that `rows_of` selects here, or else in the assembly's only instance."""
-        instances = list(self.whole.instances.values())
+        """Deck rows that `rows_of` finds in this instance; if none, in the assembly's only one."""
+        instances = list(self.assembled.instances.values())
         for instance in (self, *instances[1:2] * (not self.name and len(instances) == 2)):
             rows = rows_of(instance.mesh.nodes if keyword == "NSET" else instance.mesh.elements)
             if (rows >= 0).any():
                 return instance.placed(keyword, rows)
-        return NONE
+        return NO_ROWS
 
 
 @dataclass
-class Whole:
+class AbaqusDeck:
     """An assembled deck, with the cards that do not define the mesh."""
 
     deck: Deck
@@ -106,7 +106,7 @@ class Whole:
         return [card for card in self.cards if card.keyword in keywords]
 
     def elements_of(self, card: Card) -> Iterator[tuple[str, list[int]]]:
-        """Yields (type, rows of nodes) of each element in the card's set that is not a cell."""
+        """Yield (type, rows of nodes) of each element in a card's set that is not a cell."""
         rows = card.within.rows("ELSET", card.needed("ELSET"), card.place)
         for k in rows[rows >= OTHER] - OTHER:
             kind, row, members = self.others[k]
@@ -142,7 +142,7 @@ class Whole:
 
     def _extend(self, keyword: str, name: str, within: Scope, rows: list[IntArray]) -> None:
         key = keyword, within.spelled(name).upper()
-        self.sets[key] = np.unique(np.concatenate([self.sets.get(key, NONE), *rows]))
+        self.sets[key] = np.unique(np.concatenate([self.sets.get(key, NO_ROWS), *rows]))
 
     def read_set(self, card: Card) -> None:
         """Read a card *NSET or *ELSET; at assembly level its members may lie in instances."""
@@ -168,7 +168,7 @@ class Whole:
         count = 0
         for row in card.rows() if numbers is None else ():
             if "GENERATE" in card.options:
-                members.append(instance.numbered(keyword, _ranged(row)))
+                members.append(instance.numbered(keyword, _range_selector(row)))
                 some = not strict or len(members[-1])
                 row.needs(some, f"this *{keyword} selects nothing; name its INSTANCE=.")
                 continue
@@ -187,7 +187,7 @@ class Whole:
         self._extend(keyword, name, scope, members)
 
     def _all_numbers(self, card: Card, instance: Instance) -> IntArray | None:
-        """Rows of all members at once if each is an existing number in `of`; else None."""
+        """Deck rows of a set's members if all are numbers in `instance`; else None."""
         every = (word.strip() for line in card.lines for word in line.split(","))
         words = [word for word in every if word]
         if "GENERATE" in card.options or not all(w.isdecimal() and len(w) < 19 for w in words):
@@ -197,8 +197,8 @@ class Whole:
         return instance.placed(card.keyword, rows) if (rows >= 0).all() else None
 
 
-def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
-    """A function that selects the existing numbers of a GENERATE range (which may be wide)."""
+def _range_selector(row: Row) -> Callable[[Numbering], IntArray]:
+    """A function from a numbering to the rows of a GENERATE range (first, last, step)."""
     row.needs(len(row.fields) >= 2, "GENERATE needs a first and a last number.")
     first, last = row.whole(0), row.whole(1)
     step = row.whole(2, 1) or int(first == last)
@@ -207,11 +207,11 @@ def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
     return lambda known: known.between(first, last, step)
 
 
-def read(sources: Sources) -> Whole:
+def read(sources: Sources) -> AbaqusDeck:
     """Read a deck from its files."""
     cards = read_cards(sources)
     name = sources.name
-    assembled = Whole(Deck(name), account_for(cards, name))
+    assembled = AbaqusDeck(Deck(name), account_for(cards, name))
     top, parts, instances = _divided(cards, assembled.steps)
     alone = [] if instances else list(parts.values())  # without instances each part is its own
     if len(alone) == 1:  # and a single one a flat deck
@@ -280,7 +280,7 @@ def _divided(
 
 
 def _instance_of(
-    assembled: Whole,
+    assembled: AbaqusDeck,
     card: Card,
     instance_cards: list[Card],
     parts: Parts,

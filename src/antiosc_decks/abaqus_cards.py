@@ -81,7 +81,7 @@ class Scope(ABC):
 
     @abstractmethod
     def rows(self, keyword: str, word: str, place: DeckPlace) -> IntArray:
-        """Rows of the node or element with the number `word`, or of the set of that name."""
+        """Rows of the node (NSET) or element (ELSET) numbered `word`, or of the set so named."""
 
     def nodes(self, word: str, place: DeckPlace) -> IntArray:
         """Rows of the node or node set that `word` names."""
@@ -94,7 +94,7 @@ class Scope(ABC):
         return int(nodes[0])
 
     def elements(self, word: str, place: DeckPlace) -> IntArray:
-        """Rows of the cells of a number or of a named element set."""
+        """Rows of the cell numbered `word`, or of the cells of the element set so named."""
         rows = self.rows("ELSET", word, place)
         return rows[rows < OTHER]
 
@@ -218,7 +218,7 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
 
 def _card(line: str, place: DeckPlace) -> Card:
     """The card of a keyword line."""
-    head, *option_texts = _outside_quotes(line[1:])
+    head, *option_texts = _split_outside_quotes(line[1:])
     spaced = {}
 
     def joined(words: str) -> str:
@@ -235,7 +235,7 @@ def _card(line: str, place: DeckPlace) -> Card:
     return Card(keyword, options, place, spaced=spaced)
 
 
-def _outside_quotes(text: str) -> list[str]:
+def _split_outside_quotes(text: str) -> list[str]:
     """Split a line at the commas outside quotes. The text must not contain zero bytes."""
     parts = text.split('"')
     parts[::2] = [part.replace(",", "\0") for part in parts[::2]]
@@ -377,7 +377,7 @@ def account_for(cards: list[Card], name: str) -> Account:
     for card in cards:
         if card.keyword == "STEP":
             count, step = count + 1, count
-        fate = _at_step(card.keyword, CARDS.get(card.keyword, Fate()), step)
+        fate = _fate_in_step(card.keyword, CARDS.get(card.keyword, Fate()), step)
         account.cards.append((card.label, card.place, fate))
         if fate.kind == "read":
             for option in card.options:
@@ -388,7 +388,7 @@ def account_for(cards: list[Card], name: str) -> Account:
     return account
 
 
-def _at_step(keyword: str, fate: Fate, step: int) -> Fate:
+def _fate_in_step(keyword: str, fate: Fate, step: int) -> Fate:
     """The fate of a card in step `step` (from 0; -1: outside steps)."""
     if step < 0 or keyword in ("NSET", "ELSET") or fate.kind not in ("read", "refused"):
         return fate

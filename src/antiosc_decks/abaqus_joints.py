@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.io.conversion import Array, Block, IntArray
 from antiosc.io.neutral import CORNERS, EDGES, Term
-from antiosc_decks.abaqus_assembly import NONE, Whole
+from antiosc_decks.abaqus_assembly import NO_ROWS, AbaqusDeck
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_sections import Orientations
 from antiosc_decks.constraints import DeckConstraints, Motions
@@ -38,7 +38,7 @@ class DeckFaces:
     @property
     def nodes(self) -> IntArray:
         """Rows of all nodes of the surface, each once."""
-        nodes = np.unique(np.concatenate([NONE, *self.node_tables]))
+        nodes = np.unique(np.concatenate([NO_ROWS, *self.node_tables]))
         return nodes[nodes >= 0]
 
     @property
@@ -48,7 +48,7 @@ class DeckFaces:
         return [np.concatenate(pair) for pair in whole]
 
 
-def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]:
+def surfaces_of(assembled: AbaqusDeck, cards: Sequence[Card]) -> dict[str, DeckFaces]:
     """The surfaces of a deck by their names in upper case."""
     surfaces: dict[str, DeckFaces] = {}
     for card in cards:
@@ -76,7 +76,7 @@ def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]
 
 
 def _edge(block: Block, side: str, place: DeckPlace) -> int | None:
-    """Index of the edge that S3 … (of plane elements S1 …) or E1 … means; None: a face."""
+    """Index of the edge that `side` names (E1 …; S3 …, of plane elements S1 …); else None."""
     if block.shape not in ("triangle", "quad") or not side[1:].isdigit():
         return None
     edge = int(side[1:]) - (1 if side[0] == "E" or block.role.startswith("plane") else 3)
@@ -103,7 +103,7 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
 TIE_REACH = 0.05
 #: Largest distance of a point of a curved face from its centre, over that of its nodes.
 BULGE = 1.5
-#: Share of the size of a deck within which nodes lie on one line.
+#: Nodes whose distances from a line are below this share of the size of a deck lie on it.
 ON_LINE = 1e-6
 #: Most contact pairs that are listed.
 MOST_PAIRS = 6
@@ -112,14 +112,14 @@ LONGEST_EQUATION = 1_000_000
 #: The degree of freedom that is the temperature.
 TEMPERATURE = "11"
 #: Number of nearest faces onto which each node is projected.
-TRIED = 12
+NEAREST_FACES = 12
 #: The projection of points onto 1000 random faces of each kind, bent by 2 % of their size, ended
 #: within 5e-7 of the size after this many steps.
 NEWTON_STEPS = 12
 
 
 class TiedNode(NamedTuple):
-    """A node at a face, and the nodes of the face with their shape functions at its place."""
+    """A tied node, the nodes of the face at which it lies, and their shape functions there."""
 
     node: int
     leaders: IntArray
@@ -129,7 +129,10 @@ class TiedNode(NamedTuple):
 def tied_nodes(
     joints: DeckConstraints, slave: DeckFaces, master: DeckFaces, tolerance: float | None
 ) -> tuple[list[TiedNode], float]:
-    """Nodes of `slave` within reach of the faces of `master`, none of these; the reach."""
+    """(nodes of `slave` near a face of `master`, without nodes of `master`; the reach).
+
+    `tolerance`: the reach in the deck's unit; None: a share of the mean edge of `master`.
+    """
     faces = [(nodes, np.array([joints.place(int(n)) for n in nodes])) for nodes in master.node_rows]
     size = mean_edge(joints, master)
     centres = np.array([x.mean(axis=0) for _, x in faces])
@@ -142,7 +145,7 @@ def tied_nodes(
         away = np.linalg.norm(centres - point, axis=1)
         if away.min() > BULGE * around + reach:
             continue
-        order = np.argsort(away, kind="stable")[:TRIED]
+        order = np.argsort(away, kind="stable")[:NEAREST_FACES]
         distance, leaders, weights = _nearest([faces[k] for k in order], point)
         if distance <= reach:
             tied.append(TiedNode(node, leaders, weights))
@@ -156,8 +159,8 @@ def mean_edge(joints: DeckConstraints, surface: DeckFaces) -> float:
     return float(np.mean(edges))
 
 
-def lead(joints: DeckConstraints, tied: Sequence[TiedNode], place: DeckPlace) -> None:
-    """Let nodes follow the faces at which they lie, also by rotations where both have them."""
+def tie_nodes(joints: DeckConstraints, tied: Sequence[TiedNode], place: DeckPlace) -> None:
+    """Add constraints by which tied nodes follow their faces, in rotation too where both rotate."""
     for node, leaders, weights in tied:
         with_rotations = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
         followers = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
@@ -168,18 +171,18 @@ def lead(joints: DeckConstraints, tied: Sequence[TiedNode], place: DeckPlace) ->
 def _nearest(
     faces: Sequence[tuple[IntArray, Array]], point: Array
 ) -> tuple[float, IntArray, Array]:
-    """(distance to the nearest face, its nodes, their shape functions at the projection)."""
-    best: tuple[float, IntArray, Array] = np.inf, NONE, np.zeros(0)
+    """(distance to the nearest of `faces`, its nodes, their shape functions at the projection)."""
+    best: tuple[float, IntArray, Array] = np.inf, NO_ROWS, np.zeros(0)
     for nodes, x in faces:
-        weights = _projected(x, point)
+        weights = _shapes_at_nearest(x, point)
         distance = float(np.linalg.norm(weights @ x - point))
         if distance < best[0] * (1 - 1e-9) - 1e-15:
             best = distance, nodes, weights
     return best
 
 
-def _projected(x: Array, point: Array) -> Array:
-    """Shape functions of a face at the point on it that is nearest to `point`."""
+def _shapes_at_nearest(x: Array, point: Array) -> Array:
+    """Shape functions of a face's nodes `x` at the point of the face nearest to `point`."""
     triangle = len(x) in (3, 6)
     xi = np.full(2, 1 / 3) if triangle else np.zeros(2)
     for _ in range(NEWTON_STEPS):
@@ -223,9 +226,9 @@ def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
     return np.concatenate([values, mids]), np.vstack([slopes, dmids])
 
 
-def read_joints(assembled: Whole, joints: DeckConstraints, cards: Sequence[Card]) -> None:
+def read_joints(assembled: AbaqusDeck, joints: DeckConstraints, cards: Sequence[Card]) -> None:
     """Add the constraints of the cards to `joints`; contact pairs come last."""
-    reader = _Joints(assembled, joints, surfaces_of(assembled, cards))
+    reader = _JointReader(assembled, joints, surfaces_of(assembled, cards))
     for card in cards:
         if card.keyword in READERS:
             READERS[card.keyword](reader, card)
@@ -238,13 +241,13 @@ def read_joints(assembled: Whole, joints: DeckConstraints, cards: Sequence[Card]
     assembled.deck.left = Counter({kind: n for kind, n in assembled.deck.left.items() if n})
 
 
-class _Joints:
+class _JointReader:
     """Reads cards that join nodes: one method for each card."""
 
     def __init__(
-        self, assembled: Whole, joints: DeckConstraints, surfaces: dict[str, DeckFaces]
+        self, assembled: AbaqusDeck, joints: DeckConstraints, surfaces: dict[str, DeckFaces]
     ) -> None:
-        self.whole = assembled
+        self.assembled = assembled
         self.joints = joints
         self.surfaces = surfaces
         self.orientations = Orientations(assembled.cards)
@@ -271,10 +274,10 @@ class _Joints:
     def _tie(
         self, slave: DeckFaces, master: DeckFaces, tolerance: float | None, place: DeckPlace
     ) -> None:
-        """Tie slave nodes to master faces by shape functions; those out of reach are told."""
+        """Tie slave nodes to master faces by shape functions; report those out of reach."""
         place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
         tied, reach = tied_nodes(self.joints, slave, master, tolerance)
-        lead(self.joints, tied, place)
+        tie_nodes(self.joints, tied, place)
 
         nodes = slave.nodes
         untied = int((~np.isin(nodes, master.nodes)).sum()) - len(tied)
@@ -282,7 +285,7 @@ class _Joints:
         place.needs(untied != len(nodes), f"*TIE joins nothing: all slave nodes lie {far}.")
         if untied:
             count = f"{untied} of {len(nodes)} slave nodes of *TIE are not tied"
-            self.whole.deck.remarks.append(f"{place}: {count}: they lie {far}.")
+            self.assembled.deck.remarks.append(f"{place}: {count}: they lie {far}.")
 
     def contact(self, card: Card) -> None:
         """*CONTACT PAIR: surfaces that touch are tied, as in a joint that stays pressed."""
@@ -293,21 +296,22 @@ class _Joints:
             if first is None or second is None or first is second:  # rigid, or touches itself
                 continue
             if all(self.joints.used[side.nodes].any() for side in (first, second)):
-                count = self._pressed(first, second, row.place)
+                count = self._tie_touching(first, second, row.place)
                 text = f"{' and '.join(names)}" + f" at {count} nodes" * bool(count)
                 (self.tied if count else self.open).append(text)
 
-    def _pressed(self, first: DeckFaces, second: DeckFaces, place: DeckPlace) -> int:
-        """Tie two surfaces where they touch; the number of nodes, 0 if these would be a hinge.
+    def _tie_touching(self, first: DeckFaces, second: DeckFaces, place: DeckPlace) -> int:
+        """Tie two surfaces where they touch; return how many nodes are tied, 0 for a hinge.
 
-        The surface of which more nodes lie on the other follows, mostly the finer one.
+        The surface with more nodes on the other is the slave, mostly the finer one. Nodes on one
+        line would make a hinge: they are not tied.
         """
         joints = self.joints
         reach = TIE_REACH * min(mean_edge(joints, side) for side in (first, second) if side.faces)
-        ways = [(a, b) for a, b in ((first, second), (second, first)) if b.faces]
-        tied = max((tied_nodes(joints, a, b, reach)[0] for a, b in ways), key=len)
+        orders = [(a, b) for a, b in ((first, second), (second, first)) if b.faces]
+        tied = max((tied_nodes(joints, a, b, reach)[0] for a, b in orders), key=len)
 
-        points = self.whole.deck.points
+        points = self.assembled.deck.points
         x = np.array([points[one.node] for one in tied]).reshape(-1, 3)
         plane = not np.ptp(points[:, 2])
         size = float(np.ptp(points, axis=0).max())
@@ -318,12 +322,12 @@ class _Joints:
         tied = [one for one in tied if one.node not in led]
         for one in tied:  # onto the face: at a distance from it no rotation would be free
             points[one.node] = one.weights @ points[one.leaders]
-        lead(joints, tied, place)
+        tie_nodes(joints, tied, place)
         return len(tied)
 
     def tell_contact(self) -> None:
-        """Tell which contact pairs are tied, and which are open."""
-        remarks = self.whole.deck.remarks
+        """Report which contact pairs are tied, and which are open."""
+        remarks = self.assembled.deck.remarks
         if self.tied:
             pairs = f"contact pairs that touch are tied: {_listed(self.tied)}. They"
             remarks.append(f'{pairs} neither open nor slide; contact "apart" leaves them out.')
@@ -351,7 +355,7 @@ class _Joints:
                 self.joints.equation(terms, row.place)
 
     def _expanded(self, words: list[str], row: Row) -> Iterator[list[Term]]:
-        """Yields the equation, or one for each node if a term names a set of nodes."""
+        """Yield the equation, or one for each node of the set that a term names."""
         place = row.place
         triples = [words[k : k + 3] for k in range(0, len(words), 3)]
         nodes = [row.card.within.nodes(word, place) for word, _, _ in triples]
@@ -411,7 +415,7 @@ class _Joints:
         groups = [card.nodes(option) for option in ("NSET", "TIENSET") if card.option(option)]
         if card.option("ELSET"):
             groups.append(joints.deck.nodes_of(card.elements()))
-        nodes = np.unique(np.concatenate([NONE, *groups]))
+        nodes = np.unique(np.concatenate([NO_ROWS, *groups]))
         has_nodes = len(nodes) or card.option("PINNSET")
         card.needs(has_nodes, f"{card.label} names no nodes (NSET= or ELSET=).")
         words = card.option("REFNODE"), card.option("ROTNODE")
@@ -432,12 +436,12 @@ class _Joints:
         self.current = node, surface.nodes, card
 
     def coupled(self, card: Card) -> None:
-        """*KINEMATIC or *DISTRIBUTING of the last *COUPLING."""
+        """*KINEMATIC or *DISTRIBUTING: couple the surface of the last *COUPLING."""
         if self.current is None:
             raise card.place.error(f"{card.label} without *COUPLING before it.")
         if rows := card.rows():
             card.refuse_turned()
-        motions = sorted({m for row in rows for m in _range(row, 0)}) or range(6)
+        motions = sorted({m for row in rows for m in _motion_range(row, 0)}) or range(6)
         node, nodes, of = self.current
         if card.keyword == "KINEMATIC":
             self._rigid(node, nodes, motions, of)
@@ -452,19 +456,19 @@ class _Joints:
         card.refuse_turned()
         node = card.within.node(card.needed("REF NODE"), card.place)
         for row in card.rows():
-            self._rigid(node, row.nodes(), _range(row, 1), card)
+            self._rigid(node, row.nodes(), _motion_range(row, 1), card)
 
     def distributing_coupling(self, card: Card) -> None:
         """*DISTRIBUTING COUPLING: a DCOUP3D node follows the weighted mean of others."""
         groups = [row.nodes() for row in card.rows()]
         weights = [row.real(1, 1.0) for row in card.rows()]
-        nodes = np.concatenate([NONE, *groups])
+        nodes = np.concatenate([NO_ROWS, *groups])
         node_weights = np.repeat(weights, [len(members) for members in groups])
         weighted = len(nodes) and node_weights.sum() > 0
         card.needs(weighted, "*DISTRIBUTING COUPLING names no nodes with weights.")
-        for kind, (reference, *_) in self.whole.elements_of(card):
+        for kind, (reference, *_) in self.assembled.elements_of(card):
             self._mean(card, reference, range(6), nodes, node_weights)
-            self.whole.deck.left[kind] -= 1
+            self.assembled.deck.left[kind] -= 1
 
     def _rigid(self, node: int, nodes: IntArray, motions: Motions, card: Card) -> None:
         """Let nodes follow a reference node in motions along the axes of ORIENTATION=."""
@@ -493,17 +497,20 @@ class _Joints:
 
 
 #: Card -> what reads it.
-READERS: dict[str, Callable[[_Joints, Card], None]] = {
-    **{"EQUATION": _Joints.equations, "MPC": _Joints.mpc, "RIGIDBODY": _Joints.rigid_body},
-    **{"TIE": _Joints.tie, "COUPLING": _Joints.coupling},
-    **dict.fromkeys(("KINEMATIC", "DISTRIBUTING"), _Joints.coupled),
-    "KINEMATICCOUPLING": _Joints.kinematic_coupling,
-    "DISTRIBUTINGCOUPLING": _Joints.distributing_coupling,
+READERS: dict[str, Callable[[_JointReader, Card], None]] = {
+    "EQUATION": _JointReader.equations,
+    "MPC": _JointReader.mpc,
+    "RIGIDBODY": _JointReader.rigid_body,
+    "TIE": _JointReader.tie,
+    "COUPLING": _JointReader.coupling,
+    **dict.fromkeys(("KINEMATIC", "DISTRIBUTING"), _JointReader.coupled),
+    "KINEMATICCOUPLING": _JointReader.kinematic_coupling,
+    "DISTRIBUTINGCOUPLING": _JointReader.distributing_coupling,
 }
 
 
-def _range(row: Row, start: int) -> list[int]:
-    """Motions (0 to 5) between the first and last number of a line; all six if there is none."""
+def _motion_range(row: Row, start: int) -> list[int]:
+    """Motions (0 to 5) from the first to the last number after field `start`; all if blank."""
     motions = [whole_number(word, row.place) for word in row.fields[start:] if word] or [1, 6]
     first, last = motions[0], motions[-1]
     message = f"motions from {first} to {last}; they are counted from 1 to 6."

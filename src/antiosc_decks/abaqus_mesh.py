@@ -43,13 +43,13 @@ TYPES: tuple[tuple[str, Role, Mapping[int, str]], ...] = (
     (r"T[23]D(2)[A-Z]*", "rod", LINES),
     (r"T[23]D(3)[A-Z]*", "other", LINES),
 )
-#: Number in the name of a type -> number of its nodes, where the two differ.
-NODES = {"65": 6}
+#: Number in the name of a type -> number of its nodes, where the two differ; the same of beams.
+NODE_COUNTS = {"65": 6}
 BEAM_NODES = {"1": 2, "2": 3, "3": 2}
 #: Inner nodes of C3D27, reordered: Abaqus gives the centre, then bottom, top and the four sides.
 INNER_27 = (26, 24, 23, 25, 21, 22, 20)
 #: Types that are not cells -> their number of nodes.
-POINTS = {
+NON_CELLS = {
     r"MASS|ROTARYI|SPRING1|DASHPOT1|DCOUP3D|DCOUP2D|HEATCAP": 1,
     r"SPRINGA|SPRING2|DASHPOTA|DASHPOT2|GAPUNI|GAPCYL|GAPSPHER|CONN[23]D2": 2,
     r"D": 3,
@@ -75,7 +75,7 @@ def element_type(name: str) -> ElementType | None:
         match = re.fullmatch(pattern, name)
         if match is None:
             continue
-        nodes = (BEAM_NODES if role == "beam" else NODES).get(match[1], int(match[1]))
+        nodes = (BEAM_NODES if role == "beam" else NODE_COUNTS).get(match[1], int(match[1]))
         if nodes not in shapes:
             return None
         shape = shapes[nodes]
@@ -90,7 +90,7 @@ def element_type(name: str) -> ElementType | None:
     return None
 
 
-NONE = np.zeros(0, dtype=np.int64)
+NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
 @dataclass
@@ -98,10 +98,10 @@ class AbaqusMesh:
     """Nodes and elements of a part, numbered as in the part."""
 
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    nodes: Numbering = field(default_factory=lambda: Numbering(NONE))
+    nodes: Numbering = field(default_factory=lambda: Numbering(NO_ROWS))
     blocks: list[Block] = field(default_factory=list)
     #: of the cells of the blocks, then of `others`
-    elements: Numbering = field(default_factory=lambda: Numbering(NONE))
+    elements: Numbering = field(default_factory=lambda: Numbering(NO_ROWS))
     cells: int = 0
     #: elements that are not cells: (type, its number and nodes as written)
     others: list[tuple[str, Row]] = field(default_factory=list)
@@ -157,7 +157,7 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
 
 
 def _rectangular(card: Card, rows: Sequence[Row]) -> Array:
-    """The coordinates (n, 3) of *NODE; cylindrical ones are radius, angle in degrees, height."""
+    """Rectangular coordinates (n, 3) of *NODE, whose cylindrical ones are (r, θ in degrees, z)."""
     system = card.option("SYSTEM", "R").upper()
     known = "give rectangular or cylindrical coordinates."
     card.needs(system in ("R", "C"), f"*NODE, SYSTEM={system}: {known}")
@@ -198,14 +198,14 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
             numbers_read = np.array(_read_others(mesh, card, kind), dtype=np.int64)
             other_numbers += numbers_read.tolist()
         else:
-            numbers_read = _cells(mesh, card, kind)
+            numbers_read = _read_cells(mesh, card, kind)
             cells.append(numbers_read)
 
         if card.option("ELSET") and len(numbers_read):
             sets.append((card.option("ELSET"), numbers_read))
 
     mesh.cells = sum(map(len, cells))
-    all_numbers = np.concatenate([NONE, *cells, np.array(other_numbers, dtype=np.int64)])
+    all_numbers = np.concatenate([NO_ROWS, *cells, np.array(other_numbers, dtype=np.int64)])
     numbers, count = np.unique(all_numbers, return_counts=True)
     if (count > 1).any():
         twice = f"{int((count > 1).sum())} elements twice, one of them {numbers[count > 1][0]}"
@@ -216,21 +216,21 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
 
 def _read_others(mesh: AbaqusMesh, card: Card, kind: str) -> list[int]:
     """Read one card's elements that are not cells; return their numbers."""
-    width = next((count for pattern, count in POINTS.items() if re.fullmatch(pattern, kind)), 0)
+    width = next((count for pattern, count in NON_CELLS.items() if re.fullmatch(pattern, kind)), 0)
     rows = [row for row in card.rows() if row.word(0)]
     for row in rows:
         if len(row.fields) <= width:
-            raise _short(row.place, row.word(0), kind, len(row.fields) - 1, width)
+            raise _too_few_nodes(row.place, row.word(0), kind, len(row.fields) - 1, width)
         row.fields = row.fields[: 1 + width]
     mesh.others += [(kind, row) for row in rows]
     return [row.whole(0) for row in rows]
 
 
-def _cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
+def _read_cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
     """Read one card's cells; return their numbers."""
     element_kind = element_type(kind)
     assert element_kind is not None
-    rows, places = _numbers(mesh, card, element_kind.nodes, kind)
+    rows, places = _element_rows(mesh, card, element_kind.nodes, kind)
     table = np.array(rows, dtype=np.int64).reshape(-1, 1 + element_kind.nodes)
     nodes = mesh.nodes.rows(table[:, 1:])
     bad_rows = np.flatnonzero(((nodes < 0) & (table[:, 1:] != 0)).any(axis=1))
@@ -247,10 +247,13 @@ def _cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
     return table[:, 0]
 
 
-def _numbers(
+def _element_rows(
     mesh: AbaqusMesh, card: Card, width: int, kind: str
 ) -> tuple[list[list[int]], list[DeckPlace]]:
-    """Read elements that may take several lines: ([number, nodes …] of each, its place)."""
+    """(lists of [number, nodes …], their places) of a card's elements, of one or more lines each.
+
+    `width`: nodes of an element; `kind`: its type, for messages.
+    """
     fewest = 1 + width
     rows: list[list[int]] = []
     places: list[DeckPlace] = []
@@ -275,14 +278,14 @@ def _numbers(
             current = []
 
     if current:
-        raise _short(start, current[0], kind, len(current) - 1, width)
+        raise _too_few_nodes(start, current[0], kind, len(current) - 1, width)
     if longer:
         message = f"{card.place}: {longer} {kind} elements list more than their {width} nodes"
         mesh.remarks.append(f"{message}; the first {width} are taken, as CalculiX does.")
     return rows, places
 
 
-def _short(place: DeckPlace, label: object, kind: str, nodes: int, width: int) -> MeshError:
-    """The error of an element with too few nodes."""
+def _too_few_nodes(place: DeckPlace, label: object, kind: str, nodes: int, width: int) -> MeshError:
+    """The error of an element of `nodes` nodes, whose type has `width`."""
     message = f"element {label} of type {kind} has {nodes} nodes; it must have {width}"
     return place.error(f"{message}: the deck is cut off, or of another program.")

@@ -9,7 +9,7 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Array
 from antiosc.io.neutral import Model, Term, UnitSystem
-from antiosc_decks.abaqus_assembly import Whole
+from antiosc_decks.abaqus_assembly import AbaqusDeck
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_joints import read_joints
 from antiosc_decks.abaqus_sections import Orientations, Sections
@@ -26,12 +26,12 @@ POINT_ELEMENTS = {
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
 }
 #: Names of supports -> the motions (0 to 5) that they fix.
-NAMED = {"ENCASTRE": (0, 1, 2, 3, 4, 5), "PINNED": (0, 1, 2)}
-NAMED |= {"XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4)}
-NAMED |= {"XASYMM": (1, 2, 3), "YASYMM": (0, 2, 4), "ZASYMM": (0, 1, 5)}
+NAMED_SUPPORTS = {"ENCASTRE": (0, 1, 2, 3, 4, 5), "PINNED": (0, 1, 2)}
+NAMED_SUPPORTS |= {"XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4)}
+NAMED_SUPPORTS |= {"XASYMM": (1, 2, 3), "YASYMM": (0, 2, 4), "ZASYMM": (0, 1, 5)}
 
 
-def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
+def model_of(assembled: AbaqusDeck, units: UnitSystem, unstated: Unstated) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
     top = assembled.instances[""]
     first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
@@ -71,7 +71,7 @@ def _boundary(builder: ModelBuilder, card: Card) -> None:
         row.needs(row.word(1), "*BOUNDARY names no motion from 1 to 6.")
         nodes = row.nodes()
         row.needs(len(nodes), f"the set of nodes {row.word(0)} has no nodes.")
-        motions: Sequence[int] | None = NAMED.get(row.word(1).upper())
+        motions: Sequence[int] | None = NAMED_SUPPORTS.get(row.word(1).upper())
         if motions is None:
             first = row.whole(1)
             last = row.whole(2, first)
@@ -102,7 +102,7 @@ def _transform(builder: ModelBuilder, card: Card) -> None:
 
 
 def _add_points_and_links(
-    assembled: Whole, builder: ModelBuilder, orientations: Orientations
+    assembled: AbaqusDeck, builder: ModelBuilder, orientations: Orientations
 ) -> None:
     """Add masses, springs and dashpots; each of their elements needs a card."""
     counts = dict.fromkeys(POINT_ELEMENTS, 0)
@@ -162,7 +162,7 @@ def _link(
 
 
 def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:
-    """Terms of the displacement of one node along an axis (row), or of two nodes' difference."""
+    """Terms of the motion of a node that `row` numbers along `axes`, or the difference of two."""
     dofs = [row.whole(k) - 1 for k in range(len(nodes))]
     is_valid = all(0 <= dof < 6 for dof in dofs)
     row.needs(is_valid, "a spring or a dashpot acts on motions from 1 to 6.")

@@ -11,7 +11,7 @@ import numpy as np
 from antiosc.io.conversion import Array, IntArray
 from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry
-from antiosc_decks.abaqus_assembly import Whole
+from antiosc_decks.abaqus_assembly import AbaqusDeck
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.builder import GroupSection, ModelBuilder
 from antiosc_decks.entries import DeckPlace, real_number
@@ -136,7 +136,7 @@ class Orientations:
 
 
 def around_axis(a: Array, b: Array, x: Array) -> Array:
-    """Radial, tangential and axial unit vectors (n, 3, 3) at points; radial is 0 on the axis."""
+    """Radial (0 on the axis), tangential, axial unit vectors (n, 3, 3) at `x`; the axis: a to b."""
     z = b - a
     radial = x - a - ((x - a) @ z / (z @ z))[:, None] * z
     axial = z / np.linalg.norm(z)
@@ -175,18 +175,18 @@ def profile_of(card: Card) -> Profile:
 STEEP = 0.1
 #: Tolerance in degrees within which a layer's angle must be the same in all elements.
 SAME_ANGLE = 0.5
-OF_SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION", "MEMBRANESECTION")
-SECTION_CARDS = ("SOLIDSECTION", *OF_SHELLS, "BEAMSECTION", "BEAMGENERALSECTION")
+SHELL_CARDS = ("SHELLSECTION", "SHELLGENERALSECTION", "MEMBRANESECTION")
+SECTION_CARDS = ("SOLIDSECTION", *SHELL_CARDS, "BEAMSECTION", "BEAMGENERALSECTION")
 #: OFFSET= of shells -> the share of the thickness from the middle surface to the nodes.
 OFFSETS = {"": 0.0, "MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
-PLANE = {"plane stress", "plane strain"}
+IN_PLANE = {"plane stress", "plane strain"}
 
 
 class Sections:
     """Adds the sections of a deck to a model builder."""
 
-    def __init__(self, assembled: Whole, builder: ModelBuilder) -> None:
-        self.whole = assembled
+    def __init__(self, assembled: AbaqusDeck, builder: ModelBuilder) -> None:
+        self.assembled = assembled
         self.builder = builder
         self.materials = materials_of(assembled.cards, builder)
         self.orientations = Orientations(assembled.cards)
@@ -208,7 +208,7 @@ class Sections:
         elements = card.elements()
         if not len(elements):
             return  # of springs, masses, or of a set that is empty
-        blocks = [block for block, _ in self.whole.deck.blocks_of(elements)]
+        blocks = [block for block, _ in self.assembled.deck.blocks_of(elements)]
         roles = {block.role for block in blocks}
         types = sorted({block.type for block in blocks})
         flat = "axisymmetric" not in roles
@@ -222,7 +222,7 @@ class Sections:
 
         composite = "COMPOSITE" in card.options
         name = card.within.spelled(card.option("ELSET"))
-        if card.keyword in OF_SHELLS and roles == {"shell"}:
+        if card.keyword in SHELL_CARDS and roles == {"shell"}:
             self._shells(card, name, elements)
             return
         if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
@@ -231,7 +231,7 @@ class Sections:
             arguments = {**self._isotropic(card, "solids"), "area": area, "torsion": 0.0}
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
             kind, arguments = self._solid(card)
-        elif "BEAM" not in card.keyword and len(roles) == 1 and roles <= PLANE and not composite:
+        elif "BEAM" not in card.keyword and len(roles) == 1 and roles <= IN_PLANE and not composite:
             kind, arguments = self._plane(card, *roles)  # a thickness means the same of shells
         elif "BEAM" in card.keyword and roles == {"beam"}:
             given = np.flatnonzero(np.isfinite(self.thickness))
@@ -302,17 +302,20 @@ class Sections:
         thickness = sum(layer["thickness"] for layer in layers) / self.builder.units.length
         family = GroupSection("Laminate", {"layers": layers}, card.place)
         self.builder.add_shells(name, elements, family, -share * thickness, axes)
-        nodes = self.whole.deck.nodes_of(elements)
+        nodes = self.assembled.deck.nodes_of(elements)
         if len(self.thickness) and np.isfinite(self.thickness[nodes]).any():
             self.builder.tell_once(f"*NODAL THICKNESS of layers, which have theirs ({card.place})")
 
     def _zero_direction(self, card: Card, elements: IntArray, steep: float = STEEP) -> Array:
-        """Direction of 0° in each element (n, 3): ORIENTATION=, else x, or z if x is the normal."""
+        """Direction of 0° in each element (n, 3): ORIENTATION=, else x, else z.
+
+        z where x is within `steep` degrees of the normal.
+        """
         name = card.option("ORIENTATION")
         if name:
             return self._directions(name, card, elements, card.place)
         card.refuse_turned()
-        normals = geometry.normals_of(self.whole.deck, elements)
+        normals = geometry.normals_of(self.assembled.deck, elements)
         x_is_normal = np.abs(normals[:, :1]) > math.cos(math.radians(steep))
         return np.where(x_is_normal, np.eye(3)[2], np.eye(3)[0])
 
@@ -324,7 +327,7 @@ class Sections:
             yield section_thickness, elements
             return
         thickness = np.zeros(len(elements))
-        for block, positions in self.whole.deck.blocks_of(elements):
+        for block, positions in self.assembled.deck.blocks_of(elements):
             nodes = np.hstack([block.corners, block.mids])
             values = np.where(nodes >= 0, self.thickness[nodes], np.nan)
             values = np.where(np.isfinite(values), values, section_thickness)
@@ -337,7 +340,7 @@ class Sections:
         self, card: Card, elements: IntArray, rows: list[Row]
     ) -> tuple[list[dict[str, float]], Array]:
         """(arguments of the layers, direction of 0° in each element)."""
-        normals = geometry.normals_of(self.whole.deck, elements)
+        normals = geometry.normals_of(self.assembled.deck, elements)
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
         materials = [self._material(*word) for word in words]
         oriented = [row for row in rows if self.orientations.find(row.word(3), card)]
@@ -368,7 +371,7 @@ class Sections:
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:
             told = f"{card.place}: the one number of SECTION=CIRC is taken for the radius, as "
             told += "Abaqus does; CalculiX means the diameter: give it twice there."
-            self.whole.deck.remarks.append(told)
+            self.assembled.deck.remarks.append(told)
         axis = np.array([0.0, 0.0, -1.0])
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         rows = card.rows()
@@ -381,7 +384,7 @@ class Sections:
         card.needs(not all(shares), "a beam off its nodes in both directions is not supported.")
 
         if shares[1]:
-            tangents = geometry.tangents_of(self.whole.deck, elements)
+            tangents = geometry.tangents_of(self.assembled.deck, elements)
             tangent = geometry.common_direction(tangents, least=1 - 1e-9)
             if tangent is None:
                 raise card.place.error("OFFSET2 is read for beams in one direction only.")
@@ -404,7 +407,7 @@ def _angle_between(axis: Array, direction: Array, normals: Array, place: DeckPla
 
 
 def _positive(card: Card, what: str) -> float:
-    """The first number of the first line, a thickness or area; 1 if it is left out."""
+    """The first number of a card's first line, `what` in messages; 1 if it is left out."""
     value = card.first().real(0, 1.0)
     card.first().needs(value > 0, f"the {what} must be above 0; it is {value:g}.")
     return value

@@ -16,9 +16,9 @@ from antiosc_decks.constraints import DeckConstraints, one_piece, separate_copie
 from antiosc_decks.entries import DeckPlace
 from antiosc_decks.properties import (
     Material,
+    at_centres,
     common_direction,
     curved,
-    everywhere,
     top_of,
     unit,
 )
@@ -52,15 +52,15 @@ class GroupSection(NamedTuple):
     place: DeckPlace
 
 
-def named(cards: Sequence[str]) -> str:
-    """The only one of some cards, or their number: "PSHELL 7", "11 PSHELL", "3 cards"."""
+def cards_text(cards: Sequence[str]) -> str:
+    """Text that names one card or counts several: "PSHELL 7", "11 PSHELL", "3 cards"."""
     kinds = {card.partition(" ")[0] for card in cards}
     what = kinds.pop() if len(kinds) == 1 else "cards"
     return cards[0] if len(cards) == 1 else f"{len(cards)} {what}"
 
 
 class Unstated(NamedTuple):
-    """What the materials get that a deck does not state."""
+    """Values for materials whose density or modulus the deck does not state."""
 
     #: kg/m³
     density: float | None = None
@@ -184,7 +184,7 @@ class ModelBuilder:
         return arguments | {"thickness": thickness * self.units.length}
 
     def add(self, name: str, elements: IntArray, family: GroupSection) -> None:
-        """Set the section of elements, in place of an earlier one."""
+        """Set the section of elements, the group `name`, in place of an earlier one."""
         self.of_element[elements] = len(self.families)
         self.families.append(family)
         self.names.append(name)
@@ -209,7 +209,7 @@ class ModelBuilder:
             axes = unit(axes)
             axis = common_direction(axes, least=1 - 1e-6)
             one = None if axis is None else axis.tolist()
-            arguments["axis"] = one or everywhere(deck, elements, axes, length)
+            arguments["axis"] = one or at_centres(deck, elements, axes, length)
         if axes is not None or (offset and isinstance(top, dict)):
             arguments["top"] = top
         if offset:
@@ -220,12 +220,12 @@ class ModelBuilder:
         self.add(name, elements, family._replace(arguments=arguments))
 
     def tell_once(self, ignored: str, of: str = "") -> None:
-        """Report an ignored property once; `of` are counted where "{}" stands in the text."""
+        """Report an ignored property once: the cards `of` of all calls stand in place of "{}"."""
         self._told.setdefault(ignored, {})[of] = None
 
     def told(self) -> list[str]:
-        """All that is ignored, in the deck's terms."""
-        once = [text.replace("{}", named([*of])) for text, of in self._told.items()]
+        """Texts of all that is ignored."""
+        once = [text.replace("{}", cards_text([*of])) for text, of in self._told.items()]
         return [*self.ignored, *once]
 
     def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
@@ -244,9 +244,9 @@ class ModelBuilder:
                 self.joints.equations.append([(copy, motion, 1.0), (node, motion, -1.0)])
 
     def link(self, by: str, what: str, terms: list[Term], value: float, place: DeckPlace) -> None:
-        """Add the spring (`what` "stiffness") or damper of a card, in the deck's units.
+        """Add the spring (`what` "stiffness") or damper of the card `by`, in the deck's units.
 
-        Fixed motions are left out, and rounding errors of directions.
+        Terms of fixed motions and rounding errors of directions are left out.
         """
         place.needs(value >= 0, f"{by} has a negative {what}, {value:g}.")
         moving = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]

@@ -97,7 +97,10 @@ class FixedEntities:
 
 
 def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
-    """Nodes (cells, edges, 8) to be fixed to fix a diagonal; -1 for edges of the deck."""
+    """Nodes (cells, edges, 8) that must all be fixed to fix a diagonal; -1: none.
+
+    Edges of the deck have none. `edges`: pairs of nodes (cells, edges, 2); `n`: number of nodes.
+    """
     deck_edges = PairTable(n)
     diagonals = PairTable(n)
     node_rows = [np.full((1, 8), -1, dtype=np.int64)]
@@ -119,14 +122,14 @@ def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntAr
 
 
 def _between(table: NodeTable, nodes: IntArray) -> IntArray:
-    """The nodes that lie between some `nodes` of the file alone, these included."""
+    """Rows of `nodes` and of the new nodes that are means of these alone."""
     others = np.ones(len(table.points))
     others[nodes] = 0.0
     return np.flatnonzero(abs(table.weights) @ others == 0)
 
 
 def _among(table: NodeTable, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
-    """New nodes among some of the file, each with its nodes of the file and their weights."""
+    """[(new node, [(node of the file, weight)])] of new nodes among `nodes` of the file."""
     count = len(table.points)
     held = np.isin(np.arange(count), nodes).astype(float)
     between = np.flatnonzero(abs(table.weights) @ held)

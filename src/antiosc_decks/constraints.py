@@ -39,7 +39,7 @@ def lever(r: Array) -> Array:
 
 
 def axis_terms(node: int, axis: Array, first: int, factor: float) -> list[Term]:
-    """Terms of a node's displacement (`first` = 0) or rotation (3) along an axis."""
+    """Terms of `factor` × displacement (`first` = 0) or rotation (3) of a node along an axis."""
     return [(node, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]
 
 
@@ -92,7 +92,11 @@ class DeckConstraints:
             self.equations.append(significant)
 
     def fixed_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
-        """Fix motions (6,) along the rows of `frame`; the mask (6,) of those left to supports."""
+        """Fix motions (6,) along the rows of `frame`; return those that supports must fix.
+
+        Motions along an inclined row become equations. The mask returned (6,) is of motions along
+        x, y, z.
+        """
         result = np.zeros(6, dtype=bool)
         for first in (0, 3):
             axes = fixed[first : first + 3]
@@ -112,7 +116,7 @@ class DeckConstraints:
     def elongation(
         self, a: int, b: int, place: DeckPlace, first: int = 0
     ) -> tuple[list[Term], float]:
-        """(terms of the elongation of a line, its length); of its twist if `first` is 3."""
+        """(terms of the elongation, or if `first` is 3 of the twist, of a line; its length)."""
         line = self.place(b) - self.place(a)
         length = float(np.linalg.norm(line))
         place.needs(length != 0, "the ends of an element coincide, so that it has no direction.")
@@ -121,7 +125,7 @@ class DeckConstraints:
         return [(n, first + c, s * unit[c]) for n, s in ends for c in range(3)], length
 
     def _along_axes(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:
-        """A motion as [((node, motion along an axis), coefficient)]."""
+        """A motion as the sum [((node, motion along x, y or z), coefficient)]."""
         if (node, motion) in self.alias:
             return [(self.alias[node, motion], 1.0)]
         frame = self.frames.get(node)
@@ -137,12 +141,15 @@ class DeckConstraints:
         return node < len(self.deck.points) and bool(self.used[node])
 
     def point(self, x: Array) -> int:
-        """Add a point with six motions; returns its number."""
+        """Add a point with six motions at `x` (3,); return its number."""
         self.more.append(np.asarray(x, dtype=float))
         return len(self.deck.points) + len(self.more) - 1
 
     def leader(self, node: int, rotation_node: int | None = None) -> int:
-        """A point with six motions at a node; `rotation_node` moves as it rotates."""
+        """Number of a point with six motions at a node.
+
+        The displacements of `rotation_node` stand for the rotations of this point.
+        """
         point = self.leaders.get(node, node)
         if point == node and self._used(node) and not self.has_rotations[node]:
             self.leaders[node] = point = self.point(self.place(node))
@@ -165,8 +172,9 @@ class DeckConstraints:
     ) -> None:
         """Let motions of nodes follow a point as a rigid body.
 
-        `motions` are among 0 to 5, along the rows of `frames`. `eccentricity` (3,) is the last part
-        of the arm; a rotation about the first row does not move a node by it.
+        `motions` are among 0 to 5, along the axes of each node in `frames`. `eccentricity` (3,) is
+        the part of the arm that ends at the node; rotations of the point about the first of these
+        axes do not act on it.
         """
         x = self.place(leader)
         for node in map(int, nodes[nodes != leader]):
@@ -245,26 +253,26 @@ class DeckConstraints:
                 self._sum_is_zero(terms, place)
 
     def keep(self, stays: Callable[[list[Term]], bool]) -> int:
-        """Remove constraints, springs, dampers and masses whose terms fail `stays`; count them."""
-        count_before = len(self.every())
+        """Remove constraints, springs, dampers, masses whose terms fail `stays`; count these."""
+        count_before = len(self.all_terms())
         self.equations = [terms for terms in self.equations if stays(terms)]
         self.springs = [element for element in self.springs if stays(element[0])]
         self.dampers = [element for element in self.dampers if stays(element[0])]
         self.masses = [element for element in self.masses if stays([*chain(*element[0])])]
-        return count_before - len(self.every())
+        return count_before - len(self.all_terms())
 
     def loose(self) -> list[int]:
         """The nodes without elements and the added points on which constraints or springs act."""
-        return sorted({n for terms in self.every() for n, _, _ in terms if not self._used(n)})
+        return sorted({n for terms in self.all_terms() for n, _, _ in terms if not self._used(n)})
 
-    def every(self, dampers: bool = True) -> list[list[Term]]:
-        """The terms of all constraints, springs, dampers and masses."""
+    def all_terms(self, dampers: bool = True) -> list[list[Term]]:
+        """The terms of all constraints, springs, masses, and (if `dampers`) dampers."""
         masses = [terms for rows, _, _ in self.masses for terms in rows]
         sprung = [*self.springs, *(self.dampers if dampers else ())]
         return [*self.equations, *(terms for terms, _ in sprung), *masses]
 
-    def finished(self, units: UnitSystem) -> Joints:
-        """The joints in SI units as JSON; the k-th point of no element has the number −1 − k."""
+    def joints_in_si(self, units: UnitSystem) -> Joints:
+        """The joints in SI units as JSON; nodes of no element have the numbers −1, −2, …."""
         length = units.length
         loose_nodes = self.loose()
         number = {node: -1 - k for k, node in enumerate(loose_nodes)}
@@ -285,7 +293,10 @@ class DeckConstraints:
 
 
 def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple[int, Array]]:
-    """(dependent axis, direction) of each motion; the dependent axes differ."""
+    """[(dependent axis, direction (3,))] of `motions`, whose dependent axes differ.
+
+    Displacements if `first` is 0, rotations if it is 3, along the rows of `frame`.
+    """
     axes = [c - first for c in motions if first <= c < first + 3]
     if frame is None or len(axes) == 3:
         return [(k, np.eye(3)[k]) for k in axes]
@@ -312,7 +323,7 @@ MOST_PIECES, MOST_TOLD, MOST_SETS = 40, 6, 3
 
 
 def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
-    """Mask of the chosen elements in the piece `deck.piece`; `length`: m per unit."""
+    """Mask of those `chosen` elements that are of the piece `deck.piece`; `length`: m per unit."""
     from antiosc.io.reading import described_pieces  # with scipy, for pieces alone
 
     tables = [block.corners[chosen[rows]] for block, rows in deck.numbered()]
@@ -346,10 +357,14 @@ def _piece(deck: Deck, chosen: BoolArray, members: BoolArray) -> Piece:
     return Piece(", ".join(names[:MOST_SETS]), x.min(axis=0), x.max(axis=0))
 
 
-def held_apart(
+def count_pieces(
     deck: Deck, x: Array, moves: BoolArray, fixed: BoolArray, rows: Sequence[list[Term]]
 ) -> tuple[int, bool]:
-    """Number of pieces without a joint between them; whether several are each supported."""
+    """(number of pieces that nothing joins, whether there are several and each is supported).
+
+    `x` (n, 3): coordinates of nodes and points; `moves`, `fixed` (n, 6): motions that exist, that
+    are fixed; `rows`: terms of each constraint and spring.
+    """
     tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
     tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
     nodes = np.unique(np.concatenate([NO_NODES, *(t.ravel() for t in tables)]))
@@ -388,7 +403,7 @@ def held_apart(
 
 
 def _motion(r: Array, motions: IntArray) -> Array:
-    """Motions (0 to 5) of nodes at r (n, 3) in the six rigid motions of a body: (n, 6)."""
+    """Each motion (0 to 5) of the node at its row of r (n, 3), in six rigid motions: (n, 6)."""
     rows = np.eye(6)[motions]
     by_rotation = np.cross(np.eye(3)[:, None], r)  # (axis, node, direction)
     by_rotation = np.concatenate([by_rotation, np.zeros_like(by_rotation)], axis=2)
@@ -404,7 +419,7 @@ def separate_copies(deck: Deck) -> list[tuple[int, int]]:
     blocks = [block for block in deck.blocks if block.role != "rod"] or deck.blocks
     new: dict[tuple[int, int], int] = {}
     copies: Counter[str] = Counter()
-    for block, ranks in zip(blocks, _ranks(blocks), strict=True):
+    for block, ranks in zip(blocks, _repeat_counts(blocks), strict=True):
         copies[block.type] += int((ranks > 0).sum())
         for element in np.flatnonzero(ranks):
             for table in (block.corners, block.mids, block.inner):
@@ -419,8 +434,8 @@ def separate_copies(deck: Deck) -> list[tuple[int, int]]:
     return [(copy, node) for (node, _), copy in new.items()]
 
 
-def _ranks(blocks: list[Block]) -> list[IntArray]:
-    """For each element, the number of earlier elements that it repeats, by blocks."""
+def _repeat_counts(blocks: list[Block]) -> list[IntArray]:
+    """For each block: how many earlier elements have the same corners as each of its elements."""
     ranks = [np.zeros(len(block), dtype=np.int64) for block in blocks]
     for shape in {block.shape for block in blocks}:
         members = [k for k, block in enumerate(blocks) if block.shape == shape]

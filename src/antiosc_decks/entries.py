@@ -41,7 +41,7 @@ class DeckPlace:
             raise self.error(text)
 
     def found(self, known: Mapping[K, V], key: K, text: str) -> V:
-        """The value of a key; `error(text)` if it is unknown."""
+        """`known[key]`; MeshError with this file, line and the sentence `text` if it is unknown."""
         self.needs(key in known, text)
         return known[key]
 
@@ -52,9 +52,7 @@ class Placed:
     place: DeckPlace
 
     def needs(self, holds: object, text: str) -> None:
-        """Raise MeshError with file, line and the sentence `text` unless the condition `holds` is
-        met.
-        """
+        """MeshError with file, line and the sentence `text` unless the condition `holds`."""
         self.place.needs(holds, text)
 
 

@@ -15,7 +15,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Deck, folded
 from antiosc.io.neutral import DIMENSION, EDGES, Json, Model, Term, connected
 from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
-from antiosc_decks.constraints import held_apart
+from antiosc_decks.constraints import count_pieces
 from antiosc_decks.entries import DeckPlace
 from antiosc_decks.sources import lines
 
@@ -34,7 +34,7 @@ def join_rods(builder: ModelBuilder) -> BoolArray:
         rods[members] = True
         for nodes, number in zip(block.corners.tolist(), builder.of_element[members], strict=True):
             family = builder.families[number]
-            volume = _rod(builder, nodes, family)
+            volume = _add_rod(builder, nodes, family)
             mass = family.arguments["rho"] / builder.units.density * volume
             for node in nodes:
                 masses[node] = masses.get(node, (0.0,))[0] + mass / 2, family.place
@@ -68,8 +68,8 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
         builder.deck.remarks.append(f"{message} is stiff are held (AUTOSPC).")
 
 
-def _rod(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float:
-    """Add the springs of a rod along its line and about it; its volume."""
+def _add_rod(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float:
+    """Add springs for the elongation and twist of a rod; return its volume in the deck's unit."""
     units = builder.units
     given = family.arguments
     E = given["E"] / units.stress
@@ -107,21 +107,21 @@ def finished(builder: ModelBuilder) -> Model:
 
     _hold_middles(builder)
     _drop_free_followers(builder)
-    _drop_alone(builder)
+    _drop_unconnected(builder)
     joints = builder.joints
     grounded = [element for element in joints.springs if len(element[0]) == 1]
-    joins_nodes = len(joints.every()) > len(grounded)  # anything that joins nodes
+    joins_nodes = len(joints.all_terms()) > len(grounded)  # anything that joins nodes
 
-    mixed = "shell" in roles and _kept_apart(builder.deck)
+    mixed = "shell" in roles and _two_meshes(builder.deck)
     stiffened = roles == {"shell", "beam"} and not mixed and not joins_nodes
-    stiffened = stiffened and _on_edges(builder)
+    stiffened = stiffened and _beams_on_edges(builder)
     has_parts = mixed or (len(roles) > 1 and not stiffened)
 
     attached = [element[0] for element in builder.masses] + [terms[0][0] for terms, _ in grounded]
     off_elements = any(not builder.used[node] for node in attached)
     is_assembly = has_parts or off_elements or joins_nodes
     if is_assembly:
-        _attach(builder)
+        _masses_as_matrices(builder)
     if stiffened:
         _shear_with_shells(builder)
 
@@ -160,7 +160,7 @@ def finished(builder: ModelBuilder) -> Model:
         "halve": "beam" in roles and not stiffened,
         "joined": is_assembly,
         "mixed": mixed,
-        "joints": builder.joints.finished(builder.units),
+        "joints": builder.joints.joints_in_si(builder.units),
         "apart": builder.apart,
         "fixed_points": fixed_points,
         "pieces": pieces,
@@ -169,7 +169,10 @@ def finished(builder: ModelBuilder) -> Model:
 
 
 def _pieces_and_supports(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, bool]:
-    """(number of pieces of the deck, whether there are several and each is supported)."""
+    """(number of pieces of the deck, whether there are several and each is supported).
+
+    `count`: motions of a node, 2, 3 or 6; `fixed_points`: motions fixed of points of no element.
+    """
     joints = builder.joints
     nodes = len(builder.deck.points)
     x = np.vstack([builder.deck.points, *joints.more])
@@ -182,11 +185,11 @@ def _pieces_and_supports(builder: ModelBuilder, count: int, fixed_points: Held) 
     for number, motions in fixed_points:
         fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
     rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
-    return held_apart(builder.deck, x, has_motion, fixed, rows)
+    return count_pieces(builder.deck, x, has_motion, fixed, rows)
 
 
 def _drop_free_followers(builder: ModelBuilder) -> None:
-    """Remove equations of a point on which nothing else acts, if it fulfils them itself."""
+    """Remove the equations of a point on which nothing else acts, if it can satisfy them all."""
     joints = builder.joints
     other = [terms for terms, _ in [*joints.springs, *joints.dampers]]
     other += [terms for rows, _, _ in joints.masses for terms in rows]
@@ -209,11 +212,11 @@ def _drop_free_followers(builder: ModelBuilder) -> None:
             joints.equations = [terms for terms in joints.equations if terms not in rows]
 
 
-def _drop_alone(builder: ModelBuilder) -> None:
-    """Remove masses and joints that no element is connected to, and dampers with a massless end."""
+def _drop_unconnected(builder: ModelBuilder) -> None:
+    """Remove masses and joints joined to no element, and dampers with a massless end."""
     joints = builder.joints
     used = builder.used
-    node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
+    node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.all_terms() if terms]
     label = connected(node_rows, len(used) + len(joints.more))
     is_connected = np.isin(label, label[: len(used)][used])
 
@@ -227,7 +230,7 @@ def _drop_alone(builder: ModelBuilder) -> None:
     builder.masses = [e for e in builder.masses if moves(e[0]) and e not in held]
 
     count = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
-    loaded = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
+    loaded = {(n, m) for terms in joints.all_terms(dampers=False) for n, m, _ in terms}
     for node, _, mass, inertia in builder.masses:
         loaded |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
 
@@ -245,7 +248,7 @@ def _drop_alone(builder: ModelBuilder) -> None:
         builder.ignored.append(f"{count} {what}")
 
 
-def _attach(builder: ModelBuilder) -> None:
+def _masses_as_matrices(builder: ModelBuilder) -> None:
     """Convert point masses to mass matrices at numbered nodes."""
     units = builder.units
     masses, builder.masses = builder.masses, []
@@ -259,7 +262,7 @@ def _point(builder: ModelBuilder, node: int) -> list[float]:
     return [float(c) * builder.units.length for c in builder.deck.points[node]]
 
 
-def _on_edges(builder: ModelBuilder) -> bool:
+def _beams_on_edges(builder: ModelBuilder) -> bool:
     """Whether all beams lie on edges of shells."""
     edges: dict[bool, set[tuple[int, int]]] = {True: set(), False: set()}
     for block in builder.deck.blocks:
@@ -281,7 +284,7 @@ def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
     """[(number of a point of no element, its motions that are fixed or free of forces)]."""
     joints = builder.joints
     loose = {node: -1 - k for k, node in enumerate(joints.loose())}
-    loaded = {(n, m) for terms in joints.every() for n, m, _ in terms}
+    loaded = {(n, m) for terms in joints.all_terms() for n, m, _ in terms}
     held = {(n, m) for n in loose for m in range(6) if (n, m) not in loaded}
     fixed = zip(*(axis.tolist() for axis in np.nonzero(builder.fixed)), strict=True)
     held |= {joints.alias.get(motion, motion) for motion in fixed}
@@ -306,7 +309,10 @@ def _refuse_uncovered(builder: ModelBuilder) -> None:
 
 
 def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
-    """[(group, motions)] with one group for each motion, as an edge is fixed by all its nodes."""
+    """[(group, [motion])], one group of fixed nodes for each of the `count` motions of a node.
+
+    One group for each, since an edge is fixed where all its nodes are.
+    """
     fixed = builder.fixed[:, :count] & builder.used[:, None]
     motions = [k for k in range(count) if fixed[:, k].any()]
     for k in motions:
@@ -353,8 +359,11 @@ def _hold_middles(builder: ModelBuilder) -> None:
             builder.joints.equations.append([(node, motion, 1.0)])
 
 
-def _kept_apart(deck: Deck) -> bool:
-    """Whether quadrilaterals and few triangles, without volumes, become two meshes."""
+def _two_meshes(deck: Deck) -> bool:
+    """Whether quadrilaterals and the few triangles beside them become two meshes.
+
+    So they do without solids.
+    """
     if any(DIMENSION[block.shape] == 3 for block in deck.blocks):
         return False
     sheets = [b for b in deck.blocks if DIMENSION[b.shape] == 2]

@@ -93,7 +93,10 @@ def joined(
     attached: Sequence[PointMass | Spring | Damper],
     solver: SolverChoice,
 ) -> Structure:
-    """Assemble the parts of a deck with its joints; `supports` may name groups of any part."""
+    """Assemble the parts of a deck with its joints.
+
+    `numbers`: part -> the deck's number of each node; `supports` may name groups of any part.
+    """
     joints = model["joints"]
     points = {point_name(-1 - k): x for k, x in enumerate(joints["points"])}
     constraints = NodeConstraints(
@@ -287,7 +290,7 @@ def read_model(
 
 
 class DeckFacts(NamedTuple):
-    """Facts of a deck."""
+    """The families of a deck, its length and its pieces."""
 
     families: list[Family]
     #: of the longest side of its largest part [m]
@@ -297,7 +300,10 @@ class DeckFacts(NamedTuple):
 
 
 def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any) -> DeckFacts:
-    """The families of a deck, and facts about it; materials without a density are massless."""
+    """Families, length and pieces of a deck; materials without a density are massless.
+
+    `options` are arguments of `read_model`.
+    """
     raws = _reader(checks.path("path", path), unit, **options, massless=True)()
     families = [family for raw in raws.values() for family in _families(raw, Strength()).values()]
     longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
@@ -314,8 +320,8 @@ def _families(raw: RawMesh, strength: Strength) -> dict[str, Family]:
     }
 
 
-def _alone(content: FileMesh, label: str) -> FileMesh:
-    """A deck with the cells of one kind only, their groups and the supports on them."""
+def _only_kind(content: FileMesh, label: str) -> FileMesh:
+    """A deck with the cells of the kind `label` alone, their groups and the supports on them."""
     mark = of_kind("", label)
     groups = {n: {label: parts[label]} for n, parts in content.groups.items() if label in parts}
     fixed = {n.removesuffix(mark): e for n, e in content.fixed.items() if n.endswith(mark)}
@@ -368,7 +374,7 @@ def _reader(
         whole = [content]
         if content.model is not None and content.model["joined"]:
             labels = sorted(content.cells, key=lambda label: -DIMENSION[CELLS[label][0]])
-            whole = [_alone(content, label) for label in labels]
+            whole = [_only_kind(content, label) for label in labels]
 
         for raw in (selected(one, None, None, file.name) for one in whole):
             model = _model(raw)
@@ -410,7 +416,7 @@ def _part(
     added_attachments: Sequence[Attachment],
     strength: Strength,
 ) -> Structure:
-    """The structure of one part's cells; parts to be joined get their supports later."""
+    """The structure of one part; parts that will be joined get no supports here."""
     model = _model(raw)
     mesh = distributed(raw, name, comm)
     families = _families(raw, strength)
@@ -435,7 +441,7 @@ class Strength(NamedTuple):
 
     @classmethod
     def given(cls, value: float | str | None, ends: tuple[float, float] | None) -> Strength:
-        """That of the arguments `yield_strength` and `yield_range` of `read_model`."""
+        """The strength by the arguments `yield_strength` and `yield_range` of `read_model`."""
         rate = None
         if isinstance(value, str):
             named = yielding(value)
@@ -455,7 +461,7 @@ class Strength(NamedTuple):
 
 
 def _told_of_strength(raws: Iterable[RawMesh], strength: Strength, name: str) -> str:
-    """Sentence that several materials of a deck have the strength that is given; else ""."""
+    """Sentence that several materials of a deck get the one strength given; else ""."""
     families: list[Any] = [one for raw in raws for one in _families(raw, strength).values()]
     strong = {(one.E, one.rho) for one in families if getattr(one, "yield_strength", None)}
     if strength.value is None or len(strong) < 2:
@@ -467,7 +473,7 @@ def _told_of_strength(raws: Iterable[RawMesh], strength: Strength, name: str) ->
     )
 
 
-def _of_one_material(values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+def _laminate_or_shell(values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """(family, arguments) of layers: a `Shell` if they are of one isotropic material."""
     first, *others = (replace(layer, thickness=1.0, angle=0.0) for layer in values["layers"])
     plain = Layer.isotropic(first.E1, first.nu12, first.rho, 1.0)
@@ -489,7 +495,7 @@ def _family(kind: str, arguments: dict[str, Any], place: str, strength: Strength
                 values[name] = Nearest(**values[name])
         if "layers" in values:
             values["layers"] = [Layer(**layer) for layer in values["layers"]]
-            kind, values = _of_one_material(values)
+            kind, values = _laminate_or_shell(values)
         if "section" in values:
             values["section"] = Section(**values["section"])
         family = FAMILIES[kind]

@@ -321,7 +321,7 @@ class _Text:
         self._at = 0
 
     def begin(self) -> None:
-        """Records are lines."""
+        """Do nothing: records of a text are lines."""
 
     def header(self) -> _Header | None:
         """The next header; None at the end of the file."""

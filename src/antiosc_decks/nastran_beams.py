@@ -28,10 +28,10 @@ SLIGHT = 1e-6
 FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEAM": ((2, 3, 4, 5, 6, 7), -1)}
 #: Shear coefficient of a plane that is rigid in shear, of a beam that deforms in the other one: its
 #: shear deflection is below 1e-4 of that of bending where the beam is as long as its height.
-RIGID = 1e4
+RIGID_IN_SHEAR = 1e4
 #: What is ignored of a PBEAM -> its field, counted from the end of the sections.
-BEHIND = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
-BEHIND |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
+IGNORED_OF_PBEAM = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
+IGNORED_OF_PBEAM |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
 
 
 class BeamProfile(NamedTuple):
@@ -62,7 +62,7 @@ class BeamProfiles:
         #: profile whose numbers `stations` replace; whether the beams deform in shear
         self.form = profiles.rectangle(1.0, 1.0)
         self.sheared = True
-        read = self._listed if entry.name in ("PBARL", "PBEAML") else self._by_constants
+        read = self._by_shapes if entry.name in ("PBARL", "PBEAML") else self._by_constants
         #: place along the beam from 0 to 1, ascending -> the cross-section there
         self.stations: dict[float, Station] = dict(sorted(read().items()))
         first, *stations = self.stations.values()
@@ -113,14 +113,14 @@ class BeamProfiles:
         rows = {0.0: values}
 
         if entry.name == "PBEAM":
-            start = self._along(rows)
+            start = self._add_stations(rows)
             # blank at the second end: as at the first
             ends = (start + 12, start + 13)
             station_fields = [k + 2 if entry.text(k + 2) else k for k in ends]
             self.neutral[:] = [
                 [entry.real(k) for k in end_fields] for end_fields in (ends, station_fields)
             ]
-            if unread := [name for name, k in BEHIND.items() if entry.real(start + k)]:
+            if unread := [name for name, k in IGNORED_OF_PBEAM.items() if entry.real(start + k)]:
                 self.remarks.append(f"{', '.join(unread)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
             told = f"the hinge that {label} is where its I1 or I2 is 0"
@@ -132,7 +132,7 @@ class BeamProfiles:
         entry.needs(min(values[:3]) > 0, f"{entry.name} needs A, I1 and I2 above 0.")
         self.sheared = bool(k1 or k2)
         if self.sheared:
-            self.form = self.form.sheared(k1 or RIGID, k2 or RIGID)
+            self.form = self.form.sheared(k1 or RIGID_IN_SHEAR, k2 or RIGID_IN_SHEAR)
         if k1 != k2 and any(row[3] for row in rows.values()):
             self.remarks.append(f"how I12 of {label} couples shear in planes 1 and 2 (K1, K2)")
         if not values[4]:
@@ -140,8 +140,8 @@ class BeamProfiles:
 
         return rows
 
-    def _along(self, rows: dict[float, Station]) -> int:
-        """Add PBEAM's further stations to `rows`; returns the field after them."""
+    def _add_stations(self, rows: dict[float, Station]) -> int:
+        """Add PBEAM's further stations to `rows`; return the field after them."""
         entry = self.entry
         starts = {}
         words = ("YES", "YESA", "NO")
@@ -159,7 +159,7 @@ class BeamProfiles:
         entry.needs(0.0 not in starts, "X/XB of PBEAM lies between 0 and 1.")
         return start
 
-    def _listed(self) -> dict[float, Station]:
+    def _by_shapes(self) -> dict[float, Station]:
         """Stations of PBARL and PBEAML, which give a shape and its dimensions."""
         entry = self.entry
         kind = entry.text(3).upper()
@@ -345,7 +345,10 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
 def _ends_of(
     deck: NastranDeck, entry: Entry, nodes: list[int], neutral: Array
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
-    """End (0, 1) of a beam with its own node -> (place, motions that follow the grid, axes)."""
+    """Ends (0, 1) of a beam that need nodes of their own -> (place, motions that follow, axes).
+
+    `neutral` (2, 2): how far the neutral axis lies off at both ends, along height and width.
+    """
     pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
     offsets = offsets_of(deck, entry)
     if not any(pins) and not offsets.any() and not neutral.any():

@@ -105,7 +105,7 @@ class Continuations:
         self._by_order: list[tuple[Entry, MeshError]] = []
 
     def ends(self, entry: Entry, mark: str) -> None:
-        """Note that `entry` is the last one and that its last line ends with `mark`."""
+        """Note that the last line of the last entry, `entry`, ends with `mark`."""
         self._last = entry
         label = mark.strip().upper()
         # without a sign, the first letter stands for one
@@ -286,7 +286,7 @@ def _is_begin_bulk(line: str) -> bool:
 
 
 def _changed_field(old: str, change: str, place: DeckPlace) -> str:
-    """A field of a copied entry."""
+    """The field `old` of a copied entry after `change`: "=", "*(step)" or the new text."""
     if not change.startswith("*"):
         return old if change == "=" else change
     step = change[1:].strip("() ")
@@ -353,7 +353,8 @@ BEAMS = ("PBAR", "PBARL", "PBEAM", "PBEAML")
 _BEAM = Cell("line", "beam", BEAMS)
 _ROD = Cell("line", "rod", ("PROD",))
 _PYRAMID = Cell("pyramid", *_SOLID, tuple(range(8)))
-#: Nastran lists the middles of the upright edges of solids before those of the top.
+#: Element that is a cell -> how it is read. Nastran lists the middles of the upright edges of a
+#: solid before those of its top.
 CELLS = {
     "CTETRA": Cell("tetra", *_SOLID, tuple(range(6))),
     "CPYRAM": _PYRAMID,
@@ -370,7 +371,7 @@ CELLS = {
     "CONROD": _ROD._replace(properties=("PROD",), first=1),
 }
 #: Entries that define several items in one line -> number of fields of each item.
-SEVERAL = {
+FIELDS_PER_ITEM = {
     **dict.fromkeys(("CORD1R", "CORD1C", "CORD1S", "PELAS"), 4),
     **dict.fromkeys(("PDAMP", "PMASS"), 2),
 }
@@ -385,7 +386,7 @@ DEFAULTS = {
 #: Properties that give sections.
 PROPERTIES = tuple(dict.fromkeys(name for cell in CELLS.values() for name in cell.properties))
 #: Elements that are read but are not cells of a mesh.
-BESIDE = (
+NON_CELLS = (
     *(f"{kind}{k}" for kind in ("CELAS", "CDAMP", "CMASS") for k in (1, 2, 3, 4)),
     *("CONM2", "CBUSH", "CBUSH1D", "RBE2", "RBE3", "RBAR"),
 )
@@ -450,7 +451,7 @@ _REFUSED = {
 #: Free in normal modes (SOL 103), fixed in those of a Craig–Bampton reduction.
 _SUPORT = Fate("ignored", "(what it supports stays free)")
 
-_READ_ALL = (*_READ.split(), *CELLS, *PROPERTIES, *BESIDE)
+_READ_ALL = (*_READ.split(), *CELLS, *PROPERTIES, *NON_CELLS)
 ENTRIES = table(read=_READ_ALL, harmless=_HARMLESS.split(), refused=_REFUSED | {"": NO_COUNTERPART})
 #: Loads that begin as elements do.
 ENTRIES |= dict.fromkeys(("CLOAD", "CREEP", "CHBDY", "CHBDYE", "CHBDYG", "CHBDYP"), Fate())
@@ -458,13 +459,13 @@ ENTRIES |= dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
 
 
 def fate_of(name: str) -> Fate:
-    """The fate of an entry; unknown elements are refused."""
+    """The fate of the entries called `name`; unknown elements are refused."""
     return ENTRIES.get(name, Fate("refused") if name.startswith("C") else Fate())
 
 
 def is_other(name: str) -> bool:
-    """Whether an entry is an element but not a cell of a mesh."""
-    return name in BESIDE or name.startswith("CHBDY") or fate_of(name).kind == "refused"
+    """Whether entries called `name` are elements but not cells of a mesh."""
+    return name in NON_CELLS or name.startswith("CHBDY") or fate_of(name).kind == "refused"
 
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
@@ -476,7 +477,7 @@ def separated(entries: Sequence[Entry]) -> list[Entry]:
     """The entries, each split so that it defines one item."""
     separate = []
     for entry in entries:
-        if (width := SEVERAL.get(entry.name)) is None:
+        if (width := FIELDS_PER_ITEM.get(entry.name)) is None:
             separate.append(entry)
             continue
         starts = (k for k in range(0, 8, width) if entry.text(k))

@@ -61,7 +61,7 @@ BASIC = CoordinateSystem(np.zeros(3), np.eye(3))
 
 
 def axes_of(points: list[Array], entry: Entry) -> Array:
-    """Axes, as rows, of three points: origin, point on the first, point across it."""
+    """Axes (3, 3), as rows, from the origin, a point on axis 1, a point on the side of axis 2."""
     x, arm = (point - points[0] for point in points[1:])
     sine = np.linalg.norm(np.cross(x, arm))
     independent = sine > 1e-12 * np.linalg.norm(x) * np.linalg.norm(arm)

@@ -21,7 +21,7 @@ from antiosc_decks.properties import symmetric
 from antiosc_decks.sources import lines
 
 #: The motions of a node: three displacements, three rotations.
-ALL = (0, 1, 2, 3, 4, 5)
+ALL_MOTIONS = (0, 1, 2, 3, 4, 5)
 #: A lever arm below this share of the distance counts as zero.
 ROUNDING_ARM = 1e-9
 #: A negative moment of inertia down to this share of the largest is rounding.
@@ -44,13 +44,13 @@ Constants = tuple[list[float], list[float]]
 class NastranJoints:
     """Adds joints and masses of entries to a builder; `factor` (PARAM,WTMASS) scales masses."""
 
-    found: NastranDeck
+    nastran: NastranDeck
     builder: ModelBuilder
     factor: float
 
     def read(self) -> None:
         """Add rigid elements, constraints, springs and dampers."""
-        deck = self.found
+        deck = self.nastran
         for name, rigid in RIGID.items():
             for entry in deck.named(name):
                 rigid(self, entry)
@@ -67,8 +67,8 @@ class NastranJoints:
 
     def read_masses(self) -> None:
         """Add masses at nodes."""
-        for entry in self.found.named("CONM2"):
-            self._at_a_point(entry)
+        for entry in self.nastran.named("CONM2"):
+            self._conm2(entry)
         self._scalars("CMASS")
 
     def _follow(self, rows: list[int], node: int, motions: tuple[int, ...], entry: Entry) -> None:
@@ -82,8 +82,8 @@ class NastranJoints:
         """Rows of a list of grid points; those inside a THRU range may be missing."""
         rows: list[int] = []
         for first, last in through(words, entry.place):
-            rows.append(self.found.row(first, entry.place))
-            rows += map(int, self.found.nodes.between(first + 1, last) if last > first else ())
+            rows.append(self.nastran.row(first, entry.place))
+            rows += map(int, self.nastran.nodes.between(first + 1, last) if last > first else ())
         return rows
 
     def _rbe2(self, entry: Entry) -> None:
@@ -92,24 +92,24 @@ class NastranJoints:
         words = entry.words(3)
         if words and "." in words[-1]:
             words.pop()  # the coefficient of thermal expansion
-        self._follow(self._nodes(entry, words), self.found.at(entry, 1), motions, entry)
+        self._follow(self._nodes(entry, words), self.nastran.at(entry, 1), motions, entry)
 
     def _rbar(self, entry: Entry) -> None:
         """RBAR: one node follows another."""
-        first = self.found.at(entry, 1)
-        second = self.found.at(entry, 2)
+        first = self.nastran.at(entry, 1)
+        second = self.nastran.at(entry, 2)
         masters, dependents, dependent = (entry.text(k) for k in (3, 4, 6))
         if not masters and dependents:
             first, second, masters, dependents = second, first, dependents, masters
             dependent = entry.text(5)
         is_rigid = set(masters) - {" "} == set("123456") and not dependents
         entry.needs(is_rigid, "RBAR is read with CNA or CNB = 123456 only.")
-        motions = _motions(entry, dependent) if dependent else ALL
+        motions = _motions(entry, dependent) if dependent else ALL_MOTIONS
         self._follow([second], first, motions, entry)
 
     def _rbe3(self, entry: Entry) -> None:
         """RBE3: a node follows the weighted mean motion of others."""
-        reference = self.found.at(entry, 2)
+        reference = self.nastran.at(entry, 2)
         motions = _motions(entry, entry.text(3))
         rows: list[int] = []
         weights: list[float] = []
@@ -149,8 +149,8 @@ class NastranJoints:
         for start in range(1, len(entry.fields), 8):
             for k in (start, start + 3):
                 if entry.text(k):
-                    row = self.found.at(entry, k)
-                    motion = 0 if row in self.found.scalar else entry.whole(k + 1, 1) - 1
+                    row = self.nastran.at(entry, k)
+                    motion = 0 if row in self.nastran.scalar else entry.whole(k + 1, 1) - 1
                     entry.needs(0 <= motion < 6, "MPC acts on components from 1 to 6.")
                     terms.append((row, motion, entry.real(k + 2)))
         entry.needs(terms and terms[0][2], "the first term of MPC needs a coefficient.")
@@ -159,9 +159,9 @@ class NastranJoints:
     def _scalars(self, kind: str) -> None:
         """Add springs, dampers or masses between two motions, or between one and the ground."""
         name, quantity = SCALAR[kind]
-        properties = self.found.properties(name)
+        properties = self.nastran.properties(name)
         builder = self.builder
-        for entry in self.found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
+        for entry in self.nastran.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
             else:
@@ -169,10 +169,10 @@ class NastranJoints:
                 value = property_entry.real(1, None)
                 if name == "PELAS" and property_entry.real(2):
                     builder.tell_once(f"GE of PELAS {property_entry.text(0)}")
-            ends = self.found.scalar_ends(entry)
+            ends = self.nastran.scalar_ends(entry)
             terms: list[Term] = []
             for (row, motion), sign in zip(ends, (1.0, -1.0), strict=False):
-                axis = self.found.frame(row, entry.place)[motion % 3]
+                axis = self.nastran.frame(row, entry.place)[motion % 3]
                 first = 3 * (motion // 3)
                 unit = builder.units.length if first and quantity == "mass" else 1.0
                 terms += axis_terms(row, axis, first, sign * unit)
@@ -193,10 +193,10 @@ class NastranJoints:
             fields = [*entry.fields[:4], "", "", "", entry.text(4)]
             entry = Entry(entry.name, entry.place, fields)
         is_active = [bool(k or c) for k, c in zip(*constants, strict=True)]
-        rows = [self.found.at(entry, k) for k in (2, 3) if entry.text(k)]
+        rows = [self.nastran.at(entry, k) for k in (2, 3) if entry.text(k)]
         entry.needs(rows, f"{entry.name} acts on no node.")
 
-        x = self.found.deck.points[rows]
+        x = self.nastran.deck.points[rows]
         distant = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
         is_bush = entry.name == "CBUSH"
         share = entry.real(8, 0.5) if is_bush else 0.5
@@ -204,7 +204,7 @@ class NastranJoints:
 
         if is_bush and entry.whole(9, -1) >= 0:
             offset = np.array(entry.reals(10, 13))
-            place = self.found.systems(entry.whole(9), entry.place).point(offset)
+            place = self.nastran.systems(entry.whole(9), entry.place).point(offset)
         axes = self._bush_axes(entry, is_active, x if distant else x[:1], place)
         for k in np.flatnonzero(is_active):
             axis = axes[k % 3]
@@ -245,9 +245,12 @@ class NastranJoints:
         return values["K"], values["B"]
 
     def _bush_axes(self, entry: Entry, acts: list[bool], x: Array, place: Array) -> Array:
-        """Axes, as rows: a system's, of a line and a vector, or the deck's."""
+        """Axes (3, 3), as rows: of the system CID, of the line between the nodes, or the deck's.
+
+        `acts` (6,): motions with a spring; `x`: the ends (1 or 2, 3); `place` (3,): of the springs.
+        """
         if entry.text(7):
-            return self.found.systems(entry.whole(7), entry.place).frame(place)
+            return self.nastran.systems(entry.whole(7), entry.place).frame(place)
         acts_transversely = any(acts[k] for k in (1, 2, 4, 5))
         oriented = any(entry.text(k) for k in (4, 5, 6))
         if len(x) == 1 and not oriented and not (entry.name == "CBUSH1D" and entry.text(3)):
@@ -258,14 +261,14 @@ class NastranJoints:
         line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
         v = np.eye(3)[int(np.argmin(np.abs(line)))]
         if oriented:
-            v = orientation(self.found, entry, line)
+            v = orientation(self.nastran, entry, line)
         y = v - (v @ line) * line
         y /= np.linalg.norm(y)
         return np.stack([line, y, np.cross(line, y)])
 
-    def _at_a_point(self, entry: Entry) -> None:
+    def _conm2(self, entry: Entry) -> None:
         """CONM2: a rigid body whose centre of mass may be offset from its node."""
-        row = self.found.at(entry, 1)
+        row = self.nastran.at(entry, 1)
         mass = entry.real(3) * self.factor
         offset = np.array(entry.reals(4, 7))
         J = symmetric(np.array(entry.reals(8, 14)) * self.factor)
@@ -273,9 +276,9 @@ class NastranJoints:
         number = entry.whole(2, 0)
 
         if number == -1:  # the place of the mass
-            offset = offset - self.found.deck.points[row] if entry.words(4, 7) else np.zeros(3)
+            offset = offset - self.nastran.deck.points[row] if entry.words(4, 7) else np.zeros(3)
         elif number:
-            axes = self.found.axes(entry, number)
+            axes = self.nastran.axes(entry, number)
             offset = offset @ axes
             J = axes.T @ J @ axes
         negative = mass < 0 or np.linalg.eigvalsh(J).min() < -INERTIA_ROUNDING * np.abs(J).max()

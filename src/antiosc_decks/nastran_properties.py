@@ -34,19 +34,19 @@ NORMAL = 0.05
 class Properties:
     """Adds the property cards of a deck to its builder; masses are multiplied by `factor`."""
 
-    found: NastranDeck
+    nastran: NastranDeck
     builder: ModelBuilder
     factor: float
 
     def read(self) -> None:
         """Set the section of every element."""
-        entries = defined_once(self.found.named(*MATERIALS), "material")
+        entries = defined_once(self.nastran.named(*MATERIALS), "material")
         self._materials = {
             material_number: self._material_of(entry) for material_number, entry in entries.items()
         }
-        properties = defined_once(self.found.named(*PROPERTIES), "property")
-        every = self.found.elements
-        numbers = self.found.property_numbers()
+        properties = defined_once(self.nastran.named(*PROPERTIES), "property")
+        every = self.nastran.elements
+        numbers = self.nastran.property_numbers()
         for number in np.unique(numbers):
             elements = np.flatnonzero(numbers == number)
             names = {every[k].name for k in elements}
@@ -59,12 +59,12 @@ class Properties:
                 raise self._unknown(every[elements[0]], int(number))
             for element_name in sorted(n for n in names if entry.name not in CELLS[n].properties):
                 raise entry.place.error(f"{entry.name} is not a property of {element_name}.")
-            add = OF_PROPERTY.get(entry.name, Properties._beams)
+            add = PROPERTY_READERS.get(entry.name, Properties._beams)
             add(self, entry, str(number), elements)
 
     def _unknown(self, element: Entry, number: int) -> MeshError:
         """The error of an element whose property is missing or not supported."""
-        named = (e.name for e in self.found.bulk.entries if e.text(0) == str(number))
+        named = (e.name for e in self.nastran.bulk.entries if e.text(0) == str(number))
         kinds = (name for name in named if name.startswith("P") and name not in PROPERTIES)
         kind = next((name for name in kinds if not name.startswith(NO_SECTIONS)), "")
         reason = f"which is none of {', '.join(PROPERTIES)} in the deck."
@@ -116,7 +116,10 @@ class Properties:
         return entry.place.found(self._materials, number, message)
 
     def _extra_density(self, extra: float, size: float) -> float:
-        """Nonstructural mass per area or length as additional density of the section, kg/m³."""
+        """Density [kg/m³] to add for nonstructural mass `extra` per area or length.
+
+        `size`: thickness or cross-section, in the deck's units.
+        """
         if size:
             return extra * self.factor / size * self.builder.units.density
         return 0.0
@@ -140,7 +143,7 @@ class Properties:
             entry.needs(
                 number not in ("", "-1"), f"PSOLID with {material.name} needs a rectangular CORDM."
             )
-            axes = self.found.axes(entry, entry.whole(2))[:2].tolist()
+            axes = self.nastran.axes(entry, entry.whole(2))[:2].tolist()
             arguments = {"stiffness": stiffness, "rho": self.builder.rho(material), "axes": axes}
             family = GroupSection("AnisotropicSolid", arguments, entry.place)
         self.builder.add(name, elements, family)
@@ -182,14 +185,14 @@ class Properties:
         share = 1.0 if nu < NU_OF_BEAMS else (1 + NU_OF_BEAMS) / (1 + nu)
         density = self.builder.rho(material)
         length = self.builder.units.length
-        tangents = geometry.tangents_of(self.found.deck, elements)
+        tangents = geometry.tangents_of(self.nastran.deck, elements)
 
         groups: dict[tuple[float, ...], list[int]] = {}
         for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
-            entry_of = self.found.elements[element]
-            height = orientation(self.found, entry_of, tangent)
-            moved = int(element) in self.found.moved
-            offset = 0.0 if moved else float(offsets_of(self.found, entry_of)[0] @ height)
+            entry_of = self.nastran.elements[element]
+            height = orientation(self.nastran, entry_of, tangent)
+            moved = int(element) in self.nastran.moved
+            offset = 0.0 if moved else float(offsets_of(self.nastran, entry_of)[0] @ height)
             key = (*np.round(height, 9).tolist(), round(offset, 12))
             groups.setdefault(key, []).append(k)
 
@@ -269,7 +272,7 @@ class Properties:
         varying = 0
         label = f"{entry.name} {entry.text(0)}"
         for element in elements:
-            shell = self.found.elements[element]
+            shell = self.nastran.elements[element]
             cell = CELLS[shell.name]
             factor = thickness if shell.whole(cell.flag, 0) == 1 else 1.0
             corners = range(OWN_THICKNESS, OWN_THICKNESS + CORNERS[cell.shape])
@@ -286,7 +289,7 @@ class Properties:
         return ((t, offset, np.array(members)) for (t, offset), members in groups.items())
 
     def _given(self, entry: Entry, material: Material, thickness: float, share: float) -> Json:
-        """Arguments of `GivenSheet` for a PSHELL.
+        """Arguments of `GivenSheet` for a PSHELL; `share` is TS/T.
 
         A = T Q, D = (12I/T³) T³/12 Q, S = TS G, Q being the plane-stress stiffness.
         """
@@ -333,7 +336,7 @@ class Properties:
             layer["rho"] += extra
 
         for thickness_there, offset, members in self._by_thickness(elements, total, entry):
-            element = self.found.elements[members[0]]
+            element = self.nastran.elements[members[0]]
             alike = math.isclose(thickness_there, total, rel_tol=1e-9)
             label = f"{element.name} {element.text(0)}"
             element.needs(alike, f"{label} has thicknesses beside its plies.")
@@ -358,32 +361,32 @@ class Properties:
         self, entry: Entry, name: str, elements: IntArray, kind: str, arguments: Json, offset: float
     ) -> None:
         """Add shells with a direction of 0°: one for all, or one for each element."""
-        normals = geometry.normals_of(self.found.deck, elements)
+        normals = geometry.normals_of(self.nastran.deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
         family = GroupSection(kind, arguments, entry.place)
         self.builder.add_shells(name, elements, family, offset, axes)
 
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
-        entry = self.found.elements[element]
+        entry = self.nastran.elements[element]
         theta_field = CELLS[entry.name].theta
         word = entry.text(theta_field)
         if word.lstrip("+-").isdigit():
-            x, y, _ = self.found.systems(int(word), entry.place).axes
+            x, y, _ = self.nastran.systems(int(word), entry.place).axes
             if np.linalg.norm(np.cross(x, normal)) > NORMAL:
                 return np.asarray(x)
             told = f"x of the system {word} (MCID) where it is normal to elements"
             self.builder.tell_once(f"{told}, its y is taken")
             return np.asarray(y)
-        nodes = [self.found.at(entry, k) for k in (2, 3)]
-        side = np.diff(self.found.deck.points[nodes], axis=0)[0]
+        nodes = [self.nastran.at(entry, k) for k in (2, 3)]
+        side = np.diff(self.nastran.deck.points[nodes], axis=0)[0]
         side -= (side @ normal) * normal
         rotated = geometry.rotated(side, normal, entry.real(theta_field))
         return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
 
 
 #: Property -> the method that reads it; all others are of beams.
-OF_PROPERTY = {
+PROPERTY_READERS = {
     **{"PSOLID": Properties._solid, "PCOMPS": Properties._layered, "PSHELL": Properties._shell},
     **dict.fromkeys(("PCOMP", "PCOMPG"), Properties._laminate),
     **dict.fromkeys(("PROD", "PTUBE"), Properties._rods),

@@ -223,7 +223,7 @@ def hexagon(height: float, width: float, tip: float) -> Profile:
 
 
 #: "places" [m] and the "directions" at these, both (n, 3).
-Everywhere = dict[str, list[list[float]]]
+DirectionField = dict[str, list[list[float]]]
 #: A direction whose cosine with an axis is above this counts as along the axis.
 AXIS_COSINE = 1 - 1e-9
 
@@ -276,8 +276,11 @@ def curved(deck: Deck, elements: IntArray) -> bool:
     return common_direction(normals_of(deck, elements), least=1 - 1e-6) is None
 
 
-def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) -> Everywhere:
-    """Each element's vector at its centre [m], and at those of a quadrilateral's triangles."""
+def at_centres(deck: Deck, elements: IntArray, vectors: Array, length: float) -> DirectionField:
+    """Each element's vector at its centre [m], and at the centres of a quadrilateral's triangles.
+
+    `vectors` (n, 3); `length`: metres per unit of the deck.
+    """
     places = []
     directions = []
     for x, vector in zip(corners_of(deck, elements), vectors.tolist(), strict=True):
@@ -288,15 +291,15 @@ def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) ->
     return {"places": places, "directions": directions}
 
 
-def top_of(deck: Deck, elements: IntArray, length: float) -> Everywhere | list[float]:
+def top_of(deck: Deck, elements: IntArray, length: float) -> DirectionField | list[float]:
     """The normals of shells: one direction if they are similar, else one for each element."""
     normals = normals_of(deck, elements)
     top = common_direction(normals)
-    return everywhere(deck, elements, normals, length) if top is None else top.tolist()
+    return at_centres(deck, elements, normals, length) if top is None else top.tolist()
 
 
 def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:
-    """Which motions along x, y, z are fixed, from `frame`'s rows; None if it is inclined."""
+    """Mask (3,) of x, y, z fixed if the rows `fixed` of `frame` are; None if these are inclined."""
     if fixed.all() or not fixed.any():
         return fixed
     cosines = np.abs(frame)

@@ -15,7 +15,7 @@ from antiosc_decks.builder import Unstated
 from antiosc_decks.cells import as_mesh
 from antiosc_decks.sources import BULK as _BULK, Sources
 
-F = TypeVar("F", abaqus_assembly.Whole, nastran_mesh.NastranDeck)
+F = TypeVar("F", abaqus_assembly.AbaqusDeck, nastran_mesh.NastranDeck)
 
 
 def _reader(

@@ -102,7 +102,7 @@ class NumberedMesh:
 
 
 class Nodes:
-    """Finds the numbered nodes of an assembly: part, cell and place in the cell."""
+    """The numbered nodes of an assembly: the part, the cell and the place in it of each."""
 
     def __init__(
         self, layout: Layout, points: Sequence[str], numbers: Mapping[str, IntArray]
@@ -163,7 +163,7 @@ class Nodes:
         return bool(self.fixed[self.single(number, motion)[0]].all())
 
     def single(self, number: int, motion: int) -> Row:
-        """Row of dofs of one motion of one node."""
+        """The row (dofs, coefficients) that gives one motion (0 to 5) of one node."""
         if (number, motion) not in self._single:
             self.prepare([(number, motion)])
         return self._single[number, motion]
@@ -186,14 +186,17 @@ def row_of(matrix: Sparse, k: int) -> Row:
 TIED_NEAR = 1e-3
 LEAST_WEIGHT = 1e-9  # smaller shares are rounding of the shape functions
 
-#: node added here, of a face or by halving -> (node of the deck, weight) that give its place
+#: Node that was added to the deck's -> [(node of the deck, weight)], whose weighted mean it is.
 Among = Mapping[int, Sequence[tuple[int, float]]]
 #: A dof between nodes, the nodes that determine it, and their weights.
 Dof = tuple[int, list[int], Array]
 
 
-class Between:
-    """Constraints of the dofs between nodes; `functionals`: those of the nodes over all dofs.
+class DofsBetween:
+    """Constraints by which dofs between the deck's nodes follow these nodes.
+
+    `equations`: terms of the constraints of the nodes; `functionals`: the same, as rows over all
+    dofs; `among`: the nodes that were added to those of the deck.
 
     Where *TIE, or equations between coincident nodes, tie all nodes of an edge or a face to one
     cell at their own place, the dofs between them follow that cell's displacement there.
@@ -251,7 +254,7 @@ class Between:
     def _dofs(
         self, mesh: NumberedMesh, motion: int, selected: Mapping[int, object]
     ) -> Iterator[Dof]:
-        """Yield the dofs of one motion between `selected` nodes, none at a node of the deck."""
+        """Yield the dofs of one motion between nodes of the deck, some of them `selected`."""
         member = mesh.member
         path = member.part.form.components.get(_names(motion)[motion % 3])
         near = [
@@ -277,7 +280,7 @@ class Between:
                 yield int(dofs[position, d]), list(shares), np.array(list(shares.values()))
 
     def _of_the_deck(self, numbers: IntArray, weights: Array) -> dict[int, float]:
-        """Node of the deck -> weight; nodes that were added here are replaced by those."""
+        """Node of the deck -> weight; an added node counts as the deck's nodes that place it."""
         result: dict[int, float] = {}
         for number, weight in zip(numbers.tolist(), weights.tolist(), strict=True):
             for node, share in self.among.get(number, ((number, 1.0),)):
@@ -285,7 +288,7 @@ class Between:
         return result
 
     def _followers(self, mesh: NumberedMesh, motion: int) -> Iterator[Row]:
-        """Yields a constraint for each dof that is a weighted sum of constrained nodes."""
+        """Yield a constraint for each dof that is a weighted sum of constrained nodes."""
         nodes = self.nodes
         rows = self.dependent[motion]
         beam = mesh.member.part.mesh.tdim == 1
@@ -313,7 +316,7 @@ class Between:
             yield _sum(terms)
 
     def _tied(self, dofs: Sequence[Dof], motion: int) -> dict[int, Row]:
-        """Dof -> one motion at its place, where all its nodes are tied to one cell."""
+        """Dof -> row of the motion at its place in the one cell to which all its nodes are tied."""
         by_mesh: dict[int, list[tuple[int, int, Array]]] = {}
         for dof in dofs:
             for k, cell, X in self._places(dof, motion):
@@ -328,7 +331,7 @@ class Between:
         return result
 
     def _places(self, dof: Dof, motion: int) -> list[tuple[int, int, Array]]:
-        """[(part, cell, reference point)] of a dof in the one cell to which its nodes are tied."""
+        """[(part, cell, reference point)] of a dof in the one cell of its tied nodes; else []."""
         _, numbers, weights = dof
         rows = self.dependent[motion]
         if not all(number in rows for number in numbers):
@@ -374,8 +377,8 @@ class Between:
     def _determined(self, numbers: Sequence[int], motion: int) -> bool:
         """Whether constraints or supports determine a motion of all these nodes.
 
-        They do if each node that is not dependent is fixed, or if each dependent one follows all
-        that are not.
+        They do if every independent node is fixed, or if each dependent node follows all
+        independent ones.
         """
         rows = self.dependent[motion]
         dependent = [n for n in numbers if n in rows]
@@ -388,7 +391,10 @@ class Between:
         return all(self.nodes.is_fixed(n, motion) for n in independent)
 
     def _sliders(self, mesh: NumberedMesh, first: int) -> Iterator[Row]:
-        """Yield constraints for dofs between nodes that are fixed or slide across a direction."""
+        """Yield constraints for dofs between nodes that are fixed or slide across a direction.
+
+        Displacements if `first` is 0, rotations if it is 3.
+        """
         nodes = self.nodes
         directions = self.sliding[first]
         axes = range(2 if nodes.layout.plane else 3)
@@ -534,12 +540,12 @@ class NodeConstraints(Joint):
         for row in held.rows:
             is_single = np.diff(row.matrix.indptr) == 1
             nodes.fixed[row.matrix[is_single].indices] = True
-        inner = Between(nodes, self.equations, equations, self.among).matrix()
+        inner = DofsBetween(nodes, self.equations, equations, self.among).matrix()
         found = (inner, _on_middles(nodes))
         return rows + [Rows.free(matrix, label) for matrix in found if matrix.shape[0]]
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
-        """The springs, dampers and masses as stiffness contributions."""
+        """The springs, dampers and masses as terms of K, C and M."""
         nodes = Nodes(layout, self.points, self.numbers)
         contributions: list[ElasticTerm] = []
         none = np.zeros((1, 1))
@@ -563,7 +569,7 @@ class NodeConstraints(Joint):
 
 
 def _on_middles(nodes: Nodes) -> Sparse:
-    """Constraints by which a vertex of one part follows the part whose middle node it is."""
+    """Constraints by which a vertex of one part follows the part of which it is a middle node."""
     layout = nodes.layout
     rows = [layout.nothing(0)]
     for mesh, other in permutations(nodes.meshes, 2):

@@ -28,11 +28,15 @@ DEEP_ENOUGH = 4
 LARGEST_DECK = 4 * 2**30
 
 
+#: What is called with the size of all files read so far, in bytes.
 Watch = Callable[[int], None]
 
 
 class Sources:
-    """The files of a deck: those that it includes must lie below the folder `root`."""
+    """The files of a deck: those that it includes must lie below the folder `root`.
+
+    `on_size` is called with the size of all files read so far, in bytes.
+    """
 
     def __init__(
         self, path: Path, name: str, on_size: Watch = lambda size: None, root: str | None = None
