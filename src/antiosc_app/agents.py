@@ -1,4 +1,7 @@
-"""`antiosc mcp`: tools for an assistant (Model Context Protocol), a process for each call."""
+"""`antiosc mcp`: a server of tools for an assistant (Model Context Protocol).
+
+Each call runs in a process of its own.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +73,7 @@ ARGUMENTS: dict[str, Table] = {
 
 
 def input_schema(name: str) -> Table:
-    """The JSON schema of the arguments of a tool: those of its function."""
+    """The JSON schema of a tool's arguments, read from the signature of its function."""
     known = inspect.signature(TOOLS[name][0]).parameters.values()
     given = [one for one in known if one.name in ARGUMENTS]
     return {
@@ -95,7 +98,7 @@ def scene_schema() -> Table:
 
 
 def page(name: str) -> str:
-    """The text of a resource."""
+    """The text of the resource `name`, or the address of its page."""
     if name == "scene":
         return json.dumps(scene_schema(), indent=1)
     path = DOCS / f"{name}.md"
@@ -103,7 +106,7 @@ def page(name: str) -> str:
 
 
 class Door(MCPServer[Any]):
-    """The tools of one folder; a call takes at most `seconds` and `memory` bytes."""
+    """Server of the tools on one folder; a call takes at most `seconds` and `memory` bytes."""
 
     def __init__(self, folder: Path, seconds: float, memory: int) -> None:
         super().__init__("antiosc", version=info.version(), instructions=INSTRUCTIONS)
@@ -124,7 +127,7 @@ class Door(MCPServer[Any]):
         ]
 
     async def call_tool(self, name: str, arguments: Table, context: Any = None) -> Any:
-        """The answer of a tool."""
+        """The answer of the tool `name` as text, data and pictures; refusals are answers, too."""
         try:
             told, pictures = await self._answered(context, name, arguments)
         except Refusal as refusal:
@@ -142,7 +145,7 @@ class Door(MCPServer[Any]):
         )
 
     async def _answered(self, context: Any, name: str, arguments: Table) -> tuple[Table, list[str]]:
-        """Answer of a call and its pictures; Refusal of one that breaks a rule of the server."""
+        """(answer, pictures) of a call; raises Refusal if it breaks a rule of the server."""
         if name not in TOOLS:
             raise Refusal("tool", f"there is no tool {checks.shown(name)}.", choices=TOOLS)
         if len(json.dumps(arguments)) > LARGEST:
@@ -162,7 +165,7 @@ class Door(MCPServer[Any]):
         raise Refusal("time", f"the call took longer than {limit}.")
 
     async def _worked(self, context: Any, name: str, arguments: Table) -> tuple[Table, list[str]]:
-        """The answer of a process, whose progress is reported; the process ends with the call."""
+        """(answer, pictures) of a call run in a new process, which is killed at the call's end."""
         spawn = multiprocessing.get_context("spawn")
         wire, other = spawn.Pipe()
         given = other, self.folder, self.memory, name, arguments
@@ -185,7 +188,7 @@ class Door(MCPServer[Any]):
 
 
 def serve(folder: str, seconds: float, gigabytes: float) -> None:
-    """Answer calls on the standard streams until they are closed."""
+    """Serve the tools on `folder` over the standard streams until they are closed."""
     root = checks.path("the folder", folder).resolve()
     if not root.is_dir():
         raise InputError(f"there is no folder {checks.shown(folder)}.")

@@ -47,7 +47,9 @@ MOST_ROWS, MOST_CAUTIONS = 8, 3
 def cards_of_history(
     hit: History, budget: ErrorBudget | None, fields: Mapping[str, PeakField] | None
 ) -> list[Card]:
-    """The answers of an impact of two bodies."""
+    """The four answers of an impact of two bodies; without `fields` (quantity -> stress field)
+    those on stress are "…".
+    """
     force = force_bar(budget)
     hard = Card(FORCE, _shown(hit, budget, "peak_force"))
     far = Card(FAR, deflection_text(hit, budget))
@@ -66,7 +68,7 @@ def cards_of_history(
 
 
 def cards_of_fall(fall: Fall, worst: WorstField | None) -> list[Card]:
-    """The answers of a fall."""
+    """The four answers of a fall, with the largest shock in place of the deflection."""
     hardest = fall.hardest
     if hardest is None:
         return [Card(BREAKS, f"{capitalised(fall.message)}.", SAFE)]
@@ -96,9 +98,10 @@ def dent_of(hit: History) -> float | None:
 
 
 def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> Card:
-    """Whether the part breaks, in one sentence.
+    """Whether the part breaks, by the margin of largest exposure within its bar, and the dent's depth [m].
 
-    A stress whose bar comes from the cells and holds the strength says nothing: finer cells do.
+    `has_bar`: whether the force has an error bar. A stress whose bar reaches the strength because
+    of coarse cells decides nothing: the answer then asks for finer cells.
     """
     if not margins:
         return Card(BREAKS, "Cannot say: no strength or no stress of the part is known.", UNKNOWN)
@@ -132,7 +135,7 @@ def judged_text(margin: Margin, *, has_bar: bool) -> str:
 
 
 def range_of(margin: Margin) -> str:
-    """The least and the largest stress within the bar."""
+    """Text of the smallest and the largest stress within the error bar."""
     if not margin.has_bar:
         return "no bar"
     low, high = margin.stresses
@@ -140,7 +143,7 @@ def range_of(margin: Margin) -> str:
 
 
 def stress_text(margins: Sequence[Margin], *, has_bar: bool) -> str:
-    """The largest stress of some margins, its range and its place."""
+    """Text of the stress with the largest exposure, its range and its place."""
     stresses = [margin for margin in margins if margin.is_stress]
     if not stresses:
         return "not known"
@@ -160,7 +163,7 @@ def deflection_text(hit: History, budget: ErrorBudget | None) -> str:
 def rows_of_history(
     hit: History, budget: ErrorBudget | None, fields: Mapping[str, PeakField] | None = None
 ) -> Rows:
-    """The rows below the answers of an impact."""
+    """Rows (name, text) below the answers of an impact: contact time, restitution, impulse, …"""
     e = hit.restitution
     rebound = "not defined" if e is None else restitution_text(e)
     rows = [
@@ -175,32 +178,32 @@ def rows_of_history(
 
 
 def rows_of_fall(fall: Fall, worst: WorstField | None = None) -> Rows:
-    """The rows below the answers of a fall."""
+    """Rows (name, text) below the answers of a fall: number of impacts, lost energy."""
     lost = float(fall.impacts.column("lost").sum()) if len(fall.impacts) else 0.0
     rows = [("impacts", f"{len(fall.impacts)}"), ("lost in all", engineering(lost, "J"))]
     return rows + _rounds([] if worst is None else [worst])
 
 
 def _rounds(fields: Iterable[PeakField]) -> Rows:
-    """The rows that tell how stresses were brought to a tolerance."""
+    """Rows (name, text) on the mesh refinements that brought stresses to a tolerance."""
     told = dict.fromkeys(field.rounds for field in fields if field.rounds)
     return [("stress mesh", rounds) for rounds in told]
 
 
 def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
-    """The relative error by its law of the force of the impact with the judged stress."""
+    """Relative error of the force, by its contact law, of the impact with the judged stress."""
     number = 0 if worst.exposure is None else worst.margin().impact
     return fall.impacts[number - 1 if number else int(worst.impact[worst.judged])].law_error
 
 
 def cautions(first: str, warnings: Iterable[str]) -> list[str]:
-    """What qualifies the answers, the heaviest first, each once; `first` is the heaviest."""
+    """`first` and those `warnings` that question the numbers, by weight, without repetitions."""
     told = [capitalised(str(one)) for one in by_weight(list(warnings)) if weight(one) < NOTE]
     return [one for one in dict.fromkeys([first, *told]) if one]
 
 
 def _shown(hit: History, budget: ErrorBudget | None, name: str) -> str:
-    """A quantity with its bar, as text."""
+    """Text of the quantity `name` of an impact with its error bar."""
     if budget:
         return budget.shown(name, 3)
     return f"{engineering(getattr(hit, name), QUANTITIES[name])} (no error bar)"

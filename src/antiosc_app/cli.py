@@ -32,7 +32,10 @@ COMMANDS = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one subcommand and return the exit code; antiosc's own errors become one line."""
+    """Run the command line `arguments` (default: sys.argv) and return the exit code.
+
+    Errors of antiosc are printed as one line.
+    """
     try:
         try:
             with _terminable(), warnings_to(_Warned().tell):
@@ -49,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Warned:
-    """Prints warnings that no command collects, each once, as one line."""
+    """Prints each warning that no command collects as one line, and repeats none."""
 
     def __init__(self) -> None:
         self._told: set[str] = set()
@@ -101,7 +104,7 @@ Argument = tuple[str, dict[str, Any]]
 
 
 def _argument(name: str, help: str, metavar: str | None = None, **options: Any) -> Argument:
-    """An argument of a command."""
+    """The name and options of an argument, for `add_argument`."""
     given = {} if metavar is None else {"metavar": metavar}
     return name, {"help": help, **given, **options}
 
@@ -190,14 +193,14 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _on_scene_file(options: argparse.Namespace) -> int:
-    """Run a command on a scene file."""
+    """Run a command of `antiosc_app.commands`; returns the exit code."""
     from antiosc_app.commands import guarded
 
     return guarded(options)
 
 
 def _mcp(options: argparse.Namespace) -> int:
-    """Answer the calls of an assistant until it ends."""
+    """Run `antiosc mcp` until the assistant closes the streams; returns the exit code."""
     from antiosc_app.agents import serve
 
     serve(options.folder, options.seconds, options.gigabytes)
@@ -205,7 +208,7 @@ def _mcp(options: argparse.Namespace) -> int:
 
 
 def _materials(options: argparse.Namespace) -> int:
-    """Print the named materials."""
+    """Run `antiosc materials`; returns the exit code."""
     from antiosc.base import materials
 
     part_of_name = (options.name or "").lower()
@@ -224,6 +227,6 @@ def _materials(options: argparse.Namespace) -> int:
 
 
 def _info(_options: argparse.Namespace) -> int:
-    """Print versions, and packages that are missing."""
+    """Run `antiosc info`; returns the exit code, 1 if meshes do not work."""
     print(info.report())
     return 0 if info.meshes_work() else 1

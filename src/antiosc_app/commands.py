@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def guarded(options: Namespace) -> int:
-    """Run a command; on an unforeseen error one rank ends the others too."""
+    """Run a command and return its exit code; an unforeseen error ends all MPI ranks."""
     try:
         if options.command in STUDIES:
             return _study(options)
@@ -84,7 +84,7 @@ def _check(options: Namespace) -> int:
 
 
 def _export(options: Namespace) -> int:
-    """`antiosc export`: write an impact, a scene or a model alone for another program."""
+    """Run `antiosc export`; returns the exit code."""
     from antiosc_app.export import ending_of
 
     ending_of(options.out)
@@ -126,7 +126,7 @@ OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
 
 
 def _tradeoff(options: Namespace) -> int:
-    """`antiosc tradeoff`: print error against seconds and memory of an impact, and draw it."""
+    """Run `antiosc tradeoff`; returns the exit code."""
     start = time.perf_counter()
     page = _page(options)
     given = {name: getattr(options, name) for name in ("tol", "compare", "limit")}
@@ -150,7 +150,11 @@ def _tradeoff(options: Namespace) -> int:
 def compared(
     document: Document, told: bool = False, **given: object
 ) -> tuple[CompiledScene, Tradeoff]:
-    """(scene, methods that compute its impact); `told`: each is printed once it has run."""
+    """(compiled scene, trade-off of its impact).
+
+    `told`: print each method once it has run; `given`: arguments of `tradeoff` instead of the
+    scene's.
+    """
     scene = compiled(to_a_tolerance(settled(document).scene.document))
     arguments = {**one_impact(scene, str(document.path)), **given}
     from antiosc.extension import line_of  # needs dolfinx
@@ -166,7 +170,7 @@ def compared(
 
 
 def to_a_tolerance(document: Document) -> Document:
-    """A scene with [strike] in place of [extract] and [simulate] where its mesh may be refined."""
+    """The scene with [strike] in place of [extract] and [simulate], if its mesh can be refined."""
     data = document.data
     simulated = data.get("simulate")
     meshed = {"geometry", "extract", "impactor"} <= set(data)
@@ -183,7 +187,7 @@ def to_a_tolerance(document: Document) -> Document:
 
 
 def one_impact(scene: CompiledScene, path: str) -> Table:
-    """The arguments of `tradeoff`, from [strike] or from a meshed part and [simulate]."""
+    """The arguments of `tradeoff` for a scene's impact; InputError names `path` without one."""
     if scene.striking and scene.history is not None:
         return scene.history.arguments
     model = scene.model
@@ -201,14 +205,14 @@ def one_impact(scene: CompiledScene, path: str) -> Table:
 
 
 def _page(options: Namespace) -> Path | None:
-    """The path of the report that is asked for; without a name, the scene's with .html."""
+    """The path of --report, by default the scene's name with .html; None without --report."""
     if options.report is None:
         return None
     return report.checked(options.report or str(Path(options.file).with_suffix(".html")))
 
 
 def _check_probes(begun: Settled) -> None:
-    """InputError for a probe off the structure, which else would end a run after its impact."""
+    """Raise InputError for a probe off the structure, before the impact is computed."""
     scene, evaluate = begun
     for call in scene.probes.values():
         if call is None or scene.structure is None:
@@ -218,7 +222,7 @@ def _check_probes(begun: Settled) -> None:
 
 
 def of_study(document: Document, command: str) -> CompiledScene:
-    """The calls of a document that has what a command computes; else InputError."""
+    """The compiled scene of a document; InputError if it lacks what `command` computes."""
     scene = compiled(document)
     study = STUDIES[command]
     if getattr(scene, study.result) is None:
@@ -227,7 +231,7 @@ def of_study(document: Document, command: str) -> CompiledScene:
 
 
 def made(document: Document, scene: CompiledScene, command: str) -> run.SceneResults:
-    """The results of a study of a document."""
+    """The results of `command` for a document and its compiled scene."""
     begun = Settled(scene, Kept().evaluation(scene.document))
     first = run.results(scene, ("structure",), begun.evaluate)
     scene.warnings[:] = first.warnings
@@ -237,7 +241,7 @@ def made(document: Document, scene: CompiledScene, command: str) -> run.SceneRes
 
 
 def _study(options: Namespace) -> int:
-    """`antiosc run`, `sweep`, `map`, …: compute, print and write."""
+    """Run `antiosc run`, `sweep`, `map` or `monte-carlo`; returns the exit code."""
     document = read(options.file)
     scene = of_study(document, options.command)
     page = _page(options)

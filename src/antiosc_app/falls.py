@@ -33,7 +33,7 @@ NUMBERS = (
 
 
 def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
-    """The page's data of a fall, the same on every rank; `worst` colours the part."""
+    """The data of a fall for the page, the same on every rank; `worst`: stress that colours it."""
     points, faces = _surface(fall)
     ends = [0.0, *(impact.time for impact in fall.impacts), fall.end.time]
     frames = max(2, min(OF_FLIGHT, FRAMES // len(ends)))
@@ -60,7 +60,9 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
 
 
 def _surface(fall: Fall) -> tuple[Array, IntArray]:
-    """Points (P, 3) relative to the centre of mass and triangles (T, 3), the same on all ranks."""
+    """The part's surface, the same on all ranks: points (P, 3) [m] from the centre of mass, and
+    triangles (T, 3).
+    """
     structure = fall.body.structure
     if structure is None:
         return surface_of(fall.body)
@@ -77,7 +79,7 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
 
 
 def _impact(fall: Fall, k: int, times: Array) -> Data:
-    """The page's data of an impact: its numbers, its place above the floor, its force over time."""
+    """The data of impact `k` for the page; `times` [s] are those of the page's frames."""
     impact = fall.impacts[k]
     body = fall.body
     touch = at(fall, fall.impacts[k].time)
@@ -102,7 +104,7 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
 
 
 def sentences_of_fall(fall: Fall, worst: WorstField | None) -> list[str]:
-    """How the answers of a fall were found."""
+    """Sentences that explain the results of a fall: height, stress, contact, how it ended."""
     height = engineering(fall.setting.height, "m")
     about = f"A part of {engineering(fall.body.mass, 'kg')} falls from {height}"
     told = [about, fall.flat]
@@ -114,7 +116,7 @@ def sentences_of_fall(fall: Fall, worst: WorstField | None) -> list[str]:
 
 
 def caution_of_fall(fall: Fall) -> str:
-    """What must be read before the numbers: the bar of the hardest impact is missing or wide."""
+    """Sentence if the force of the hardest impact has no error bar or a wide one; else ""."""
     if fall.hardest is None:
         return ""
     if reason := fall.no_bar(fall.hardest):

@@ -1,4 +1,4 @@
-"""FMUs, and a run as one C99 file: its numbers, the library that runs it, and its sources.
+"""Writes an exported run as an FMU or as one C99 file.
 
 FMI 2.0.4 and 3.0.1 for co-simulation, https://fmi-standard.org.
 """
@@ -44,7 +44,7 @@ UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
 
 
 def write_fmu(path: Path, data: RunData, *, fmi: int) -> None:
-    """Write the FMU of a run for version 2 or 3 of the standard."""
+    """Write a run as an FMU for version `fmi` (2 or 3) of the standard."""
     name = identifier(path.stem)
     with atomic_archive(path, "the FMU") as archive:
         _add(archive, "modelDescription.xml", _text(_description(name, path.stem, data, fmi)))
@@ -69,14 +69,14 @@ C_WORDS = frozenset(
 
 
 def identifier(text: str) -> str:
-    """A text as an identifier of C."""
+    """A valid identifier of C made from a text: "top plate" -> "top_plate"."""
     name = re.sub(r"\W", "_", text, flags=re.ASCII)
     invalid = name in C_WORDS or not name[:1].isalpha()
     return f"model_{name}" if invalid else name
 
 
 def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
-    """Add a file to an archive."""
+    """Add a file to an archive, with a fixed date, so that equal runs make equal archives."""
     entry = zipfile.ZipInfo(name, _DATE)
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.external_attr = 0o644 << 16
@@ -100,7 +100,7 @@ def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
 
 
 def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
-    """The XML of modelDescription.xml; versions 2 and 3 differ in nesting and attributes."""
+    """The content of modelDescription.xml; `name` is an identifier, `title` the file's stem."""
     is_fmi2 = fmi == 2
     attributes = {
         "fmiVersion": f"{fmi}.0",
@@ -148,7 +148,7 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
 
 
 def _add_variables(root: ET.Element, data: RunData, is_fmi2: bool) -> None:
-    """Add the variables; of version 3 time, too: masters ask for a start value of what is there."""
+    """Add <ModelVariables>; FMI 3 needs the time among them."""
     variables = ET.SubElement(root, "ModelVariables")
     if not is_fmi2:
         time = {"name": "time", "valueReference": "0", "causality": "independent"}
@@ -187,7 +187,7 @@ def _build_description(name: str) -> ET.Element:
 
 
 def sources() -> dict[str, str]:
-    """Path -> text of the C sources."""
+    """The C sources: path below csrc -> text."""
     for folder in (_PACKAGE / "csrc", library.SOURCE):
         files = sorted([*folder.glob("*.[ch]"), *folder.glob("export/*.[ch]")])
         if files:
@@ -196,7 +196,7 @@ def sources() -> dict[str, str]:
 
 
 def binaries() -> dict[str, bytes]:
-    """Platform -> library: the one in use, and those that were built for other platforms."""
+    """Platform -> content of its compiled library: this one, and those built for others."""
     libraries = {library.platform(): library.FILE.read_bytes()}
     sources = library.library.aom_source_hash()
     for name, (_, ending) in PLATFORMS.items():
@@ -268,7 +268,7 @@ def write_c(path: Path, data: RunData) -> None:
 
 
 def text(title: str, data: RunData) -> str:
-    """The C file of a run as text."""
+    """The text of the C file of a run; its names begin with `title` as an identifier."""
     code = _sources()
     name = identifier(title)
     if re.search(rf"\b{name}\b", re.sub(r"/\*.*?\*/", "", code + _MAIN, flags=re.DOTALL)):
@@ -302,19 +302,19 @@ def text(title: str, data: RunData) -> str:
 
 
 def _sources() -> str:
-    """The C sources of a run as one text, without #include lines of their own files."""
+    """The C sources that a run needs as one text, without includes of each other."""
     texts = sources()
     parts = [_OWN_INCLUDE.sub("", texts[file]) for file in _NEEDED]
     return _NOT_OF_A_RUN.sub("", "".join(parts))
 
 
 def _in_comment(text: str) -> str:
-    """A text with comment marks of C broken up."""
+    """A text for a comment of C, with a space in "*/" and "/*"."""
     return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", text)
 
 
 def _numbers(name: str, data: RunData) -> str:
-    """C text of the numbers as constant arrays, and of the model that points to them."""
+    """C definition of the model `name`, and of the constant arrays to which it points."""
     arrays = data.arrays()
     array_names = [part for part in arrays if part not in ("options", "contacts")]
     absent = [] if data.system.laws else ["law_parameters"]
@@ -355,14 +355,14 @@ def _numbers(name: str, data: RunData) -> str:
 
 
 def _array(name: str, values: np.ndarray) -> str:
-    """C text of a constant array."""
+    """C definition of the constant array `name`."""
     rows = [", ".join(_number(x) for x in values[k : k + 4]) for k in range(0, len(values), 4)]
     body = ",\n    ".join(rows) or "0.0"
     return f"static const double {name}[] = {{\n    {body}\n}};"
 
 
 def _number(x: float) -> str:
-    """A number as C source text."""
+    """A number as an exact C literal: hexadecimal unless it is whole."""
     value = float(x)
     if value == float("inf"):
         return "INFINITY"

@@ -1,4 +1,4 @@
-"""Inspection of the file of a part: what a new scene and the page begin with."""
+"""Inspects the file of a part: guesses what a new scene, or the page, begins with."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ DOFS_FOR_EACH = 4
 
 
 def check_size(path: Path) -> None:
-    """AntioscError for a file that is too large to be looked at."""
+    """Raise AntioscError for a file that is too large to be inspected."""
     if path.stat().st_size > LARGEST:
         raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB.")
 
@@ -46,7 +46,12 @@ def inspect_part(
     contact: str | None = None,
     whole: Inspection | None = None,
 ) -> Inspection:
-    """Read or mesh the file of a part and inspect it, or one of its pieces."""
+    """Read or mesh the file of a part and inspect it.
+
+    `free`: without a deck's supports; `unit`, `size` [m] of cells: None to guess them; `piece`: the
+    rank of the piece that is read alone; `contact` of a deck: "tied" or "apart"; `whole`: the
+    inspection of the whole part, if there is one already.
+    """
     check_size(path)
     options = free, unit, size, contact
     if piece is None:
@@ -67,7 +72,7 @@ def inspect_part(
 
 
 def _require_piece(path: Path, piece: int, pieces: Sequence[Piece]) -> None:
-    """InputError unless a file has a piece of this rank."""
+    """Raise InputError unless `pieces` has the rank `piece`, counted from 1."""
     if not 0 < piece <= len(pieces):
         count = f"{len(pieces)} pieces" if pieces else "one piece alone"
         raise InputError(f"{path.name} has {count}: no piece {piece}.")
@@ -84,7 +89,10 @@ def inspect_structure(part: Structure) -> Inspection:
 def _inspected(
     mesh: Mesh, read: Read, structure: Structure | None, meshed: bool = False
 ) -> Inspection:
-    """Inspect a mesh; `structure`: that of a deck with its supports; `meshed`: of a geometry."""
+    """Inspect a mesh; `read`: the arguments of its reader.
+
+    `structure`: that of a deck; `meshed`: whether the mesh was made here from a geometry.
+    """
     from antiosc.extension import Faces, longest_cell, measure, usual_cell
     from antiosc.fem.platform import compat
 
@@ -142,7 +150,7 @@ def _inspected(
 
 
 def _place(mesh: Mesh, outer: Faces, supported: BoolArray) -> Place:
-    """Where a mesh is struck."""
+    """Guess the place at which a mesh is struck; `supported`: mask (N,) of the fixed nodes."""
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
@@ -155,7 +163,7 @@ def _place(mesh: Mesh, outer: Faces, supported: BoolArray) -> Place:
 
 
 def _has_bars(structure: Structure) -> bool:
-    """Whether `extract(…, error="estimate")` takes the structure of a deck."""
+    """Whether `extract(…, error="estimate")` accepts the structure."""
     from antiosc.extension import ModelErrors, refuse_dampers
 
     try:
@@ -170,7 +178,7 @@ def _has_bars(structure: Structure) -> bool:
 def _flat(
     mesh: Mesh, outer: Faces, structure: Structure | None, place: Place
 ) -> tuple[float, float] | None:
-    """(modulus [Pa], Poisson's ratio) of a flat face if the surface at a site is unknown."""
+    """(E [Pa], nu) for contact with a flat face; None if the surface at the site is known."""
     from antiosc.extension import curvature
     from antiosc.reduce.site.surface import material_at, surface_at
 

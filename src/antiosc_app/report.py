@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
-    """The folder of the results, created if it is missing."""
+    """Create the folder of the results if it is missing; returns its path."""
     target = checks.path("--out", path)
     try:
         target.mkdir(parents=True, exist_ok=True)
@@ -71,7 +71,7 @@ def folder(path: str | os.PathLike[str]) -> Path:
 
 
 def write_table(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
-    """Write a CSV file whose first line has names and units; complete or absent."""
+    """Write columns (heading with unit -> values) as a CSV file; after an error there is none."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(map(files.table_text, columns))
@@ -92,7 +92,7 @@ def _cell(value: object) -> object:
 
 
 def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
-    """A JSON file; NaN and infinity become null."""
+    """Write numbers as a JSON file, NaN and infinity as null; returns its path."""
     header = {"antiosc": info.version(), "units": "SI"}
     text = json.dumps(live.plain({**header, **content}), indent=1, allow_nan=False)
     files.write_text(path, text + "\n", "the numbers")
@@ -100,7 +100,10 @@ def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
 
 
 def write_output(results: SceneResults, parts: Sequence[Presentation], target: Path) -> list[Path]:
-    """Write the files that the scene requests, on the first rank; returns their paths."""
+    """Write the files that [output] requests to the folder `target`; returns their paths.
+
+    All ranks must call it; the first one writes.
+    """
     output_call = results.compiled.output
     output = Output() if output_call is None else output_call.made
     written: list[Path] = []
@@ -153,7 +156,7 @@ STILLS = ("Deformed structure", "Map")
 
 
 def checked(path: str) -> Path:
-    """The path of a report; InputError if it cannot be written, before anything is computed."""
+    """The path of a report; InputError if it is not named .html or its folder is missing."""
     target = checks.path("--report", path)
     if target.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"a report is a file named .html; got {checks.shown(path)}.")
@@ -208,7 +211,7 @@ def results_of(scene: CompiledScene, compared: Tradeoff) -> SceneResults:
 
 
 def _results_of(reported: Any, structure: Structure | None, title: str) -> SceneResults:
-    """The results that the page of one result shows, with the stresses of its part."""
+    """The results that the report of a history, map, fall or trade-off shows, with stresses."""
     compared: Any = reported if hasattr(reported, "front") else None
     reported = reported if compared is None else compared.hit
     checks.instance(
@@ -240,7 +243,7 @@ def _results_of(reported: Any, structure: Structure | None, title: str) -> Scene
 
 
 def write_page(results: SceneResults, parts: Sequence[Presentation], path: Path) -> list[Path]:
-    """Write the report on the first rank, complete or absent; returns its path in a list.
+    """Write the report on the first rank; returns its path in a list; after an error there is none.
 
     Every rank must call it, since fields and dimensions of a structure are distributed.
     """
@@ -250,7 +253,7 @@ def write_page(results: SceneResults, parts: Sequence[Presentation], path: Path)
 
 
 def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
-    """The HTML text of the page."""
+    """The HTML text of a report; `parts`: the presentations of `results`, the model first."""
     data = _live(results)
     model, *parts = parts
     told = cautions(" ".join(part.caution for part in parts if part.caution), results.warnings)
@@ -298,7 +301,7 @@ def _uncommented(scene: str) -> str:
 
 
 def _live(results: SceneResults) -> Data | None:
-    """The data of the live page; None for scenes and sweeps."""
+    """The data from which the page repeats an impact, a map or a fall; None for other results."""
     fall, hit = results.fall, results.history
     if fall is not None:
         from antiosc_app import falls  # it may need the finite-element packages
@@ -313,7 +316,7 @@ def _live(results: SceneResults) -> Data | None:
 
 
 def rendered(template: Path, **content: object) -> str:
-    """The text of a template; in HTML all content is escaped."""
+    """The text of the jinja2 template with `content` inserted, escaped if it is HTML."""
     try:
         with loading():
             jinja2 = importlib.import_module("jinja2")
@@ -338,5 +341,5 @@ def rendered(template: Path, **content: object) -> str:
 
 
 def _zipped(columns: Iterable[Iterable[object]]) -> Iterator[tuple[object, ...]]:
-    """Yield rows from columns."""
+    """The rows of a table of columns of equal length."""
     return zip(*columns, strict=True)

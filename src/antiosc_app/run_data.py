@@ -1,4 +1,4 @@
-"""The data of an exported run: the numbers of `export/antiosc_model.h`, and their names."""
+"""The numbers of an exported run as `csrc/export/antiosc_model.h` needs them, with names."""
 
 from __future__ import annotations
 
@@ -65,8 +65,10 @@ class Variable:
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """A run for `csrc/export/antiosc_model.h`; `system` has its bodies and contacts, for a port
-    (`input_variables`) no contact, and one row for each site.
+    """A run for `csrc/export/antiosc_model.h`.
+
+    `system` has the bodies and contacts. A run with `input_variables` (a model alone) has no
+    contacts, and one row of the system for each site.
     """
 
     system: System
@@ -112,7 +114,9 @@ class RunData:
         ]
 
     def integers(self) -> NDArray[np.int32]:
-        """Kind, number of parameters and tangential rows of each contact; then the outputs."""
+        """Law's kind, number of parameters, first and number of tangential rows of each contact;
+        then (kind, index) of each output.
+        """
         contacts = [
             (c.law.kind, c.law.n_params, c.first_tangential, c.n_tangential)
             for c in self.given.contacts
@@ -121,7 +125,7 @@ class RunData:
         return np.array(flat, dtype=np.int32)
 
     def arrays(self) -> dict[str, Array]:
-        """All numbers by name, in the order of the model file."""
+        """Name -> flat array of numbers, in the order of the model file."""
         s = self.system
         contacts = [[getattr(c, name) for name in OF_CONTACTS] for c in self.given.contacts]
         laws = [values for _, values in self.given.laws]
@@ -151,7 +155,7 @@ class RunData:
 
     @property
     def memory(self) -> int:
-        """Bytes that a run needs on a 64-bit machine, which is the most."""
+        """Bytes of memory that a run needs on a 64-bit machine; on others it needs no more."""
         arrays = [
             np.ascontiguousarray(array, dtype=float)
             for array in (self.site_modes, self.site_forces, self.site_shifts, self.starts)
@@ -213,7 +217,10 @@ def model_run(model: LinearBody) -> RunData:
 
 
 def scene_run(scene: SceneParts, duration: float | None, tol: float, without_body: bool) -> RunData:
-    """Data of a scene's run; `without_body`: names of results lack the body, as in `simulate`."""
+    """Data of a scene's run; `duration` [s] or None for one until the bodies part.
+
+    `without_body`: results of a single impact are named without the body.
+    """
     for contact in scene.contacts:
         if not is_compiled(contact.law):
             raise InputError(
@@ -281,7 +288,7 @@ def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
 
 
 def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
-    """Names of a body's columns with a trailing dot, as "tip.", "tip.1."; "" for a single one."""
+    """Prefixes of the outputs of a body's columns, as "tip.", "tip.1."; "" without any name."""
     names = [""] * body.B.shape[1]
     for site, columns in body.sites.items():
         for k, column in enumerate(columns):
@@ -291,7 +298,7 @@ def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
 
 
 def _sites(assembly: Assembly, without_body: bool) -> tuple[list[str], Array, list[int]]:
-    """Names of all sites' columns, their modes (S, J), and the columns."""
+    """(names, modes (S, J), indices) of the columns of all sites; obstacles have none."""
     names: list[str] = []
     columns: list[int] = []
     for name, body in assembly.bodies.items():
@@ -307,7 +314,7 @@ def _sites(assembly: Assembly, without_body: bool) -> tuple[list[str], Array, li
 def _contact_outputs(
     contacts: Sequence[tuple[str, str]], without_body: bool
 ) -> tuple[NDArray[np.int32], list[Variable]]:
-    """Output specifications and variables of contacts."""
+    """((kind, index) of each output, variables) of contacts between named `contacts` ends."""
     variables = []
     for a, b in contacts:
         for name, unit in OF_CONTACT.values():
@@ -318,7 +325,7 @@ def _contact_outputs(
 
 
 def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variable]]:
-    """Output specifications and variables of sites."""
+    """((kind, index) of each output, variables) of sites; `names`: prefixes of the variables."""
     variables = []
     for prefix in names:
         place = f"the {prefix.rstrip('._')}" if prefix else "the site"
@@ -328,13 +335,13 @@ def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variabl
 
 
 def _specs(kinds: Mapping[int, object], count: int) -> NDArray[np.int32]:
-    """(kind, index) of each output of all contacts or sites."""
+    """(kind, index) (count * len(kinds), 2) of the outputs of `count` contacts or sites."""
     specs = [(kind, i) for i in range(count) for kind in kinds]
     return np.array(specs, dtype=np.int32).reshape(-1, 2)
 
 
 def _initial_speeds(assembly: Assembly, without_body: bool) -> tuple[list[Variable], Array]:
-    """Initial speeds of strikers that can be changed, and their modal velocities (N, J)."""
+    """Initial speeds [m/s] of strikers as parameters, and modal velocities (N, J) at 1 m/s."""
     variables: list[Variable] = []
     rows = []
     for name, body in assembly.bodies.items():

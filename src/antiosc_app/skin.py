@@ -24,8 +24,10 @@ Held: TypeAlias = Mapping[str, Any]
 
 
 class PageSkin(NamedTuple):
-    """Points and triangles of a part: `tags` (T,) of its data number the faces from 1, 0 for none;
-    `sets` are the triangles of each face, and `nodes` the points of each edge of a sheet.
+    """Surface of a part, and its faces that can be fixed.
+
+    `data` has points and triangles; `tags` (T,): the number of each triangle's face from 1, or 0;
+    `sets`: the triangles of each face; `nodes`: the points of each edge of a sheet.
     """
 
     data: Data
@@ -34,7 +36,7 @@ class PageSkin(NamedTuple):
 
 
 def skin(structure: Structure, look: Inspection) -> PageSkin:
-    """The skin of a part."""
+    """The surface of a structure and its faces; `look`: the inspection of its part."""
     members = with_parts(structure).members()
     mesh = members[0].part.mesh
     if len(members) > 1 or mesh.tdim == 1:
@@ -87,7 +89,10 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
 
 
 def places(shape: Data, names: Sequence[str]) -> dict[str, str]:
-    """Where faces lie, by their names: "x = 95 mm" of one across an axis, else its middle in mm."""
+    """Name of a face -> its place: "x = 95 mm" if it is normal to an axis, else its middle [mm].
+
+    `shape`: the data of the skin; `names`: those of its faces, in order.
+    """
     size = 1e3 * shape["half"]
     step = size / STEPS
     corners = shape["points"].reshape(-1, 3) * step + 1e3 * np.array(shape["middle"])
@@ -106,7 +111,7 @@ def places(shape: Data, names: Sequence[str]) -> dict[str, str]:
 
 
 def _line_nodes(mesh: Mesh, held: Held) -> IntArray:
-    """Nodes of the edges or points of a sheet that a support fixes; none where it fixes cells."""
+    """Nodes of a sheet on the edges or points that a support fixes; none if it fixes cells."""
     from antiosc.fem.platform import compat
 
     parts = mesh.group(held["where"]) if "where" in held else {}
@@ -117,7 +122,7 @@ def _line_nodes(mesh: Mesh, held: Held) -> IntArray:
 
 
 def _groups(mesh: Mesh) -> dict[str, Held]:
-    """The groups that can be fixed (faces, edges and points), the largest first."""
+    """Name -> support of each group of faces, edges or points, the largest first."""
     size = {
         name: sum(len(entities) for dim, entities in parts.items() if dim == max(parts))
         for name, parts in mesh.groups.items()
@@ -127,7 +132,7 @@ def _groups(mesh: Mesh) -> dict[str, Held]:
 
 
 def _is_side(mesh: Mesh, name: str) -> bool:
-    """Whether edges of a sheet lie at this side of its box, which the file does not name."""
+    """Whether a sheet has edges at the side `name` of its box, and no group of this name."""
     try:
         return name not in mesh.groups and bool(len(mesh.group(name)[mesh.tdim - 1]))
     except InputError:
@@ -135,7 +140,10 @@ def _is_side(mesh: Mesh, name: str) -> bool:
 
 
 def _beside(outer: Faces, parts: Mapping[int, IntArray]) -> BoolArray:
-    """Mask of the cells of a sheet that are in a group, or have an edge or a node of it."""
+    """Mask of the cells of a sheet that belong to a group or touch it.
+
+    `parts`: dimension -> entities of the group.
+    """
     from antiosc.fem.platform import compat
 
     mesh = outer.mesh
@@ -146,7 +154,7 @@ def _beside(outer: Faces, parts: Mapping[int, IntArray]) -> BoolArray:
 
 
 def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Held], list[str]]:
-    """(faces with the plane at which a new scene supports the part, names of the fixed ones)."""
+    """(`faces` with the guessed supporting plane, names of the faces that a new scene fixes)."""
     if look.of_deck:  # which has supports of its own
         return faces, []
     if look.where:
@@ -158,7 +166,7 @@ def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Hel
 
 
 def _plane_name(look: Inspection) -> str:
-    """Name of the plane at which a new scene supports a part without named groups: its side."""
+    """Name of the guessed supporting plane, as "side -z of the box, below"."""
     point, normal = np.array(look.plane)
     axis = int(np.abs(normal).argmax())
     is_low = point[axis] < (look.low[axis] + look.high[axis]) / 2
@@ -175,7 +183,10 @@ def _faces_on(outer: Faces, plane: Sequence[Sequence[float]] | None, size: float
 
 
 def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[str, Held]:
-    """The flat sides among faces without a name; sets their `owner`."""
+    """Name -> support of each flat side among the faces without a name.
+
+    It sets `owner`, the number of each face's group, to `names` (the number of groups) + 1, ….
+    """
     x = mesh.dolfinx.geometry.x
     size = mesh.extent()
     sides: dict[str, Held] = {}
@@ -194,6 +205,6 @@ def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[s
 
 
 def _on_plane(corners: Array, point: Array, normal: Array, size: float) -> BoolArray:
-    """Mask of faces (F, v, 3) on a plane."""
+    """Mask (F,) of the faces with corners (F, v, 3) on a plane; `size` [m]: that of the part."""
     distance = np.abs((corners - point) @ normal).max(axis=1)
     return np.asarray(distance < ON_PLANE * size)
