@@ -98,7 +98,7 @@ def dent_of(hit: History) -> float | None:
 
 
 def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> Card:
-    """Whether the part breaks, by the margin of largest exposure within its bar, and the dent's depth [m].
+    """Whether the part breaks, by its largest exposure within error bars and the dent's depth [m].
 
     `has_bar`: whether the force has an error bar. A stress whose bar reaches the strength because
     of coarse cells decides nothing: the answer then asks for finer cells.

@@ -1,4 +1,4 @@
-"""What is said of a result in sentences, and the error bars of its force and its stress."""
+"""Sentences and cautions on a result, and the error bars of its force and stress."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ REMEDIES: dict[str, str] = {
 def sentences_of_history(
     hit: History, budget: ErrorBudget | None, fields: Mapping[str, PeakField]
 ) -> list[str]:
-    """How the answers of an impact were found; `fields`: its `PeakField`s by quantity."""
+    """Sentences that explain the results of an impact; `fields`: quantity -> its `PeakField`."""
     footnote = "" if budget is None else budget.footnote
     stress = stress_sentences(fields, force_bar(budget))
     told = [hit.verdict, *stress, largest_share(budget), footnote, hit.explanation]
@@ -42,7 +42,7 @@ def sentences_of_history(
 
 
 def sentences_of_map(impact_map: ImpactMap) -> list[str]:
-    """The hardest blow of a map, the one that stresses the part most, and the softest place."""
+    """Sentences on the sites of a map with the largest force, largest stress, lowest stiffness."""
     sentences = []
     points = impact_map.points
 
@@ -73,13 +73,13 @@ def sentences_of_map(impact_map: ImpactMap) -> list[str]:
 
 
 def caution_of_map(impact_map: ImpactMap) -> str:
-    """What is told of the doubtful sites of a map, and of models of too low a band."""
+    """Text on doubtful sites of a map and on blows beyond its models' frequencies; or ""."""
     sentences = (left_out_text(impact_map), low_band(impact_map))
     return " ".join(capitalised(sentence) for sentence in sentences if sentence)
 
 
 def caution_of(hit: History, budget: ErrorBudget | None) -> str:
-    """What must be read before the numbers of an impact."""
+    """Text that must be read before the numbers of an impact; "" if nothing questions them."""
     cautions = []
     if not isinstance(hit, SceneHistory):
         cautions += [hit.assembly.hopeless, piercing(hit.model, hit.impactor), hit.unfinished]
@@ -98,7 +98,7 @@ def _sentence(text: str) -> str:
 
 
 def largest_share(budget: ErrorBudget | None) -> str:
-    """Sentence on the cause of most of the bar of the force, and what reduces it."""
+    """Sentence on the largest cause of the force's error bar, and what reduces it; or ""."""
     if budget is None:
         return ""
     bar = budget["peak_force"]
@@ -110,11 +110,11 @@ def largest_share(budget: ErrorBudget | None) -> str:
 
 
 class Numerical(float):
-    """A relative error of a force without that of the contact's law, which is not known."""
+    """A relative error of a force that lacks the contact law's share, which is not known."""
 
 
 def force_bar(budget: ErrorBudget | None) -> float | None:
-    """Relative error of the largest force; None if that by the mesh is not known."""
+    """Relative error of the peak force; None if the mesh's share of it is not known."""
     if budget is None or "mesh" in budget.unknown:
         return None
     bar = budget["peak_force"]
@@ -122,7 +122,7 @@ def force_bar(budget: ErrorBudget | None) -> float | None:
 
 
 def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> list[str]:
-    """The verdicts on strengths, in which the relative error of the force counts, with bars."""
+    """A sentence on the largest value of each stress field; `force`: the force's relative error."""
     sentences = []
     for name, peak in fields.items():
         if peak.worst_point is None:
@@ -138,12 +138,12 @@ def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> li
 
 
 def with_force(worst: Margin, force: float | None) -> Margin:
-    """The worst point of a stress with the relative error of the force."""
+    """The margin with the relative error of the force, 0 for None, in its bar."""
     return replace(worst, force_error=force or 0.0)
 
 
 def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | None:
-    """How far the judged stress may lie below and above, over itself, by mesh, patch and force."""
+    """(below, above): relative error bar of the judged stress; None if it is not known."""
     worst = peak.worst_point
     if force is None or worst is None or not worst.is_stress or not worst.has_bar:
         return None
@@ -154,7 +154,7 @@ def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | No
 
 
 def largest_stress(fields: Mapping[str, PeakField]) -> dict[str, Any]:
-    """The von Mises stress [Pa] nearest to yield, for the page; {} where none was sought."""
+    """Value [Pa], time [s] and place [m] of the judged stress, for the page; {} without one."""
     margins = [peak.worst_point for peak in fields.values()]
     worst = next(
         (

@@ -1,4 +1,4 @@
-"""The result of inspecting a part: its sizes, what is taken of it, and the words that tell it."""
+"""The result of inspecting a part: its sizes, the assumptions for a scene, and their texts."""
 
 from __future__ import annotations
 
@@ -77,38 +77,38 @@ class Inspection:
 
     @property
     def of_deck(self) -> bool:
-        """Whether supports and materials are those of a deck."""
+        """Whether the part is a deck, which has supports and materials."""
         return self.structure is not None
 
     @property
     def length(self) -> float:
-        """The longest side of the box."""
+        """The longest side [m] of the part's box."""
         return float((self.high - self.low).max())
 
     @property
     def size(self) -> float:
-        """The size that is asked of its cells, or the largest length of a cell of its file [m]."""
+        """Cell size [m] that was asked for, else the longest cell of the file."""
         return float(self.read.get("size", self.largest))
 
     @property
     def divides(self) -> bool:
-        """Whether the cells of a mesh become smaller around a point: no solids, no deck."""
+        """Whether cells of a finished mesh can be divided around a point: no solids, no decks."""
         return not self.meshed and self.family != "Solid" and not self.of_deck
 
     @property
     def thickness(self) -> float:
-        """Guessed thickness of a sheet, or diameter of a bar."""
+        """Guessed thickness [m] of a sheet, or diameter of a bar."""
         ratio = DIAMETER_RATIO if self.family == "Beam" else THICKNESS_RATIO
         return float(f"{ratio * self.length:.1g}")
 
     @property
     def free_deck(self) -> bool:
-        """Whether a deck holds its part nowhere."""
+        """Whether the part is a deck without supports."""
         return self.structure is not None and self.structure.rigid_modes.shape[1] == RIGID
 
     @property
     def mass(self) -> float:
-        """Mass [kg] of the part with its materials, or with the guessed ones."""
+        """Mass [kg] of the part, with a guessed material and thickness unless a deck has them."""
         if self.structure is not None:
             return self.structure.mass
         across = {"Solid": 1.0, "Shell": self.thickness, "Beam": pi / 4 * self.thickness**2}
@@ -116,19 +116,19 @@ class Inspection:
 
     @property
     def ball(self) -> float:
-        """Radius [m] of the striking ball."""
+        """Guessed radius [m] of the striking ball."""
         from antiosc.extension import usual_ball
 
         return usual_ball(self.length)
 
     def heaviest_striker(self, mass: float) -> float:
-        """A mass [kg], or the largest one beside the part's, to two digits."""
+        """The smaller one of `mass` and the largest mass [kg] for which linear theory holds."""
         heaviest = HEAVIEST * self.mass
         return min(mass, rounded_down(heaviest)) if heaviest > 0 else mass
 
     @property
     def stiffness(self) -> float | None:
-        """Hertz's stiffness [N/m^1.5] of the ball on a flat face; None if the surface is known."""
+        """Hertz's stiffness [N/m^1.5] of the ball on a flat face; None if curvatures are known."""
         if self.flat is None:
             return None
         ball = Sphere(radius=self.ball, **STEEL, velocity=1.0)
@@ -138,22 +138,22 @@ class Inspection:
 
     @property
     def cells(self) -> str:
-        """The number and kind of its cells."""
+        """Text of the number and kind of cells."""
         return f"{self.n_cells} cells of kind {self.shape}"
 
     def sentences(self, name: str, drop: bool = False) -> list[str]:
-        """Text lines for the terminal; without the impact if the part is dropped."""
+        """Lines for the terminal on the part `name`; `drop`: of a fall in place of an impact."""
         first = f"{name}: {self.cells}, {self.sides_text()}; groups: {listed(self.groups)}."
         return [first, *self.notes, "taken, and what changes it:", *aligned(self.taken(drop))]
 
     def sides_text(self) -> str:
-        """The sides of the part's box, of a sheet those that are not 0."""
+        """Text of the sides [mm] of the part's box, without those that are 0."""
         sides = self.high - self.low
         sides = sides[sides > SAME_PLACE * self.length]
         return " × ".join(_in_mm(side) for side in sides) + " mm"
 
     def unit_text(self) -> str:
-        """The unit of the file and why it is taken."""
+        """Text of the unit of the file and the reason for it."""
         unit = str(self.read["unit"])
         if self.of_deck and not self.inferred:
             return unit
@@ -161,7 +161,7 @@ class Inspection:
         return f"{unit}, by {why}: the file states none"
 
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
-        """What is taken: (name, value, key of the scene that changes it)."""
+        """Assumptions as rows (name, value, key of the scene that changes it)."""
         section = "[deck]" if self.of_deck else "[geometry]"
         rows = []
         if "unit" in self.read:
@@ -212,7 +212,7 @@ class Inspection:
         ]
 
     def _held(self) -> str:
-        """Text of the support."""
+        """Text that says where the part is held."""
         if self.of_deck and not self.free_deck:
             return "as in the deck"
         if self.where:
@@ -226,7 +226,7 @@ class Inspection:
 
 
 def _in_mm(length: float) -> str:
-    """A length [m] in millimetres, with four digits or those before its point."""
+    """Text of a length [m] in millimetres, to four digits."""
     text = np.format_float_positional(1e3 * length, 4, unique=False, fractional=False, trim="-")
     return str(text)
 
@@ -238,5 +238,5 @@ def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
 
 
 def rounded_to(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
-    """Numbers rounded to a hundred-thousandth of a size."""
+    """Numbers rounded to about 1e-5 of `size`."""
     return [float(c) + 0.0 for c in np.round(values, 5 - floor(log10(size)))]

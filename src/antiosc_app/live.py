@@ -44,7 +44,7 @@ KINDS = {"<f8": "f8", "<f4": "f4", "<i2": "i2", "<u4": "u4", "|u1": "u1"}
 
 
 def script(begin: str = REPORT) -> str:
-    """The whole program of a page."""
+    """The JavaScript of a page; `begin`: its starting script, REPORT or OPEN."""
     text = "\n".join((FOLDER / f"{name}.js").read_text("utf-8") for name in (*SCRIPTS, begin))
     return f'(() => {{\n"use strict";\n{text}}})();\n'
 
@@ -55,12 +55,12 @@ def style() -> str:
 
 
 def engine() -> bytes:
-    """The march compiled to WebAssembly (by packaging/library.py --page)."""
+    """The C library compiled to WebAssembly (by packaging/library.py --page)."""
     return (FOLDER / "engine.wasm").read_bytes()
 
 
 def policy(program: str) -> str:
-    """The Content-Security-Policy: only this program runs, and nothing is fetched."""
+    """The Content-Security-Policy that lets only the JavaScript `program` run, without network."""
     digest = base64.b64encode(hashlib.sha256(program.encode()).digest()).decode("ascii")
     scripts = f"script-src 'sha256-{digest}' 'wasm-unsafe-eval'"
     return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; {scripts}"
@@ -96,7 +96,7 @@ def plain(value: object, of_array: Callable[[Array], object] = np.ndarray.tolist
 
 
 def _packed(values: Array) -> Data:
-    """An array as base64 text with its type."""
+    """An array as {"$": type, "of": base64}, which data.js decodes."""
     values_in_order = np.ascontiguousarray(values)
     values_in_order = values_in_order.astype(values_in_order.dtype.newbyteorder("<"))
     text = base64.b64encode(values_in_order.tobytes()).decode("ascii")
@@ -114,9 +114,9 @@ CURVE = 2000
 def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     """The impact as data for the page; None if the page cannot repeat it.
 
-    It repeats impacts of `simulate` and `strike` with one contact by a built-in law, open at the
-    start, constant loads, no dampers that couple modes, and a striker that does not stretch.
-    `bars`: its error budget, or None.
+    The page repeats impacts of `simulate` and `strike` with one contact by a built-in law, open at
+    the start, constant loads, no dampers that couple modes, and a striker that does not stretch.
+    `bars`: the error budget of the impact, or None.
     """
     if not isinstance(hit, History) or isinstance(hit, SceneHistory):
         return None
@@ -148,7 +148,10 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
 
 
 def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
-    """Data that do not depend on the site: the law, the striker, and the slider positions."""
+    """Data for the page that do not depend on the site: law, striker, positions of sliders.
+
+    `striker`: `modal_data` of `impactor`; `speed` [m/s]: that of approach.
+    """
     assert isinstance(law, Compiled)
     values = law.parameters()
     rigid = striker["omega"].size == 1 and striker["omega"][0] == 0
@@ -171,7 +174,7 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
 
 
 def finite_parameters(law: ContactLaw) -> list[float]:
-    """Parameters of a law as JSON numbers: the infinite range of Hertz's law is left out."""
+    """The finite parameters of a law, as JSON has no infinity (Hertz's law may have one)."""
     assert isinstance(law, Compiled)
     return [value for value in law.parameters() if np.isfinite(value)]
 
@@ -179,7 +182,11 @@ def finite_parameters(law: ContactLaw) -> list[float]:
 def modal_data(
     body: ModalBody, start: Array | None = None, load: Array | None = None, local: float = 0.0
 ) -> Data:
-    """A body in free modes as data for `pose` of engine.js."""
+    """A body's free modes as data for `pose` of engine.js.
+
+    `start`: modal velocities (J,) [m/s]; `load`: modal loads (J,) [N]; both 0 by default; `local`:
+    local compliance [m/N] beside that of the modes.
+    """
     zeros = np.zeros(body.omega.size)
     return {
         "omega": body.omega,
@@ -194,7 +201,7 @@ def modal_data(
 
 
 def _stretch(hit: History) -> Data | None:
-    """Rows of the part's stretching, its modes as rows, and the tensors; None if it is linear."""
+    """Second-order forces of the structure as flat arrays for the page; None if it is linear."""
     stretching = hit.assembly.stretched.get("structure")
     system = hit.assembly.system
     if stretching is None:
@@ -210,7 +217,7 @@ def _stretch(hit: History) -> Data | None:
 
 
 def _ratio(model: LinearBody) -> float | None:
-    """The damping ratio if all modes have the same and no other damping; else None."""
+    """The damping ratio if all modes have the same, 0 without damping; else None."""
     damping = getattr(model, "damping", None)
     if damping is None:
         return 0.0
@@ -220,7 +227,7 @@ def _ratio(model: LinearBody) -> float | None:
 
 
 def _computed(hit: History, budget: ErrorBudget | None) -> Data:
-    """The curve and the numbers of the computed case, which stay on the page."""
+    """Force curve, numbers and texts of the computed impact, which stay on the page."""
     time = hit.time
     force = hit.force
     if time.size > CURVE:
@@ -237,7 +244,7 @@ def _computed(hit: History, budget: ErrorBudget | None) -> Data:
 
 
 def _shown(hit: History, budget: ErrorBudget | None) -> Data:
-    """Texts of the computed numbers with their bars, and the bar of the force for the chart."""
+    """`shown`: quantity -> text with its error bar; `bar`: relative error of the force."""
     if budget is None:
         return {"shown": {}}
     shown = {name: budget.shown(name, 3) for name in QUANTITIES}
@@ -259,7 +266,10 @@ def caption(data: Data) -> str:
 
 
 def striker_place(hit: History, blow: Data) -> Data | None:
-    """The striker's place in the picture and its drawing; None for a site without coordinates."""
+    """Contact point [m], direction and radius [m] with which the page draws the striker.
+
+    `blow`: `blow_of_history` of `hit`. None for a site without coordinates.
+    """
     points = list(site_points(hit.model).values())
     direction = info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:

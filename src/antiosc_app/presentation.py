@@ -1,4 +1,4 @@
-"""How a result is shown: pictures, tables as text, and the parts of its presentation."""
+"""`Presentation`, which terminal, files and reports show of a result; texts and pictures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CURVES = 12
 
 
 class Picture(NamedTuple):
-    """A picture of a report: what it shows, with units; `draw` writes it to a file."""
+    """A picture of a report; `draw` writes it to a file with this ending."""
 
     heading: str
     caption: str
@@ -35,7 +35,7 @@ class Picture(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """A picture with its data URL, "" if it could not be drawn; the caption says why."""
+    """A drawn picture; `data`: its data URL, or "" if drawing failed, for the caption's reason."""
 
     heading: str
     caption: str
@@ -61,7 +61,7 @@ def drawn_pictures(pictures: Iterable[Picture]) -> Iterator[Drawn]:
 
 
 def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture:
-    """A picture that a function draws into new axes."""
+    """A picture for which the function `fill` draws into new axes."""
 
     def draw(path: Path) -> None:
         figure = new_figure((7.0, 3.4), shown=False)
@@ -72,7 +72,7 @@ def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture
 
 
 def curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
-    """Draw curves over time: (name, times in s, values)."""
+    """Draw at most CURVES curves (name, times [s], values) into `ax`; `y`: label of the axis."""
     for name, time, values in islice(series, CURVES):
         ax.plot(1e3 * time, values, lw=1.2, label=escaped(name))
     ax.set_xlabel("time (ms)")
@@ -81,7 +81,7 @@ def curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None
 
 
 def escaped(name: str) -> str:
-    """A name from the scene as plain text in a picture, without formulas."""
+    """A user's name, safe for matplotlib: no formulas, no control characters, not too long."""
     printable = "".join(c if c.isprintable() else "?" for c in name.replace("$", r"\$"))
     if len(printable) <= 60:
         return printable
@@ -100,13 +100,13 @@ ROWS = 30
 
 
 def format_rows(rows: Rows) -> str:
-    """Names and values in two columns."""
+    """Rows (name, text) as lines with two aligned columns."""
     width = max((len(name) for name, _ in rows), default=0)
     return "\n".join(f"{name:<{width}}  {value}".rstrip() for name, value in rows)
 
 
 def format_columns(table: Columns) -> str:
-    """A table as text, units with prefixes; only the first rows of a long one."""
+    """A table as text with prefixed units; of a long one the first ROWS rows."""
     columns = with_prefixes(table)
     rows = list(zip(*columns.values(), strict=True))
     cells = [list(columns), *([format_number(value) for value in row] for row in rows[:ROWS])]
@@ -119,12 +119,12 @@ def format_columns(table: Columns) -> str:
 
 
 def with_prefixes(table: Columns) -> dict[str, list[object]]:
-    """The columns of a table with units in the prefix that suits the largest value."""
+    """A table whose values are scaled to prefixed units: "time (s)" -> "time (µs)"."""
     return dict(_column(name, list(values)) for name, values in table.items())
 
 
 def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
-    """(name, values) of a column named as "contact time (s)", scaled to "(µs)" if that fits."""
+    """(name, values) of a column named as "time (s)", scaled to the prefix of the largest value."""
     title, _, unit = name.partition(" (")
     if unit == "%)":  # error bars: their further digits mean nothing
         return name, [float(f"{value:.2g}") for value in values]
@@ -137,7 +137,7 @@ def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
 
 
 def format_number(value: object) -> str:
-    """A number to five digits; a dash if it is not finite."""
+    """Text of a number to five digits, a dash if it is not finite; of other values `str`."""
     if isinstance(value, float | np.floating):
         if np.isfinite(value):
             return f"{value:.5g}"
@@ -151,7 +151,7 @@ def spaced(name: str) -> str:
 
 
 class Card(NamedTuple):
-    """An answer: the question, the text, and of a verdict its kind."""
+    """An answer: its question, its text, and for "does it break" the kind of verdict."""
 
     name: str
     text: str
@@ -189,12 +189,12 @@ class Presentation:
 
     @property
     def answers(self) -> Rows:
-        """The rows of the short text."""
+        """Rows (name, text) of the short text: cards, asked numbers, further rows."""
         return [*(card[:2] for card in self.cards), *self.asked, *self.rows]
 
     @property
     def of_report(self) -> list[tuple[str, list[Block]]]:
-        """Heading and blocks of each section of a report, which begins with the further rows."""
+        """(heading, blocks) of each section of a report; the first one begins with `rows`."""
         first, *others = self.sections.items() or [("Results", [])]
         return [(first[0], [self.rows, *first[1]]), *others]
 

@@ -1,4 +1,4 @@
-"""The probes of a scene: values by component, the largest value with its bar, spectra."""
+"""Results of the probes of a scene: signals, largest values with error bars, spectra."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ SECTION_FORCES = {
 
 
 class Probe:
-    """One probe: its quantity, filter, times [s], and values (n, c) by component."""
+    """Result of one probe: values (n, c) of c components at n times [s], and their error."""
 
     def __init__(self, results: SceneResults, name: str) -> None:
         call = results.compiled.probes[name]
@@ -70,11 +70,11 @@ class Probe:
 
     @property
     def is_vector(self) -> bool:
-        """Whether its largest value is that of the magnitude."""
+        """Whether the quantity is a vector, whose largest value is that of its magnitude."""
         return self.quantity in UNITS and not self.tensor and len(self.units()) > 1
 
     def units(self) -> dict[str, str]:
-        """Component -> unit, one for each column; "" is the component of a scalar."""
+        """Component -> unit, in the order of the columns of `values`; "" names a scalar's."""
         unit = UNITS.get(self.quantity, "")
         count = self.values.shape[1]
         if self.scalar:
@@ -88,7 +88,7 @@ class Probe:
         return dict.fromkeys("z" if in_plane else "xyz"[:count], unit)
 
     def table(self) -> Columns:
-        """The components as columns of a file."""
+        """Heading -> values (n,) of each component, for a CSV file."""
         columns: Columns = {}
         for (component, unit), values in zip(self.units().items(), self.values.T, strict=True):
             told = ", ".join(filter(None, (unit, self.filter)))
@@ -97,7 +97,7 @@ class Probe:
         return columns
 
     def shock_table(self) -> Columns:
-        """The frequencies and the largest absolute responses as columns of a file."""
+        """Heading -> values of the shock response spectrum, by frequency, for a CSV file."""
         assert self.shock is not None
         unit = ", ".join(filter(None, ("m/s²", self.filter)))
         first = next(iter(self.shock.spectra.values()))
@@ -107,7 +107,7 @@ class Probe:
         return columns
 
     def peak(self) -> Columns:
-        """The largest value: of a vector its magnitude, and its largest component as axis."""
+        """The largest value (magnitude of a vector) with time, unit and error, for result.json."""
         values, units, error = self.values, self.units(), self.error
         if self.is_vector:
             values = np.linalg.norm(values, axis=1)[:, None]
@@ -130,7 +130,7 @@ class Probe:
         return peak
 
     def numbers(self) -> Columns:
-        """The largest value, its point, and that of the spectrum."""
+        """`peak`, the probe's point [m], and its spectrum's largest values, for result.json."""
         numbers = self.peak()
         if self.point is not None:
             numbers["point"] = self.point
@@ -139,7 +139,7 @@ class Probe:
         return numbers
 
     def fact(self) -> tuple[str, str]:
-        """Name and largest value with its bar."""
+        """(name, text) of the largest value with its error bar."""
         peak = self.peak()
         name = ", ".join(filter(None, (f"{self.name}: {spaced(self.quantity)}", self.filter)))
         bar = "" if self.error is None else f" {self.error}"
@@ -150,7 +150,7 @@ class Probe:
         return name, told
 
     def rows(self) -> Rows:
-        """When and where the largest value arises, and its spectrum, in words."""
+        """Rows (name, text): when and where the largest value arises, and its spectrum."""
         peak = self.peak()
         told = [f"largest {peak['component']}".rstrip() + f" at {engineering(peak['time'], 's')}"]
         if self.point is not None:
@@ -173,14 +173,16 @@ def probes_of(results: SceneResults) -> list[Probe]:
 
 
 def files_of(probes: Sequence[Probe]) -> dict[str, Columns]:
-    """File -> columns: signals and spectra; those over the same first column are in one file."""
+    """Name of a CSV file -> columns; signals at equal times, and spectra at equal frequencies,
+    share a file.
+    """
     signals = [{"time (s)": probe.times, **probe.table()} for probe in probes]
     spectra = [probe.shock_table() for probe in probes if probe.shock is not None]
     return _joined("probes", signals) | _joined("srs", spectra)
 
 
 def draw_signals(probes: Sequence[Probe], ax: Axes) -> None:
-    """Draw the signals of probes in their unit; with several units as shares of their maxima."""
+    """Draw the signals of probes; if their quantities differ, each over its largest value."""
     signals = [probe.signal() for probe in probes[:CURVES]]
     largest = [float(np.abs(values).max()) for _, _, values, _ in signals]
     kinds = {(probe.quantity, signal[3]) for probe, signal in zip(probes, signals, strict=False)}
@@ -198,7 +200,9 @@ def draw_signals(probes: Sequence[Probe], ax: Axes) -> None:
 
 
 def _joined(stem: str, tables: Iterable[Columns]) -> dict[str, Columns]:
-    """File -> columns; tables whose first columns are equal are in one file."""
+    """Name of a CSV file, STEM.csv, STEM_2.csv, … -> columns of the tables with the same first
+    column.
+    """
     files: list[Columns] = []
     for table in tables:
         first = next(iter(table))
@@ -212,7 +216,7 @@ def _joined(stem: str, tables: Iterable[Columns]) -> dict[str, Columns]:
 
 
 def without_filter(results: SceneResults, call: Call) -> Any:
-    """What a call makes without its filter."""
+    """The result of a probe's or accelerometer's call without its filter."""
     evaluate = Evaluation(results.compiled.document)
     for name in ("structure", "history", "fall"):
         if getattr(results.compiled, name) is not None:
@@ -228,7 +232,7 @@ def _largest(values: Any) -> float:
 
 
 def _error(results: SceneResults, call: Call) -> ProbeError | None:
-    """The error of the largest value of a probe; None where the impact cannot be repeated."""
+    """The error of a probe's largest value; None if it cannot be estimated."""
     hit = results.history
     if results.structure is None or isinstance(hit, SceneHistory):
         return None

@@ -1,4 +1,4 @@
-"""The results of a scene, each kind as one `Presentation`: for terminal, files and report."""
+"""Makes a `Presentation` of each result of a scene, for terminal, files and report."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ ENERGIES = ("kinetic", "strain", "contact", "dissipated")
 
 
 def _model(results: SceneResults) -> Presentation:
-    """The structure and its reduced model; a report shows them after the pictures."""
+    """Present the structure and its reduced model."""
     structure, model = results.structure, results.model
     presentation = Presentation()
     rows: Rows = []
@@ -84,7 +84,7 @@ def _model(results: SceneResults) -> Presentation:
 
 
 def _model_rows(model: AntiOscillators) -> Rows:
-    """Rows on the parameters of the reduced model."""
+    """Rows (name, text) on the sites, stiffness, mass and frequencies of a reduced model."""
     rows = [
         (f"site {name}".rstrip(), point_text(point)) for name, point in site_points(model).items()
     ]
@@ -107,7 +107,7 @@ def _model_rows(model: AntiOscillators) -> Rows:
 
 
 def mass_of(structure: Structure) -> Rows:
-    """A row with the mass of a part, or why it is not known."""
+    """One row (name, text): the mass of a structure, or why it is not known."""
     try:
         return [("mass", engineering(structure.mass, "kg", 4))]
     except InputError as error:
@@ -118,7 +118,7 @@ def mass_of(structure: Structure) -> Rows:
 
 
 def _impact(results: SceneResults) -> Presentation:
-    """A history with its probes and its largest stresses."""
+    """Present an impact, or the contacts of a scene, with probes and largest stresses."""
     hit = results.history
     peaks = results.stresses or {}
     probes = probes_of(results)
@@ -161,7 +161,7 @@ def _impact(results: SceneResults) -> Presentation:
 
 
 def _contact_table(hit: History) -> Columns:
-    """The numbers of each contact of a scene."""
+    """Table of the numbers of each contact of a scene, one row a contact."""
     contacts = _contacts(hit)
     table: Columns = {"contact": [f"{a} – {b}" for a, b in contacts]}
     for name, unit in QUANTITIES.items():
@@ -171,7 +171,7 @@ def _contact_table(hit: History) -> Columns:
 
 
 def _errors(hit: History, budget: ErrorBudget | None) -> list[Block]:
-    """Blocks on the errors of a history, and on what it is made of."""
+    """Blocks of the section "Errors": numerical errors, step, law, and the error budget."""
     rows = [(f"time integration: {name}", percent(value)) for name, value in hit.error.items()]
     rows.append(("these errors cover", error_scope(hit)))
     rows.append(("energy drift over the run, of the energy", percent(hit.energy.drift)))
@@ -200,7 +200,7 @@ OUTSIDE_KEYS = ("value", "scope", "has_bar", "sentence", "point", "time")
 
 
 def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
-    """Quantity -> its largest value with place and time, and the margin."""
+    """Quantity -> largest value, place, time and margin of its stress field, for result.json."""
     content: Columns = {}
     for name, peak in peaks.items():
         value, point, time = peak.largest(1)[0]
@@ -212,7 +212,9 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
 
 
 def _margin_numbers(peak: PeakField) -> Columns:
-    """The margin of a stress field if a strength is known, else its worst point; {} of neither."""
+    """{"margin": …} of a stress field with a strength, {"outside": …} of one without, for
+    result.json; {} if neither is known.
+    """
     margin = peak.worst_point
     if margin is None:
         return {}
@@ -222,7 +224,7 @@ def _margin_numbers(peak: PeakField) -> Columns:
 
 
 def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:
-    """Pictures of an impact."""
+    """Pictures of an impact: force, motion, energies, probes, spectra, structure, stress."""
     hit = results.history
     contacts = _contacts(hit)
     if contacts:
@@ -268,7 +270,7 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
 
 
 def _impact_arrow(model: AntiOscillators) -> Columns:
-    """Point and direction of the only site, for the arrow of the impact; {} if unknown."""
+    """Arguments `point` and `direction` of `plot_deformed` for the only site; {} if unknown."""
     points = list(site_points(model).values())
     direction = info_of(model).direction
     if len(points) == 1 and len(points[0]) == 3 and direction is not None:
@@ -277,7 +279,7 @@ def _impact_arrow(model: AntiOscillators) -> Columns:
 
 
 def _contacts(history: History) -> dict[tuple[str, str], Any]:
-    """The contacts of a scene by their ends; {} for a single impact."""
+    """(end, end) -> contact of a scene of several contacts; {} for a single impact."""
     if not isinstance(history, SceneHistory):
         return {}
     return {(c.a, c.b): history[c.a, c.b] for c in history.assembly.scene.contacts}
@@ -287,7 +289,7 @@ def _contacts(history: History) -> dict[tuple[str, str], Any]:
 
 
 def _fall(results: SceneResults) -> Presentation:
-    """A fall or an ensemble of falls, with accelerometers and largest stress."""
+    """Present a fall or an ensemble of falls, with accelerometers and largest stress."""
     fall, worst = results.fall, results.worst
     single = hasattr(fall, "flights")
     table = fall_table(fall) if single else quantiles(fall, FALLS)
@@ -328,7 +330,7 @@ def _fall(results: SceneResults) -> Presentation:
 
 
 def _accelerometer_rows(results: SceneResults) -> Rows:
-    """The peak accelerations that a scene asks for, beside those without a filter."""
+    """Rows (name, text) of the peak acceleration of each accelerometer, filtered and not."""
     rows = []
     for name, peak in (results.peaks or {}).items():
         call = results.compiled.peaks[name]
@@ -341,7 +343,7 @@ def _accelerometer_rows(results: SceneResults) -> Rows:
 
 
 def fall_table(fall: Fall) -> Columns:
-    """The impacts of a fall, with the deepest dent and the shock of the part in each."""
+    """Table of the impacts of a fall: their numbers, dents and shocks."""
     shocks = np.array([one.g for one in fall.shocks])
     columns: Columns = {"impact": np.arange(1, len(fall.impacts) + 1), **fall.impacts.columns()}
     columns["± by law (%)"] = 100 * fall.impacts.column("law_error")
@@ -357,7 +359,7 @@ OWN_IMPACT = "Errors, stresses and verdicts are those of the scene's own impact:
 
 
 def quantiles(ensemble: Many, units: Mapping[str, str]) -> Columns:
-    """Quantiles of an ensemble with the bars of the number of its runs."""
+    """Table of an ensemble's quantiles with confidence limits; `units`: quantity -> unit."""
     names = ("quantity", "quantile", "value", "low", "high")
     rows = []
     for name, unit in units.items():
@@ -368,7 +370,7 @@ def quantiles(ensemble: Many, units: Mapping[str, str]) -> Columns:
 
 
 def _own_blocks(nominal: Nominal | None) -> list[Block]:
-    """The answers of a study's run without varied values, in the words of `antiosc run`."""
+    """Blocks with the answers of a study's impact at its own values, as of `antiosc run`."""
     if nominal is None:
         return []
     hit, _, fields = nominal
@@ -379,7 +381,7 @@ def _own_blocks(nominal: Nominal | None) -> list[Block]:
 
 
 def _own_numbers(nominal: Nominal | None) -> Columns:
-    """The numbers of a study's run without varied values; {} if there is none."""
+    """Numbers of a study's impact at its own values, for result.json; {} without one."""
     if nominal is None:
         return {}
     of_run = {"result": nominal.hit.numbers(), "stress": _stress_numbers(nominal.fields)}
@@ -387,7 +389,7 @@ def _own_numbers(nominal: Nominal | None) -> Columns:
 
 
 def _sweep(results: SceneResults) -> Presentation:
-    """A sweep: the varied values, and the results of each impact with the bar of its force."""
+    """Present a sweep: a table with the values and results of each impact."""
     batch = results.batch
     values = {label(place): list(given) for place, given in varied(results.compiled).items()}
     table: Columns = dict(values)
@@ -414,7 +416,7 @@ def _sweep(results: SceneResults) -> Presentation:
 
 
 def _draw_sweep(values: Mapping[str, list[Any]], force: Array, ax: Axes) -> None:
-    """Draw the forces of a sweep over its first value."""
+    """Draw peak forces (n,) [N] over the first varied value; `values`: name -> values (n,)."""
     name, first = next(iter(values.items()))
     numbers = all(isinstance(value, int | float) for value in first)
     ax.plot(first if numbers else range(len(first)), force, "o", ms=4)
@@ -423,7 +425,7 @@ def _draw_sweep(values: Mapping[str, list[Any]], force: Array, ax: Axes) -> None
 
 
 def _sample(results: SceneResults) -> Presentation:
-    """A Monte Carlo study: quantiles, and inputs and results of each run."""
+    """Present a Monte Carlo study: quantiles, and inputs and results of each run."""
     sample = results.sample
     table = quantiles(sample, QUANTITIES)
     caption = "Peak forces (N) of the runs, and their quantiles with the bars of their number."
@@ -437,7 +439,7 @@ def _sample(results: SceneResults) -> Presentation:
 
 
 def _blow(results: SceneResults) -> Presentation:
-    """The result of `find_impact`."""
+    """Present the blow that `find_impact` found."""
     blow = results.found
     caption = "Signals in the band that is compared, and the contact force (N) that was found."
     return Presentation(
@@ -450,7 +452,7 @@ def _blow(results: SceneResults) -> Presentation:
 
 
 def _tradeoff(results: SceneResults) -> Presentation:
-    """Methods that were compared for an impact."""
+    """Present a trade-off: error and cost of each method."""
     compared = results.tradeoff
     assert compared is not None
     members = (*compared.table, *compared.others)
@@ -479,7 +481,7 @@ def _tradeoff(results: SceneResults) -> Presentation:
 
 
 def _map(results: SceneResults) -> Presentation:
-    """A map: the range of each quantity, and the hardest impact of each surface."""
+    """Present a map: the range of each quantity, and the hardest impact of each surface."""
     impact_map = results.map
     quantities, surfaces = impact_map.quantities(), impact_map.surfaces()
     sites = f"{len(impact_map)}"
@@ -529,7 +531,7 @@ def _map(results: SceneResults) -> Presentation:
 
 
 def _range(values: Array, unit: str) -> str:
-    """Text of the smallest and the largest value; angular frequencies in Hz."""
+    """Text "smallest to largest" of values in `unit`; those in rad/s are given in Hz."""
     values, unit = (values / (2 * np.pi), "Hz") if unit == "rad/s" else (values, unit)
     return range_text(values.min(), values.max(), unit)
 
@@ -544,13 +546,16 @@ _KINDS: dict[str, Callable[[SceneResults], Presentation]] = {
 
 
 def presentations(results: SceneResults) -> list[Presentation]:
-    """The presentations of a scene: structure with model first, then the results."""
+    """All presentations of a scene: first structure and model, then each result."""
     present = (make for name, make in _KINDS.items() if getattr(results, name) is not None)
     return [_model(results), *(make(results) for make in present)]
 
 
 def answer(results: SceneResults, parts: Sequence[Presentation]) -> str:
-    """The short text: of an impact or a fall its answers, a few rows and cautions."""
+    """The short text for the terminal: answers, a few rows and cautions.
+
+    Results without answers have the text of `text`. `parts`: from `presentations`.
+    """
     first = next((part for part in parts if part.cards), None)
     if first is None:
         return text(results, parts[1:])
@@ -561,7 +566,7 @@ def answer(results: SceneResults, parts: Sequence[Presentation]) -> str:
 
 
 def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
-    """Text of title, warnings that question the numbers, results, structure and model."""
+    """The long text for the terminal: title, warnings that question numbers, results, model."""
     warnings = (f"warning: {one}" for one in by_weight(results.warnings) if not weight(one))
     in_order = sorted(parts, key=lambda part: MODEL in part.sections)  # the answers stand first
     title = str(results.compiled.document.data.get("title", ""))
