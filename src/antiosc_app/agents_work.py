@@ -1,4 +1,4 @@
-"""The tools of `antiosc mcp`: each a thin call of the road of `antiosc run`, in its own process.
+"""The tools of `antiosc mcp`, which compute as `antiosc run` does, each call in its own process.
 
 A call holds data; nothing in it is executed, and files are read and written only below one folder.
 """
@@ -44,7 +44,7 @@ CONSTANTS = {"E": "Pa", "nu": "1", "rho": "kg/m³", "yield_strength": "Pa"}
 
 
 class Refusal(InputError):
-    """What decides the answer is not given, or may not be; `told` is the answer to the call."""
+    """A call that is refused, with the key to give and its choices; `told`: the answer to it."""
 
     def __init__(self, kind: str, sentence: str, key: str = "", choices: Iterable[Any] = ()):
         super().__init__(sentence)
@@ -54,12 +54,12 @@ class Refusal(InputError):
 
 
 def hash_of(inputs: object) -> str:
-    """The hash of inputs that are JSON."""
+    """SHA-256 of a JSON value."""
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
 
 
 def within(root: Path, name: str, base: Path | None = None) -> Path:
-    """The path of a file below the folder `root`, links resolved; else Refusal."""
+    """The resolved path of `name`, from `base` or `root`; raises Refusal outside of `root`."""
     try:
         path = ((base or root) / name).resolve()
         with suppress(FileNotFoundError, NotADirectoryError):
@@ -81,7 +81,10 @@ def values_in(data: object, place: Place = ()) -> Iterator[tuple[Place, object]]
 
 
 def hashes_of(base: Path, data: Table, root: Path) -> Table:
-    """Name -> hash of each file that a text names; Refusal of one outside, and of no number."""
+    """Path -> SHA-256 of each file that a text in `data` names, from the folder `base`.
+
+    Raises Refusal for a file outside of `root`, and for null, NaN or infinity.
+    """
     hashes = {}
     for place, value in values_in(data):
         if value is None or (isinstance(value, float) and not math.isfinite(value)):
@@ -93,7 +96,7 @@ def hashes_of(base: Path, data: Table, root: Path) -> Table:
 
 
 def require_decided(document: Document, root: Path) -> None:
-    """Refusal if a material, a support or the unit of a file is missing, with the choices."""
+    """Raise Refusal with the choices if the unit, material or supports of a part are missing."""
     from antiosc.io.by_gmsh import STATES_UNIT
     from antiosc.io.neutral import SYSTEMS
 
@@ -123,7 +126,7 @@ def require_decided(document: Document, root: Path) -> None:
 
 
 def look(root: Path, file: str, unit: str | None = None, piece: int | None = None) -> Answer:
-    """A part: pieces, faces, size, and a scene that lacks what the file does not decide."""
+    """Inspect a part: its pieces, faces, size, and a draft of a scene without guesses."""
     from antiosc_app.inspecting import inspect_part
     from antiosc_app.skin import places
 
@@ -153,7 +156,7 @@ def look(root: Path, file: str, unit: str | None = None, piece: int | None = Non
 
 
 def materials_named(_root: Path, query: str = "") -> Answer:
-    """The materials whose name contains a text, with their sources."""
+    """The named materials whose name contains `query`, with their sources."""
     found = [materials.record(n) for n in materials.names() if query.lower() in n.lower()]
     if not found:
         sentence = f"no material is named {checks.shown(query)}."
@@ -169,7 +172,7 @@ def materials_named(_root: Path, query: str = "") -> Answer:
 
 
 def check(root: Path, scene: Document) -> Answer:
-    """The mistakes of a scene, and what can run it."""
+    """Check a scene: the commands that can run it; a mistake raises SceneFileError."""
     require_decided(scene, root)
     calls = compiled(scene)
     text = f"no mistakes found; for {', '.join(calls.does()) or 'nothing to run'}."
@@ -180,7 +183,10 @@ def check(root: Path, scene: Document) -> Answer:
 def study(
     command: str, root: Path, scene: Document, pictures: int = 1, page: Path | None = None
 ) -> Answer:
-    """A scene as `antiosc run` computes it, the first study that it has without a command."""
+    """Compute a scene as `antiosc` does by `command`, by default the first that can run it.
+
+    `pictures`: their largest number; `page`: the report to be written.
+    """
     require_decided(scene, root)
     if command == "tradeoff":
         made = report.results_of(*commands.compared(scene))
@@ -205,7 +211,7 @@ def study(
 
 
 def report_of(root: Path, scene: Document, path: str, pictures: int = 1) -> Answer:
-    """A scene, and its report as a new file."""
+    """Compute a scene and write its report to the new file `path`."""
     page = within(root, path)
     if page.exists():
         raise Refusal("path", f"{checks.shown(path)} exists already, and is left as it is.")
@@ -213,7 +219,10 @@ def report_of(root: Path, scene: Document, path: str, pictures: int = 1) -> Answ
 
 
 def explain(answers: dict[str, Table], result: str, quantity: str) -> tuple[Table, list[str]]:
-    """The causes of the bar of a number, by the answers that were given."""
+    """The causes of the error bar of a number.
+
+    `answers`: hash -> earlier answer; `result`: the hash of one; `quantity`: the number's name.
+    """
     numbers = answers.get(result, {}).get("quantities", [])
     found = [one for one in numbers if one["name"] == quantity]
     if not found:
@@ -227,7 +236,7 @@ def explain(answers: dict[str, Table], result: str, quantity: str) -> tuple[Tabl
 
 
 def assumed(document: Document, scene: Any) -> list[Table]:
-    """What was not given: each key with its value, and by what it has it."""
+    """Each key that `document` leaves open, with the value taken and where it comes from."""
     given = dict(values_in(document.data))
     chosen = {
         label(place): {"value": value, "by": "the rule of auto"}
@@ -262,7 +271,7 @@ TOOLS: dict[str, tuple[Callable[..., Any], str]] = {
 
 
 def answer(root: Path, tool: str, arguments: Table) -> tuple[Table, list[str]]:
-    """(answer of a tool, its pictures as PNG in base64)."""
+    """(answer of a tool, its pictures as PNG in base64); errors become refusals."""
     inputs: Table = {"tool": tool, "arguments": arguments}
     values, named, base = dict(arguments), arguments, root
     drawn: list[str] = []
@@ -291,7 +300,7 @@ def answer(root: Path, tool: str, arguments: Table) -> tuple[Table, list[str]]:
 
 
 def work(wire: Connection, root: Path, memory: int, tool: str, arguments: Table) -> None:
-    """Send what a call does, and last its answer."""
+    """Main function of a call's process: send progress texts, and last the answer."""
     os.setsid()
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     threading.Thread(target=end_with, args=(wire,), daemon=True).start()
@@ -301,6 +310,6 @@ def work(wire: Connection, root: Path, memory: int, tool: str, arguments: Table)
 
 
 def end_with(wire: Connection) -> None:
-    """End with all that was started once the server closes its end."""
+    """Kill the process group of this call when the server closes its end of `wire`."""
     wire.poll(None)
     os.killpg(0, signal.SIGKILL)

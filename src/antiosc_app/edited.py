@@ -64,7 +64,7 @@ MOST_UNDO = 50
 
 
 class State(NamedTuple):
-    """A scene of an impact and one of a fall, which of both is computed, and the held faces."""
+    """Sections of an impact and of a fall, which of the two is computed, names of held faces."""
 
     impact: Table
     fall: Table
@@ -73,7 +73,10 @@ class State(NamedTuple):
 
 
 class EditedScene:
-    """A scene that the page edits; `faces`: name -> table of the support that fixes it."""
+    """A scene that the page edits.
+
+    `faces`: name -> table of the support that fixes it; `held`: names of those fixed at first.
+    """
 
     def __init__(
         self,
@@ -98,7 +101,7 @@ class EditedScene:
 
     @property
     def sections(self) -> Table:
-        """The sections of the scene."""
+        """The sections of the scene that is computed."""
         return self._state.fall if self.falls else self._state.impact
 
     def document(self, more: Table | None = None) -> Document:
@@ -107,7 +110,7 @@ class EditedScene:
         return Document(self._path, tomllib.loads(text), Problems(self._path.name, text))
 
     def told(self) -> Table:
-        """The scene for the page."""
+        """The state of the scene as data for the page."""
         sections = dict(self.sections)
         if not self.falls:
             sections["sites"] = self.site
@@ -120,23 +123,22 @@ class EditedScene:
 
     @property
     def site(self) -> Table:
-        """The table of the site that is struck."""
+        """The table of the struck site."""
         site: Table = next(iter(self._state.impact["sites"].values()))
         return site
 
     # -- what changes it
 
     def undo(self) -> None:
-        """Go one change back."""
+        """Take the last change back, if there is one."""
         if self._past:
             self._state = self._past.pop()
 
     def change(self, values: Table, stressed: Sequence[float] = (), cells: float = 0.0) -> None:
-        """Take a change of the page; InputError if the scene would have a mistake: it stays as it
-        was.
+        """Change the scene; after an InputError for a mistake it is as before.
 
-        `stressed`, `cells`: place of the largest stress and size of the cells at the site, of the
-        last answer, for a finer mesh.
+        `values`: name of a change -> its value. For a finer mesh, `stressed`: place [m] of the
+        largest stress, and `cells`: size [m] of the cells at the site, in the last answer.
         """
         before = self._state
         self._state = copy.deepcopy(before)
@@ -150,7 +152,7 @@ class EditedScene:
         self._past = [*self._past, before][-MOST_UNDO:]
 
     def _take(self, name: str, value: Any, stressed: Sequence[float], cells: float) -> None:
-        """One change by its name."""
+        """Apply the change `name`; `stressed` and `cells` as in `change`."""
         if name == "set":
             if not isinstance(value, dict):
                 raise InputError("a change is a table of places and values.")
@@ -173,7 +175,7 @@ class EditedScene:
             raise InputError(f"the page has no change {checks.shown(name)}.")
 
     def _set(self, place: str, value: Any) -> None:
-        """Set a key, "section.key"; None takes it away, or leaves it to the run."""
+        """Set the key `place`, as "section.key"; None removes it, or makes it "auto"."""
         section, _, key = place.partition(".")
         if key not in EDITABLE.get(section, ()):
             raise InputError(f"the page does not change {checks.shown(place)}.")
@@ -190,7 +192,7 @@ class EditedScene:
             self._state.impact["geometry"]["refine"] = [[list(value), refine[0][1]]]
 
     def _tables(self, section: str) -> list[Table]:
-        """The tables of a section, of impact and fall, which share the part."""
+        """The tables of a section in the scenes of impact and fall, which share the part."""
         if section == "sites":
             return [self.site]
         scenes = [self._state.impact, self._state.fall]
@@ -200,7 +202,7 @@ class EditedScene:
         return tables
 
     def _toggle(self, face: object) -> None:
-        """Hold a face, or free it."""
+        """Hold a face that is free, or free one that is held."""
         if not isinstance(face, str) or face not in self._faces:
             raise InputError(f"the part has no face {checks.shown(face)}.")
         held = self._state.held
@@ -209,12 +211,12 @@ class EditedScene:
         self._hold(self._state.impact)
 
     def _hold(self, scene: Table) -> None:
-        """Give a scene the supports of the held faces."""
+        """Set [[supports]] of a scene to those of the held faces."""
         supports = [dict(self._faces[name]) for name in self._state.held]
         _put(scene, "supports", supports or None)
 
     def _strike_with(self, kind: str) -> None:
-        """Another kind of striker, with values of the one before as far as it has them."""
+        """Change the kind of striker; values that the former one has are taken over."""
         self._state = self._state._replace(falls=kind == FLOOR)
         if kind == FLOOR or self._state.impact["impactor"].get(KIND) == STRIKERS[kind]:
             return
@@ -231,7 +233,7 @@ class EditedScene:
         self._state.impact["contact"] = {KIND: AUTO}
 
     def _make_of(self, section: str, name: object) -> None:
-        """Another material of the part or of the striker; an own one begins as the one before."""
+        """Change the material of the part or striker; OWN begins with the former constants."""
         _one_of(name, (*MATERIALS, OWN))
         for table in self._tables(section):
             before = table.get("name" if section == "material" else "material", MATERIALS[0])
@@ -247,7 +249,7 @@ class EditedScene:
             table |= own if name == OWN else {"material": name}
 
     def _constants(self, name: str, section: str) -> Table:
-        """The constants of a material, as a material of one's own begins."""
+        """The constants of a named material, as keys of a section."""
         record = materials.record(name)
         constants: Table = {"E": record.E, "nu": record.nu, "rho": record.rho}
         if record.yield_strength is not None:
@@ -261,7 +263,7 @@ class EditedScene:
         return {KIND: self._look.family, **constants}
 
     def _refine(self, stressed: Sequence[float], cells: float) -> None:
-        """Smaller cells at the site and at the largest stress; of solids of a finished mesh all."""
+        """Make cells smaller at site and largest stress; in a finished mesh of solids, all."""
         look = self._look
         for scene in (self._state.impact, self._state.fall):
             read = scene.get("geometry") or scene["deck"]
@@ -276,7 +278,7 @@ class EditedScene:
 
 
 def _first(path: Path, look: Inspection, drop: bool) -> Table:
-    """The scene that `antiosc new` writes."""
+    """Sections of the scene that `antiosc new` writes; `drop`: of a fall."""
     text = new.text(path.with_suffix(".toml").name, path.name, look, drop)
     sections = tomllib.loads(text)
     if drop and look.of_deck:
@@ -285,7 +287,7 @@ def _first(path: Path, look: Inspection, drop: bool) -> Table:
 
 
 def _one_of(value: object, names: Any) -> str:
-    """A name among some."""
+    """`value` if it is among `names`, else InputError."""
     if not isinstance(value, str) or value not in names:
         raise InputError(
             f"the choice must be one of {', '.join(names)}; got {checks.shown(value)}."
@@ -294,7 +296,7 @@ def _one_of(value: object, names: Any) -> str:
 
 
 def _put(table: Table, key: str, value: Any) -> None:
-    """Set a key, or take it away where the value is None."""
+    """Set a key, or remove it if `value` is None."""
     if value is None:
         table.pop(key, None)
     else:
@@ -322,17 +324,17 @@ def toml(sections: Mapping[str, Any]) -> str:
 
 
 def _plain(value: object) -> bool:
-    """Whether a value is not a section."""
+    """Whether a value is a top-level key, neither table nor list of tables."""
     return not isinstance(value, Mapping | list)
 
 
 def _lines(table: Mapping[str, Any]) -> list[str]:
-    """A table as lines "key = value"."""
+    """A table as lines "key = value" in TOML."""
     return [f"{key} = {_value(value)}" for key, value in table.items()]
 
 
 def _value(value: object) -> str:
-    """A value in TOML, which writes texts, flags and lists like JSON."""
+    """A value as TOML text."""
     if isinstance(value, Mapping):
         return f"{{ {', '.join(_lines(value))} }}"
     if isinstance(value, Sequence) and not isinstance(value, str):

@@ -1,5 +1,7 @@
-"""Where a part is struck and held if nobody says it: the middle of its largest free face in sight;
-a group by its name, else its lowest flat side.
+"""Guesses where a part is struck and held, if nobody says it.
+
+It is struck at the middle of its largest free visible face, and held at a group whose name is that
+of a support, else at its lowest flat side.
 """
 
 from __future__ import annotations
@@ -34,12 +36,15 @@ Place: TypeAlias = tuple[Array, Array]
 
 
 def face_areas(corners: Array) -> Array:
-    """Area vectors (n, 3) of parallelograms with corners (n, k, 3); of triangles twice."""
+    """Area vectors (n, 3) of parallelograms with corners (n, k, 3); twice those of triangles."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def distances_along(corners: Array, point: Array, direction: Array) -> Array:
-    """Distances (m,) [m] at which a ray meets faces (F, k, 3), both ways (Möller and Trumbore)."""
+    """Signed distances (m,) [m] at which a line meets faces with corners (F, k, 3).
+
+    Source: Möller and Trumbore.
+    """
     fans = [corners[:, [0, i, i + 1]] for i in range(1, corners.shape[1] - 1)]
     triangles = np.concatenate(fans)
     first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
@@ -58,7 +63,7 @@ def distances_along(corners: Array, point: Array, direction: Array) -> Array:
 
 
 def thickness_at(x: Array, faces: IntArray, place: Place) -> float:
-    """How far [m] the opposite surface of a solid lies behind a site; inf of none."""
+    """Thickness [m] of a solid behind a site; inf if no face (F, k) is behind it."""
     gap = GRAZING * float(np.ptp(x, axis=0).max())
     behind = distances_along(x[faces], *place)
     return float(behind[behind > gap].min(initial=np.inf))
@@ -67,7 +72,11 @@ def thickness_at(x: Array, faces: IntArray, place: Place) -> float:
 def on_faces(
     x: Array, faces: IntArray, outer: Faces, supported: BoolArray, struck: IntArray
 ) -> Place:
-    """The middle of the largest free face of a part that is seen from outside."""
+    """The middle of the largest free face that is visible from outside, and the inward direction.
+
+    `x`: nodes (N, 3); `faces` (F, k): their corners, of `outer`; `supported`: mask (N,) of fixed
+    nodes; `struck`: nodes of groups that are struck by their name.
+    """
     corners = x[faces]
     normals = _outward(x, faces, outer.normals) if outer.sheet else outer.normals
     side, edges = _sides(x, faces, normals)
@@ -97,7 +106,10 @@ def on_faces(
 
 
 def on_lines(x: Array, nodes: IntArray, supported: BoolArray, struck: IntArray) -> Place:
-    """A node of beams, of the struck group or far from supports, and a direction across."""
+    """The node of beams `nodes` (n, k) farthest from supports, and a direction across them.
+
+    Only nodes of `struck` are chosen if there are any.
+    """
     candidates = struck if len(struck) else np.unique(nodes)
     best = candidates[np.argmax(_from_supports(x, supported, x[candidates]))]
     rows = nodes[(nodes == best).any(axis=1)]
@@ -107,7 +119,9 @@ def on_lines(x: Array, nodes: IntArray, supported: BoolArray, struck: IntArray) 
 
 
 def on_rim(x: Array, faces: IntArray, supported: BoolArray) -> Place:
-    """The middle of the edge of a plane part farthest from supports, and the direction inward."""
+    """The middle of a plane part's outer edge that is farthest from supports, and the inward
+    direction.
+    """
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), faces.shape[1])
     edge, count = np.unique(np.sort(ends), axis=0, return_inverse=True, return_counts=True)[1:]
@@ -126,14 +140,14 @@ def on_rim(x: Array, faces: IntArray, supported: BoolArray) -> Place:
 
 
 def _from_supports(x: Array, supported: BoolArray, points: Array) -> Array:
-    """Distances of points (n, 3) from the nearest fixed node; all equal for a free part."""
+    """Distances (n,) [m] of points (n, 3) from the nearest supported node; all 1 without one."""
     if not supported.any():
         return np.ones(len(points))
     return np.asarray(cKDTree(x[supported]).query(points)[0])
 
 
 def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
-    """Normals of a sheet, outward if it is closed, else upward."""
+    """`normal` (F, 3) with signs such that it points outward if a sheet is closed, else upward."""
     from antiosc.io.facets import SIDES, oriented
 
     triangles = faces[:, :3]
@@ -151,17 +165,17 @@ def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
 
 
 def nodes_around(outer: Faces) -> IntArray:
-    """Corners of faces in cyclic order."""
+    """Corners (F, k) of faces, in cyclic order."""
     return outer.vertices[:, [0, 1, 3, 2] if outer.vertices.shape[1] == 4 else slice(None)]
 
 
 def sides_of(x: Array, outer: Faces) -> IntArray:
-    """Number of the smooth side of the part to which each outer face belongs."""
+    """Number (F,) of the smooth side of the part to which each outer face belongs."""
     return _sides(x, nodes_around(outer), outer.normals)[0]
 
 
 def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int, Array]]:
-    """Number of the smooth side of each face; points on the edges of each side."""
+    """(number (F,) of the smooth side of each face, side -> points (n, 3) on its edges)."""
     k = faces.shape[1]
     ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(faces)), k)
@@ -205,13 +219,13 @@ ROUNDING = 1e-9
 
 
 def groups_with(mesh: Mesh, words: Sequence[str]) -> tuple[str, ...]:
-    """Groups of facets, edges or nodes named with one of these words; the first word first."""
+    """Groups of facets, edges or nodes whose name contains a word, in the order of the words."""
     of_sides = [n for n, parts in mesh.groups.items() if min(parts, default=mesh.tdim) < mesh.tdim]
     return tuple(name for word in words for name in of_sides if word in name.lower())
 
 
 def nodes_of(mesh: Mesh, groups: Sequence[str]) -> IntArray:
-    """Nodes of groups."""
+    """Numbers of the nodes of groups."""
     from antiosc.fem.platform import compat
 
     vertices = [
@@ -225,7 +239,11 @@ def nodes_of(mesh: Mesh, groups: Sequence[str]) -> IntArray:
 def supporting_side(
     x: Array, size: float, faces: IntArray | None
 ) -> tuple[BoolArray, list[Array] | None]:
-    """(mask of the nodes on the lowest flat side that is not too large, its point and normal)."""
+    """(mask (N,) of the nodes on the lowest flat side that is not too large, [point, normal]).
+
+    None in place of [point, normal] if there is no such side; `size` [m]: diagonal of the part;
+    `faces`: those of a solid, whose areas are then compared, too.
+    """
     low, high = x.min(axis=0), x.max(axis=0)
     area = None if faces is None else np.linalg.norm(face_areas(x[faces]), axis=1)
 
@@ -242,7 +260,7 @@ def supporting_side(
 
 
 def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
-    """Mask of the nodes x (N, 3) that do not move where all free dofs of a structure do."""
+    """Mask (N,) of the nodes `x` (N, 3) whose dofs are all fixed; `size` [m] of the part."""
     from antiosc.extension import source
 
     motion = 1.0 + (np.arange(structure.rows)[:, None] * GOLDEN) % 1.0  # none cancels another

@@ -54,7 +54,11 @@ def write_scene(
     size: float | None = None,
     piece: int | None = None,
 ) -> tuple[Path, list[str]]:
-    """Write a new scene file, complete or absent; returns its path and sentences on the part."""
+    """Write a new scene file; returns its path and sentences on the part.
+
+    Without `part` a plate is written as well; `drop`: a fall in place of an impact; `unit` of
+    the file, `size` [m] of the cells, `piece` by rank: as for `inspect_part`.
+    """
     metal = materials.record(inspection.MATERIAL if material is None else material)
     if metal.G is not None:
         raise InputError(
@@ -102,7 +106,7 @@ def _absent(target: Path) -> None:
 
 
 def text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
-    """The scene as text; `source` is the part's file as the scene names it."""
+    """The text of the scene file `name`; `source`: the part's file as the scene names it."""
     return rendered(
         Path(__file__).with_name("page") / "scene.toml",
         name=name,
@@ -136,7 +140,7 @@ def text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
 
 
 def _picture(path: Path, look: Inspection, drop: bool) -> str:
-    """The sentence that names the picture, after drawing it, or that an existing file is kept."""
+    """Draw the part unless the file exists; returns a sentence on the picture."""
     if path.exists():
         return (
             f"{path} exists already, and is left as it is: it does not show this scene; to have its"
@@ -151,7 +155,7 @@ def _picture(path: Path, look: Inspection, drop: bool) -> str:
 
 
 def draw(look: Inspection, path: Path, *, drop: bool = False) -> None:
-    """Draw the part: its outer faces, and its supports and impact unless it is dropped."""
+    """Draw the outer faces of a part; without `drop` also its supports and its impact."""
     from antiosc.plot.charts import save_figure
     from antiosc.plot.surfaces import Deformed, deformed_figure
 
@@ -175,7 +179,7 @@ def draw(look: Inspection, path: Path, *, drop: bool = False) -> None:
 
 
 def _view(direction: Array) -> Array:
-    """The view of a part that is struck in a direction (3,)."""
+    """(elevation, azimuth) [degrees] from which a face struck in `direction` (3,) is seen."""
     elevation, azimuth = np.radians(VIEWS).T
     level = np.cos(elevation)
     towards = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]

@@ -1,8 +1,8 @@
-"""`antiosc open`: a part that is struck on a page, from its file to a scene that is saved.
+"""`antiosc open`: answers the calls of the page on which a part is struck.
 
-The opened part is a scene that is edited; an answer is a run of it, in steps: the force with its
-bars; then motion, stress and all that `antiosc run` prints. Meshes, structures and models are kept,
-and one thread computes.
+The page edits a scene of the part. The scene is run in two steps: first the force with its error
+bars, then motion, stress and all that `antiosc run` prints. Meshes, structures and models are kept
+for the next run, and one thread computes.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ MOST_SITES = 200
 
 
 class Answer(NamedTuple):
-    """A scene that was run, its text, and what was made; `whole`: with its stresses."""
+    """Results of a scene with this `text`; `whole`: with stresses, not the history alone."""
 
     text: str
     settled: Settled
@@ -109,7 +109,7 @@ class Opened:
         self._worker.close()
 
     def _step(self, step: Callable[[Table], Data]) -> Callable[[Table], Data]:
-        """A step of an answer, as a call of the page, which names the turn that it belongs to."""
+        """A call of the page that computes `step` on the worker, for the page's turn."""
 
         def call(values: Table) -> Data:
             turn = checks.whole("turn", values.get("turn"), least=0)
@@ -120,20 +120,20 @@ class Opened:
     # -- the part
 
     def _looked(self) -> Data:
-        """The part, and the scene as it is now."""
+        """Data of the part, which is opened if it is not yet, and of the scene as it is now."""
         if not self._first:
             self._first = self._opened()
         return {**self._first, **self._edited.told(), "turn": self._worker.turn}
 
     @property
     def _edited(self) -> EditedScene:
-        """The scene that is edited; InputError before the part is open."""
+        """The edited scene; InputError before the part is open."""
         if self._scene is None:
             raise InputError("the part is not open yet.")
         return self._scene
 
     def _opened(self) -> Data:
-        """Open the file: its skin, its faces, and its first scene."""
+        """Read the part, begin its scene, and return the data that the page needs of both."""
         from antiosc_app.skin import places
 
         look = self._look = self._inspected()
@@ -165,7 +165,7 @@ class Opened:
         }
 
     def _inspected(self) -> Inspection:
-        """The inspected part, or the piece of it that was taken."""
+        """Inspect the part, or the piece of it that was chosen."""
         if self._given is not None:
             return inspect_structure(self._given)
         piece, contact = self._choice["piece"], self._choice["contact"]
@@ -177,8 +177,9 @@ class Opened:
         return inspect_part(self._path, **more, **self._options)
 
     def _take(self, values: Table) -> Data:
-        """Open another piece of the part, or all of them joined, or with another choice of its
-        contact; if that fails, the one before stays.
+        """Open another `piece` of the part (0: all joined), or its deck with another `contact`.
+
+        After an error the part before stays open.
         """
         before = vars(self).copy()
         if "contact" in values:
@@ -198,7 +199,7 @@ class Opened:
         return {}
 
     def _pieces(self, look: Inspection) -> list[tuple[int, str]]:
-        """The pieces of the part by their ranks, in words, with all joined if they were so."""
+        """(rank, text) of each piece of the part, and of all joined if they can be."""
         joined = [] if self._whole is None or "piece" in self._whole.read else [(JOINED, ALL)]
         told = [(rank, _piece_text(rank, piece)) for rank, piece in enumerate(look.pieces, 1)]
         return [*joined, *told] if told else []
@@ -206,7 +207,7 @@ class Opened:
     # -- the scene
 
     def _edit(self, values: Table) -> Data:
-        """Change the scene; the page then asks for the steps of its answer."""
+        """Change the scene, or undo a change; returns the new scene and its turn."""
         if values.get("opening", self._opening) != self._opening:
             raise InputError(ANOTHER)
         changes = {name: value for name, value in values.items() if name != "opening"}
@@ -218,7 +219,7 @@ class Opened:
         return {**self._edited.told(), "turn": self._worker.next_turn()}
 
     def _worst_cells(self) -> tuple[list[float], float]:
-        """(place of the largest stress, size of the cells at the site) of the last answer."""
+        """(place [m] of the last run's largest stress or [], cell size [m] at the site or 0)."""
         if self._answer is None or self._answer.results.history is None:
             return [], 0.0
         made = self._answer.results
@@ -227,7 +228,7 @@ class Opened:
         return worst or [], min(sizes, default=0.0)
 
     def _run(self, whole: bool, more: Table | None = None) -> Answer:
-        """The scene as `antiosc run` computes it; `whole`: with stresses."""
+        """Run the scene with `more` sections, as `antiosc run` does; `whole`: with stresses."""
         document = self._edited.document(more)
         text = document.problems.text
         known = self._answer if self._answer is not None and self._answer.text == text else None
@@ -248,7 +249,7 @@ class Opened:
         return answer
 
     def _settled(self, document: Document) -> Settled:
-        """A scene with numbers in place of "auto", as `antiosc run` chooses them."""
+        """The scene of a document with numbers in place of "auto"."""
         begun = begin(document, self._kept)
         first = run.results(begun.scene, ("structure",), begun.evaluate)
         begun.scene.warnings[:] = first.warnings
@@ -257,12 +258,12 @@ class Opened:
     # -- the steps of an answer
 
     def _settle(self, _: Table) -> Data:
-        """The force with its bars."""
+        """Compute the force with its error bars; {} for a fall, which has no such step."""
         made = self._run(whole=False).results
         return {} if made.history is None else self._told_of_hit(made)
 
     def _show(self, _: Table) -> Data:
-        """All that `antiosc run` prints, with motion and stress for the picture."""
+        """Compute all that `antiosc run` prints, and motion and stress for the picture."""
         made = self._run(whole=True).results
         if made.history is None:
             told = {**falls.data_of_fall(made.fall, made.worst), "summary": summary(made)}
@@ -275,7 +276,7 @@ class Opened:
         return told
 
     def _told_of_hit(self, made: run.SceneResults) -> Data:
-        """An impact as data for the page."""
+        """The data of an impact for the page."""
         hit = made.history
         blow = live.blow_of_history(hit, run.error_budget(hit))
         if blow is None:
@@ -295,7 +296,7 @@ class Opened:
         }
 
     def _map(self, values: Table) -> Data:
-        """The impact at all points of a face, or of the part: `antiosc map` of the scene."""
+        """Compute the impact at many points of the face `where`, or of the part."""
         if self._edited.falls:
             raise InputError("a fall has no map: choose a ball, a mass or a hammer.")
         hit = self._run(whole=False).results.history
@@ -318,7 +319,7 @@ class Opened:
 
     @property
     def _folder(self) -> str:
-        """The folder of the part, where scene and report are written."""
+        """Path of the part's folder, to which scene and report are written."""
         return str(self._path.resolve().parent)
 
     def _write(self, values: Table) -> Data:
@@ -344,7 +345,7 @@ class Opened:
 def first_scene(
     path: Path, look: Inspection, evaluation: Callable[[Document], Evaluation] = Evaluation
 ) -> tuple[EditedScene, PageSkin]:
-    """(scene that a part begins with, its skin)."""
+    """(first scene of a part, its skin); `evaluation` makes the structure of the scene."""
     from antiosc_app.skin import skin
 
     scene = compiled(EditedScene(path, look, {}, ()).document())
@@ -353,7 +354,7 @@ def first_scene(
 
 
 def in_words(work: Callable[[], Any]) -> Any:
-    """The result of `work`; mistakes without the lines of a file, which the page has not."""
+    """The result of `work`; mistakes of the scene are raised without file name and line."""
     try:
         return work()
     except SceneFileError as error:
@@ -361,7 +362,7 @@ def in_words(work: Callable[[], Any]) -> Any:
 
 
 def summary(made: run.SceneResults) -> Data:
-    """The answers of a run: cards, rows, cautions, and the text that `antiosc run` prints."""
+    """Data of a run for the page: cards, rows, cautions, and the text of `antiosc run`."""
     parts = results.presentations(made)
     first = parts[1]
     told = cards.cautions(first.caution, made.warnings)
@@ -376,13 +377,16 @@ def summary(made: run.SceneResults) -> Data:
 
 
 def _piece_text(rank: int, piece: Piece) -> str:
-    """A piece in words: its rank, its size and its name."""
+    """Text of a piece: its rank, its size [mm] and its name."""
     size = " × ".join(f"{1e3 * side:.3g}" for side in piece.high - piece.low)
     return f"{rank}: {size} mm{f', {piece.name}' if piece.name else ''}"
 
 
 def _told_of_file(look: Inspection, own: bool) -> list[str]:
-    """What was taken while the file was read: the part's size and mass, its unit, its notes."""
+    """Sentences on the part: size, mass, unit, and decisions made while its file was read.
+
+    `own`: whether the caller gave a structure in place of a file.
+    """
     told = [f"{look.sides_text()}, {look.cells}"]
     with contextlib.suppress(InputError):
         told.append(f"mass {engineering(look.mass, 'kg')}")
@@ -394,7 +398,7 @@ def _told_of_file(look: Inspection, own: bool) -> list[str]:
 
 
 def _free_names(part: Path) -> list[str]:
-    """Names of a scene and a report beside a part that do not exist yet, not even as links."""
+    """Names of a scene file and a report that do not exist beside the part, not even as links."""
     for number in count(1):
         stem = part.stem if number == 1 else f"{part.stem}_{number}"
         names = [f"{stem}.toml", f"{stem}.html"]

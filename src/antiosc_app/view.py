@@ -107,7 +107,7 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
 
 
 def until_interrupted(path: str, browser: bool, **options: Any) -> None:
-    """Serve the page of a file until Ctrl-C, with the options of `antiosc open`."""
+    """Serve the page of a part's file until Ctrl-C; `browser`: whether to open it in one."""
     page = _open_page(_file(path), None, NOBODY, **options)
     print_text(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
     try:
@@ -124,7 +124,10 @@ def until_interrupted(path: str, browser: bool, **options: Any) -> None:
 
 @contextlib.contextmanager
 def _redirection(address: str) -> Iterator[Path]:
-    """A page for this user alone that leads to an address: command lines are no secret."""
+    """Context with a temporary page, readable by this user alone, that leads to `address`.
+
+    Others can read the command line of the browser, and thus an address in it.
+    """
     handle, name = tempfile.mkstemp(prefix="antiosc-", suffix=".html")  # of mode 0600
     path = Path(name)
     try:
@@ -136,7 +139,7 @@ def _redirection(address: str) -> Iterator[Path]:
 
 
 def _file(part: str | os.PathLike[str]) -> Path:
-    """The path of an existing file."""
+    """The path of a part's file; InputError if it does not exist or is too large."""
     path = checks.path("the part", part)
     if not path.is_file():
         raise InputError(f"there is no file {checks.shown(str(path))} to open.")
@@ -155,7 +158,10 @@ def _open_page(
     piece: int | None = None,
     contact: str | None = None,
 ) -> View:
-    """The page of a file or of a structure."""
+    """Serve the page of a part's file, or of `structure` if it is given.
+
+    `frames`: sources that may show the page in a frame; the others as for `inspect_part`.
+    """
     comm = communicator()
     if comm is not None and comm.size > 1:
         raise InputError(f"a page is served by one process, not by {comm.size} MPI ranks.")

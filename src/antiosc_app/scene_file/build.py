@@ -1,4 +1,4 @@
-"""Tables of a scene file as calls, and their objects; every mistake is noted."""
+"""Turns tables of a scene file into calls, notes every mistake, and evaluates calls."""
 
 from __future__ import annotations
 
@@ -60,13 +60,15 @@ class Call:
 
     @property
     def doing(self) -> str:
-        """What the call computes, in words for who waits."""
+        """What the call computes, as text for a display of progress."""
         if not self.place:
             return "evaluating the result"
         return DOING.get(str(self.place[0]), f"computing [{label(self.place)}]")
 
     def refused(self, error: Exception) -> tuple[Place, str]:
-        """Place and sentence for an error of this call; at the argument that the error names."""
+        """(place, sentence) of an error that this call raised; the place is that of the argument
+        with which the error begins, if there is one.
+        """
         known = isinstance(error, AntioscError)
         fault = str(error) if known else f"{type(error).__name__}: {error}"
         name = fault.removeprefix("every ").partition(" ")[0]
@@ -96,18 +98,18 @@ def replaced(value: Any, result_of: Callable[[Call], Any] = lambda call: call.ma
 
 
 class Evaluation:
-    """Makes the object of each call, once; an InputError becomes a SceneFileError with a line."""
+    """Evaluates calls, each once; an InputError becomes a SceneFileError with a line."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
         self._made: dict[Call, object] = {}
 
     def register(self, call: Call, result: object) -> None:
-        """Register the object of a call that was made elsewhere."""
+        """Set the result of a call that was computed elsewhere."""
         self._made[call] = result
 
     def __call__(self, value: Any) -> Any:
-        """The value with each call in it replaced by its object."""
+        """The value with each call in it replaced by its result."""
         return replaced(value, self._object)
 
     def _object(self, call: Call) -> object:
@@ -124,7 +126,7 @@ class Evaluation:
 
 
 def with_named_materials(data: Table) -> Table:
-    """The scene with each name of a material, also in parts and groups, replaced by a table."""
+    """The scene with each material's name, also in parts and groups, replaced by a table."""
     filled_data = dict(data)
     if "material" in data:
         filled_data["material"] = _material_table(data["material"])
@@ -181,7 +183,7 @@ class Builder:
                 )
 
     def part(self, name: str, form: type = dict, data: Table | None = None) -> Any:
-        """The section `name`; an empty `form` if it is missing or of another form."""
+        """The section `name` of `data` (default: the scene); empty if missing or no `form`."""
         value = (self.data if data is None else data).get(name)
         if isinstance(value, form):
             return value
@@ -195,7 +197,10 @@ class Builder:
         always: bool = False,
         **options: Any,
     ) -> Call | None:
-        """The call of a section [x]; None if it is missing, unless `always` is true."""
+        """The call of a section [x] of `data` at `place`; None if it is missing.
+
+        `always`: treat a missing section as empty; `options`: arguments of `call`.
+        """
         data = self.data if data is None else data
         if not always and not isinstance(data.get(name), dict):
             return None
@@ -204,13 +209,13 @@ class Builder:
         )
 
     def listed(self, name: str, data: Table | None = None, place: Place = ()) -> list[Call]:
-        """The calls of a section [[x]]."""
+        """The valid calls of a section [[x]] of `data` (default: the scene) at `place`."""
         tables = enumerate(self.part(name, list, data))
         calls = [self.call(schema.SECTIONS[name], table, (*place, name, i)) for i, table in tables]
         return [call for call in calls if call is not None]
 
     def named(self, name: str, arguments: Table | None = None) -> dict[str, Call]:
-        """The calls of a section [x.NAME]."""
+        """NAME -> call of the sections [x.NAME]; `arguments`: those that other sections give."""
         tables = self.part(name).items()
         calls = {
             key: self.call(schema.SECTIONS[name], table, (name, key), arguments)
@@ -256,7 +261,7 @@ class Builder:
         return call
 
     def _function(self, kinds: Sequence[str], table: Table, place: Place) -> str:
-        """The callable that `kind` chooses."""
+        """Name of the callable among `kinds` that the key `kind` of a table chooses."""
         kind = table.get(KIND, kinds[0] if len(kinds) == 1 else None)
         if kind is None and {name.split(".")[0] for name in kinds} == {kinds[0]}:
             kind = kinds[0]  # the class itself, where the others are its constructors
@@ -270,7 +275,10 @@ class Builder:
     def _values(
         self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
     ) -> tuple[dict[str, object], bool]:
-        """The valid values of a table, and whether all values are valid and none is missing."""
+        """(valid values of a table by key, whether all are valid and none is missing).
+
+        `known`: the parameters of `function`.
+        """
         values = {}
         complete = True
         for key, value in table.items():
@@ -298,7 +306,7 @@ class Builder:
     def _no_key(
         self, place: Place, key: str, known: Mapping[str, Parameter], function: str
     ) -> NoReturn:
-        """Note an unknown key, with the most similar known key and its meaning."""
+        """Note an unknown key of a table with the most similar known key, and raise Mistake."""
         key_place = (*place, key)
         if key in schema.WITHHELD and key in inspect.signature(resolved(function)).parameters:
             self._wrong(
@@ -309,7 +317,9 @@ class Builder:
         self._wrong(key_place, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
 
     def _tried(self, call: Call) -> Call | None:
-        """The call with its object; None if the constructor raises an error, which is noted."""
+        """The call with its result, if no argument waits for the run; None after an error, which
+        is noted.
+        """
         if any(inner.made is None for inner in calls_in(call.arguments)):
             return call  # it waits for a file that the run reads
         messages: list[str] = []
@@ -327,7 +337,7 @@ class Builder:
     # -- values
 
     def value(self, parameter: Parameter, value: object, place: Place) -> object:
-        """The value converted to an argument; notes an invalid one and raises Mistake."""
+        """The value of a key converted to an argument; notes an invalid one and raises Mistake."""
         converted = self._converted(parameter.form, value, place)
         if parameter.check is not None and not any(calls_in(converted)):
             try:
@@ -354,7 +364,7 @@ class Builder:
         return value
 
     def _of_table(self, form: Form, table: dict[str, Any], place: Place) -> object:
-        """The object that a table makes, or the table with converted values."""
+        """The call that a table of this form describes, or the table with converted values."""
         if form.objects:
             names = [name for kind in form.objects for name in schema.constructors_of(kind)]
             call = self.call(names, table, place)
@@ -373,7 +383,7 @@ class Builder:
         }
 
     def _path(self, value: str, place: Place) -> str:
-        """The path of a file that the scene names; the file must exist."""
+        """The path of an existing file that the scene names, from the scene's folder."""
         fault = "which does not exist"
         try:
             path = Path(os.path.normpath(self.document.path.parent / checks.path("it", value)))

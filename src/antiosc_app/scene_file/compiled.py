@@ -1,4 +1,4 @@
-"""Compilation of a document: the calls that it describes, or the list of its mistakes."""
+"""Compiles a document: to the calls that it describes, or to the list of its mistakes."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ EXCLUDES = (
 
 
 def _check_together(build: Builder) -> None:
-    """Note sections that exclude each other, and sections without others that they need."""
+    """Note the sections that exclude each other, or lack another that they need."""
     sections = {name for name, value in build.data.items() if value or name != "sensors"}
     for names, alternatives, *without in NEEDS:
         for name in names.split():
@@ -101,7 +101,7 @@ def _check_together(build: Builder) -> None:
 
 
 def _one_of(names: str) -> str:
-    """Text of one section with its description, or of a choice of several."""
+    """Text for sections `names`: "[x], its description", or "one of [x], [y]"."""
     first, *other_names = names.split()
     if other_names:
         return f"one of {', '.join(map(headed, names.split()))}"
@@ -109,7 +109,7 @@ def _one_of(names: str) -> str:
 
 
 def compiled(document: Document) -> CompiledScene:
-    """The calls of a document, with first values for "auto"; SceneFileError with its mistakes."""
+    """Compile a document, with first values for "auto"; SceneFileError lists its mistakes."""
     document = started(document)
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)
@@ -161,7 +161,9 @@ FIRST_COUNT, FIRST_DURATION = 20, 1e-3
 
 
 class Choice(NamedTuple):
-    """Values for "auto"."""
+    """Values for "auto": radius [m] of the patch, number of anti-oscillators, duration [s], and
+    the frequency [Hz] of expansion.
+    """
 
     radius: float | None = None
     n: int = FIRST_COUNT
@@ -170,7 +172,7 @@ class Choice(NamedTuple):
 
 
 def started(document: Document) -> Document:
-    """The document with first values in place of "auto"."""
+    """The document with first values in place of "auto", if it is an impact at one site."""
     if only_site(document) and any(isinstance(document.data.get(s), dict) for s in STRUCK):
         return with_values(document, Choice())
     return document
@@ -183,7 +185,7 @@ def is_auto(document: Document, section: str, key: str) -> bool:
 
 
 def with_values(document: Document, choice: Choice) -> Document:
-    """The document with values in place of "auto"; itself if it has none."""
+    """The document with the values of `choice` in place of "auto"; itself if it has no "auto"."""
     data = dict(document.data)
     site = only_site(document)
 

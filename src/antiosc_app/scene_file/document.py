@@ -1,4 +1,4 @@
-"""A scene file as data, the line of every value in it, and the mistakes that are found."""
+"""Reads a scene file as data, finds the lines of its values, and collects its mistakes."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Problems:
     origins: Mapping[Place, Place] = field(default_factory=dict)
 
     def add(self, place: Place, sentence: str) -> None:
-        """Note a mistake at a place of the file."""
+        """Note a mistake at a place of the scene; raises after MOST_FOUND of them."""
         sentence = " ".join(sentence.split())
         if self.origins and (place, sentence) in self.found:
             return  # the scene has this mistake for all values
@@ -67,7 +67,10 @@ class Problems:
         return SceneFileError(f"{self.name}:{line}: {sentence}", sentence)
 
     def _origin(self, place: Place) -> Place:
-        """Place in the file of a varied value; of another place, that of the first varied value."""
+        """The place in [sweep] or [monte_carlo] from which the value at `place` comes.
+
+        Places without a varied value get that of the first one; without any, `place` itself.
+        """
         for prefix, origin in self.origins.items():
             if place[: len(prefix)] == prefix or prefix[: len(place)] == place:
                 return origin
@@ -113,7 +116,7 @@ def read(path: str | os.PathLike[str]) -> Document:
 
 
 def checked(source: Path, data: dict[str, Any], text: str) -> Document:
-    """The document of tables, whose depth and texts are checked; `text` has their lines."""
+    """The document of `data`, after a check of its depth and texts; `text`: the file's text."""
     problems = Problems(str(source), text)
     level: list[tuple[Place, object]] = [((), data)]  # level by level, without recursion
     for _ in range(DEEPEST):
@@ -143,7 +146,7 @@ def _text(source: Path) -> str:
 
 
 def _syntax(name: str, text: str, error: str) -> str:
-    """Message with the line of a syntax error, which ends tomllib's message `error`."""
+    """Message on a syntax error, with the line that tomllib's message `error` states."""
     message, _, position_text = error.rpartition(" (at ")
     words = position_text.rstrip(")").replace(",", "").split()
     line = words[1] if words[:1] == ["line"] else str(text.count("\n") + 1)
@@ -154,7 +157,10 @@ def _syntax(name: str, text: str, error: str) -> str:
 
 
 def _inner(place: Place, value: object, problems: Problems) -> Iterator[tuple[Place, object]]:
-    """Yield the entries of a table or list; note keys and texts that contain control characters."""
+    """Yield (place, value) of the entries of `value`, a table or list at `place`.
+
+    Keys and texts with control characters are noted as mistakes.
+    """
     if isinstance(value, dict):
         for key in filter(_CONTROL.search, value):
             problems.add(place, f"a name holds a control character: {checks.shown(key)}.")
@@ -174,7 +180,7 @@ _NAME = re.compile(r'"([^"]*)"|\'([^\']*)\'|([^\s."\']+)')
 
 
 def lines_of(text: str, places: Iterable[Place]) -> list[int]:
-    """The line of the key of each place of a TOML text, or of the table around it."""
+    """Line numbers of places in a TOML text; a place not found has that of the table around it."""
     lines: dict[Place, int] = {(): 1}
     counts: Counter[Place] = Counter()
     table: Place = ()
@@ -199,7 +205,7 @@ def lines_of(text: str, places: Iterable[Place]) -> list[int]:
 
 
 def _names(text: str) -> Place:
-    """The names of a heading or of a key with dots."""
+    """The names in a dotted heading or key: 'sites."my eye"' -> ("sites", "my eye")."""
     return tuple(next(filter(None, name), "") for name in _NAME.findall(text))
 
 
@@ -213,7 +219,7 @@ def label(place: Place) -> str:
 
 
 def closest_name(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
-    """The most similar of the known names, or None; `least`: smallest similarity, from 0 to 1."""
+    """The known name most similar to `name`; None if no similarity reaches `least` (0 to 1)."""
     lowered = {entry.lower(): entry for entry in known}
     matches = difflib.get_close_matches(name.lower(), lowered, 1, least)
     return lowered[matches[0]] if matches else None

@@ -1,4 +1,4 @@
-"""Running a scene: its objects are made in turn, the same on all ranks, with their messages."""
+"""Runs a scene: makes its objects in turn, and the calls of sweeps, maps and random values."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ T = TypeVar("T")
 
 @dataclass(kw_only=True)
 class SceneResults(Objects[Any]):
-    """The objects of a scene, or of a program without one (`compiled` None), for a report."""
+    """The results of a scene for terminal and report; `compiled` is None without a scene file."""
 
     compiled: Any = None
     title: str = ""
@@ -52,7 +52,7 @@ class SceneResults(Objects[Any]):
 def results(
     compiled: CompiledScene, wanted: Sequence[str], evaluate: Evaluation | None = None
 ) -> SceneResults:
-    """Make the `wanted` objects of a scene; SceneFileError with the line of one that fails."""
+    """Make the objects of a scene with the names `wanted`; SceneFileError if one fails."""
     evaluate = evaluate or Evaluation(compiled.document)
     title = str(compiled.document.data.get("title") or compiled.document.path.stem)
     results_of_run = SceneResults(compiled=compiled, title=title, warnings=list(compiled.warnings))
@@ -69,7 +69,10 @@ def results(
 
 @contextlib.contextmanager
 def collected_warnings(sentences: list[str]) -> Iterator[None]:
-    """Context that collects warnings, each once, by weight; after an error they are printed."""
+    """Context that appends warnings to `sentences`, and sorts them by weight at its end.
+
+    Repetitions are dropped; after an error the warnings are printed.
+    """
 
     try:
         with warnings_to(sentences.append):
@@ -128,7 +131,11 @@ def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 def variant(
     build: Builder, values: Mapping[Place, object], origins: Mapping[Place, Place], main: Problems
 ) -> Builder:
-    """The scene with other values."""
+    """The scene with `values` at their places.
+
+    `origins`: place of a value -> its place in [sweep] or [monte_carlo], for mistakes, which
+    `main` collects.
+    """
     data = dict(build.data)
     for place, value in values.items():
         table = data
@@ -144,7 +151,7 @@ def variant(
 
 
 def varied(build: Builder | CompiledScene) -> dict[Place, list[object]]:
-    """The lists of [sweep] by the place of the varied value in the scene."""
+    """Place of a varied value in the scene -> its list in [sweep]."""
     data = build.data if isinstance(build, Builder) else build.document.data
     table = data.get("sweep")
     if isinstance(table, dict):
@@ -153,7 +160,7 @@ def varied(build: Builder | CompiledScene) -> dict[Place, list[object]]:
 
 
 def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
-    """The call of the batch; None without [sweep], or after a mistake in it."""
+    """The call of `simulate_many` for [sweep]; None without it, or after a mistake in it."""
     lists = varied(build)
     sections = _variable_sections(build)
     if "sweep" in build.data and not lists:
@@ -190,7 +197,10 @@ MOST_BARS = 50
 
 
 def budgets_of_rows(batch: Many, arguments: Table) -> list[ErrorBudget | None]:
-    """The error budget of each impact, None where it has none."""
+    """The error budget of each impact of a batch, None for one without.
+
+    `arguments`: those of `simulate_many`, by name. Beyond MOST_BARS impacts there are none.
+    """
     if len(batch) > MOST_BARS:
         return [None] * len(batch)
 
@@ -206,7 +216,7 @@ def budgets_of_rows(batch: Many, arguments: Table) -> list[ErrorBudget | None]:
 
 
 def _budget(arguments: Table) -> ErrorBudget | None:
-    """The error budget of an impact."""
+    """The error budget of the impact by these arguments of `simulate`; None after an error."""
     with without_warnings():  # the batch has shown them
         try:
             return error_budget(antiosc.simulate(**arguments))
@@ -215,14 +225,14 @@ def _budget(arguments: Table) -> ErrorBudget | None:
 
 
 def error_budget(history: Any) -> ErrorBudget | None:
-    """The error budget of a history."""
+    """The error budget of a history; None of a scene, or if cells are too large for it."""
     if not isinstance(history, antiosc.History) or coarse_cells(history):
         return None
     return budget_of(history)
 
 
 def coarse_cells(hit: History | None) -> str:
-    """Sentence if the cell at the only site is too large for the contact; else ""."""
+    """Sentence if the cell at the impact's site is too large for the contact; else ""."""
     if hit is None or isinstance(hit, antiosc.SceneHistory) or not hit.run.touches:
         return ""
     told = coarse_cell(hit.model, "", hit.assembly.contact_time_estimate)
@@ -247,7 +257,10 @@ def _batch_keys() -> list[str]:
 def _batch(
     build: Builder, compiled: CompiledScene, lists: Mapping[Place, list[object]], count: int
 ) -> Call | None:
-    """The call of `simulate_many` with the arguments of [simulate] and the lists of [sweep]."""
+    """The call of `simulate_many` with the arguments of [simulate] and `lists` of `count` values.
+
+    None after a mistake.
+    """
     table = build.part("simulate")
     swept = {place[0] for place in lists}
     stretches = _stretching(build, compiled.structure, compiled.model)
@@ -277,7 +290,11 @@ def _batch(
 
 
 def _stretching(build: Builder, part: Call | None, model_call: Call | None) -> Call | None:
-    """The model for many impacts; with second-order forces unless [extract] decides on them."""
+    """The call `model_call` of the model for many impacts, extended by second-order forces.
+
+    It is unchanged if [extract] has the key `stretch`, or [simulate] `step`, `n` or a `method`
+    other than "exact".
+    """
     options = {**build.part("simulate"), **build.part("simulate", dict, build.part("sweep"))}
     linear = {"step", "n"} & set(options) or options.get("method", "exact") != "exact"
     if None in (part, model_call) or linear or "stretch" in build.part("extract"):
@@ -292,7 +309,7 @@ def _stretching(build: Builder, part: Call | None, model_call: Call | None) -> C
 
 
 def _model(build: Builder) -> Call | None:
-    """A call that makes the model of a variant, without shapes, to save memory."""
+    """The call that makes the model of a varied scene, without shapes, to save memory."""
     part = structure(build)
     model_call = _stretching(build, part, model(build, part))
 
@@ -310,7 +327,7 @@ def _model(build: Builder) -> Call | None:
 
 
 class Nominal(NamedTuple):
-    """The run of a study without random values: its history, structure and stress fields."""
+    """A study's impact at the scene's own values: history, structure and stress fields."""
 
     hit: History
     structure: Structure | None
@@ -318,7 +335,7 @@ class Nominal(NamedTuple):
 
 
 def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
-    """The call of [monte_carlo]; None without this section, or after a mistake in it."""
+    """The call of `monte_carlo`; None without its section, or after a mistake in it."""
     table = build.data.get("monte_carlo")
     if not isinstance(table, dict):
         return None
@@ -340,7 +357,7 @@ def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
 
 
 def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
-    """The distribution of each random value, by the place of the value in the scene."""
+    """Place of a random value in the scene -> call of its distribution, None after a mistake."""
     calls: dict[Place, Call | None] = {}
     for place, value in leaves(inputs):
         at: Place = ("monte_carlo", *place)
@@ -358,7 +375,10 @@ def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
 def _run(
     build: Builder, places: Mapping[str, Place], duration: float, model: Any
 ) -> Callable[..., tuple[object, ...]]:
-    """The function that `monte_carlo` calls with values by name, such as impactor.velocity."""
+    """The function that `monte_carlo` calls with values by name, such as impactor.velocity.
+
+    It returns (model, impactor, contact law, duration [s]); `places`: name -> place of the value.
+    """
 
     problems = build.document.problems
     origins = {place: ("monte_carlo", *place) for place in places.values()}
@@ -379,7 +399,7 @@ def _run(
 
 
 def surface(build: Builder, compiled: CompiledScene) -> Call | None:
-    """The call of [map]; None without this section."""
+    """The call of `impact_map`; None without [map]."""
     arguments: dict[str, object] = {"structure": compiled.structure}
     table = dict(build.part("map"))
     if table.get("where") == []:

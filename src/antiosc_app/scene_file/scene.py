@@ -1,4 +1,4 @@
-"""A scene file as objects: the sections that make them, and their references to each other.
+"""Turns the sections of a scene file into calls that refer to each other.
 
 geometry | deck | matrices | parts → structure → sites → model → impactor, contact → history
                                                          bodies, contacts → scene → history
@@ -47,10 +47,11 @@ MISSING: Any = None
 
 @dataclass(kw_only=True)
 class Objects(Generic[T]):
-    """The results of the sections of a scene, as calls or as objects; None for a missing section.
+    """What the sections of a scene make, as calls or as results; None for a missing section.
 
-    `nominal` is the scene's own impact, without the values of [monte_carlo] or [sweep]; `facts` the
-    error budget of each impact of [sweep]; `peaks` and `worst` are those of the fall.
+    `batch` and `facts`: impacts of [sweep] and their error budgets; `sample`: runs of
+    [monte_carlo]; `nominal`: the impact at the scene's own values; `peaks` and `worst`:
+    accelerometers and largest stress of `fall`; `found`: the blow of [find].
     """
 
     structure: T = MISSING
@@ -98,7 +99,9 @@ class CompiledScene(Objects[Call | None]):
 
 
 class Study(NamedTuple):
-    """A command: its result, the message for a scene without it, and the objects it makes."""
+    """A command: the field of its result, the message for a scene that lacks it, and the fields
+    to be made, in order.
+    """
 
     result: str
     lacking: str
@@ -144,7 +147,7 @@ def source(build: Builder) -> str:
 
 
 def structure(build: Builder) -> Call | None:
-    """The call of the structure; None for a model, for rigid bodies, and if [strike] makes it."""
+    """The call that makes the structure; None if the scene has none, or [strike] makes it."""
     name = source(build)
     if name == "parts":
         return _assembly(build)
@@ -162,7 +165,7 @@ def refined(build: Builder) -> bool:
 
 
 def _part(build: Builder, data: Table, place: Place) -> Call | None:
-    """The call of the structure of a deck or a mesh, of the scene or of one of its parts."""
+    """The call that makes the structure of a deck or mesh; `data`: sections at `place`."""
     supported = _supported(build, data, place)
     if "deck" in data:
         return build.table("deck", data, place, given=supported)
@@ -176,13 +179,13 @@ def _part(build: Builder, data: Table, place: Place) -> Call | None:
 
 
 def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
-    """The arguments `supports` and `attached`, without empty ones."""
+    """The arguments `supports` and `attached` of a structure, if they are not empty."""
     lists = {name: build.listed(name, data, place) for name in ("supports", "attached")}
     return {name: value for name, value in lists.items() if value}
 
 
 def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
-    """The call of a material, or group of cells -> call; None after a mistake."""
+    """The call of the only material, or group of cells -> call; None after a mistake."""
     table = data.get("material")
     material_place = (*place, "material")
     section = SECTIONS["material"]
@@ -233,7 +236,7 @@ def _assembly(build: Builder) -> Call | None:
 
 
 def model(build: Builder, structure: Call | None) -> Call | None:
-    """The call of the reduced model with its [surface]; None if no section needs a model."""
+    """The call that makes the reduced model; None if no section needs one."""
     model_call = _model(build, structure)
     if "surface" not in build.data:
         return model_call
@@ -309,7 +312,10 @@ def _is_file(read: Call) -> bool:
 
 
 def _with_second_order(build: Builder, compiled: CompiledScene, impact: Call | None) -> Call | None:
-    """The impact, with second-order forces if they matter, unless [extract] decides on them."""
+    """The call `impact`, repeated with second-order forces if they matter.
+
+    It is unchanged if [extract] has the key `stretch`.
+    """
     given_there = "stretch" in build.part("extract")
     if impact is None or None in (compiled.structure, compiled.model) or given_there:
         return impact
@@ -327,7 +333,7 @@ def _with_second_order(build: Builder, compiled: CompiledScene, impact: Call | N
 def _struck_by(
     run: Callable[..., History], arguments: dict[str, Any], model: AntiOscillators
 ) -> History:
-    """The history of an impact, or of a scene, with another model of the structure."""
+    """The history by `run` (of an impact, or of a scene `self`) with `model` of the structure."""
     scene = arguments.get("self")
     if scene is None:
         return run(model=model, **arguments)
@@ -403,26 +409,29 @@ SpectrumKey: TypeAlias = bool | float | Sequence[float]
 
 
 def place_of(probe: Call) -> dict[str, Any]:
-    """The arguments of a probe that are its place."""
+    """The arguments of a probe that say where it is."""
     return {key: probe.arguments[key] for key in OF_PLACE if key in probe.arguments}
 
 
 def shock(
     structure: Structure, history: History, told_at: SpectrumKey, quantity: str = "", **asked: Any
 ) -> Shock:
-    """The shock response spectra of a probe, from its velocity also if it is an acceleration."""
+    """The shock response spectra of a probe, computed from its velocity.
+
+    `told_at`: its key srs; `quantity` is not used; `asked`: its other arguments.
+    """
     return shock_of(structure, history, _told_at(told_at), **asked)
 
 
 def _told_at(wanted: SpectrumKey) -> tuple[float, ...]:
-    """The frequencies [Hz] of the key srs, which is true, one of them, or several."""
+    """The frequencies [Hz] in the key srs; () if it is true or false."""
     if isinstance(wanted, bool):
         return ()
     return tuple(np.ravel(wanted).tolist())
 
 
 def set_requested(build: Builder, compiled: CompiledScene) -> None:
-    """Set the calls of [probes] and of [stress], by default the criteria with known strengths."""
+    """Set the calls of [probes] and of [stress], by default of all criteria with a strength."""
     part: Call | None = compiled.structure
     if compiled.striking and part is None:
         part = Call(lambda history: history.structure, {"history": compiled.history})
@@ -446,7 +455,10 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
 
 
 def _set_stress(build: Builder, compiled: CompiledScene, arguments: Table) -> None:
-    """Set the call of [stress], whose key tol is the bar to which it is brought."""
+    """Set the call of [stress]; with the key tol the mesh is refined to that error.
+
+    `arguments`: the calls of structure and history.
+    """
     table = build.part("stress")
     keys = {key: value for key, value in table.items() if key != "tol"}
     asked = build.call(SECTIONS["stress"], keys, ("stress",), arguments)
@@ -477,7 +489,10 @@ def _closed(
     tol: float,
     **options: Any,
 ) -> dict[str, PeakField]:
-    """The stress fields of an impact, to a tolerance."""
+    """Quantity -> stress field of an impact, on meshes refined until its error is `tol`.
+
+    `options`: further arguments of `peak_field`.
+    """
     with finite_element_packages():
         from antiosc.extension import closed, fields_by_strength, struck_again
     call: Any = compiled.structure
@@ -495,7 +510,10 @@ def _closed(
 def with_smaller_cells(
     build: Builder, call: Call, structure: Structure, places: Sequence[tuple[Any, float]]
 ) -> Structure:
-    """The structure of a call with smaller cells at places; those of a deck are bisected."""
+    """The structure that `call` made, with cells of given size at places [(point, size [m])].
+
+    Meshes of [geometry] are made anew, cells of decks are bisected.
+    """
     geometry = next((one for one in calls_in(call) if one.place == ("geometry",)), None)
     if geometry is None:
         with finite_element_packages():
@@ -508,7 +526,10 @@ def with_smaller_cells(
 
 
 def exchanged_call(call: Call, known: Mapping[Call, Call]) -> Call:
-    """A call with others in place of some in it, and without the errors of a model."""
+    """A copy of `call` in which calls are replaced as `known` says.
+
+    Models in it are extracted without error estimates.
+    """
 
     @functools.cache
     def exchanged(one: Call) -> Call:
@@ -523,7 +544,7 @@ def exchanged_call(call: Call, known: Mapping[Call, Call]) -> Call:
 
 
 def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey) -> None:
-    """Note a shock response spectrum of a quantity that has none, and wrong frequencies."""
+    """Note mistakes of the key srs of a probe: wrong quantity, or frequencies out of range."""
     if not all(0 < frequency < np.inf for frequency in _told_at(wanted)):
         build.note(
             ("probes", name, "srs"),
@@ -538,7 +559,7 @@ def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey)
 
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
-    """Criterion -> stress field, or the von Mises stress where no strength is known."""
+    """Quantity -> stress field: of each criterion with a strength, else of von Mises stress."""
     with finite_element_packages():
         from antiosc.extension import fields_by_strength
     return fields_by_strength(structure, history)
@@ -547,7 +568,10 @@ def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]
 def worst_by_strengths(
     self: Fall, finer: Callable[..., Structure] | None = None, **options: Any
 ) -> WorstField | None:
-    """The stress field with the largest exposure in a fall; None where no stress is known."""
+    """The stress field with the largest exposure in a fall; None if no stress is known.
+
+    `finer`: makes a structure with smaller cells; `options`: arguments of `Fall.worst`.
+    """
     with finite_element_packages():
         from antiosc.extension import criteria_of
     structure: Any = self.body.structure

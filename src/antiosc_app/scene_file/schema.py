@@ -1,6 +1,6 @@
-"""Content of a scene file: its sections, the objects that they make, and the keys of each.
+"""The schema of scene files: sections, what each of them makes, and its keys.
 
-The keys of a section are read from the signature of the object that it makes, so that a new
+The keys of a section are read from the signature of the callable that it makes, so that a new
 parameter becomes a key without changes here.
 """
 
@@ -33,7 +33,7 @@ from antiosc.models.modal import as_damping
 
 @dataclass(frozen=True)
 class Form:
-    """What becomes of a value of a file; whoever takes it checks it."""
+    """How a value of a file is converted to an argument; the callable checks it."""
 
     path: bool = False  # a text names a file
     floats: bool = False  # a whole number becomes a float, unless
@@ -45,7 +45,7 @@ class Form:
     nodes: bool = False  # whether the keys of that table are numbers of nodes
 
     def __or__(self, other: Form) -> Form:
-        """The form of a value that has one of two forms."""
+        """The form of a value that may have either of two forms."""
         return Form(
             self.path or other.path,
             self.floats or other.floats,
@@ -59,7 +59,7 @@ class Form:
 
 
 def _either(first: Form | None, second: Form | None) -> Form | None:
-    """The form of one or the other."""
+    """`first | second`, where None is no form."""
     return first | second if first and second else first or second
 
 
@@ -67,7 +67,7 @@ PLAIN, FLOAT, WHOLE, ARRAY = Form(), Form(floats=True), Form(whole=True), Form(a
 
 
 class Unknown:
-    """Replaces a name that is imported only for type checkers, and that no file can contain."""
+    """Stands in annotations for names imported for type checkers only; no file can hold one."""
 
 
 class _Names(dict[str, object]):
@@ -135,7 +135,7 @@ Check = Callable[[str, Any], object]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One key of a section: what becomes of its value, whether it is required, and check."""
+    """One key of a section: its conversion, whether it is needed, and the check of its value."""
 
     name: str
     form: Form
@@ -176,20 +176,20 @@ def parameters(function: str) -> Mapping[str, Parameter]:
 
 
 def resolved(function: str) -> Any:
-    """The public callable of a dotted name; "output" is the section of the files."""
+    """The public callable of a dotted name, as "Hertz.from_radii"; `Output` for "output"."""
     if function == "output":
         return Output
     return functools.reduce(getattr, function.split("."), antiosc)
 
 
 def only_checks(function: str) -> bool:
-    """Whether a call only checks and stores values, so that it can be made without a run."""
+    """Whether a callable only checks and stores values, and is called while a scene is checked."""
     class_name = function.partition(".")[0]
     return function in LIGHT or (inspect.isclass(resolved(class_name)) and class_name not in HEAVY)
 
 
 def _choice(name: str) -> Check:
-    """A check against the choices "module:name", imported on use since it may need dolfinx."""
+    """A check against the choices in "module:name", imported on use as it may need dolfinx."""
     return lambda key, value: checks.choice(key, value, tuple(pkgutil.resolve_name(name)))
 
 
@@ -254,8 +254,10 @@ JOINTS = "Bolt Bushing Equation Ball Hinge Slider Weld Mean Rigid Tie"
 
 @dataclass(frozen=True)
 class SceneSection:
-    """One section of a scene file; `names` are those of the callables that it makes, of which the
-    key `kind` chooses one, and `given` those of parameters that other sections give.
+    """One section of a scene file.
+
+    `names`: callables, separated by spaces, of which the key `kind` chooses one; `about`: what the
+    section describes; `given`: parameters that other sections give; `inner`: sections within it.
     """
 
     form: Literal["table", "list", "named", "text"]

@@ -1,6 +1,4 @@
-"""Values of a scene that are "auto" by the rules of `antiosc.strikes.defaults`: all commands take
-the scene with them.
-"""
+"""Replaces "auto" in scenes by numbers, by the rules of `antiosc.strikes.defaults`."""
 
 from __future__ import annotations
 
@@ -23,20 +21,23 @@ T = TypeVar("T")
 
 
 class Settled(NamedTuple):
-    """A scene with numbers in place of "auto", and the evaluation of its known objects."""
+    """A scene with numbers in place of "auto", and the evaluation that knows its results."""
 
     scene: CompiledScene
     evaluate: KeepingEvaluation
 
 
 def begin(document: Document, kept: Kept | None = None) -> Settled:
-    """The scene of a document with first values for "auto"; it takes what is kept."""
+    """The scene of a document with first values for "auto"; `kept`: results of earlier runs."""
     scene = compiled(document)
     return Settled(scene, (kept or Kept()).evaluation(scene.document))
 
 
 def settled(document: Document, begun: Settled | None = None) -> Settled:
-    """The scene of a document with the values of the hardest striker that it has."""
+    """The scene of a document with final values for "auto".
+
+    They suit the hardest striker of [sweep] or [monte_carlo]; `begun`: by `begin`, if known.
+    """
     begun = begun or begin(document)
     scene, evaluate = begun
     if scene.document is document or scene.history is None:
@@ -71,7 +72,10 @@ def settled(document: Document, begun: Settled | None = None) -> Settled:
 def enough(
     run: Callable[[Choice], tuple[T, History]], choice: Choice, grows: bool, lasts: bool
 ) -> tuple[T, Choice]:
-    """(last result, its values) with enough oscillators (`grows`) and parted (`lasts`)."""
+    """Repeat `run` with more oscillators or longer; returns (last result, its values).
+
+    `grows`: until there are enough oscillators; `lasts`: until the bodies have parted.
+    """
     from antiosc.extension import LONGER, expansion_of, next_count, parted
 
     longest = LONGER * choice.duration
@@ -90,7 +94,7 @@ def enough(
 
 
 def _radius(structure: Structure | None, scene: CompiledScene, document: Document) -> float | None:
-    """Radius [m] of the patch at the only site; None where it is given, or chosen by [strike]."""
+    """Radius [m] of the patch at the only site if it is "auto"; else, or for [strike], None."""
     call = scene.model or scene.history
     if structure is None or call is None or only_site(document).get("radius") != AUTO:
         return None
@@ -103,7 +107,7 @@ def _radius(structure: Structure | None, scene: CompiledScene, document: Documen
 
 
 def _hardest(document: Document, scene: CompiledScene) -> Document:
-    """The document with the hardest values that [sweep] and [monte_carlo] have for the striker."""
+    """The document with the largest values that [sweep] and [monte_carlo] give the striker."""
     largest: dict[str, Any] = {}
     swept = document.data.get("sweep", {}).get("impactor", {})
     for key, values in swept.items():

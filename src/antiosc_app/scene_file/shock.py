@@ -1,4 +1,4 @@
-"""The shock response spectrum of a probe: of the component with the largest value."""
+"""Shock response spectra of a probe, one of each component."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ LEAST, MOST = 1001, 4_000_000
 
 
 class Shock(NamedTuple):
-    """Spectra of a velocity in m/s² by component, and the frequencies in Hz that are told."""
+    """Shock response spectra [m/s²] by component, from a velocity.
+
+    `asked`: frequencies [Hz] at which values are reported; `filter`: that of the probe.
+    """
 
     spectra: Mapping[str, ShockSpectrum]
     asked: tuple[float, ...] = ()
@@ -34,14 +37,17 @@ class Shock(NamedTuple):
         return max(self.spectra, key=lambda name: float(self._passed(name).max()))
 
     def _passed(self, name: str) -> Array:
-        """Values of a component, 0 above what the filter passes if it passes any of them."""
+        """Spectrum of the component `name`, 0 at frequencies that the filter does not pass.
+
+        It is unchanged if the filter passes none of its frequencies.
+        """
         spectrum = self.spectra[name]
         limit = np.inf if self.filter is None else PASSED * CLASSES[self.filter]
         beyond = spectrum.frequency > limit
         return np.where(beyond & ~beyond.all(), 0.0, spectrum.maximax)
 
     def numbers(self) -> dict[str, Any]:
-        """The largest value with its component and frequency, and those that were asked for."""
+        """The largest value with its component and frequency, and `at` the asked frequencies."""
         name = self.component
         k = int(np.argmax(self._passed(name)))
         spectrum = self.spectra[name]
@@ -51,7 +57,7 @@ class Shock(NamedTuple):
         return found
 
     def _at(self, frequency: float) -> dict[str, Any]:
-        """The largest component at a frequency in Hz; the value is None outside the spectrum."""
+        """Largest component at a frequency [Hz], and its value, None outside of the spectrum."""
         known = self.spectra[self.component].frequency
         if not known[0] <= frequency <= known[-1]:
             return {"frequency": frequency, "value": None}
@@ -83,7 +89,10 @@ class Shock(NamedTuple):
 def shock_of(
     structure: Structure, history: History, asked: tuple[float, ...], **place: Any
 ) -> Shock:
-    """The spectra of the velocity at a point, at the arguments `place` of a probe."""
+    """Shock response spectra of the velocity at a point.
+
+    `asked`: frequencies [Hz] to be reported; `place`: further arguments of `antiosc.probe`.
+    """
     model: Any = history.of(place.get("body", "structure"))[0]
     highest = float(np.max(model.omega, initial=0.0)) / (2 * np.pi)
     resolved = np.inf
