@@ -1,4 +1,4 @@
-"""How the file of a part is read if nobody says it: its unit, piece, inside, densities."""
+"""Reads the file of a part with guesses of what it does not state: unit, piece, densities."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ OPTIONS = {
 
 @dataclass(frozen=True)
 class ForeignPart:
-    """A part, and how it was read; `read` are the arguments of `read_mesh` or `read_model`."""
+    """A part that was read; `read`: the arguments of `read_mesh` or `read_model` that did it."""
 
     mesh: Mesh
     read: Read
@@ -86,7 +86,11 @@ def foreign_part(
     contact: str | None = None,
     alone: Read | None = None,
 ) -> ForeignPart:
-    """Read or mesh a part."""
+    """Read or mesh the file of a part.
+
+    `free`: without a deck's supports; `unit`, `size` [m] of cells: None to guess them; `contact` of
+    a deck: "tied" or "apart"; `alone`: further arguments of the reader, for a single piece.
+    """
     with finite_element_packages():
         importlib.import_module("antiosc.fem.mesh")
     if is_deck(path):
@@ -110,14 +114,14 @@ def is_deck(path: Path) -> bool:
 
 
 def way_of_piece(read: Read, piece: int) -> Read:
-    """How a piece of a part is read alone; `read`: how the part was read, with its pieces."""
+    """Arguments that read one piece of a part; `read`: those that read the part."""
     joins = () if "piece" in read else ("fragments", "merge", "contact")
     kept = {key: read[key] for key in OF_PIECES if key in read and key not in joins}
     return {**kept, "piece": piece}
 
 
 def unit_of_length(length: float) -> str:
-    """The unit of a file that states none, by the length of its part in this unit."""
+    """Guess the unit of a file, "mm" or "m", from the length of its part in that unit."""
     return "mm" if length > LONGEST_IN_METRES else "m"
 
 
@@ -125,7 +129,7 @@ def unit_of_length(length: float) -> str:
 
 
 def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | None) -> ForeignPart:
-    """Read a mesh, or mesh a geometry; `size` [m] of its cells, if it is given."""
+    """Read a mesh, or mesh a geometry; the arguments are those of `foreign_part`."""
     from antiosc.extension import default_size, usual_size
     from antiosc.io.by_gmsh import STATES_UNIT
     from antiosc.io.facets import SURFACES
@@ -182,7 +186,10 @@ def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | Non
 
 
 def _opened(path: Path, read: Read, is_unknown: bool) -> tuple[FileMesh, Read]:
-    """(box, groups and solids of a geometry in m, arguments with its unit)."""
+    """(contents of a geometry or surface in m, `read` with its unit).
+
+    `is_unknown`: whether the unit is to be guessed.
+    """
     from antiosc.io.reading import outline
 
     contents = outline(path)
@@ -195,7 +202,7 @@ def _opened(path: Path, read: Read, is_unknown: bool) -> tuple[FileMesh, Read]:
 
 
 def _ways_of(contents: FileMesh, is_geometry: bool, notes: list[str]) -> list[Read]:
-    """Options for reading a geometry or a surface, in the order of trial."""
+    """Options of `read_mesh` to be tried in turn; adds to `notes` what they follow from."""
     from antiosc.io.facets import CLOSED
 
     if not is_geometry:
@@ -210,7 +217,10 @@ def _ways_of(contents: FileMesh, is_geometry: bool, notes: list[str]) -> list[Re
 def _first(
     path: Path, read: Read, ways: list[Read]
 ) -> tuple[Mesh, Read, Sequence[Piece], list[str]]:
-    """(mesh, options, pieces, what was told) of the first of the ways that works."""
+    """(mesh, options, pieces, messages) by the first options in `ways` that work.
+
+    `read`: further options; pieces are known if the whole part could not be read.
+    """
     reason: InputError | None = None
     pieces: Sequence[Piece] = ()
     for way in ways:
@@ -230,7 +240,7 @@ def _first(
 
 
 def _of_piece(read: Read, pieces: Sequence[Piece]) -> list[str]:
-    """A sentence (in a list) on the piece of a part that is read alone."""
+    """One sentence on the piece that is read alone; [] for a whole part."""
     from antiosc.io.reading import described_pieces
 
     if "piece" not in read:
@@ -244,7 +254,7 @@ def _of_piece(read: Read, pieces: Sequence[Piece]) -> list[str]:
 
 
 def _of_deck(path: Path, options: Read, unit: str | None) -> ForeignPart:
-    """The model of a deck, by default in the first unit in which its materials are real ones."""
+    """Read the model of a deck; `unit`: None for the first in which its materials are real."""
     from antiosc.extension import with_parts
     from antiosc_decks.from_deck import materials_of_deck
 
@@ -270,7 +280,10 @@ def _of_deck(path: Path, options: Read, unit: str | None) -> ForeignPart:
 def _completed(
     reader: Callable[..., T], read: Read, told: list[str]
 ) -> tuple[T, Read, Sequence[Piece]]:
-    """(what `reader` makes of a deck, its arguments, pieces); unstated ones are of steel."""
+    """(result of `reader`, its arguments, pieces of the deck).
+
+    Density and modulus of steel are added if it fails without; `told` gets the messages.
+    """
     reason: InputError | None = None
     pieces: Sequence[Piece] = ()
     pieces_read: list[Read] = [{}] if "piece" in read else [{}, {"piece": 1}]
@@ -290,7 +303,10 @@ def _completed(
 
 
 def unit_of_materials(families: Sequence[Any], length: float) -> str:
-    """The unit of a deck read in mm: the first in which most of its materials are real ones."""
+    """The first unit in which most materials of a deck are real ones, else one by its length.
+
+    `families`, `length` [m]: materials and length of the deck, read in mm.
+    """
     values = np.array([_modulus_and_density(family) for family in families])
     read = UnitSystem.of("mm")
     values /= [read.stress, read.density]
@@ -310,7 +326,7 @@ def unit_of_materials(families: Sequence[Any], length: float) -> str:
 
 
 def _within(values: Array, ends: tuple[float, float]) -> BoolArray:
-    """Mask of the values between two ends."""
+    """Mask of the values between `ends`, both included."""
     return (ends[0] <= values) & (values <= ends[1])
 
 

@@ -1,4 +1,4 @@
-"""Packages of this installation: versions, solvers, and how to get missing ones."""
+"""`antiosc info`: versions of packages, solvers, and commands that install missing ones."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BROKEN = "fails to load"
 
 
 class Package(NamedTuple):
-    """A package that antiosc can use; structures with a mesh need it if `meshes`."""
+    """A package that antiosc can use; `meshes`: whether structures with a mesh need it."""
 
     name: str
     module: str
@@ -100,7 +100,7 @@ def c_compiler() -> str:
 
 
 def meshes_work() -> bool:
-    """Whether all is available that structures with a mesh need."""
+    """Whether everything that structures with a mesh need is installed and loads."""
     versions = packages_found()
     return bool(c_compiler()) and all(
         versions[p] and not versions[p].startswith(BROKEN) for p in versions if p.meshes
@@ -136,7 +136,7 @@ def report() -> str:
 
 
 def installation() -> str:
-    """Kind of this Python: "conda", "debian", "wheels" (PyPI has all for it) or "pip"."""
+    """How packages are installed here: "conda", "debian", "wheels" (PyPI has all) or "pip"."""
     if Path(sys.prefix, "conda-meta").is_dir():
         return "conda"
     on_debian = Path("/etc/debian_version").is_file()
@@ -149,7 +149,7 @@ def installation() -> str:
 
 
 def remedy(missing: Sequence[Package], kind: str) -> str:
-    """The command that installs missing packages in an installation of this kind."""
+    """The command that installs missing packages; `kind`: result of `installation`."""
     if kind == "conda":
         names = sorted({package.conda for package in missing})
         return f"conda install -c conda-forge {' '.join(names)}"
@@ -181,7 +181,7 @@ def solvers() -> list[str]:
 
 
 def _cholmod() -> str:
-    """CHOLMOD's version if it is called directly; else why MUMPS factors instead."""
+    """Text: CHOLMOD's version if antiosc calls it directly, else why it does not."""
     try:
         from antiosc.extension import cholmod
     except Exception as error:  # whatever an installed package may raise
@@ -192,7 +192,7 @@ def _cholmod() -> str:
 
 
 def blas() -> str:
-    """The BLAS that NumPy loads, by threadpoolctl; "unknown" of one without threads."""
+    """Kind and path of NumPy's BLAS; "unknown" if threadpoolctl does not find it."""
     importlib.import_module("numpy.linalg")
     pools = process.pools() or ()
     return next((f"{pool['internal_api']}  {pool['filepath']}" for pool in pools), "unknown")

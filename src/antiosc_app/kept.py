@@ -1,4 +1,4 @@
-"""What the runs of one part keep: meshes, structures and models, each by what its call says."""
+"""Caches the meshes, structures and models of a part by the calls that make them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST = {
 
 
 class ResultCache(OrderedDict[str, T]):
-    """A cache of the last `most` results, each with the text of its inputs as the key."""
+    """A cache of the `most` results used last; keys are texts of their inputs."""
 
     def __init__(self, most: int) -> None:
         super().__init__()
@@ -33,7 +33,7 @@ class ResultCache(OrderedDict[str, T]):
         self._messages: dict[str, list[str]] = {}
 
     def of(self, key: str, make: Callable[[], T]) -> T:
-        """The result for a key, computed if it is not known; its warnings are given each time."""
+        """The result for `key`, by `make` if it is not known; its warnings are repeated."""
         if key not in self:
             messages: list[str] = []
             with warnings_to(messages.append):
@@ -49,18 +49,21 @@ class ResultCache(OrderedDict[str, T]):
 
 
 class Kept:
-    """Meshes, structures and models of the scenes of one part, or of a given `structure`."""
+    """Cache of meshes, structures and models of one part.
+
+    A `structure` takes the place of the one that scenes describe.
+    """
 
     def __init__(self, structure: Structure | None = None) -> None:
         self._given = structure
         self.results: dict[str, ResultCache[object]] = {n: ResultCache(m) for n, m in MOST.items()}
 
     def evaluation(self, document: Document) -> KeepingEvaluation:
-        """The evaluation of a scene that takes what is kept."""
+        """An evaluation of a document's calls that uses this cache."""
         return KeepingEvaluation(self, document)
 
     def made(self, call: Call, make: Callable[[], object]) -> object:
-        """The object of a call, from what is kept."""
+        """The result of `call`, from the cache or by `make`."""
         if self._given is not None and call.name in ("Structure", "read_model"):
             return self._given
         if call.name not in self.results:
@@ -69,7 +72,7 @@ class Kept:
 
 
 def described(value: object) -> object:
-    """A value with the name and the arguments of each call in it."""
+    """A value in which each call is replaced by its name and arguments, for a cache's key."""
     if isinstance(value, Call):
         return value.name, described(value.arguments)
     if isinstance(value, Mapping):
@@ -80,7 +83,7 @@ def described(value: object) -> object:
 
 
 class KeepingEvaluation(Evaluation):
-    """An evaluation of a scene that takes what is kept."""
+    """An evaluation of a document's calls that uses the cache `kept`."""
 
     def __init__(self, kept: Kept, document: Document) -> None:
         super().__init__(document)

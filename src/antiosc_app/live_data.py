@@ -1,4 +1,4 @@
-"""The data of a live page: an impact or a map, with the struck part if it is known."""
+"""Data of an impact or a map from which the page repeats it, with the struck part."""
 
 from __future__ import annotations
 

@@ -47,7 +47,10 @@ BEAM = 0.012
 
 
 def of_structure(structure: Structure, hit: History) -> Data | None:
-    """Surface and fields for the page, the same on all ranks; None for a part without a surface."""
+    """The struck part for the page, with motion and stress, the same on all ranks.
+
+    None for a part without a surface, or a model without shapes.
+    """
     try:
         shapes = shapes_of(structure, hit, "structure")
         points, cells, displacements = source(structure).at_nodes(structure, shapes)
@@ -72,7 +75,10 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
 
 
 def geometry(points: Array, faces: IntArray) -> Data:
-    """Points as integers in the box with centre `middle` and half-side `half` [m], and faces."""
+    """Points (P, 3) [m] and faces for the page.
+
+    Coordinates are `middle` + `half` * integer / STEPS [m].
+    """
     low = points.min(axis=0)
     high = points.max(axis=0)
     middle = (low + high) / 2
@@ -86,7 +92,7 @@ def geometry(points: Array, faces: IntArray) -> Data:
 
 
 class PageSurface(NamedTuple):
-    """Points (P, 3), triangles (T, 3) of a structure, and the mesh node of each point (P,)."""
+    """Surface of a structure: points (P, 3) [m], triangles (T, 3), mesh node (P,) of a point."""
 
     points: Array
     faces: IntArray
@@ -94,13 +100,16 @@ class PageSurface(NamedTuple):
 
 
 def drawn(skin: PageSurface) -> tuple[Data, IntArray]:
-    """(geometry of a surface, the points of it that are used)."""
+    """(`geometry` of a surface without unused points, numbers of the points that it has)."""
     used_points, faces = np.unique(skin.faces, return_inverse=True)
     return geometry(skin.points[used_points], faces.reshape(-1, 3)), used_points
 
 
 def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface:
-    """Outer faces of cells at points (N, 3) as triangles, and lines as bars."""
+    """The surface of cells at points (N, 3) [m]; lines are drawn as square bars.
+
+    `cells`: blocks (kind, nodes (n, k)).
+    """
     pieces: list[tuple[Array, IntArray]] = [(points, np.arange(len(points)))]
     faces: list[IntArray] = []
     for block in cells:
@@ -122,7 +131,7 @@ def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface
 
 
 def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
-    """Lines as square bars with four points at each end: (points, triangles, nodes)."""
+    """(points (8 n, 3) [m], triangles, nodes (8 n,)) of square bars along lines (n, 2)."""
     edges = points[lines[:, 1]] - points[lines[:, 0]]
     other = np.where(np.abs(edges).argmin(axis=1)[:, None] == np.arange(3), 1, 0)
     first = np.cross(edges, other)
@@ -143,7 +152,11 @@ def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
 
 
 def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | None:
-    """Stresses (N, 6, columns) at all nodes on rank 0; None of a beam's section without outline."""
+    """Stresses (N, 6, columns) [Pa] at all nodes, for each place in the section.
+
+    [] on ranks other than 0; None for beams whose section has no outline. `shapes`: columns of
+    displacements.
+    """
     stresses = []
     for side in sides(structure):
         try:
@@ -158,7 +171,9 @@ def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | 
 
 
 def _averages(tensors: NodeTensors, n: int) -> list[Array]:
-    """Mean tensors (N, 6, columns) at N nodes, for each place in the section."""
+    """Tensors (N, 6, columns) averaged over the cells at each of `n` nodes, for each place in the
+    section.
+    """
     means = []
     for place in dict.fromkeys(origin.place for origin in tensors.origins):
         origins = [k for k, origin in enumerate(tensors.origins) if origin.place == place]
@@ -172,7 +187,11 @@ def _averages(tensors: NodeTensors, n: int) -> list[Array]:
 
 
 def _coordinates(hit: History, times: Array) -> Array:
-    """(n, J + 1) modal displacements of the structure and contact force; then pair amplitudes."""
+    """Coordinates (n, B) at n times [s], to which displacements are linear.
+
+    They are J modal displacements, the contact force [N] and, for second-order forces, products of
+    pairs of amplitudes.
+    """
     q, _ = hit.states(times)
     q = q[:, hit.assembly.spans["structure"]]
     forces = hit.assembly.stretched.get("structure")
@@ -181,7 +200,7 @@ def _coordinates(hit: History, times: Array) -> Array:
 
 
 def _by_coordinates(hit: History) -> Array:
-    """Factors (B, J + 1) of the shapes by modal displacements and force, and those of pairs."""
+    """Matrix that maps the coordinates of `_coordinates` to amplitudes of the model's shapes."""
     _, body = hit.of("structure")
     size = body.omega.size
     q, force = np.split(np.eye(size + 1), [size], axis=1)
@@ -192,18 +211,22 @@ def _by_coordinates(hit: History) -> Array:
 
 
 def _held(displacements: Array) -> BoolArray:
-    """Mask (P,) of the points at which no shape moves a component that shapes move elsewhere."""
+    """Mask (P,) of the points that are held.
+
+    A component of their `displacements` (P, 3, columns) is 0 in all columns, and not elsewhere.
+    """
     reach = np.abs(displacements).max(axis=2, initial=0.0)
     is_moving = reach.max(axis=0) > 0
     return (reach[:, is_moving] <= HELD_RATIO * reach.max()).any(axis=1)
 
 
 def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -> Data:
-    """Principal fields of `linear` (P, c, J + 1) over a run x (n, J + 1), as integers.
+    """At most `most` principal fields of linear @ x over a run, as integers for the page.
 
-    The field is `fields` (K, P, c) × `scale` (K,) × (`factors` (K, J + 1) x); `largest` is the
-    largest `size` in the run. Coordinates are weighted by their largest values, so that the fields
-    also serve runs with other amplitudes.
+    `linear` (P, c, B): field of c components at P points for unit coordinates; `x` (n, B):
+    coordinates at n times. The field is `fields` (K, P, c) × `scale` (K,) × (`factors` (K, B) x);
+    `largest` is the largest `size` of it in the run. Coordinates are weighted by their largest
+    values, so that the fields also serve runs with other amplitudes.
     """
     points, components, count = linear.shape
     weights = np.abs(x).max(axis=0)
@@ -231,7 +254,7 @@ def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -
 
 
 def _equivalent(stress: Array) -> Array:
-    """Von Mises stress of stress fields."""
+    """Von Mises stress (P, columns) of stresses (P, 6, columns)."""
     return equivalent(np.moveaxis(stress, 1, -1))
 
 
@@ -247,7 +270,10 @@ COMPUTED = ("peak_deflection", "peak_stress", "exposure")
 def sites_of_map(
     impact_map: ImpactMap, structure: Structure | None = None
 ) -> tuple[Data, Data] | None:
-    """(blow, sites) for the page, the same on every rank; None if it cannot repeat the map."""
+    """(impact, sites) as data for the page, the same on every rank.
+
+    None if the page cannot repeat the map's impacts. `structure`: the part drawn behind it.
+    """
     impactor, law, duration = impact_map.impactor, impact_map.contact, impact_map.duration
     if impactor is None or law is None or duration is None or not is_compiled(law):
         return None
@@ -302,7 +328,7 @@ def sites_of_map(
 
 
 def _dots(impact_map: ImpactMap) -> IntArray:
-    """Numbers of the sites that are drawn as dots: those that no sound triangle shows."""
+    """Numbers of the sites drawn as dots: those that are on no triangle of sound sites."""
     if impact_map.elements.shape[1] != 3:
         return np.arange(len(impact_map))
     sound = ~impact_map.doubtful
@@ -311,7 +337,10 @@ def _dots(impact_map: ImpactMap) -> IntArray:
 
 
 def _skin(structure: Structure, mapped: float) -> Data | None:
-    """The surface of a part behind a map, the same on all ranks; None if there is none."""
+    """The part's surface for the page, the same on all ranks.
+
+    None without a surface, or if the map, of area `mapped` [m²], covers it.
+    """
     try:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
         skin: PageSurface = structure.comm.bcast(surface(points, cells), root=0)

@@ -1,4 +1,4 @@
-"""The numbers of a result as data, each with its bar by cause or the reason why it has none."""
+"""Numbers of a result as JSON, each with its error bar and causes, or why it has none."""
 
 from __future__ import annotations
 
@@ -43,7 +43,10 @@ def quantity(
     causes: Mapping[str, Sides] | None = None,
     **more: object,
 ) -> Quantity:
-    """A number with its bar, how far it may lie below and above, or why it has none."""
+    """A number as JSON; `bar`: how far it may lie below and above, or why this is not known.
+
+    `causes`: cause -> its share of the bar, below and above; `more`: further keys.
+    """
     told = [
         {"cause": cause, "below": below, "above": above, "narrowed_by": NARROWED[cause]}
         for cause, (below, above) in (causes or {}).items()
@@ -53,7 +56,7 @@ def quantity(
 
 
 def quantities(results: SceneResults) -> list[Quantity]:
-    """All numbers of a result."""
+    """All numbers of the results of a scene."""
     kinds = {
         **{"history": _of_history, "fall": _of_fall, "batch": _of_sweep, "sample": _of_sample},
         **{"map": _of_map, "tradeoff": _of_tradeoff},
@@ -63,7 +66,7 @@ def quantities(results: SceneResults) -> list[Quantity]:
 
 
 def _of_history(results: SceneResults) -> Iterator[Quantity]:
-    """The numbers of an impact, or of each contact of a scene; those of its probes."""
+    """The numbers of an impact or of each contact of a scene, of its stresses and probes."""
     hit = results.history
     budget = error_budget(hit)
     if isinstance(hit, SceneHistory):
@@ -92,7 +95,7 @@ def _of_history(results: SceneResults) -> Iterator[Quantity]:
 
 
 def _budgeted(budget: ErrorBudget | None, name: str, value: float, unit: str) -> Quantity:
-    """A number with its bar by the causes of an error budget."""
+    """The quantity `name` of an impact with its error bar by a budget."""
     if budget is None or (name == DEFLECTION and budget.deflection is None):
         return quantity(name, value, unit, NOT_ESTIMATED)
 
@@ -106,7 +109,10 @@ def _budgeted(budget: ErrorBudget | None, name: str, value: float, unit: str) ->
 
 
 def _judged(name: str, peak: Any, margin: Any, force: float | None) -> Quantity:
-    """The largest stress of a field, or its exposure, with its bar by mesh and force."""
+    """The judged value of the stress field `peak`, with its bar by mesh and force.
+
+    `margin`: its worst point, or None; `force`: relative error of the force, or None.
+    """
     if margin is None:
         value, point, time = peak.largest(1)[0]
         return quantity(name, value, peak.unit, "it is not judged", point=list(point), time=time)
@@ -146,7 +152,7 @@ def _of_sample(results: SceneResults) -> Iterator[Quantity]:
 
 
 def _quantiles(ensemble: Many, units: Mapping[str, str]) -> Iterator[Quantity]:
-    """The quantiles of an ensemble, with bars of the number of its runs."""
+    """Quantiles of an ensemble with confidence limits; `units`: quantity -> unit."""
     for name, unit in units.items():
         for q in ensemble.quantiles:
             one = ensemble.quantile(name, q)

@@ -1,4 +1,4 @@
-"""A page and its calls for the browser of this user on this machine, closed to all others.
+"""Serves a page and its calls to browsers of this user on this machine, and to nobody else.
 
 The server listens on 127.0.0.1. The page's address contains a random token, and each call repeats
 it in a header that foreign pages cannot send. A foreign Host (DNS rebinding) or Origin is refused,
@@ -53,7 +53,7 @@ Call: TypeAlias = Callable[[dict[str, Any]], object]
 
 
 class Refused(Exception):
-    """A request that is refused: its status and a sentence."""
+    """A request is refused, with this HTTP status and sentence."""
 
     def __init__(self, status: HTTPStatus, sentence: str) -> None:
         super().__init__(sentence)
@@ -61,7 +61,7 @@ class Refused(Exception):
 
 
 class Server(ThreadingHTTPServer):
-    """Serves one page (HTML, Content-Security-Policy) and its calls by name until `close`."""
+    """Serves `page` (HTML, Content-Security-Policy), calls and reports by name, until `close`."""
 
     daemon_threads = True
 
@@ -112,7 +112,7 @@ class _Request(BaseHTTPRequestHandler):
         self._answer(self._call)
 
     def _answer(self, work: Callable[[], tuple[str, bytes]]) -> None:
-        """Send the result of `work`, or its refusal."""
+        """Send the result (content type, content) of `work`, or its refusal."""
         try:
             self._check_source()
             kind, content = work()
@@ -130,7 +130,7 @@ class _Request(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def _check_source(self) -> None:
-        """Refuse requests that do not come from the page itself."""
+        """Refuse a request whose headers are not those of the page itself."""
         headers = self.headers
         if sum(len(name) + len(value) for name, value in headers.items()) > LARGEST_HEADERS:
             raise Refused(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "the headers are too long.")
@@ -149,7 +149,7 @@ class _Request(BaseHTTPRequestHandler):
             raise Refused(HTTPStatus.FORBIDDEN, "the token is missing or wrong.")
 
     def _page(self) -> tuple[str, bytes]:
-        """(content type, content) of the page."""
+        """(content type, content) of the page, or of a report named in the address."""
         parts = self.path.split("/")
         self._check_token(parts[1] if len(parts) > 1 else "")
         if parts[2:] == [""]:
@@ -160,12 +160,12 @@ class _Request(BaseHTTPRequestHandler):
             raise Refused(HTTPStatus.NOT_FOUND, "there is no such page.") from None
 
     def _policy(self) -> str:
-        """What may run in the answer: the program of the page, or that of a report."""
+        """Content-Security-Policy of the answer: that of the page, or of a report."""
         is_report = self.path.rpartition("/")[2] in self.server.reports
         return policy(script()) if is_report else self.server.policy
 
     def _call(self) -> tuple[str, bytes]:
-        """(content type, content) of a call's answer."""
+        """(content type, content) of the answer to a call, or of its error."""
         self._check_token(self.headers.get(TOKEN, ""))
         call = self.server.calls.get(self.path.removeprefix("/"))
         if call is None:
@@ -211,7 +211,7 @@ class _Request(BaseHTTPRequestHandler):
 
 
 def _finite(text: str) -> float:
-    """A number of a call; ValueError for NaN and infinity."""
+    """The number that a text states; ValueError for NaN and infinity."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(text)

@@ -1,4 +1,4 @@
-"""The one thread that computes for a page; the latest set-up wins."""
+"""One thread computes for a page; it drops work that a later set-up has made needless."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ STALE: dict[str, Any] = {"stale": True}
 
 
 class Overtaken(BaseException):
-    """The page no longer waits for the work.
+    """Stops work for which the page no longer waits.
 
     It is no Exception, so that no computation catches it as one of its errors.
     """
 
 
 class Worker:
-    """Computes one thing after the other; work of an earlier turn ends at its next step."""
+    """Computes tasks in turn on one thread; a task of an earlier turn stops at its next step."""
 
     def __init__(self) -> None:
         self.turn = 0
@@ -33,7 +33,7 @@ class Worker:
         self._began = time.monotonic()
 
     def next_turn(self) -> int:
-        """Begin another turn; returns its number."""
+        """Begin a turn, which makes tasks of earlier ones stale; returns its number."""
         with self._lock:
             self.turn += 1
         return self.turn
@@ -44,11 +44,14 @@ class Worker:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def progress(self) -> dict[str, Any]:
-        """What is done, and for how long [s] the answer is computed."""
+        """`doing`: text of the present step; `lasted`: time [s] since the task began."""
         return {"doing": self._doing, "lasted": time.monotonic() - self._began}
 
     def compute(self, work: Callable[[], dict[str, Any]], turn: int | None = None) -> Any:
-        """The result of `work`; STALE if a later turn has begun before its end. None: of all."""
+        """The result of `work`; STALE if a turn after `turn` begins before it ends.
+
+        Work without a turn never becomes stale.
+        """
 
         def stop_if_asked(doing: str) -> None:
             self._doing = doing
