@@ -33,7 +33,11 @@ DEPTH_TOL = 0.1  # relative error of a depth
 def largest_indentation(
     law: ContactLaw, speed: float, energy: float, load: float, high: float, close: float = DEPTH_TOL
 ) -> float:
-    """Largest indentation [m], to `close`, of a blow of this speed, energy and load."""
+    """Largest indentation [m] of a blow on a law, within the relative error `close`.
+
+    speed : closing speed [m/s]; energy : kinetic energy [J] of the approach; load : force [N] that
+    presses the bodies together; high : bound on the indentation [m].
+    """
     kernel, memory = packed(law)
     depth = library.library.aom_law_deepest(byref(kernel), speed, energy, load, high, close)
     raise_error(memory)
@@ -46,7 +50,11 @@ LEAST_COMPLIANCE = 0.1  # fraction of a tangential compliance left to the slider
 
 
 def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
-    """Estimate mass, speed, depth and friction of contacts from motion and loads at the start."""
+    """Set the expected mass, speed, depth and friction of each contact of `system`.
+
+    They follow from the motion and the loads at the start. local : (p,) half-space compliances
+    [m/N] of the patches; duration : of the run [s]. Returns the shortest expected contact time [s].
+    """
     p = len(system.laws)
     gaps = system.offsets[0, :p]
     modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
@@ -81,15 +89,17 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
         shortest = min(shortest, 3 * depth / mean_speed)
         system.depth[c] = depth
         if scene.contacts[c].friction > 0:
-            system.slip[c] = _friction(scene.contacts[c], law, blow, float(local[c]))
+            system.slip[c] = _friction_parameters(scene.contacts[c], law, blow, float(local[c]))
 
     return shortest
 
 
-def _friction(
+def _friction_parameters(
     contact: Contact, law: ContactLaw, blow: tuple[float, float, float, float], local: float
 ) -> tuple[float, float]:
     """Coefficient of friction of a contact, and its tangential stiffness [N/m] without patches.
+
+    blow : arguments of `largest_indentation`; local : half-space compliance [m/N] of the patches.
 
     The default is a share of the mean normal stiffness over a half-sine contact, the larger one of
     loading and unloading. By Cerruti's solution, the tangential compliance of a patch with
@@ -116,7 +126,10 @@ def _friction(
 
 
 def effective_mass(beta: Array, omega: Array) -> float:
-    """Estimated effective mass [kg] at a contact: rigid-body modes and the static deflection."""
+    """Estimated mass [kg] behind a contact, of its rigid-body modes and its static deflection.
+
+    beta : (J,) row of the contact in the modes; omega : (J,) their frequencies [rad/s].
+    """
     rigid = omega == 0
     b = beta[rigid]
     mobility = float(b @ b)
@@ -130,7 +143,10 @@ def effective_mass(beta: Array, omega: Array) -> float:
 
 
 def _largest_component(beta: Array, modal: Array) -> Array:
-    """Largest |beta modal| (p,) over rows (K, J); where terms cancel, a tenth of their sum."""
+    """Largest |modal · beta| (p,) of rows `modal` (K, J) with `beta` (p, J).
+
+    Where the terms of a product cancel, it counts as a tenth of the sum of their magnitudes.
+    """
     direct = abs(modal @ beta.T)
     parts = abs(modal) @ abs(beta).T
 
@@ -145,7 +161,10 @@ def _largest_component(beta: Array, modal: Array) -> Array:
 
 
 def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """(contact law without the half-space compliance [m/N] of its patches, notes)."""
+    """Subtract the half-space compliance `local` [m/N] of the patches from a contact law.
+
+    Returns the law and notes on it, which name the ends `a` and `b` of the contact.
+    """
     if local == 0.0 or law.compliance > 0.0:
         return law, []
 
@@ -283,7 +302,7 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
 
 
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
-    """The laws without the half-space compliance of the patches, and notes on it."""
+    """The laws of all contacts by `without_patch`, and all notes."""
     laws = []
     notes = []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):

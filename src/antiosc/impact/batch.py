@@ -20,7 +20,7 @@ from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
-from antiosc.impact.histories.run_end import ALL_WELL, RunEnd, several, status_of, warn_batch
+from antiosc.impact.histories.run_end import ALL_WELL, RunEnd, scenes_text, status_of, warn_batch
 from antiosc.impact.many import Many
 from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
@@ -78,7 +78,7 @@ def common_length(lengths: dict[str, int]) -> int:
 
 
 #: Bytes of a scene with its results, measured with 20 000 and with 100 000 scenes.
-SCENE = 3.2e3
+SCENE_BYTES = 3.2e3
 #: Scenes that are solved at once.
 CHUNK_SIZE = 4096
 #: What a batch leaves out that `simulate` warns of.
@@ -145,7 +145,7 @@ def simulate_many(
         "gap": gap,
     }
     size = common_length({k: len(v) for k, v in arguments.items() if is_sequence(v)})
-    process.require(SCENE * size, f"a batch of {size} scenes", "simulate it in several calls")
+    process.require(SCENE_BYTES * size, f"a batch of {size} scenes", "simulate it in several calls")
     columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in arguments.items()}
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers = columns["impactors"]
@@ -165,11 +165,11 @@ def simulate_many(
 
             rows += _solve_chunk(scenes[part], steps[part], n, settings, told)
 
-    _raise(rows)
+    _raise_failures(rows)
     warn_batch([(r.status, r.message) for r in rows], [r.needed_radius for r in rows])
     if warned := [(i, row.told) for i, row in enumerate(rows) if row.told]:
         first, sentence = warned[0]
-        which = several([i for i, _ in warned], size, first)
+        which = scenes_text([i for i, _ in warned], size, first)
         warn(f"{which}: {sentence}", AccuracyWarning)
     return _many(rows)
 
@@ -221,7 +221,7 @@ def _solve_chunk(
     settings: Settings,
     report: Callable[[int], None],
 ) -> list[_Row]:
-    """Results of scenes: those of a group in one call of the C library, the others one by one."""
+    """Results of scenes: each group in one call of the C library, the other scenes one by one."""
     rows: dict[int, _Row] = {}
     groups: dict[tuple[object, ...], list[int]] = {}
     can_group = settings.method == "exact" and n is None
@@ -300,7 +300,7 @@ def _row_of(
 
 
 def _doubts(scene: Impact) -> list[str]:
-    """Sentences on an implausible blow."""
+    """Sentences on what is implausible in the blow of a scene; empty if nothing is."""
     (blow,) = plausible.impact_doubts([scene.model], [scene.impactor], scene.initial_velocity)
     return [blow] if blow else []
 
@@ -345,7 +345,7 @@ def _impact(scene: Impact, step: float | None, n: int | str | None, settings: Se
     return history
 
 
-def _raise(rows: list[_Row]) -> None:
+def _raise_failures(rows: list[_Row]) -> None:
     """Raise the first InputError or, if all failed, the error that needs the largest patch."""
     for i, row in enumerate(rows):
         if isinstance(row.failure, InputError):

@@ -40,19 +40,19 @@ UNPREDICTED = 0.2
 #: Share of the largest force by which rounding may move a bound.
 ROUNDING = 1e-8
 #: Pieces of time in a contact, at least.
-PIECES = 100
+LEAST_PIECES = 100
 #: Times, over that of the run, at which the largest difference of indentations is known.
-HALVES = 2.0 ** np.arange(-16, 0.25, 0.25)
+SPAN_RATIOS = 2.0 ** np.arange(-16, 0.25, 0.25)
 #: Error of k0 and of the mass that tells a recurrence of another structure.
-OTHER = 1e-6
+MATCH_TOL = 1e-6
 #: Share of a modal amplitude that is rounding.
-REST = 1e-9
+VANISHING = 1e-9
 UNDAMPED = Damping()
 #: Largest elastic share whose loading curve has a curvature that falls.
-SHARE = 0.6
-COVERED = (library.LINEAR, library.HERTZ, library.POWER, library.ELASTIC_PLASTIC)
+MOST_ELASTIC_SHARE = 0.6
+PROVED_LAWS = (library.LINEAR, library.HERTZ, library.POWER, library.ELASTIC_PLASTIC)
 #: Laws that are Hertz's until they yield: stiffness and yield indentation come first.
-YIELDING = (library.THORNTON, library.YANG_SUN)
+YIELDING_LAWS = (library.THORNTON, library.YANG_SUN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,18 +109,21 @@ class _Body(NamedTuple):
 
 
 def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosure, ...]:
-    """The narrowest bounds on each contact's forces; with `tol` those of the fewest vectors."""
+    """The narrowest bounds on the force of each contact.
+
+    With `tol` > 0 those of the fewest Krylov vectors that bound the peak forces to `tol`.
+    """
     _check_run(assembly, run)
     bodies = assembly.bodies.values()
     sizes = side_by_side([body.omega.size for body in bodies])
-    laws = [_law(law) for law in assembly.laws]
+    laws = [_proof_law(law) for law in assembly.laws]
     most = [_most_vectors(body) for body in bodies]
 
     longest = max(most)
-    counts = [n for n in GROWING if n < longest] if tol else []
+    counts = [n for n in VECTOR_COUNTS if n < longest] if tol else []
 
     best: tuple[Enclosure, ...] = ()
-    fastest = FOLLOWING / assembly.contact_time_estimate
+    fastest = FOLLOWING_PHASE / assembly.contact_time_estimate
     for count in [*counts, longest]:
         parts = [
             _reference(assembly, body, span, min(count, n), fastest)
@@ -144,14 +147,14 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
 
 #: Phase in a contact beyond which a mode of the reference follows its force (25 and 100 made the
 #: bounds of five parts wider), and the decay of such a mode over its frequency.
-FOLLOWING = 50.0
-BRAKED = 1.3
+FOLLOWING_PHASE = 50.0
+BRAKED_RATIO = 1.3
 #: Numbers of vectors that are tried up to a tolerance.
-GROWING = (4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 85, 113, 150, 200, 266)
+VECTOR_COUNTS = (4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 85, 113, 150, 200, 266)
 
 
 def width_of_peaks(found: Sequence[Enclosure]) -> float:
-    """Largest width of the peaks' bounds over the largest force."""
+    """Largest width of the bounds on a peak force, relative to the largest force."""
     peak = max(one.peak[0] for one in found)
     return max(one.peak[1] - one.peak[0] for one in found) / max(peak, 1e-300)
 
@@ -187,14 +190,16 @@ def _check_run(assembly: Assembly, run: Run) -> None:
         raise _refused("forces without jumps, and one of this run jumps.")
 
 
-def _law(law: ContactLaw) -> tuple[ContactLaw, float]:
-    """(law of the proof, force [N] up to which it holds) of a contact."""
+def _proof_law(law: ContactLaw) -> tuple[ContactLaw, float]:
+    """(law by which the proof replaces a contact law, force [N] up to which they agree)."""
     kernel = packed(law)[0]
-    if getattr(law, "elastic_share", 0.0) > SHARE:
-        raise _refused(f"a side that stays elastic with at most {SHARE} of the flexibility.")
-    if kernel.kind in COVERED:
+    if getattr(law, "elastic_share", 0.0) > MOST_ELASTIC_SHARE:
+        raise _refused(
+            f"a side that stays elastic with at most {MOST_ELASTIC_SHARE} of the flexibility."
+        )
+    if kernel.kind in PROVED_LAWS:
         return law, np.inf
-    if kernel.kind in YIELDING:
+    if kernel.kind in YIELDING_LAWS:
         k, limit = cast(kernel.params, POINTER(c_double))[:2]
         return Hertz(k, law.compliance), k * limit**1.5
     raise _refused(
@@ -216,7 +221,7 @@ def _most_vectors(body: SceneBody) -> int:
                 " ill-conditioned have none)."
             )
         pairs = (inner.k0, known.k0), (inner.m_st, known.mass)
-        if any(np.abs(a - b).max() > OTHER * np.abs(b).max() for a, b in pairs):
+        if any(np.abs(a - b).max() > MATCH_TOL * np.abs(b).max() for a, b in pairs):
             raise _refused(
                 f"the stiffness and mass of the extraction, and those of {body.name!r} were"
                 " changed afterwards: extract it anew."
@@ -236,7 +241,10 @@ def _most_vectors(body: SceneBody) -> int:
 
 
 def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int, fastest: float) -> _Body:
-    """A body of the run in its reference modes; rigid bodies as they are."""
+    """A body of the run in its reference modes by `n` Krylov vectors; rigid bodies as they are.
+
+    span : its modes in the run; fastest : frequency [rad/s] above which modes follow their force.
+    """
     system = assembly.system
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
     inner = getattr(body.body, "body", body.body)
@@ -249,7 +257,7 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int, fastest
         raise _refused(f"sites that move independently, and those of {body.name!r} do not.")
     elastic = body.omega > 0
     for name, values in (("start without vibration", v), ("bear no loads", load)):
-        if np.abs(values[elastic]).max(initial=0.0) > REST * np.abs(values).max(initial=0.0):
+        if np.abs(values[elastic]).max(initial=0.0) > VANISHING * np.abs(values).max(initial=0.0):
             raise _refused(f"bodies that {name}, and {body.name!r} does not.")
     modes = inner.recurrence.modes(n)
     damping = inner.damping if isinstance(inner.damping, Damping) else UNDAMPED
@@ -265,7 +273,7 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int, fastest
         return moved
 
     decay = damping.decay(modes.omega)
-    held = np.where(modes.omega > fastest, np.maximum(BRAKED * modes.omega, decay), decay)
+    held = np.where(modes.omega > fastest, np.maximum(BRAKED_RATIO * modes.omega, decay), decay)
     supported = None if rigid.any() else np.linalg.solve(inner.recurrence.k0, scale.T)
     return _Body(
         modes.omega,
@@ -297,13 +305,17 @@ def _kappa(bodies: Sequence[_Body], spans: Array) -> Array:
 
 
 def _channels(bodies: Sequence[_Body]) -> tuple[Array, Array, Array]:
-    """The channels (k, 5, J) of the residuals, those of their damping, and the brakes (J,)."""
+    """Coefficients of the residuals in the J modes of all bodies (`csrc/enclosure.c`).
+
+    Returns those that drive the error (k, 5, J), those of damping (l, 5, J), and
+    the factors (J,) of |q'| by which damping brakes the modes.
+    """
     size = sum(body.omega.size for body in bodies)
     places = side_by_side([body.omega.size for body in bodies])
     rows, losses, brake = [np.zeros((0, 5, size))], [np.zeros((0, 5, size))], np.zeros(size)
 
     def at(place: slice, own: Array) -> Array:
-        """Channels of all modes of those of a body."""
+        """Coefficients `own` of one body, padded by zeros to the modes of all bodies."""
         return np.pad(own, ((0, 0), (0, 0), (place.start, size - place.stop)))
 
     for body, place in zip(bodies, places, strict=True):
@@ -326,14 +338,17 @@ def _channels(bodies: Sequence[_Body]) -> tuple[Array, Array, Array]:
 def _enclosed(
     assembly: Assembly, run: Run, bodies: Sequence[_Body], laws: Sequence[ContactLaw], n: int
 ) -> tuple[Enclosure, ...]:
-    """The bounds of a run by the reference modes of its bodies."""
+    """The bounds on the forces of a run, from `n` Krylov vectors of its bodies.
+
+    laws : of the proof, one for each contact.
+    """
     m = len(laws)
     omega, decay, lag, load, v = (
         np.concatenate([getattr(body, name) for body in bodies])
         for name in ("omega", "decay", "lag", "load", "v")
     )
     beta = np.ascontiguousarray(np.hstack([body.beta for body in bodies]))
-    spans = float(run.time[-1]) * (1 + ROUNDING) * HALVES
+    spans = float(run.time[-1]) * (1 + ROUNDING) * SPAN_RATIOS
     kappa = np.ascontiguousarray(_kappa(bodies, spans))
 
     rows, losses, brake = _channels(bodies)
@@ -358,7 +373,7 @@ def _enclosed(
         library.address(spans),
         library.address(kappa),
         addressof(kernels),
-        assembly.contact_time_estimate / PIECES,
+        assembly.contact_time_estimate / LEAST_PIECES,
         nodes,
         *map(library.address, [times, forces, *outputs]),
     )

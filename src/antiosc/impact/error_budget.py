@@ -11,7 +11,7 @@ The truncation error is that of `antiosc.impact.truncation`.
 
 "noise": the record of a measured model (`ModelInfo.measured`) contains other bodies that fit the
 measurement as well; some differ by the noise, some by the unknown modes above the band. The impact
-is repeated on each of them; the error is `BAR` standard deviations of the results by each.
+is repeated on each of them; the error is `SIGMAS` standard deviations of the results by each.
 """
 
 from __future__ import annotations
@@ -51,7 +51,10 @@ ByLaw = Callable[[ContactLaw, float], History]
 
 
 class RepeatedImpact:
-    """An impact that is repeated to `tol`; `raw`: on `model` itself; `runs`: all histories."""
+    """An impact that is repeated on other models and by other laws, to an error `tol` in time.
+
+    raw : its history on `model` itself; runs : all histories so far.
+    """
 
     def __init__(self, model: AntiOscillators, rerun: Rerun, by_law: ByLaw, tol: float) -> None:
         self.model = model
@@ -81,19 +84,19 @@ class RepeatedImpact:
 
 
 #: Error bar, in standard deviations over the bodies (measured).
-BAR = 2.0
+SIGMAS = 2.0
 #: Least product of the top of the band [Hz] and the time of the pulse.
 LEAST_PRODUCT = 1.0
 
 
 #: The spectrum of a force ends at the frequency below which this share of its energy lies.
-ENERGY = 0.99
+ENERGY_SHARE = 0.99
 #: This frequency times the duration of a half-sine: with |F| ∝ cos(πfT)/(1 − 4f²T²) it is 1.182.
 HALF_SINE = 1.18
 #: Samples of the force in its transform.
 SAMPLES = 8192
 #: Samples with zeros appended over those: the frequency is then within 1/8 of the record's inverse.
-PADDED = 8
+PADDING = 8
 
 
 def measured_errors(impact: RepeatedImpact) -> Shares:
@@ -112,7 +115,7 @@ def measured_errors(impact: RepeatedImpact) -> Shares:
 
     for part in (changes[:draws], changes[draws:]):
         for name in total:
-            total[name] += BAR * float(np.sqrt(np.mean([change[name] ** 2 for change in part])))
+            total[name] += SIGMAS * float(np.sqrt(np.mean([change[name] ** 2 for change in part])))
 
     return bars.with_floor(total)
 
@@ -136,14 +139,14 @@ def low_band_message(hit: History) -> str:
 
 
 def pulse_time(hit: History) -> float:
-    """Duration [s] of the half-sine whose spectrum ends where that of the force does."""
+    """Duration [s] of the half-sine whose spectrum ends at the frequency where the force's ends."""
     start = hit.contacts[0][0]
     end = hit.contacts[-1][1]
     time = np.linspace(start, end, SAMPLES)
-    energy = np.cumsum(np.abs(np.fft.rfft(hit.force_at(time), PADDED * SAMPLES)) ** 2)
-    reach = int(np.searchsorted(energy, ENERGY * energy[-1])) or 1
+    energy = np.cumsum(np.abs(np.fft.rfft(hit.force_at(time), PADDING * SAMPLES)) ** 2)
+    reach = int(np.searchsorted(energy, ENERGY_SHARE * energy[-1])) or 1
 
-    return HALF_SINE * PADDED * (end - start) / reach
+    return HALF_SINE * PADDING * (end - start) / reach
 
 
 #: Factor of safety of the mesh error.
@@ -159,11 +162,11 @@ TRIANGLES = 1.5
 #: Factor of safety for a site inside a beam element, which does not resolve the kink there.
 SAFETY_INSIDE = 5.0
 #: Time integration error of the compared runs over that of the history.
-FINER = 0.1
+TOL_RATIO = 0.1
 #: Least time integration error of the compared runs.
-LEAST = 1e-6
+LEAST_TOL = 1e-6
 #: Largest time integration error of the compared runs.
-MOST = 1e-4
+MOST_TOL = 1e-4
 #: Factor on the energy of second-order strain in the bars of a solid that is taken as linear, and
 #: the least share: 30 random blows changed by up to twice the energy, and by 0.2 % where it was
 #: nearly 0 (measured).
@@ -197,21 +200,21 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
         return ErrorBudget(bars_without, 0.0, unknown={"mesh": no_mesh})
 
-    tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
+    tol = min(max(TOL_RATIO * max(_time_errors(hit), default=MOST_TOL), LEAST_TOL), MOST_TOL)
     if stretches:
         model = replace(model, stretch=None)
     impact = RepeatedImpact(model, rerun, by_law, tol)
-    of_mesh = _mesh(impact, WITHOUT_STRETCHING if hit.assembly.stretched else "")
-    patch, patch_notes = _patch(impact)
+    of_mesh = _mesh_errors(impact, WITHOUT_STRETCHING if hit.assembly.stretched else "")
+    patch, patch_notes = _patch_errors(impact)
     law, law_reason = law_error(impact)
     finer = None if hit.assembly.stretched else impact.raw  # that is linear
     shares = {
         "mesh": of_mesh.mesh,
-        "truncation": {**of_mesh.truncation, **_proved(hit)},
-        "time": _time(hit, finer, tol),
+        "truncation": {**of_mesh.truncation, **_proved_errors(hit)},
+        "time": _step_errors(hit, finer, tol),
         "patch": patch,
         "noise": measured_errors(impact),
-        "stretch": _stretch(hit, stretching_model, impact),
+        "stretch": _stretch_errors(hit, stretching_model, impact),
     }
 
     unknown = _unknown_mesh(hit, model, stretches, of_mesh, CUT_PATCH in patch_notes)
@@ -245,7 +248,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     )
 
 
-def _proved(hit: History) -> Shares:
+def _proved_errors(hit: History) -> Shares:
     """Proved relative errors of the peak force and the impulse by what the model leaves out."""
     found = {}
     for one in hit.enclosures[:1]:
@@ -259,7 +262,10 @@ def _proved(hit: History) -> Shares:
 def _unknown_mesh(
     hit: History, model: AntiOscillators, stretches: bool, of_mesh: MeshErrors, is_cut: bool
 ) -> dict[str, str]:
-    """Why the mesh's error is not known, and what is not known with it; {} where it is."""
+    """Why the error of "mesh", and perhaps of "truncation", is unknown: name -> text, or {}.
+
+    stretches : whether the part has second-order forces; is_cut : whether an edge cuts the patch.
+    """
     reason = model.info.no_estimate
     if reason and model.strain_error is None and not stretches:
         return {"mesh": f"{WITHOUT_MESH}{reason}"}
@@ -277,7 +283,7 @@ def _unknown_mesh(
 
 
 def restitution_of(hit: History) -> float | None:
-    """Restitution e of a blow on a part at rest, of impulse m v (1 + e); None of others."""
+    """Restitution e of a blow on an unloaded part at rest; None for other blows, and for e < 0."""
     scene = hit.assembly.scene
     part = hit.assembly.bodies["structure"]
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
@@ -291,15 +297,15 @@ def restitution_of(hit: History) -> float | None:
 
 
 #: Note for a law given by the caller.
-GIVEN = "The contact's law was given: its error is not in these bars."
+GIVEN_LAW = "The contact's law was given: its error is not in these bars."
 
 
 def law_error(impact: RepeatedImpact) -> tuple[Shares | None, str]:
-    """(the shares of the law in the errors, or None; why they are missing)."""
+    """(relative errors by the contact law or None, why they are not in the bars or "")."""
     hit = impact.raw
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:
-        return bars.NO_ERROR, GIVEN
+        return bars.NO_ERROR, GIVEN_LAW
     if reason := unknown_error(choice, hit.peak_force):
         return None, f"The error of the contact's law is not known: {reason}."
 
@@ -328,8 +334,8 @@ ESTIMATED_WITH = "extract the model from its mesh with the error 'estimate'"
 COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"
 
 
-def _stretch(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> Shares:
-    """Error due to second-order modes that are left out, by two more of them."""
+def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> Shares:
+    """Relative errors by second-order modes that are left out, from runs with two more of them."""
     if model.stretch is None:
         energy = hit.assembly.stretch_left_out
         return dict.fromkeys(UNITS, energy and max(LEFT_OUT_SAFETY * energy, LEFT_OUT_LEAST))
@@ -370,8 +376,11 @@ class MeshErrors(NamedTuple):
     doubts: Sequence[str] = ()  # notes
 
 
-def _mesh(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
-    """The errors due to the mesh and to truncation; `unstretched`: text on runs without stretch."""
+def _mesh_errors(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
+    """The errors due to the mesh and to truncation, from runs on other models.
+
+    unstretched : words that the notes add if those runs leave out the stretching of the part.
+    """
     model = impact.model
     raw = impact.raw
     no_error = model.strain_error is None and not model.info.no_estimate
@@ -386,7 +395,7 @@ def _mesh(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
 
     softer = impact.on(model.corrected())
     share = energy_error(model, model.strain_error, amplitudes(raw))
-    safety, doubts = _safety(model, share)
+    safety, doubts = _safety_factor(model, share)
     changes = bars.all_changes(raw, softer)
     if model.strain_misfit is not None:
         unstiffened = impact.change(replace(model, strain_misfit=None).corrected())
@@ -406,8 +415,11 @@ def _mesh(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
     return MeshErrors(mesh, truncation, share, safety, doubts)
 
 
-def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
-    """The safety factor of the mesh error, and notes if it is not the usual one."""
+def _safety_factor(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
+    """The safety factor of the mesh error, and notes if it is not the usual one.
+
+    share : energy of the strain errors over the strain energy.
+    """
     safety = SAFETY
     doubts = []
     if share > COARSE:
@@ -439,7 +451,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
 
 
 def amplitudes(hit: History) -> Array:
-    """Matrix Σ a aᵀ (N + 1, N + 1) over the contact of the amplitudes a of psi_0 ... psi_N."""
+    """Integral of a aᵀ over the contacts, (N + 1, N + 1), a the amplitudes of psi_0 ... psi_N."""
     size = hit.model.n + 1
     total = np.zeros((size, size))
 
@@ -453,19 +465,22 @@ def amplitudes(hit: History) -> Array:
 
 
 def _time_errors(hit: History) -> list[float]:
-    """Estimated errors of the time integration; None if the user gave the step."""
+    """Estimated relative errors of the time integration; empty if the user gave the step."""
     return [hit.error[name] for name in ("force", "peak") if name in hit.error]
 
 
-def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
-    """Errors due to the time steps: the run's estimate, or the change in a finer run if larger."""
+def _step_errors(hit: History, finer: History | None, tol: float) -> dict[str, float]:
+    """Errors due to the time steps: the run's own estimate, or the change in `finer` if larger.
+
+    finer : the same impact with an error in time of `tol`.
+    """
     error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
     change = bars.NO_ERROR if finer is None else bars.all_changes(hit, finer)
     return {name: max(change[name] + tol, estimated.get(name, error)) for name in UNITS}
 
 
-def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
+def _patch_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     """Errors due to the radius of the patch, and a note.
 
     The error is the change of the impact if the contact gets the compliance by which a second

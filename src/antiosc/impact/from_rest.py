@@ -99,7 +99,7 @@ def motions(
 
 
 def _padded_rows(rows: Sequence[Array], filler: float | None) -> Array:
-    """Rows of different length as one array; None repeats the last value."""
+    """Rows of different lengths as one array, padded by `filler` or, if None, the last value."""
     size = max(row.size for row in rows)
     padded = []
     for row in rows:

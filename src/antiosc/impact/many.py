@@ -78,7 +78,7 @@ def quantile(sample: ArrayLike, q: float, confidence: float = CONFIDENCE) -> Qua
 
 
 def _share(name: str, value: float) -> float:
-    """A share that differs from 0 and 1 by more than their rounding."""
+    """The checked argument `name`: a share that differs from 0 and 1 by more than rounding."""
     share = checks.number(name, value)
     if not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
         raise InputError(f"{name} must lie between 0 and 1; got {share:g}.")

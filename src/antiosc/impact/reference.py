@@ -53,7 +53,7 @@ class Settings:
 
 
 def integrate_reference(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """A run by a method, with its estimated errors; `solve_ivp` has none."""
+    """A run by `settings.method` with its estimated errors, which `solve_ivp` does not have."""
     method = settings.method
     if any(contact.friction > 0 for contact in assembly.scene.contacts):
         raise InputError(f"the method {method!r} does not take friction: use the method 'exact'.")
@@ -67,8 +67,8 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
     return run(assembly, duration, settings)
 
 
-def _run(s: System, contacts: Contacts, nodes: Sequence[Array], answer: int, steps: int) -> Run:
-    """The run with these nodes (time, force, depth, states)."""
+def _as_run(s: System, contacts: Contacts, nodes: Sequence[Array], answer: int, steps: int) -> Run:
+    """The `Run` of nodes (time, force, depth, states), with its events from `contacts`."""
     events = np.array(contacts.events, dtype=float).reshape(-1, 4)
     time, force, depth, states = nodes
     return Run(time, force, depth, states, events, answer, steps, steps, contacts.touches)
@@ -84,7 +84,11 @@ Predict = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
 def newmark(s: System, h: float) -> tuple[Array, Array, Predict]:
-    """Average acceleration: what a force takes from displacements, velocities; the motion."""
+    """Newmark's method (average acceleration) with the step h [s].
+
+    Returns what a unit force on each row takes from the modal displacements and velocities at the
+    end of a step, (m, J) each, and a function that gives both without that force.
+    """
     x = s.omega**2
     scale = 1 + h * s.decay + h * h * x / 4
     slower = h / 2 * s.beta / scale
@@ -98,7 +102,7 @@ def newmark(s: System, h: float) -> tuple[Array, Array, Predict]:
 
 
 def leapfrog(s: System, h: float) -> tuple[Array, Array, Predict]:
-    """Central differences, as `newmark`: the force at the end changes velocities alone."""
+    """Central differences, as `newmark`: a force at the end of a step changes velocities alone."""
     x = s.omega**2
     scale = 1 + h * s.decay
 
@@ -151,11 +155,14 @@ def fixed_steps(s: System, step: float, duration: float, settings: Settings) -> 
     number = np.arange(2 * len(nodes) - 1)
     before, after = number // 2, (number + 1) // 2  # the middle of a step has the mean of its ends
     columns = [(x[before] + x[after]) / 2 for x in (times, forces, depths)]
-    return _run(s, contacts, (*columns, np.stack(states, axis=1)), status, len(nodes) - 1)
+    return _as_run(s, contacts, (*columns, np.stack(states, axis=1)), status, len(nodes) - 1)
 
 
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """A run in the given step, or in shorter ones until two agree: they differ by the error."""
+    """A run in the given step, or in ever shorter ones until two runs agree.
+
+    Their difference is the estimated error.
+    """
     s = assembly.system
     method, tol = settings.method, settings.tol
     top = float(s.omega.max(initial=0.0))
@@ -266,7 +273,7 @@ class _Solver:
                 status = library.STUCK
 
         columns = zip(pieces[0], *([x[1:] for x in piece] for piece in pieces[1:]), strict=True)
-        return _run(s, contacts, [np.concatenate(column) for column in columns], status, steps)
+        return _as_run(s, contacts, [np.concatenate(column) for column in columns], status, steps)
 
     def _at(self, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
         """Indentations without contact forces, their rates, the forces and the loads at time t."""
@@ -322,7 +329,7 @@ class _Solver:
         return found
 
     def _event(self, c: int) -> Callable[[float, Array], float]:
-        """A contact touches, or a closed one parts."""
+        """Event for `solve_ivp`: its root is where contact c touches or, if closed, parts."""
         R = self.system.R
         closed = self.contacts.closed[c]
         rest = 1e-300 if closed else -1e-300  # at its origin it neither touches nor parts
@@ -335,7 +342,10 @@ class _Solver:
         return excess
 
     def _recorded(self, ends: Array, at: Callable[[Array], Array]) -> tuple[Array, ...]:
-        """Time, force, depth, states of the steps with these ends, each in `NODES_A_STEP`."""
+        """Time, force, depth, states at the nodes of steps, each divided into `NODES_A_STEP`.
+
+        ends : (n,) ends of the steps [s]; at : motion (2 J, k) at times (k,).
+        """
         share = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
         t = np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), ends[-1])
         y = at(t).T

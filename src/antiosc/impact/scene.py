@@ -226,7 +226,10 @@ def with_warning(history: H, sentence: str) -> H:
 
 
 def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings) -> H:
-    """The history of an assembly before its warnings; a linear one first if bodies stretch."""
+    """The history, of class `kind`, of an assembly, before its warnings.
+
+    If bodies stretch, a linear run shows whether second-order forces matter.
+    """
     linear = _integrate(kind, assembly, duration, settings)
     if not assembly.stretches:
         return linear
@@ -247,7 +250,7 @@ def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, setti
 def _integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> H:
-    """The history of an assembly, without a test for stretching."""
+    """The history of one run, of class `kind`."""
     step = settings.step
     tol = settings.tol
     limits = settings.max_contacts, settings.max_steps
@@ -284,7 +287,7 @@ MOST_REFUSED = 0.1
 
 
 #: Share of a run with a given step: what the step does not resolve is integrated with halvings.
-LOOSE = 0.05
+GIVEN_STEP_SHARE = 0.05
 
 
 def integrate_exact(
@@ -297,7 +300,7 @@ def integrate_exact(
 ) -> Converged:
     """The exact method, refined until two runs agree, or one run with a step [s] in contact."""
     fine = assembly.contact_time_estimate / FINE if step is None else step / 4
-    steps = (tol, 0.0, 0.0, fine) if step is None else (LOOSE, 0.0, step, fine)
+    steps = (tol, 0.0, 0.0, fine) if step is None else (GIVEN_STEP_SHARE, 0.0, step, fine)
     limits = max_contacts, max_steps, 0 if step is None else 1
     run, found = solve(assembly.system, library.COptions(duration, *steps, *limits))
 
@@ -307,7 +310,7 @@ def integrate_exact(
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
-    """AccuracyError, begun with the doubts, if a force leaves the range of its law."""
+    """AccuracyError if a force leaves the range of its law; its text begins with `doubts`."""
     a = history.assembly
     for c, law in enumerate(a.laws):
         if law.valid_force == np.inf:
@@ -545,7 +548,11 @@ class Blow(Source):
 def _truncated(
     model: LinearBody, n: int | str, run: Run, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """(model with `n` anti-oscillators, its estimated errors, note if these are too few)."""
+    """Truncate a model to `n` anti-oscillators; "auto": the fewest that meet `tol`.
+
+    run : the impact, as for `truncation_error`. Returns the model, its estimated relative errors,
+    and a note if its anti-oscillators are too few.
+    """
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

@@ -147,7 +147,7 @@ def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Arra
 
 #: Most bodies, and most contacts: a chain of 800 masses took 6 s of the processor and 0.8 GB, one
 #: of 400 1.1 s and 0.25 GB.
-MOST = 1000
+MOST_PARTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,10 +196,10 @@ class SceneParts(FieldsRepr):
             raise InputError("a scene needs at least one Contact.")
 
         for noun, number in (("bodies", len(self.bodies)), ("contacts", len(self.contacts))):
-            if number > MOST:
+            if number > MOST_PARTS:
                 raise InputError(
-                    f"a scene has at most {MOST} {noun}; got {number}: each step solves for all of"
-                    " them. Leave out what the blow does not reach."
+                    f"a scene has at most {MOST_PARTS} {noun}; got {number}: each step solves for"
+                    " all of them. Leave out what the blow does not reach."
                 )
 
         if self.base is not None:
@@ -339,7 +339,10 @@ def set_axes(
 
 
 def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
-    """Row (P,) of the body's columns that gives a site's displacement along a direction."""
+    """Row (P,) that gives a site's displacement along a direction from the body's columns.
+
+    direction : (3,), or None for the body's one coordinate; end : name of the site in errors.
+    """
     row = np.zeros(body.B.shape[1])
     columns = list(body.sites[site])
     if not columns:
@@ -501,7 +504,7 @@ def load_series(
 
 
 def gravity_load(body: SceneBody, gravity: Array | float) -> Array | None:
-    """Modal forces (J,) of gravity, without those that a support takes; None: it moves nothing."""
+    """Modal forces (J,) of gravity, but for what supports carry; None if it moves nothing."""
     if not np.any(body.omega == 0):
         return None
 
@@ -532,7 +535,7 @@ def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:
 
 
 def _unit_loads(body: SceneBody, vector: bool) -> Array:
-    """Modal forces (J, 3) of unit accelerations along the axes, or (J, 1) along the coordinate."""
+    """Modal forces of unit accelerations: (J, 3) along the axes if `vector`, else (J, 1)."""
     if isinstance(body.body, Obstacle):
         return np.zeros((0, 3 if vector else 1))
     if vector and body.inertia is not None:

@@ -20,7 +20,7 @@ Index = NDArray[np.intp]
 #: Steps that a flight over a whole run has in a history.
 FLIGHT_STEPS = 100
 #: Modal responses that are computed at once.
-BLOCK = 1 << 18
+RESPONSES_AT_ONCE = 1 << 18
 #: States of one mode at the ends of steps that are found at once where all are not needed together.
 STATES_AT_ONCE = 1 << 22
 #: Remedy where the motion of all modes at all times does not fit.
@@ -118,14 +118,20 @@ def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
 def damping_states(
     run: Run, system: System, step: Index, since: Array
 ) -> tuple[Array, list[list[Array]]]:
-    """Effect of coupled damping on the motion of the free modes."""
+    """Effect of coupled damping on the free modes, at times `since` [s] the starts of steps.
+
+    Returns decelerations (n, J), and displacements (n, J) of the springs of each body's branches.
+    """
     assert system.first is not None
     integrated = integrated_states(run, system, step, since)
     return system.first.motion(*integrated)[2], system.first.springs(*integrated)
 
 
 def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at the starts of steps (n,) or the end."""
+    """Modal displacements and velocities (n, J) at the starts of steps (n,).
+
+    A number one beyond the last step gives the end of the run.
+    """
     return _free_modes(system, *integrated_starts(run, system, step))
 
 
@@ -139,7 +145,7 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
     stored, stored_index = np.unique(step // run.every, return_inverse=True)
     steps_ahead = step % run.every
 
-    block_size = max(BLOCK // max(run.states.shape[2], 1), 1)
+    block_size = max(RESPONSES_AT_ONCE // max(run.states.shape[2], 1), 1)
     for start in range(0, stored.size, block_size):
         in_block = np.flatnonzero((stored_index >= start) & (stored_index < start + block_size))
         x, y = (run.states[stored[start : start + block_size], i] for i in range(2))
@@ -218,7 +224,7 @@ def node_states(
     q, v = (np.empty((nodes, marched)) for _ in range(2))
     q[::2], v[::2] = integrated_starts(run, system, np.arange(first, last + 1))
 
-    block = max(BLOCK // max(size, 1), 1)
+    block = max(RESPONSES_AT_ONCE // max(size, 1), 1)
     for start in range(first, last, block):
         steps = np.arange(start, min(start + block, last))
         since = run.time[2 * steps + 1] - run.time[2 * steps]

@@ -35,14 +35,14 @@ FIRST_MODES = 2
 LEAST_TOL = 2e-3
 #: Modes of the Krylov space whose combinations come first. In one of 20, which holds more of the
 #: waves, the motions that move most miss the dent.
-SPACE = 12
+KRYLOV_SIZE = 12
 #: Steps of two modes that must agree: one may by chance, and had an error of 15 % in one of 25
 #: random sheets (measured).
-AGREE = 2
+AGREEING_STEPS = 2
 #: Times up to the peak of a force at which energies are compared.
 SAMPLES = 200
 #: Change by the last of them from which a sentence tells it; below, the error budget does.
-WARN = 1e-2
+WARN_CHANGE = 1e-2
 #: Error above which another program is advised.
 ROUGH = 0.5
 #: Factor of safety on that change in the error budget, and the least change: 56 of 58 random sheets
@@ -55,7 +55,7 @@ DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
 
 
 def with_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
-    """The assembly with a further row for each mode of the second-order forces of each body."""
+    """The assembly with a further row for each mode in which a body has second-order forces."""
     system = a.system
     count = sum(forces.size for forces in by_body.values())
     rows = np.zeros((count, system.omega.size))
@@ -89,13 +89,16 @@ class StretchedMotion:
     change: float
 
     def first(self, count: int) -> Stretch:
-        """The forces in the `count` motions that move most, or in as many as the user has set."""
+        """The second-order forces in the `count` motions with the largest amplitudes.
+
+        A number that the user has set takes the place of `count`.
+        """
         if self.forces.count != "auto":
             count = self.forces.count
         if count >= self.forces.size:
             return self.forces
 
-        space = min(max(SPACE, count), self.forces.size)
+        space = min(max(KRYLOV_SIZE, count), self.forces.size)
         _, _, rotation = np.linalg.svd(self.amplitude[:, :space])
         turn = np.zeros((self.forces.size, min(count, space)))
         turn[:space] = rotation.T[:, :count]
@@ -125,7 +128,11 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
 
 
 def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
-    """(run with second-order forces, or the linear one if they are small; warning or "")."""
+    """Repeat a linear run with second-order forces of its bodies.
+
+    again : integrates an assembly; tol : relative error to aim at. Returns the run, or `linear` if
+    these forces are small, and a warning or "".
+    """
     a = linear.assembly
     every_motion = {name: motion_of(linear, name) for name in a.bodies}
     motion_by_body = {name: motion for name, motion in every_motion.items() if motion is not None}
@@ -155,23 +162,23 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
         if run.status != STOPPED:  # else these modes alone have no bounded energy; others may have
             changes += [differences(before, run) for before in runs[-1:]]
             runs.append(run)
-        last = largest(changes[-AGREE:])
+        last = largest(changes[-AGREEING_STEPS:])
         unsettled = max((last[name] / x for name, x in DECIDING.items() if last), default=np.inf)
-        if (unsettled <= aim and len(changes) >= AGREE) or count >= most_modes:
+        if (unsettled <= aim and len(changes) >= AGREEING_STEPS) or count >= most_modes:
             break
         count = min(count + 2, most_modes)
 
     found = runs[-1] if runs else run
     found.error.update({f"stretch {name}": value for name, value in last.items()})
     found.assembly.stretch_settled = unsettled <= aim
-    if last and unsettled > max(tol, WARN):
+    if last and unsettled > max(tol, WARN_CHANGE):
         count = max(forces.size for forces in found.assembly.stretched.values())
         return found, _not_enough(count, shares_of(found))
     return found, ""
 
 
 def before_peak(history: History) -> float:
-    """Largest energy of the second-order forces before the last peak over the linear one."""
+    """Largest ratio of second-order to linear strain energy before the last peak of a force."""
     contacts = [contact for contact in history.contact_histories if contact.contacts]
     peaks = [float(contact.time[int(np.argmax(contact.force))]) for contact in contacts]
     times = np.linspace(0.0, max(peaks, default=0.0), SAMPLES)
@@ -204,7 +211,9 @@ def largest(changes: list[dict[str, float]]) -> dict[str, float]:
 
 
 def differences(first: History, second: History) -> dict[str, float]:
-    """Relative changes between two runs: the largest of a contact, and the deflection."""
+    """Relative changes between two runs: of each quantity the largest of all contacts, and the
+    largest of the deflections.
+    """
     worst = dict.fromkeys(bars.QUANTITIES, 0.0)
     for a, b in zip(first.contact_histories, second.contact_histories, strict=True):
         if b.contacts:
@@ -220,7 +229,10 @@ def differences(first: History, second: History) -> dict[str, float]:
 
 
 def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, float]:
-    """Shares of the error bars by motions left out, from what two more of them change."""
+    """Relative errors by second-order motions that are left out, for the error bars.
+
+    changes : relative changes by two more motions; before : `before_peak` of the run.
+    """
     worst = max(changes.get(name, 0.0) for name in DECIDING)
     floors = dict.fromkeys(bars.QUANTITIES, bars.FLOOR * worst)
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors
@@ -233,13 +245,16 @@ def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, flo
 
 
 def shares_of(run: History) -> dict[str, float]:
-    """Shares of the error bars by motions that are left out of a run whose number was chosen."""
+    """`stretch_shares` of a run whose number of motions was chosen automatically."""
     changes = {name: run.error.get(f"stretch {name}", 0.0) for name in bars.UNITS}
     return stretch_shares(changes, before_peak(run))
 
 
 def _not_enough(count: int, shares: Mapping[str, float]) -> str:
-    """Sentence on a run that two more motions would still change; `shares` of the error bars."""
+    """Sentence on a run with `count` motions that two more would still change.
+
+    shares : relative errors by `stretch_shares`.
+    """
     force, deflection = shares["peak_force"], shares[bars.DEFLECTION]
     advice = f" To narrow it, {NARROWED}." if max(force, deflection) > ROUGH else ""
     return (

@@ -52,7 +52,7 @@ def is_reduced(model: object) -> TypeGuard[AntiOscillators]:
 
 
 def too_few(n: int, error: float) -> str:
-    """Warning that `n` anti-oscillators are too few for a contact, by its error; or ""."""
+    """Warning if `n` anti-oscillators leave too large a relative `error` of the force; else ""."""
     if error <= WARN_SHARE:
         return ""
     return (
@@ -113,11 +113,11 @@ def truncation_error(model: AntiOscillators, run: Run, *, tol: float = 1e-4) -> 
     if model.stretch is not None:
         model = replace(model, stretch=None)
 
-    raw = _unseen(run, model, tol)
+    raw = _run_quietly(run, model, tol)
 
     def change(other: AntiOscillators) -> dict[str, float]:
         """Relative changes of the quantities on another model, beyond the errors in time."""
-        changes = all_changes(raw, _unseen(run, other, tol))
+        changes = all_changes(raw, _run_quietly(run, other, tol))
         return {name: max(share - tol, 0.0) for name, share in changes.items()}
 
     softer = change(softest_model(model))
@@ -157,12 +157,12 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> TruncationE
     if whole.worst > tol:
         return whole
 
-    raw = _unseen(run, model, accuracy)
+    raw = _run_quietly(run, model, accuracy)
     errors = {model.n: whole}
 
     def error(n: int) -> TruncationError:
         if n not in errors:
-            changes = all_changes(raw, _unseen(run, model.truncated(n), accuracy))
+            changes = all_changes(raw, _run_quietly(run, model.truncated(n), accuracy))
             added = {name: change + getattr(whole, name) for name, change in changes.items()}
             errors[n] = TruncationError(n, **with_floor(added))
         return errors[n]
@@ -218,7 +218,11 @@ def softest_model(model: AntiOscillators) -> AntiOscillators:
 def _in_motions(
     model: AntiOscillators, modes: Array, momentum: Array | None, given: Mapping[str, Any]
 ) -> AntiOscillators:
-    """The model with `given` values in new motions: modes (n, k) of unit mass in its own."""
+    """The model with its n anti-oscillators replaced by k combinations of them.
+
+    modes : (n, k) combinations, of unit mass; momentum : (n', 3) momenta of all new coordinates;
+    given : the new values of fields.
+    """
     damping = model.damping
     if isinstance(damping, DampingMatrix):
         from scipy.linalg import block_diag  # takes as long to load as some impacts
@@ -240,7 +244,7 @@ def _in_motions(
 
 
 def halved(model: AntiOscillators) -> AntiOscillators:
-    """A model of the Krylov method, of one site or of several, with half of its Krylov space."""
+    """A model of the Krylov method with half of its Krylov space; it may have several sites."""
     P = np.sqrt(model.m)[None] if model.P is None else model.P
     modes, omega = _krylov(P, model.omega, _expansion(model), model.n // 2)
     p = model.n_sites
@@ -255,7 +259,7 @@ def halved(model: AntiOscillators) -> AntiOscillators:
         given = {"m0": model.m0 + left_out @ left_out.T, "P": P @ modes}
 
     def fewer(values: Array) -> Array:
-        """Values of the motions in the new ones."""
+        """Values (n', …) of the new coordinates from those of the old ones (n, …)."""
         return np.concatenate([values[:p], psi @ values[rows], values[rows.stop :]])
 
     participation = model.participation
@@ -271,7 +275,11 @@ def halved(model: AntiOscillators) -> AntiOscillators:
 
 
 def _krylov(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Array]:
-    """(modes (n, k <= count) of a Krylov space, their frequencies), by Lanczos' recurrence."""
+    """A Krylov space by Lanczos' block recurrence.
+
+    P : (p, n) momenta of the modes at the sites; omega : (n,) their frequencies [rad/s]; point :
+    `_expansion`. Returns modes (n, k), k <= count, and their frequencies (k,).
+    """
     highest = 1 / (omega[0] ** 2 + point)
     lam = (omega[0] ** 2 + point) / (omega**2 + point)
     basis = np.zeros((omega.size, 0))
@@ -307,7 +315,10 @@ def too_few_in(hit: History, rerun: Run | None, tol: float) -> str:
 
 
 def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) -> None:
-    """Warn of bodies of which half as many anti-oscillators change a contact's peak much."""
+    """Warn of each body for which half as many anti-oscillators change a peak force too much.
+
+    rerun : repeats the run with other bodies by name.
+    """
     scene = hit.assembly.scene
     contacts = hit.contact_histories
     ends = [{end.partition(":")[0] for end in contact.ends} for contact in contacts]
@@ -345,7 +356,7 @@ def _unconverged(model: AntiOscillators) -> bool:
 
 
 def _expansion(model: AntiOscillators) -> float:
-    """The square [rad²/s²] of the expansion point of a model."""
+    """Square p² [rad²/s²] of the expansion point p of a model."""
     point = model.info.get("expansion", 0.0)
     return (2 * np.pi * point) ** 2
 
@@ -380,8 +391,8 @@ def _check(model: AntiOscillators, run: Run) -> None:
     checks.function("run", run, "a function run(model, tol) that returns a History")
 
 
-def _unseen(run: Run, model: AntiOscillators, tol: float) -> History:
-    """The impact on a model, without the warnings of a run that nobody sees."""
+def _run_quietly(run: Run, model: AntiOscillators, tol: float) -> History:
+    """`run(model, tol)` without its warnings; InputError unless it returns a History."""
     with without_warnings():
         hit = run(model, tol)
     return checks.instance("what run returns", hit, History, "a History")

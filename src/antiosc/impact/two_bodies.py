@@ -39,7 +39,7 @@ from antiosc.models.stretch import stretch_of
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 LARGEST_PHASE = 1e15
 #: The row of the one contact in the displacements of both bodies along their pushes.
-_ROW = np.array([[-1.0, -1.0]])
+_CONTACT_ROW = np.array([[-1.0, -1.0]])
 
 
 class Pair(NamedTuple):
@@ -86,7 +86,7 @@ class Pair(NamedTuple):
 
 
 def check_span(system: System, duration: float) -> None:
-    """InputError if nothing moves, AccuracyError if a duration [s] destroys the phase."""
+    """InputError if nothing moves; AccuracyError if phases lose their digits in a duration [s]."""
     if not system.omega.size:
         raise InputError(
             "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0,"
@@ -168,7 +168,7 @@ def assemble_pair(impact: Impact) -> Assembly:
     bodies = {"structure": pair.structure, "impactor": pair.impactor}
     scene = two_body_parts(model, impactor, contact, gap, gravity)
 
-    return Assembly(scene, bodies, _ROW, [law], notes, system, contact_time)
+    return Assembly(scene, bodies, _CONTACT_ROW, [law], notes, system, contact_time)
 
 
 def _gravity_loads(
@@ -232,7 +232,7 @@ OUTCOME = cast("np.dtype[np.void]", np.dtype(library.COutcome))
 #: Modes times attempted steps between two looks for an interrupt: some 0.05 s.
 _WORK_PER_CALL = 4_000_000
 #: Least nodes that a call may write.
-_NODES = 200_000
+_LEAST_NODES = 200_000
 
 
 def _copies(structure: object, kind: np.dtype[np.void], count: int) -> NDArray[np.void]:
@@ -281,7 +281,9 @@ class ImpactRows:
         self._held = system, rows
 
     def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
-        """Modal displacements and velocities (S, J) by S rigid impactors, masses (S,) behind."""
+        """Contact rows (S, J) and modal start velocities (S, J) of S impacts by rigid impactors,
+        and the masses (S,) [kg] behind the contacts.
+        """
         count = len(impacts)
         strikers = [cast("RigidMass", striker.impactor) for striker in impacts]
         beta, v = (np.repeat(row.reshape(1, -1), count, axis=0) for row in (system.beta, system.v))
@@ -326,7 +328,7 @@ class _Workspace:
         need = library.library.aom_batch_size(size)
         process.require(need, f"an impact with {size} modes", "use fewer of them")
         self.memory = np.empty(-(-need // 16), dtype=np.complex128)
-        node_count = max(library.library.aom_batch_nodes(size), _NODES)
+        node_count = max(library.library.aom_batch_nodes(size), _LEAST_NODES)
         self.time = np.empty(node_count)
         self.force = np.empty(node_count)
         self.nodes = library.CPulseNodes(

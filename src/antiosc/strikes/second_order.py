@@ -17,7 +17,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
     EXPLICIT,
-    QUARTIC,
+    THIRD_ORDER_DEFLECTION,
     deflection,
     deflects,
     large_deflection_message,
@@ -73,7 +73,10 @@ def _of_either_order(
 ) -> tuple[H, list[str]]:
     """The linear run or that with second-order forces, and the warnings of it."""
     solid = _is_solid(structure)
-    is_far = any(deflection(linear, name) > QUARTIC * h for name, h in sheets(linear, held=True))
+    is_far = any(
+        deflection(linear, name) > THIRD_ORDER_DEFLECTION * h
+        for name, h in sheets(linear, held=True)
+    )
     energy = energy_of_second_order(structure, linear) if solid or is_far else inf
     if solid and energy <= SLIGHT_ENERGY:
         linear.assembly.stretch_left_out = energy

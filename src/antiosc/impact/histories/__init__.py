@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 #: Width of the names of results.
-LABEL = 13
+LABEL_WIDTH = 13
 #: Contacts of which a file lists the times.
 MOST_CONTACTS = 10_000
 
@@ -202,7 +202,7 @@ class History(RunHistory, Results):
 
     @property
     def unfinished(self) -> str:
-        """Sentence if the bodies of the only contact still approach at the end; else ""."""
+        """Sentence if the bodies of the only contact approach each other at the end; else ""."""
         e = (
             self.restitution
             if self.status != STOPPED and len(self.contact_histories) == 1
@@ -253,7 +253,7 @@ class History(RunHistory, Results):
                 ("status", self.explanation),
                 *(("details", text) for text in self.details),
             ]
-            width = max(len(name) for name, _ in [*rows, (" " * LABEL, "")])
+            width = max(len(name) for name, _ in [*rows, (" " * LABEL_WIDTH, "")])
             return "\n".join(f"{name:<{width}} {value}" for name, value in rows)
 
         lines = [f"{'contact':<24} {'peak force':>11} {'impulse':>11} {'touches':>7} {'time':>10}"]
@@ -310,7 +310,7 @@ Rerun: TypeAlias = "Callable[[LinearBody, float], History]"
 
 
 class Source:
-    """What repeats a history; of an impact of two bodies it has `rerun`, `error_budget` too."""
+    """Base of what repeats a history; for two bodies it also has `rerun` and `error_budget`."""
 
     def again(self, changes: Mapping[str, Any]) -> History:
         """The same run with other numbers."""
@@ -349,10 +349,10 @@ def _numbers(contact: ContactHistory) -> dict[str, object]:
 
 
 def error_scope(history: History) -> str:
-    """Text: causes that the `error` of a history covers, and the place of the mesh error."""
+    """Text: the causes that `history.error` covers, and where the other errors are found."""
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
-    if _bounded(history):
+    if _has_error_bars(history):
         if history.rerun is None:
             return "time integration; truncation and mesh are told for two bodies alone"
         return "time integration; law, truncation and mesh: see the error budget"
@@ -368,14 +368,14 @@ def error_scope(history: History) -> str:
 
 
 def budget_of(history: History) -> ErrorBudget | None:
-    """The error budget of an impact of two bodies whose model has the error of its mesh."""
-    if history.rerun is not None and _bounded(history):
+    """The error budget of an impact of two bodies; None without error bars."""
+    if history.rerun is not None and _has_error_bars(history):
         return history.error_budget
     return vars(history).get("error_budget")
 
 
-def _bounded(history: History) -> bool:
-    """Whether an impact of two bodies, or a body with the errors of its mesh, has bars."""
+def _has_error_bars(history: History) -> bool:
+    """Whether a history has error bars, or a body with the estimated error of its mesh."""
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     estimated = any(getattr(body, "strain_error", None) is not None for body in bodies)
     of_strike = any("strike" in info_of(body) for body in bodies)
@@ -383,7 +383,7 @@ def _bounded(history: History) -> bool:
 
 
 def error_text(history: History) -> str:
-    """Text: error of the force by the law and numerical error, of the error budget if known."""
+    """Text: the error of the peak force by cause; without a budget by the law and in time."""
     budget = budget_of(history)
     if budget is not None:
         return budget.causes_text("peak_force")

@@ -29,11 +29,11 @@ BY_GIVEN_LAW = " (law as given)"
 #: A side of a bar with which nothing is left of a quantity, as text; page.js has the same.
 WHOLE = percent(1.0)
 #: Those that are told only of models that were measured, and of parts that stretch.
-RARE = ("noise", "stretch")
+RARE_CAUSES = ("noise", "stretch")
 #: Shares that are smaller than this error, and than this part of the bar, are told as one sum;
 #: others always, so that a bar tells whether the contact's law is in it.
 SMALL_SHARE, SMALL_PART = 5e-3, 0.1
-ALWAYS_TOLD = ("law", *RARE)
+ALWAYS_TOLD = ("law", *RARE_CAUSES)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """Causes of error to print; noise and stretch if present, the law if known."""
         bars = self.values()
         known_causes = (c for c in CAUSES if c not in self.unknown)
-        return tuple(c for c in known_causes if c not in RARE or any(getattr(b, c) for b in bars))
+        return tuple(
+            c for c in known_causes if c not in RARE_CAUSES or any(getattr(b, c) for b in bars)
+        )
 
     @property
     def worst(self) -> float | None:
@@ -156,15 +158,15 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def rest_of_force(self) -> float | None:
-        """Relative error of the peak force beside its truncation; None where it has no bar."""
+        """Relative error of the peak force by all causes but truncation; None without a bar."""
         bar = self.bars["peak_force"]
         return None if self.no_bar else bar.known - bar.truncation
 
     def sides(self, name: str) -> tuple[float, float]:
-        """Relative error of a quantity below and above it, as far as physics allows.
+        """Relative errors (below, above) of a quantity by the causes that are known.
 
-        By the causes that are known. No quantity is negative, and the impulse m v (1 + e) of a
-        blow on a part at rest lies between m v and 2 m v.
+        They stay within what physics allows: no quantity is negative, and the impulse m v (1 + e)
+        of a blow on a part at rest lies between m v and 2 m v.
         """
         bar = self.bars[name]
         below, above = min(bar.known, 1.0), bar.known
@@ -174,7 +176,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def restitution_sides(self) -> tuple[float, float] | None:
-        """Error of the restitution e below and above it, by the impulse m v (1 + e); or None."""
+        """Errors (below, above) of the restitution e by the impulse m v (1 + e); or None."""
         if self.restitution is None or self.no_bar:
             return None
 
@@ -182,7 +184,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return (1 + self.restitution) * below, (1 + self.restitution) * above
 
     def shown(self, name: str, digits: int = 4) -> str:
-        """A quantity with its error as text, how large it may be, or that it has no bar."""
+        """Text: a quantity with its error bar, or with its upper bound, or that it has no bar."""
         bar = self.bars[name]
         value = engineering(bar.value, UNITS[name], digits)
         if self.no_bar:
@@ -208,12 +210,12 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def condition(self) -> str:
-        """The end of a bar that holds for a given law; "" of others."""
+        """Text behind a bar that holds for the law as given; "" for other bars."""
         return BY_GIVEN_LAW * bool(self.law)
 
     @property
     def footnote(self) -> str:
-        """Why there are no bars, or what they leave out, told once beside them; "" if nothing."""
+        """Sentence on why there are no bars, or on what they leave out; "" if they are complete."""
         reasons = [self.unknown.get("mesh", "")]
         if not reasons[0] or any(bar.law is None for bar in self.values()):
             reasons.append(self.law)
@@ -231,7 +233,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return f"{restitution_text(e, digits)} {error}{self.condition}"
 
     def shares(self, name: str) -> dict[str, float | None]:
-        """Cause -> its share in the error of a quantity, total, "below", "above"; or None."""
+        """Cause -> its relative error of a quantity, or None if unknown; also the total and the
+        sides "below" and "above".
+        """
         bar = self.bars[name]
         not_known = CAUSES if name in self.unknown else [c for c in self.unknown if c != "law"]
         shares = {cause: None if cause in not_known else getattr(bar, cause) for cause in CAUSES}
@@ -301,7 +305,7 @@ OF_ALL_CONTACTS = "of all contacts, flights included"
 
 
 def contact_time_note(result: Any) -> str:
-    """What the contact time is of, where there are several contacts; "" of a single one."""
+    """Text: which contacts the contact time covers, if there are several; "" for one."""
     count = len(result.contacts)
     if count < 2:
         return ""
@@ -313,7 +317,7 @@ def contact_time_note(result: Any) -> str:
 
 
 def changes(first: Any, second: Any) -> dict[str, float]:
-    """`differences`, with a contact time that is not comparable no larger than the others."""
+    """`differences`; for contact times that are not comparable, the larger of the other two."""
     found = differences(first, second)
     if not comparable(first, second):
         found["contact_time"] = max(found["peak_force"], found["impulse"])
@@ -321,7 +325,7 @@ def changes(first: Any, second: Any) -> dict[str, float]:
 
 
 def all_changes(first: Any, second: Any) -> dict[str, float]:
-    """`changes`, and that of the site's displacement; 0 where that is not known."""
+    """`changes`, and the relative change of the site's displacement, 0 if it is not known."""
     moved = [getattr(one, "site_motion", None) for one in (first, second)]
     largest = [0.0 if one is None else one.largest for one in moved]
     return {**changes(first, second), DEFLECTION: _relative(*largest)}

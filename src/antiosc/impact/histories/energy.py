@@ -210,7 +210,11 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
 def _work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, losses: Array
 ) -> tuple[Array, Array]:
-    """Work of all loads and losses by damping (n,), in flight from the energy balance."""
+    """Work of all loads and losses by damping [J] from the start up to each node, (n,) each.
+
+    mechanical : (n,) energy of bodies and contacts; work, losses : (n - 1,) from node to node. In
+    flight one of the two follows from the balance of energy.
+    """
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = a.system.damped

@@ -32,7 +32,9 @@ def no_field_message(model: object) -> str:
     )
 
 
-def _known(history: AnyHistory, body: str) -> tuple[object, ModalBody | SiteModes, Stretch | None]:
+def _model_modes_stretch(
+    history: AnyHistory, body: str
+) -> tuple[object, ModalBody | SiteModes, Stretch | None]:
     """(model of a body, its free modes, the second-order forces in its motion or None)."""
     if isinstance(history, BodyHistory):
         return history.placed.body, history.placed.modes, history.stretched
@@ -41,7 +43,7 @@ def _known(history: AnyHistory, body: str) -> tuple[object, ModalBody | SiteMode
 
 def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
     """The free modes of a body with its shapes; InputError for a body without shapes."""
-    model, modes, _ = _known(history, body)
+    model, modes, _ = _model_modes_stretch(history, body)
     if modes.basis is None:
         raise InputError(no_field_message(model))
     return modes
@@ -69,12 +71,12 @@ def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
 
 def stretch_in(history: AnyHistory, body: str) -> Stretch | None:
     """The second-order forces in the motion of a body; None for a linear motion."""
-    return _known(history, body)[2]
+    return _model_modes_stretch(history, body)[2]
 
 
 def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
     """Second-order displacements (n_dofs, P) of the pairs of modes of a body, or None."""
-    model, _, forces = _known(history, body)
+    model, _, forces = _model_modes_stretch(history, body)
     stretch = stretch_of(model)
     if forces is None or stretch is None or (shapes := stretch.shapes_in(forces.modes)) is None:
         return None

@@ -16,9 +16,9 @@ from antiosc.impact.states import free_steps, locate, states
 SMALL_ROTATION = 0.1
 #: Deflection over the thickness of a sheet that is held all around, up to which linear theory
 #: holds: at a clamped circle's half thickness stretching adds 11 % to the force, 1 + 0.443 (w/h)².
-LINEAR = 0.5
+LINEAR_DEFLECTION = 0.5
 #: The same up to which forces to third order hold (measured).
-QUARTIC = 3.0
+THIRD_ORDER_DEFLECTION = 3.0
 #: The same from which the force may change by 0.3 %: 1.85 (w/h)² of a disc with a hinged edge that
 #: does not move (S. Timoshenko, S. Woinowsky-Krieger, *Theory of Plates and Shells*, table 82).
 SLIGHT_DEFLECTION, SLIGHT_CHANGE = 0.04, 3e-3
@@ -47,7 +47,7 @@ def deflects(name: str, deflection: float, thickness: float) -> str:
 
 def beyond_theory(name: str, deflection: float, thickness: float, stretches: bool) -> str:
     """Warning of a deflection [m] of a sheet beyond the theory of its run; "" if within."""
-    limit = QUARTIC if stretches else LINEAR
+    limit = THIRD_ORDER_DEFLECTION if stretches else LINEAR_DEFLECTION
     if not deflection > limit * thickness:
         return ""
     far = f"{deflects(name, deflection, thickness)}, more than {limit:g}, up to which"
@@ -82,7 +82,7 @@ def large_deflection_message(history: RunHistory) -> str:
 
 
 def change_of_curved(history: RunHistory, name: str) -> float:
-    """Largest share in the force on a curved sheet by second-order strain; 0 of others."""
+    """Largest share of second-order strain in the force on a curved sheet; 0 for others."""
     body = history.assembly.bodies[name]
     shares = body.info.get("second_order")
     if not shares:

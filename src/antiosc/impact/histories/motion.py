@@ -83,7 +83,7 @@ class RunHistory(OneContact):
 
     @property
     def details(self) -> list[str]:
-        """Sentences on changed contact laws: compliances that the bodies contain already."""
+        """Sentences on contact laws from which the compliance of a patch was subtracted."""
         return list(self.assembly.notes)
 
     # -- of one contact: force and numbers are those of `OneContact`
@@ -227,7 +227,7 @@ class RunHistory(OneContact):
 
     @cached_property
     def _record(self) -> SceneRun:  # type: ignore[override]
-        """The record that its contacts share; of one impact with nodes between its contacts."""
+        """The run that its contacts share; for two bodies with additional nodes in flight."""
         return SceneRun(self.assembly, self.run, not self.named, self.enclosures)
 
     @property

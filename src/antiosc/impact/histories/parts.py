@@ -54,23 +54,23 @@ class OneContact:
 
     @property
     def time(self) -> Array:
-        """Nodes (n,) [s]: every other one ends a step, over which the forces are parabolas."""
+        """Nodes (n,) [s]: starts, middles and ends of the steps."""
         return self._record.nodes.time
 
     @cached_property
     def force(self) -> Array:
-        """Contact force [N], >= 0, (n,): parabolas through three nodes of a step each."""
+        """Contact force (n,) [N], >= 0, at the nodes: a parabola over the three nodes of a step."""
         # a release is located to a small share of the depth: a spring may pull by as little
         return np.maximum(self._record.nodes.force[:, self._row], 0.0)
 
     @property
     def indentation(self) -> Array:
-        """Indentation w - u - gap [m], (n,); negative: distance."""
+        """Indentation w - u - gap (n,) [m]; negative while the bodies are apart."""
         return self._record.nodes.depth[:, self._row]
 
     @property
     def law(self) -> ContactLaw:
-        """The law of the contact, given or chosen, without subtraction of patch compliances."""
+        """The law of the contact, given or chosen, before patch compliances are subtracted."""
         return self._record.assembly.scene.contacts[self._row].law
 
     @property
@@ -80,7 +80,7 @@ class OneContact:
 
     @property
     def deepest(self) -> float:
-        """Largest indentation [m], with that of the patches if the law was reduced by it."""
+        """Largest indentation [m], including that of the patches where the run's law omits it."""
         marched = self._record.assembly.laws[self._row]
         compliance = marched.compliance if self.law.compliance == 0.0 else 0.0
         return float(max(self.indentation.max(), 0.0)) + compliance * self.peak_force
@@ -113,7 +113,7 @@ class OneContact:
 
     @property
     def count_text(self) -> str:
-        """Number of the contacts as text, and of those of the main impact if others follow."""
+        """Text: number of contacts, and how many the main impact has if others follow it."""
         of_main = contacts_of_main(self)
         more = f", {of_main} in the main impact" if of_main < len(self.contacts) else ""
         return f"{len(self.contacts)}{more}"

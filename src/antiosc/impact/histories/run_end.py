@@ -19,7 +19,7 @@ from antiosc.impact.assembly import Assembly
 #: Messages of a run that ended as asked, and of one in which no contact closed.
 ALL_WELL, UNTOUCHED = "Completed.", "Never touched"
 #: Contacts, and scenes of a batch, that a message names.
-_NAMED = 5
+_MOST_NAMED = 5
 
 
 class RunEnd(NamedTuple):
@@ -52,7 +52,10 @@ def open_contacts(run: Run, system: System) -> list[int]:
 def status_of(
     assembly: Assembly, ended: RunEnd, tol: float, limits: tuple[int, int]
 ) -> tuple[int, str]:
-    """Status and message of a run; `limits`: max_contacts, max_steps."""
+    """(status, message) of a run with the relative tolerance `tol`.
+
+    limits : max_contacts, max_steps.
+    """
     if failure := stopped(ended.answer, ended.time, *limits):
         return STOPPED, failure[0].upper() + failure[1:] + "."
 
@@ -102,8 +105,8 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
     if not contacts:
         return ""
 
-    names = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:_NAMED])
-    ellipsis = ", ..." if len(contacts) > _NAMED else ""
+    names = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:_MOST_NAMED])
+    ellipsis = ", ..." if len(contacts) > _MOST_NAMED else ""
 
     return (
         f"The run ends during contact of {names}{ellipsis}: contact time, impulse and peak force"
@@ -148,15 +151,18 @@ def _without_rounding(beta: Array, modal: Array) -> Array:
     return np.where(abs(product) > ROUNDING * (abs(beta) @ abs(modal)), product, 0.0)
 
 
-def several(scenes: Sequence[int], size: int, worst: int) -> str:
-    """The number of some scenes of a batch, the first of them, and the worst."""
-    more = ", ..." * (len(scenes) > _NAMED)
-    numbers = ", ".join(map(str, scenes[:_NAMED]))
+def scenes_text(scenes: Sequence[int], size: int, worst: int) -> str:
+    """Text: how many of `size` scenes, the first numbers of them, the worst."""
+    more = ", ..." * (len(scenes) > _MOST_NAMED)
+    numbers = ", ".join(map(str, scenes[:_MOST_NAMED]))
     return f"{len(scenes)} of {size} scenes ({numbers}{more}), as scene {worst}"
 
 
 def warn_batch(results: Sequence[tuple[int, str]], needed_radii: Sequence[float]) -> None:
-    """Warn once of each status in a batch of (status, message), with its scenes."""
+    """Warn once for each status in the results (status, message) of a batch.
+
+    needed_radii : radius [m] of the patch that each scene needs, by which the worst is chosen.
+    """
     kinds: dict[int, list[int]] = {}
     for i, (status, message) in enumerate(results):
         if message != ALL_WELL:
@@ -165,6 +171,6 @@ def warn_batch(results: Sequence[tuple[int, str]], needed_radii: Sequence[float]
     for status, scenes in kinds.items():
         worst = max(scenes, key=needed_radii.__getitem__)
         errors.warn(
-            f"{several(scenes, len(results), worst)}: {results[worst][1]}",
+            f"{scenes_text(scenes, len(results), worst)}: {results[worst][1]}",
             errors.AccuracyWarning if status else errors.AntioscWarning,
         )

@@ -12,7 +12,7 @@ from antiosc.models.modal import ModalBody
 
 #: Times of a run, and of its contacts, at which the displacement is looked for first; times that
 #: are then looked at beside each of the largest of these.
-TIMES, LARGEST, BESIDE = 2000, 8, 60
+TIMES, MOST_PEAKS, TIMES_PER_PEAK = 2000, 8, 60
 #: First duration of an impact [s] that lasts until its bodies have parted, and the largest one over
 #: it.
 DURATION, LONGER = 1e-3, 32
@@ -29,7 +29,7 @@ class SiteMotion(NamedTuple):
 
 
 def site_motion(hit: RunHistory) -> SiteMotion | None:
-    """The motion of the only site of "structure"; None of a part that moves on as a whole."""
+    """The largest displacement of the site of "structure"; None for a free part."""
     placed = hit.assembly.bodies.get("structure")
     if len(hit.contact_histories) != 1 or placed is None:
         return None
@@ -50,9 +50,9 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
     times = np.union1d(*(np.linspace(0.0, last, TIMES) for last in (end, touched)))
     sizes = moved(times)
 
-    for k in np.argsort(-sizes)[:LARGEST]:
+    for k in np.argsort(-sizes)[:MOST_PEAKS]:
         near = times[max(k - 1, 0)], times[min(k + 1, times.size - 1)]
-        beside = np.linspace(*near, BESIDE)
+        beside = np.linspace(*near, TIMES_PER_PEAK)
         times, sizes = np.append(times, beside), np.append(sizes, moved(beside))
 
     k = int(sizes.argmax())

@@ -23,7 +23,7 @@ FORMAT = "antiosc-history"
 #: Endings of tables, which `save` does not write.
 TABLES = {".csv", ".json", ".txt", ".xlsx", ".mat"}
 #: Largest table that is loaded, bytes.
-LARGEST = 2**30
+MOST_BYTES = 2**30
 
 
 class Results(ReprMixin):
@@ -127,7 +127,7 @@ class Results(ReprMixin):
         InputError
             The file is not one that `save` wrote.
         """
-        header, arrays = read_model_file(path, {"table"}, FORMAT, LARGEST)
+        header, arrays = read_model_file(path, {"table"}, FORMAT, MOST_BYTES)
 
         try:
             names = list(map(str, header["names"]))

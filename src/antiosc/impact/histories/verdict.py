@@ -30,11 +30,11 @@ CONTACT_RADII = 3.0
 ANGLES, DISTANCES = 19, 40
 NEAR, FAR = 0.02, 20.0
 #: Radius over the thickness of a sheet of the circle on which a point force acts (Westergaard).
-OF_SHEET = 0.325
+POINT_CIRCLE = 0.325
 
 
 def choice_at(contact: OneContact) -> Choice | None:
-    """The choice of law that the surfaces of a contact require; None if they are unknown."""
+    """The law that the surfaces of a contact require; None if a surface is unknown."""
     try:
         (_, first, one), (_, second, other) = _ends(contact)
         return choice_at_sites(first, second, (one, other))
@@ -84,16 +84,18 @@ class ContactZone(NamedTuple):
 
     @property
     def ball(self) -> Array:
-        """Row x, y, z, radius [m] of what the margin of a solid leaves out."""
+        """Ball x, y, z, radius (4,) [m] around the contact that a solid's margin leaves out."""
         return np.append(self.point, CONTACT_RADII * self.radius)
 
     def spread(self, patch: float, distance: Array) -> Array:
-        """Largest von Mises stress [Pa] at distances (n,) [m] by which a force on the contact and
-        on a larger circle of radius `patch` [m] differ: by Hertz's pressure on a half-space; in a
-        sheet by bending, where a point acts like a circle of 0.325 of its thickness (Westergaard).
+        """Effect of spreading the force over a larger circle of radius `patch` [m].
+
+        Returns the largest von Mises stress [Pa] of the difference, at distances (n,) [m] from the
+        contact: of Hertz's pressure on a half-space; in a sheet of bending, where a point acts like
+        a circle of 0.325 of its thickness (Westergaard).
         """
         if self.thickness:
-            least = max(self.radius, OF_SHEET * self.thickness)
+            least = max(self.radius, POINT_CIRCLE * self.thickness)
             bending = 1.5 * self.force * (1 + self.nu) / (np.pi * self.thickness**2)
             return bending * np.log(np.maximum(patch / np.maximum(distance, least), 1.0))
         if patch <= self.radius:
@@ -113,7 +115,7 @@ def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone
     """The surroundings of the contacts of a body whose radius is known."""
     zones = []
     for contact in contacts:
-        size = _size(contact)
+        size = _contact_size(contact)
         if size is None:
             continue
         radius, nu = size
@@ -126,7 +128,7 @@ def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone
 
 
 def _places(contact: OneContact, body: str) -> Iterator[tuple[Array, float]]:
-    """(point, radius of the patch) of a contact on a body, if known."""
+    """Yield (point (3,), radius of the patch) [m] of each side of a contact on a body, if known."""
     scene = contact._record.assembly
     parts = scene.scene.contacts[contact._row]
     for scene_body, site in (find_site(end, scene.bodies) for end in (parts.a, parts.b)):
@@ -135,7 +137,7 @@ def _places(contact: OneContact, body: str) -> Iterator[tuple[Array, float]]:
             yield np.array(point), scene_body.patch_radius or 0.0
 
 
-def _size(contact: OneContact) -> tuple[float, float] | None:
+def _contact_size(contact: OneContact) -> tuple[float, float] | None:
     """Largest radius [m] of a contact, and Poisson's ratio of its softer side; None: unknown."""
     law = _law_with_yield(contact)
     if law is not None and contact.peak_force > law.yield_force:
@@ -148,12 +150,12 @@ def _size(contact: OneContact) -> tuple[float, float] | None:
         return None
 
     depth = (contact.peak_force / choice.law.stiffness) ** (2 / 3)
-    softer = min((side for side in _sides(contact) if not side.rigid), key=lambda side: side.E)
+    softer = min((side for side in _materials(contact) if not side.rigid), key=lambda side: side.E)
     return sqrt(depth / choice.curvature), softer.nu
 
 
 def unknown_dent(contact: OneContact) -> str:
-    """Why a contact may have left a dent that its law does not know, in words; "" if it has not."""
+    """Text: why a contact may have left a dent that its law does not give; "" if it has not."""
     choice = choice_at(contact)
     if choice is None or not choice.unknown:
         return ""
@@ -162,10 +164,10 @@ def unknown_dent(contact: OneContact) -> str:
 
 def sentence(contact: OneContact) -> str:
     """Sentence on whether the contact yields and its dent; "" if nothing is known."""
-    return " ".join(filter(None, [_yielding(contact), crack_note(_sides(contact))]))
+    return " ".join(filter(None, [_yielding(contact), crack_note(_materials(contact))]))
 
 
-def _sides(contact: OneContact) -> list[Matter]:
+def _materials(contact: OneContact) -> list[Matter]:
     """The materials of both sides of a contact; empty if they are not known."""
     if choice_at(contact) is None:
         return []
@@ -245,7 +247,7 @@ def _law_sentence(contact: OneContact, law: ElasticPlastic) -> str:
 
 
 #: Bodies of an impact of two -> their words in a sentence.
-WORDS = {"structure": "the part", "impactor": "the striker"}
+BODY_WORDS = {"structure": "the part", "impactor": "the striker"}
 
 
 def weaker_side(contact: OneContact) -> str:
@@ -261,7 +263,7 @@ def weaker_side(contact: OneContact) -> str:
     if len(owners) != 1:
         return material
 
-    owner = WORDS.get(owners[0], owners[0])
+    owner = BODY_WORDS.get(owners[0], owners[0])
     if not material:
         return owner
 
