@@ -39,7 +39,11 @@ def write_arrays(path: str | os.PathLike[str], arrays: Arrays, what: str) -> Non
 
 
 def read_arrays(path: Path, largest: int, what: str, kinds: str = "fiuU") -> Arrays:
-    """The arrays of a file by name; InputError for other kinds, and above `largest` bytes."""
+    """The arrays of an .npz file by name.
+
+    `kinds`: kinds of dtype that are allowed; `largest`: bytes, of the file and of all arrays.
+    InputError for others.
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()

@@ -13,7 +13,7 @@ from antiosc.base.errors import InputError
 
 #: Name of a channel frequency class -> its frequency [Hz].
 CLASSES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
-#: That of the acceleration of a falling part, which is told unasked.
+#: Filter of the largest acceleration that results of a fall state.
 SHOCK_FILTER = "CFC1000"
 #: Corner frequency of one pass of a filter over its class (SAE J211-1).
 CORNER = 2.0775
@@ -27,13 +27,13 @@ MEMORY = 2.0
 
 
 def memory_of(name: str) -> float:
-    """Time [s] before and after an instant on which the filtered value depends."""
+    """Time [s] before and after an instant on which the value filtered by `name` depends."""
     checks.choice("filter", name, tuple(CLASSES))
     return MEMORY / CLASSES[name]
 
 
-def sampled(name: str) -> float:
-    """Step [s] at which a signal is sampled for a filter: half of the largest that it takes."""
+def sampling_step(name: str) -> float:
+    """Step [s] at which a signal is sampled for the filter `name`: half of the largest it takes."""
     return 1 / (2 * LEAST_RATE * CLASSES[name])
 
 

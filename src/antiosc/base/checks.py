@@ -47,8 +47,8 @@ LARGEST_WHOLE = 2**53
 LONGEST_NAME = 200
 
 _TRUTH = (bool, np.bool_)
-#: What Python or NumPy takes for a number, and what is none.
-_NO_NUMBERS = (*_TRUTH, np.timedelta64)
+#: Types that Python or NumPy counts among the numbers, but that are refused as numbers.
+_REFUSED_NUMBERS = (*_TRUTH, np.timedelta64)
 
 
 class _Required:
@@ -89,7 +89,7 @@ def _as_float(name: str, value: object, unit: str) -> float:
     """A real number of any type as a float; inf if it is too large for a float."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
-    if isinstance(value, _NO_NUMBERS) or not isinstance(value, Real):
+    if isinstance(value, _REFUSED_NUMBERS) or not isinstance(value, Real):
         raise InputError(f"{name} must be a number{_unit_text(unit)}; got {shown(value)}.")
 
     try:
@@ -107,7 +107,7 @@ def positive(name: str, value: object, unit: str = "") -> float:
 
 
 def band(value: object) -> float:
-    """The top of a band, given in Hz, as a circular frequency [rad/s]."""
+    """The upper end of a frequency band [Hz] as a circular frequency [rad/s], or InputError."""
     return 2 * pi * positive("band", value, "Hz")
 
 
@@ -126,7 +126,7 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
 
     sound = type(value) is int or (
         isinstance(value, Real)
-        and not isinstance(value, _NO_NUMBERS)
+        and not isinstance(value, _REFUSED_NUMBERS)
         and (value.denominator == 1 if isinstance(value, Rational) else float(value).is_integer())
     )
     if not sound or (result := int(value)) < least:  # type: ignore[call-overload]
@@ -171,7 +171,7 @@ def tolerance(value: object, name: str = "tol") -> float:
 
 
 def floats(name: str, value: object, shape: tuple[int | None, ...] | None) -> Array:
-    """`value` as a finite float array of `shape`, no copy of one of floats; else InputError."""
+    """`value` as a finite float array of `shape`, without a copy if it is one; else InputError."""
     if type(value) is np.ndarray and value.dtype == np.float64:
         result = value
     else:
@@ -204,7 +204,7 @@ def nonempty(name: str, value: object) -> Array:
 
 
 def strength_range(value: object, strength: float | None) -> tuple[float, float]:
-    """Range of a yield strength [Pa] that holds the strength itself, or InputError."""
+    """(lowest, highest) of a yield strength [Pa], which holds `strength`, or InputError."""
     low, high = floats("yield_range", value, (2,)).tolist()
     if not 0 < low <= (strength or 0.0) <= high:
         raise InputError("yield_range needs yield_strength within it.")
@@ -250,7 +250,10 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
 
 
 def scaled_symmetric(matrix: Array, scale: Array) -> tuple[Array, float]:
-    """Symmetric part of `matrix` (n, n) over the scales (n,) of its rows and columns."""
+    """(symmetric part, largest asymmetry) of a matrix (n, n) over scales (n,) of rows and columns.
+
+    Scales of 0 count as 1.
+    """
     scale = np.where(scale > 0, scale, 1.0)
     unit = matrix / scale[:, None] / scale
     return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))
@@ -376,7 +379,10 @@ def store(target: object, **values: object) -> None:
 
 
 def within_range(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate: overflow, division by 0 and NaN raise AccuracyError, no memory OutOfMemoryError."""
+    """Decorator: overflow, division by 0 and NaN raise AccuracyError.
+
+    Lack of memory raises OutOfMemoryError, as by `within_memory`.
+    """
 
     @wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -396,7 +402,7 @@ def within_range(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def shown(value: object) -> str:
-    """`value` in a message: one short line."""
+    """`value` as one short line for a message."""
     if isinstance(value, np.ndarray) and value.ndim:
         return f"an array of shape {value.shape} and type {value.dtype}"
 
@@ -419,7 +425,7 @@ def nests_deeper(text: str, deepest: int) -> bool:
 
 
 def point_text(point: Iterable[float]) -> str:
-    """A point (n,) [m] in a message."""
+    """A point (n,) [m] as text for a message."""
     rounding = 1e-9 * max(map(abs, point), default=0.0)
     return "(" + ", ".join(f"{c if abs(c) > rounding else 0.0:.6g}" for c in point) + ") m"
 

@@ -28,7 +28,7 @@ class UnmeshableError(MeshError):
 
 
 class PiecesError(MeshError):
-    """A mesh of several pieces that share no node; `pieces`: those that are known, by size."""
+    """A mesh of several pieces that share no node; `pieces`: the known ones, the largest first."""
 
     pieces: Sequence[Any] = ()
 
@@ -72,11 +72,11 @@ class AccuracyWarning(AntioscWarning):
 
 
 class NotTakenWarning(AntioscWarning):
-    """Content of a file that is not taken."""
+    """Content of a file is ignored."""
 
 
 class ChoiceWarning(AntioscWarning):
-    """A choice that was made where nothing is given: no caution, it is told as a note."""
+    """A choice made since nothing was given: shown as a note, not as a caution."""
 
 
 class Message(str):
@@ -97,7 +97,7 @@ QUESTIONS_NUMBERS, ON_MODEL, ON_FILE, NOTE = range(4)
 
 
 def weight(message: str) -> int:
-    """The weight of a warning, by its category."""
+    """The weight of a warning, one of `QUESTIONS_NUMBERS` … `NOTE`, by its category."""
     category = getattr(message, "category", AntioscWarning)
     if issubclass(category, AccuracyWarning):
         return QUESTIONS_NUMBERS
@@ -153,7 +153,10 @@ def _frames_to_caller() -> int:
 
 @contextmanager
 def warnings_to(take: Callable[[str], None]) -> Iterator[None]:
-    """Give antiosc's warnings of this thread to `take`: Python's filters are of all threads."""
+    """Context in which `take` gets antiosc's warnings of this thread.
+
+    Python's filters would act on all threads.
+    """
     token = _receiver.set(take)
     try:
         yield
@@ -162,13 +165,16 @@ def warnings_to(take: Callable[[str], None]) -> Iterator[None]:
 
 
 def without_warnings() -> AbstractContextManager[None]:
-    """Drop the antiosc warnings of this thread, which have been issued before."""
+    """Context that drops antiosc's warnings of this thread: for work whose warnings were given."""
     return warnings_to(lambda message: None)
 
 
 @contextmanager
 def warnings_of_last() -> Iterator[Callable[[], None]]:
-    """Context of several trials; what it yields drops the warnings of those before the last."""
+    """Context of several trials that gives the warnings of the last one.
+
+    It yields a function to be called before each trial, which drops the earlier warnings.
+    """
     messages: list[str] = []
 
     try:

@@ -17,9 +17,9 @@ from pathlib import Path
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 
-#: With what the name of a temporary file or folder begins.
-PART = ".antiosc-"
-#: With what a formula of a spreadsheet begins; some programs take wide characters for them too.
+#: Prefix of the name of a temporary file or folder.
+TEMPORARY_PREFIX = ".antiosc-"
+#: First characters of formulas in spreadsheets; some programs accept wide characters too.
 FORMULA_STARTS = tuple("=+-@\uff1d\uff0b\uff0d\uff20")
 #: Largest table or measurement that is read whole, bytes.
 LARGEST_READ = 100_000_000
@@ -54,7 +54,7 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
 
 def part_name(target: Path, suffix: str = "") -> Path:
     """A new name of a temporary file or folder beside `target`."""
-    return target.with_name(f"{PART}{secrets.token_hex(10)}{suffix}")
+    return target.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(10)}{suffix}")
 
 
 def check_readable(path: Path, what: str) -> None:

@@ -33,6 +33,7 @@ LONGEST_OF_LINES = 100.0
 SMALLEST_PATCH = 1e-4
 #: Stress of a blow over Young's modulus, v/√(E/ρ), up to which a solid is linear.
 LINEAR = 0.1
+#: Relative difference of two lengths or speeds below which they are equal.
 ROUNDING = 1e-9
 
 
@@ -57,7 +58,10 @@ RANGES = {
 
 
 def doubt(quantity: str, value: float, what: str, low: float = 0.0, high: float = inf) -> str:
-    """Sentence on a value outside its range in `RANGES` within `low` and `high`, or ""."""
+    """Sentence that a value lies outside `RANGES[quantity]`; "" if it does not.
+
+    `low`, `high` narrow the range; `what` is the subject of the sentence.
+    """
     usual = RANGES[quantity]
     low, high = max(low, usual.low), min(high, usual.high)
     if low <= value <= high:
@@ -80,7 +84,7 @@ class ExaminedMaterial(Protocol):
 
 
 def material_doubt(material: ExaminedMaterial) -> str:
-    """Why a material is implausible, "" if it is not; InputError for impossible values."""
+    """Why a material is implausible, or ""; InputError for impossible values."""
     speed = material.bar_speed()
     name = f"a {type(material).__name__} of this part"
     rho, strength = (getattr(material, key, None) for key in ("rho", "yield_strength"))
@@ -102,7 +106,11 @@ def material_doubt(material: ExaminedMaterial) -> str:
 
 
 def size_doubt(extent: float, stated: bool = False, lines: bool = False) -> str:
-    """Why the diagonal [m] of a part's box is implausible, unless `stated` or of `lines`; or ""."""
+    """Why the diagonal [m] of a part's box is implausible; "" if it is not.
+
+    A large one is accepted if the user has `stated` the unit, or up to `LONGEST_OF_LINES` of beams
+    and trusses (`lines`).
+    """
     long = RANGES["length"].high < extent
     if long and (stated or (lines and extent <= LONGEST_OF_LINES)):
         return ""
@@ -139,14 +147,18 @@ def patch_doubt(radius: float, extent: float) -> str:
 def impact_doubts(
     models: Iterable[object], movers: Iterable[object], *velocities: object
 ) -> list[str]:
-    """Why a blow of movers, or velocities, on models is implausible, or ""; else InputError."""
+    """For each model, why the speed of the blow is implausible, or "".
+
+    The speed [m/s] is the largest of those of `movers` and of `velocities`; InputError if no solid
+    has such waves.
+    """
     all_velocities = [*velocities, *[getattr(mover, "velocity", 0.0) for mover in movers]]
     speed = max(map(_fastest, all_velocities), default=0.0)
     return [_impact_doubt(model, speed) for model in models]
 
 
 def _impact_doubt(model: object, speed: float) -> str:
-    """Why a blow of this speed [m/s] on a model is implausible, or ""; else InputError."""
+    """Why a blow of this speed [m/s] on a model is implausible, or ""; InputError if impossible."""
     notes = getattr(getattr(model, "info", None), "notes", {})
     wave = float(notes.get("wave_speed") or 0.0)
 

@@ -47,11 +47,11 @@ if TYPE_CHECKING:
 
 #: Loggers whose levels the packages change.
 LOGGERS = ("UFL", "ffcx", "FFCx")
-#: Variables that setuptools and threadpoolctl set; the package whose folders are put on the module
-#: path.
+#: Variables that setuptools and threadpoolctl set; the package that puts its own folders on the
+#: module path.
 ENVIRONMENT = ("HOME", "KMP_DUPLICATE_LIB_OK", "PLAT")
 VENDOR = "setuptools"
-#: Entries that it put there: it may look there again later.
+#: Folders that `VENDOR` put on the module path: it may import from them again later.
 _appended: list[str] = []
 #: Held while something is imported or compiled, for all of this belongs to the process.
 _lock = threading.RLock()
@@ -296,7 +296,10 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def blas_threads(fronts: Array) -> Iterator[int | None]:
-    """Use as many BLAS threads as help fronts of these operations; yields them, or None."""
+    """Context with as many BLAS threads as pay for these fronts; yields their number, or None.
+
+    `fronts`: operation counts. None: no library of threads is known, or the user has set a number.
+    """
     blas = None if user_threads() else _blas()
     if blas is None:
         yield None

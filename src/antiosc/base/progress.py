@@ -38,7 +38,7 @@ class _Lines(threading.local):
 
     @property
     def innermost(self) -> str:
-        """The innermost work, behind the last work around it that is counted; "" without any."""
+        """Text of the innermost work, after that of the last counted work around it; or ""."""
         counted = [text for text in self.texts[:-1] if COUNTED.search(text)]
         return " – ".join([*counted[-1:], *self.texts[-1:]])
 
@@ -48,7 +48,7 @@ _lines = _Lines()
 
 @contextmanager
 def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
-    """Show `text` while the block runs; yields a function that appends text to it."""
+    """Show `text` while the block runs; yields a function that appends a text to it."""
     lines = _lines.texts
     index = len(lines)
     lines.append(text)
@@ -77,7 +77,7 @@ def following(tell: Callable[[str], None]) -> Iterator[None]:
 
 @contextmanager
 def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
-    """Show how many of `total` are done; yields a function of the number done."""
+    """Show how many of `total` are done; yields a function that takes the number done."""
     shown_time = time.monotonic()
 
     with doing(text, rank) as report:

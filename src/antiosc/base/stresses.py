@@ -47,7 +47,10 @@ def principal(tensor: ArrayLike) -> Array:
 
 
 def hill_index(s: Array, X: tuple[float, float], Y: tuple[float, float], S: float) -> Array:
-    """Tsai–Hill index (...,) of components (..., 6); X, Y in tension and in compression."""
+    """Tsai–Hill index (...,) of stresses s (..., 6).
+
+    X, Y: strengths along and across the fibres, each (tension, compression); S: in shear [Pa].
+    """
     sigma1 = s[..., 0]
     sigma2 = s[..., 1]
     shear = s[..., 5]
@@ -140,7 +143,7 @@ class Tensile(NamedTuple):
 
 
 def extreme_principal(components: Array) -> Array:
-    """Size (...,) of the principal value of largest size, of components (..., 6)."""
+    """Largest absolute principal value (...,) of components (..., 6)."""
     highest, lowest = principal_ends(components)
     return np.maximum(np.abs(highest), np.abs(lowest))
 
@@ -234,7 +237,7 @@ class Strengths(Checked):
 
 
 def exposure(criterion: str, strengths: Strengths, s: Array) -> Array:
-    """Exposure (...,) of a layer with strengths by a criterion, for components (..., 6)."""
+    """Exposure (...,) of a layer to s (..., 6) [Pa]; `criterion`: a method of `Strengths`."""
     sigma1 = s[..., 0]
     sigma2 = s[..., 1]
     shear = s[..., 5]

@@ -29,7 +29,7 @@ def printable(text: str) -> str:
 
 
 def piece_is_read(name: str, piece: int, count: int, pieces: str = "") -> str:
-    """Sentence on a file of which one piece is read; `pieces`: all of them in words."""
+    """Sentence that of a file of `count` pieces one is read; `pieces`: text on all of them."""
     listed = f" ({pieces})" if pieces else ""
     return f"{name}: piece {piece} of {count} is read, the others are not{listed}."
 
@@ -42,7 +42,7 @@ WIDTH = 72
 
 
 class ReprMixin:
-    """Gives an object a `repr` of at most five lines: of its `_facts`, (name, value as text)."""
+    """Gives an object a `repr` of at most five lines, from its `_facts` [(name, value as text)]."""
 
     def _facts(self) -> list[tuple[str, str]]:
         fields = [
@@ -260,13 +260,13 @@ def point_text(point: Iterable[float]) -> str:
 
 
 def rounded_up(value: float) -> float:
-    """A positive number with two digits, not below it but by rounding."""
+    """The least number of two digits not below a positive `value`, but for rounding errors."""
     step = 10.0 ** (floor(log10(value)) - 1)
     return float(f"{ceil(value / step - DIGIT_ROUNDING) * step:.2g}")
 
 
 def rounded_down(value: float) -> float:
-    """A positive number with two digits, not above it but by rounding."""
+    """The largest number of two digits not above a positive `value`, but for rounding errors."""
     step = 10.0 ** (floor(log10(value)) - 1)
     return float(f"{floor(value / step + DIGIT_ROUNDING) * step:.2g}")
 
@@ -294,7 +294,7 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 
 def exceeds(value: float, limit: float, digits: int) -> bool:
-    """Whether a value is above a limit as it is printed, with so many digits."""
+    """Whether a value, as printed with `digits` significant digits, is above a limit."""
     return float(f"{value:.{digits}g}") > limit
 
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.cfc import cfc_filter, memory_of, sampled
+from antiosc.base.cfc import cfc_filter, memory_of, sampling_step
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import von_mises
@@ -367,7 +367,7 @@ def _filtered(
     of_modes = OF_A_MODE * modes_of(history, body).omega.max(initial=0.0) / (2 * np.pi)
     of_contact = OF_A_CONTACT / history.assembly.contact_time_estimate
     rate = min(max(of_modes, of_contact), SAMPLES[1] / (end - begin))
-    count = max(ceil(max(rate, 1 / sampled(name)) * (end - begin)), SAMPLES[0])
+    count = max(ceil(max(rate, 1 / sampling_step(name)) * (end - begin)), SAMPLES[0])
     t, step = np.linspace(begin, end, count, retstep=True)
     values = np.concatenate(
         [signal(history, block) for block in np.array_split(t, ceil(count / AT_ONCE))]

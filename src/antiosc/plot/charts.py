@@ -54,8 +54,8 @@ def panels(
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-#: Dots in an inch of pictures that are no lines: fit for print.
-PRINTED = 200
+#: Dots per inch of raster pictures: enough for print.
+PICTURE_DPI = 200
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str], **options: object) -> None:
@@ -89,13 +89,14 @@ def figure_or_path(figure: Figure, path: str | os.PathLike[str] | None) -> Figur
     """The figure, or the path of the file that it was written to."""
     if path is None:
         return figure
-    save_figure(figure, path, dpi=PRINTED, bbox_inches="tight", pad_inches=0.1)
+    save_figure(figure, path, dpi=PICTURE_DPI, bbox_inches="tight", pad_inches=0.1)
     return checks.path("path", path)
 
 
 def new_figure(size: tuple[float, float], shown: bool) -> Figure:
-    """A new figure, registered with pyplot (which keeps it alive) only if it is shown, and not in a
-    notebook, which draws what a cell returns.
+    """A new figure, known to pyplot if it is `shown`, except in a notebook.
+
+    pyplot keeps the figures that it knows alive; a notebook draws what a cell returns.
     """
     if shown:
         pyplot = _matplotlib("pyplot")
@@ -153,22 +154,22 @@ def axes_or_new(ax: Axes | None) -> Axes:
     return ax
 
 
-#: What charts read of each kind of result.
-READ = {
+#: Kind of object that charts draw -> attributes that they read.
+ATTRIBUTES = {
     "History": ("time", "force", "displacement", "indentation", "contacts", "cumulative_impulse"),
     "AntiOscillators": ("m0", "k0", "omega", "labels", "mass_shares", "dynamic_stiffness"),
 }
 
 
 def by_name(items: Any, kind: str) -> Mapping[str, Any]:
-    """Name -> object of a kind of `READ`; a single object gets the name ""."""
+    """Name -> object of the kind `kind`; a single object gets the name "". Else InputError."""
     objects = items if isinstance(items, Mapping) else {"": items}
     if not objects:
         raise InputError(f"nothing to draw: give at least one {kind}.")
 
     for drawn in objects.values():
         missing = {"type"} if isinstance(drawn, type) else set()
-        for name in READ[kind]:
+        for name in ATTRIBUTES[kind]:
             try:
                 getattr(drawn, name)
             except AttributeError as error:
@@ -181,8 +182,8 @@ def by_name(items: Any, kind: str) -> Mapping[str, Any]:
     return objects
 
 
-def widths(named: Mapping[str, object]) -> Array:
-    """Line widths in points, decreasing, so that no curve hides another."""
+def line_widths(named: Mapping[str, object]) -> Array:
+    """Line widths (n,) in points, decreasing, so that no curve hides another."""
     if len(named) > 1:
         return np.linspace(2.6, 1.0, len(named))
     return np.array([1.5])
@@ -232,7 +233,7 @@ def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     factor, unit = prefixed(end, "s")
 
     tops = [0.0]
-    for (name, hit), width in zip(runs.items(), widths(runs), strict=True):
+    for (name, hit), width in zip(runs.items(), line_widths(runs), strict=True):
         (line,) = ax.plot(factor * hit.time, hit.force, label=name or None, lw=width)
         error, words = _error_of(hit)
         tops.append(hit.peak_force * (1 + min(error, 1.0) * (error >= VISIBLE)))
@@ -281,7 +282,7 @@ def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
 
     values = np.concatenate(curves)
     long, length = prefixed(float(np.abs(values).max(initial=0.0)) or 1e-3, "m")
-    for (name, hit), neighbour, width in zip(runs.items(), besides, widths(runs), strict=True):
+    for (name, hit), neighbour, width in zip(runs.items(), besides, line_widths(runs), strict=True):
         label, other_label = (name, None) if name else _names(hit)
         (line,) = ax.plot(factor * hit.time, long * hit.displacement, lw=width, label=label)
         dashes = {"ls": "--", "lw": width, "color": line.get_color() if name else "C1"}
@@ -369,7 +370,8 @@ def plot_dynamic_stiffness(models: ModelLike, omega: ArrayLike, ax: Axes | None 
     ax = axes_or_new(ax)
 
     w = checks.floats("omega", omega, (None,))
-    for (name, model), width in zip(models_by_name.items(), widths(models_by_name), strict=True):
+    widths = line_widths(models_by_name)
+    for (name, model), width in zip(models_by_name.items(), widths, strict=True):
         for entry, stiffness in _entries(model, w):
             label = ": ".join(filter(None, (name, entry)))
             ax.semilogy(w / (2 * np.pi), stiffness, lw=width, label=label or None)

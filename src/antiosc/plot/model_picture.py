@@ -85,7 +85,7 @@ def _draw_striker(ax: Axes, y: float, plate: float) -> None:
 
 
 def _draw_oscillator(ax: Axes, x: float, plate: float, y: float, side: float, text: str) -> None:
-    """One anti-oscillator: a mass of that side on its spring, and its frequency and mass."""
+    """One anti-oscillator: a square of `side` on its spring, and a text of frequency and mass."""
     from matplotlib.patches import Rectangle
 
     _spring(ax, x, plate + 0.3, y + 1.3)

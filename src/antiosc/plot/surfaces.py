@@ -29,7 +29,7 @@ SHORT_SIDE = 0.1
 
 
 def axes_in_space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
-    """A figure with 3-D axes, the scale of its coordinates, and the name of their unit."""
+    """(figure, 3-D axes, scale of the coordinates, their unit) for points (P, 3) [m]."""
     figure = new_figure((6.5, 5.0), shown)
     axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
     axes.view_init(elev=24, azim=-52)
@@ -46,7 +46,11 @@ def draw_faces(
     dark: float = DARK,
     outlined: BoolArray | None = None,
 ) -> None:
-    """Faces (F, 3 or 4, 3) coloured by `value`, `outlined` ones white, with a scale if labelled."""
+    """Faces (F, 3 or 4, 3) coloured by `value` (F,); white where `outlined`.
+
+    A colour scale is drawn if there is a `label`; `dark`: factor on the colour of faces that are
+    parallel to the light.
+    """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from antiosc import PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, Figure, IntArray
-from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampled
+from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampling_step
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
 from antiosc.base.texts import Result, engineering, exceeds, percent, plain
@@ -194,7 +194,7 @@ class Fall(Result):
         steps = [np.inf]
         if filter is not None:
             memory = memory_of(filter)
-            steps = [sampled(filter)]
+            steps = [sampling_step(filter)]
 
         begin = episodes[0].start.time - max(checks.nonnegative("before", before, "s"), memory)
         end = episodes[-1].end.time + max(checks.nonnegative("after", after, "s"), memory)
