@@ -131,14 +131,14 @@ class Nodes:
         for row, terms in enumerate(equations):
             for number, motion, value in terms:
                 if number < 0:
-                    column = layout.of_point(self.points[-1 - number])[motion]
+                    column = layout.point_dofs(self.points[-1 - number])[motion]
                     points.append((row, column, value))
                     continue
                 k, cell, local = self._owner(int(number), motion >= 3)
                 group = groups.setdefault((k, motion >= 3), [])
                 group.append((row, cell, local, motion % 3, value))
 
-        result = layout.nothing(count)
+        result = layout.zeros(count)
         if points:
             rows, columns, values = map(np.array, zip(*points, strict=True))
             result = layout.matrix(rows, columns, values, count)
@@ -245,7 +245,7 @@ class DofsBetween:
                 found += self._sliders(mesh, first)
 
         if not found:
-            return self.nodes.layout.nothing(0)
+            return self.nodes.layout.zeros(0)
         rows = np.repeat(np.arange(len(found)), [len(columns) for columns, _ in found])
         result = self.nodes.layout.matrix(rows, *_sum(found), len(found))
         result.eliminate_zeros()
@@ -571,7 +571,7 @@ class NodeConstraints(Joint):
 def _on_middles(nodes: Nodes) -> Sparse:
     """Constraints by which a vertex of one part follows the part of which it is a middle node."""
     layout = nodes.layout
-    rows = [layout.nothing(0)]
+    rows = [layout.zeros(0)]
     for mesh, other in permutations(nodes.meshes, 2):
         middles = other.numbers[:, other.vertices.shape[1] :]
         numbers = np.intersect1d(mesh.vertices, middles).tolist()

@@ -11,7 +11,7 @@ import scipy.optimize
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.joints import element
+from antiosc.fem.assembly.joints import beam_matrices
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 
@@ -42,7 +42,7 @@ def test_a_weld_at_a_distance_is_a_rigid_arm():
         parts, [ao.Weld("beam:end", "hub")], points={"hub": (0.7, 0.0, 0.0)},
         attached=[ao.PointMass("hub", 2.0, 0.01)],
     )  # fmt: skip
-    six = arm.layout.of_point("hub")
+    six = arm.layout.point_dofs("hub")
     q = np.zeros(arm.size)
     free = free_dofs(arm)
     K, _ = dense(arm)
@@ -62,7 +62,7 @@ def test_a_mean_spreads_a_force_evenly():
         pulled = ao.assemble(
             {"block": part}, [ao.Mean("block:x1", "hub")], points={"hub": (2.5, 0.5, 0.5)}
         )
-        x = pulled.layout.of_point("hub")[0]
+        x = pulled.layout.point_dofs("hub")[0]
         load = pulled.T.T[:, x].toarray().ravel()
         free = free_dofs(pulled)
         q = np.zeros(pulled.size)
@@ -77,7 +77,7 @@ def test_a_mean_spreads_a_force_evenly():
 def test_a_bolt_deforms_in_shear_by_the_coefficient_of_each_plane():
     """L³/3EI + L/GκA under a force along the height, and across it."""
     section = replace(BEAM.section, I_side=BEAM.section.I / 4, shear=0.7, shear_side=0.3)
-    k, _ = element(replace(BEAM, section=section), 0.3)
+    k, _ = beam_matrices(replace(BEAM, section=section), 0.3)
     flexibility = np.linalg.inv(k[6:, 6:])
     for row, I, shear in ((1, section.I, 0.7), (2, section.I_side, 0.3)):  # noqa: E741
         exact = 0.3**3 / (3 * E * I) + 0.3 / (BEAM.G * section.A * shear)

@@ -85,7 +85,11 @@ FEW_ROWS = 24
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Constraint rows C (m, n + k) of an elimination, with a `pivot` and an `owner` each."""
+    """Constraint rows C (m, n + k) of an elimination.
+
+    `pivot` (m,): dof for which each row is to be solved, -1: any; `owner` (m,): its index in
+    `labels`.
+    """
 
     C: Sparse
     pivot: IntArray
@@ -103,14 +107,15 @@ class _System:
 def eliminate(
     rows: Sequence[Rows], fixed: BoolArray, scale: Array, prescribed: Array | None = None
 ) -> Eliminated:
-    """T of u = T q for constraints, the supports first, and zero dofs `fixed` (n,).
+    """Motions u = T q that satisfy constraints, the supports first, with zero dofs `fixed` (n,).
 
-    `scale` (n,): typical size of each dof; `prescribed` (m, k): values of rows, for `particular`.
+    `scale` (n,): typical size of each dof; `prescribed` (m, k): k sets of values of the rows, for
+    which `Eliminated.particular` is computed.
     """
     n = len(fixed)
     C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
     pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])
-    C = _without(C, fixed, scale)
+    C = _significant_entries(C, fixed, scale)
 
     # the system of the dofs that occur in constraints
     nonempty_rows = np.flatnonzero(np.diff(C.indptr))
@@ -128,7 +133,7 @@ def eliminate(
         np.append(scale[involved], np.zeros(values.shape[1])),
     )
     transformation, dependent, redundant = _solved(system)
-    _check(system, transformation)
+    _check_satisfied(system, transformation)
 
     free = ~fixed
     free[involved] = False
@@ -155,8 +160,8 @@ def eliminate(
     return Eliminated(T, is_fixed, redundant, particular)
 
 
-def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
-    """C without the entries of fixed dofs, and without coefficients that are rounding."""
+def _significant_entries(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
+    """C without the entries of fixed dofs, and without coefficients that are rounding errors."""
     C.sum_duplicates()
     size = np.where(fixed[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
     row = row_numbers(C)
@@ -166,9 +171,9 @@ def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
 
 
 def _solved(system: _System) -> tuple[Sparse, IntArray, Counter[str]]:
-    """(T of the dofs in the constraints, the dependent ones, redundant rows by joint)."""
+    """(T of the dofs in the constraints, the dependent dofs, number of redundant rows by joint)."""
     T = scipy.sparse.identity(len(system.scale), format="csr")
-    rounds, remaining = _peeled(system)
+    rounds, remaining = _triangular_rounds(system)
     redundant = Counter[str]()
     dependent = [np.zeros(0, dtype=int)]
 
@@ -183,8 +188,11 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, Counter[str]]:
     return T, np.concatenate(dependent), redundant
 
 
-def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
-    """(rounds of (rows, dofs for which they are solved, of no later row), remaining rows)."""
+def _triangular_rounds(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
+    """([(rows, dofs for which they are solved)] by rounds, remaining rows).
+
+    A row is solved for a dof that no other row of its round, or of a later one, contains.
+    """
     rounds: list[tuple[IntArray, IntArray]] = []
     remaining = np.arange(system.C.shape[0])
     while len(remaining):
@@ -234,7 +242,7 @@ def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
 
 
 def _blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, Counter[str]]:
-    """(solved rows, their dofs, redundant rows by joint) of rows that share dofs."""
+    """(solved rows, their dofs, number of redundant rows by joint) of rows that share dofs."""
     pattern = abs(system.C[remaining][:, system.scale > 0])
     count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
     order = np.argsort(block, kind="stable")
@@ -314,7 +322,7 @@ def _independent(A: Array) -> IntArray:
     return np.array(independent, dtype=int)
 
 
-def _check(system: _System, T: Sparse) -> None:
+def _check_satisfied(system: _System, T: Sparse) -> None:
     """AccuracyError if u = T q does not satisfy the constraints."""
     if not system.C.shape[0]:
         return
@@ -417,7 +425,7 @@ def assemble(
 
 @dataclass(frozen=True, eq=False)
 class _Joined:
-    """Parts that are joined, before their matrices are."""
+    """What joins the parts: constraints, terms of K and M, free motions; matrices come later."""
 
     constraints: Constraints
     eliminated: Eliminated
@@ -432,7 +440,7 @@ def _joined(
     supports: Sequence[Support],
     attached: Sequence[Attachment],
 ) -> _Joined:
-    """The constraints and terms of all joints, supports and attachments."""
+    """The constraints and the terms of all joints, supports and attachments of an assembly."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
@@ -500,7 +508,7 @@ def _fixed(layout: Layout) -> BoolArray:
 
     for name in layout.points:
         if layout.plane:
-            fixed[layout.of_point(name)[[2, 3, 4]]] = True
+            fixed[layout.point_dofs(name)[[2, 3, 4]]] = True
     return fixed
 
 
@@ -521,7 +529,7 @@ def _check_joined(
     rows: Sequence[Rows],
     elastic: Sequence[ElasticTerm],
 ) -> None:
-    """InputError for a moving part, body of a part, or reference point without any joint."""
+    """InputError for one of the `movable` bodies that nothing joins to the largest group."""
     body = np.zeros(layout.count, dtype=int)
     for k, body_k in enumerate(bodies):
         body[body_k.rows] = k
@@ -579,7 +587,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
             rows = (3 * np.arange(len(nodes))[:, None] + axes).ravel().astype(int)
             rows_of_support.append(motions[rows])
 
-    result = scipy.sparse.vstack([layout.nothing(0), *rows_of_support]).tocsr()
+    result = scipy.sparse.vstack([layout.zeros(0), *rows_of_support]).tocsr()
     if not result.nnz:
         raise InputError(
             f"the support {support.label} fixes nothing: no node of the assembly that can "
@@ -604,7 +612,7 @@ def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
 
 
 def superelement(layout: Layout, part: Superelement) -> ElasticTerm:
-    """K and M of a superelement as a term on the dofs of that superelement."""
+    """K and M of a superelement as a term of the dofs that it has in u."""
     functionals = layout.units(np.arange(part.rows.start, part.rows.stop))
     return ElasticTerm(functionals, part.K, part.M, rigid=part.rigid)
 

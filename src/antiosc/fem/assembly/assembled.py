@@ -74,7 +74,7 @@ def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
         bodies.append((name, rows, *_box_of(part.points, layout)))
 
     for name, x in layout.points.items():
-        bodies.append((name, layout.of_point(name), x, layout.size / 2))
+        bodies.append((name, layout.point_dofs(name), x, layout.size / 2))
     places = layout.places
     return [_rigid_body(places, *part) for part in bodies]
 
@@ -88,7 +88,7 @@ def _box_of(x: Array, layout: Layout) -> tuple[Array, float]:
 def _rigid_body(
     places: DofPlaces, name: str, rows: IntArray, centre: Array, size: float
 ) -> RigidDofs:
-    """The rigid motions of these rows."""
+    """The rigid motions of dofs `rows` about `centre` (3,) [m], rotations by 1/`size` [1/m]."""
     motions = places.rigid_motions(centre, rows)
     motions[:, 3:] /= size
     return RigidDofs(name, rows, centre, motions[:, np.abs(motions).max(axis=0) > 0])
@@ -98,7 +98,7 @@ def free_motions(
     layout: Layout, bodies: Sequence[RigidDofs], constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, int]:
     """(strain-free motions (n, k) that meet all constraints, how many move the whole rigidly)."""
-    rows = _rows(constraints, fixed, scale)
+    rows = _scaled_rows(constraints, fixed, scale)
     whole = [_rigid_body(layout.places, "all", np.arange(layout.count), layout.middle, layout.size)]
     N, R = (_motions_of(of, layout.count) for of in (bodies, whole))
     return np.asarray(N @ _null_space(rows @ N)), _null_space(rows @ R).shape[1]
@@ -118,8 +118,8 @@ def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
     return scipy.sparse.csr_matrix((blocks.data, indices), shape=(size, blocks.shape[1]))
 
 
-def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
-    """The constraints scaled to unit size, followed by one row for each fixed dof."""
+def _scaled_rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
+    """The constraints (m, n) scaled to unit size by `scale` (n,), then a row for each fixed dof."""
     size = np.asarray(abs(constraints) @ scale).ravel()
     nonzero = size > 0
     units = scipy.sparse.identity(len(fixed), format="csr")[np.flatnonzero(fixed)]
@@ -160,7 +160,11 @@ def modes_of(
     motions: Array,
     bodies: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
-    """(M-orthonormal strain-free motions (n, r), first shift)."""
+    """(M-orthonormal strain-free motions (n, r) of q, first shift of the eigensolver).
+
+    `motions` (n, k): those of u. InputError for a point without mass or resistance, AccuracyError
+    if a motion strains a part.
+    """
     comm = MPI.COMM_SELF
     motions = eliminated.coordinates(motions)
 
@@ -308,7 +312,7 @@ class AssembledMatrices(PartsMatrices):
         point = self.layout.middle
         motions = self.places.rigid_motions(point)
         attached_loads, S = self.added.inertial_loads(motions)
-        loads = of_members(self.layout, MeshedStructure.inertial_loads, motions)
+        loads = by_parts(self.layout, MeshedStructure.inertial_loads, motions)
         S += motions.T @ loads
         loads = np.asarray(self.T.T @ loads) + attached_loads
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
@@ -365,7 +369,7 @@ def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
 
 
 def block_of(layout: Layout) -> int:
-    """Number of dofs per node if all parts have the same; otherwise 1: half nodes order badly."""
+    """Number of dofs per node if all parts have the same, else 1: half a node orders badly."""
     blocks = {m.block for m in layout.members.values()}
     if len(blocks) > 1 or layout.condensed:
         return 1
@@ -385,7 +389,7 @@ def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc
     M = as_petsc("M", _projected(T, blocks, added.M), layout)
 
     if any(by_strains(part.K) for part in parts.values()):
-        K.setAttr(PRODUCT, _product(layout, T, small.tocsr()))
+        K.setAttr(PRODUCT, _stiffness_operator(layout, T, small.tocsr()))
     return K, M
 
 
@@ -409,8 +413,8 @@ def block_diagonal(layout: Layout, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
     return result
 
 
-def of_members(layout: Layout, work: Callable[[MeshedStructure, Array], Array], u: Array) -> Array:
-    """work(part, its rows of u (n, k)) of all parts, on u (n, k)."""
+def by_parts(layout: Layout, work: Callable[[MeshedStructure, Array], Array], u: Array) -> Array:
+    """Vectors (n, k) of u, put together from `work(part, its rows of u)` of each meshed part."""
     result = np.zeros(u.shape)
     for member in layout.members.values():
         result[member.rows] = work(member.part, u[member.rows])
@@ -433,15 +437,15 @@ def _projected(T: Sparse, K: Sparse, added: Sparse) -> Sparse:
     return result
 
 
-def _product(layout: Layout, T: Sparse, small: Sparse) -> Callable[[Array], Array]:
-    """Function that multiplies columns by the K of the assembly, by the products of the parts."""
+def _stiffness_operator(layout: Layout, T: Sparse, small: Sparse) -> Callable[[Array], Array]:
+    """Function q (n, k) -> (Tᵀ K T + small) q, by the matrices K of the parts."""
     transposed = T.T.tocsr()
 
     def force(part: MeshedStructure, u: Array) -> Array:
         return multiply(part.K, u)
 
     def product(q: Array) -> Array:
-        return np.asarray(transposed @ of_members(layout, force, T @ q) + small @ q)
+        return np.asarray(transposed @ by_parts(layout, force, T @ q) + small @ q)
 
     return product
 
@@ -459,7 +463,10 @@ def group_of(matrices: MeshedParts, name: str, what: str = "point") -> tuple[Mem
 def point_in(
     matrices: MeshedParts, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None)."""
+    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None).
+
+    The point is given by coordinates, by name, or by the number of a node in its file.
+    """
     if node is not None:
         for member in matrices.members(part):
             mesh = member.part.mesh

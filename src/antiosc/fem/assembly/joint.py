@@ -108,7 +108,7 @@ def motion_without_mesh(layout: Layout, end: End) -> PointMotion | None:
     if not isinstance(end, str) or end not in layout.points:
         return None
     space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
-    return PointMotion(layout.units(layout.of_point(end)), space, layout.points[end])
+    return PointMotion(layout.units(layout.point_dofs(end)), space, layout.points[end])
 
 
 def _superelement_motion(layout: Layout, part: str, end: End) -> PointMotion:
@@ -127,7 +127,7 @@ def _superelement_motion(layout: Layout, part: str, end: End) -> PointMotion:
         sites = name_list(end_text(end), names, "its sites and nodes")
         raise InputError(f"the part {part!r} has no site or node {end_text(end)}; {sites}.")
 
-    return layout.of_all(member.ends[name], member.first)
+    return layout.on_u(member.ends[name], member.first)
 
 
 def _point_motion(
@@ -147,7 +147,7 @@ def _point_motion(
         return mean(layout, member, _points_around(place, end, radius)).at(place.placed)
 
     own = motion_at(member.part.comm, member.part.form, place.nearest)
-    return layout.of_all(own.placed(member.at), member.first)
+    return layout.on_u(own.placed(member.at), member.first)
 
 
 def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
@@ -231,7 +231,7 @@ def following(
     motions: Sequence[tuple[tuple[str, ...], Sparse]],
     label: str,
 ) -> Rows:
-    """Constraints by which dofs of P nodes follow motions [(components, (3P, n))]."""
+    """Constraints by which P nodes of a part follow `motions`: [(components, matrix (3P, n))]."""
     rows, pivots = [], []
     for names, motion in motions:
         for name, of_component in layout.of_components(member, names, motion):
@@ -282,7 +282,7 @@ class Joint(Checked):
         """Add the reference points of the joint to the layout."""
 
     def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
-        """The linear constraints C u = 0 of the joint."""
+        """The linear constraints C u = 0 of the joint; `held`: those made before it."""
         return []
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:

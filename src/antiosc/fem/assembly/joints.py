@@ -61,7 +61,7 @@ class _Pin(TwoEnds):
             directions = directions * IN_PLANE
             directions = directions[np.abs(directions).max(axis=1) > 1e-9]
 
-        rows = relative(label, directions, *carried(layout, label, ends, self.point))
+        rows = relative(label, directions, *motions_at(layout, label, ends, self.point))
 
         # without coefficients that are rounding errors
         sizes = abs(scipy.sparse.csr_matrix(directions)) @ sum(abs(m.six) for _, m in ends)
@@ -164,10 +164,13 @@ class Slider(_Axis):
 Moving: TypeAlias = tuple[End, PointMotion]
 
 
-def carried(
+def motions_at(
     layout: Layout, label: str, ends: Sequence[Moving], point: Sequence[float] | None
 ) -> list[Moving]:
-    """The motions of a point (None: of the first) rigidly connected to each end, or InputError."""
+    """For each end, the motion of `point` (None: the point of the first end) rigidly tied to it.
+
+    InputError for an end without rotation away from the point.
+    """
     x = ends[0][1].point if point is None else in_space(point)
     result = []
     for end, end_motion in ends:
@@ -189,7 +192,7 @@ def carried(
 
 
 def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
-    """Motion (k, n) of b less that of a along directions (k, 6), which both must have."""
+    """Motion (k, n) of b less that of a along `directions` (k, 6); InputError if one has none."""
     for end, end_motion in (a, b):
         for direction in directions:
             turns = direction[3:].any()
@@ -236,7 +239,7 @@ class Equation(Joint):
 
     def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """The single row of the equation."""
-        total = layout.nothing(1)
+        total = layout.zeros(1)
         for end, component, coefficient in self.terms:
             end_motion = motion(layout, end)
             row = end_motion.components([component])
@@ -353,7 +356,7 @@ class Bushing(TwoEnds):
 
         units = np.array([UNIT[name] for name in names if name != "axial"])
         if len(units):
-            functionals.append(relative(label, units, *carried(layout, label, ends, self.point)))
+            functionals.append(relative(label, units, *motions_at(layout, label, ends, self.point)))
         G = scipy.sparse.vstack(functionals).tocsr()
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
@@ -420,7 +423,7 @@ class Rigid(Joint):
         displacements = leader.displacements_at(member.nodes[nodes])
         motions = [(DISPLACEMENTS, displacements), (ROTATIONS, rotations)]
         rows = following(layout, member, nodes, motions, label)
-        return [rows, *(_undetermined(member, nodes, leader) if self.point is None else [])]
+        return [rows, *(_fix_idle_rotations(member, nodes, leader) if self.point is None else [])]
 
 
 @dataclass(frozen=True)
@@ -462,7 +465,7 @@ class Mean(Joint):
                 "whose mean it should follow; take a group without it."
             )
 
-        directions = _rows_of(leader.space @ follower.space)
+        directions = _spanning_rows(leader.space @ follower.space)
         rows = relative(
             label, directions, (self.group, leader.at(follower.point)), (self.point, follower)
         )
@@ -470,8 +473,11 @@ class Mean(Joint):
         return [Rows.free(rows, label)]
 
 
-def _undetermined(member: Member, nodes: IntArray, leader: PointMotion) -> list[Rows]:
-    """Rows that fix the rotations of a leading point that would move none of its followers."""
+def _fix_idle_rotations(member: Member, nodes: IntArray, leader: PointMotion) -> list[Rows]:
+    """Rows that fix the rotations of `leader` about a line on which all its followers lie.
+
+    They move no follower; followers with rotations need no such rows.
+    """
     if member.has_rotations:
         return []
 
@@ -482,8 +488,8 @@ def _undetermined(member: Member, nodes: IntArray, leader: PointMotion) -> list[
     return [Rows.free((scipy.sparse.csr_matrix(free_axes) @ leader.rotations).tocsr(), "")]
 
 
-def _rows_of(projection: Array) -> Array:
-    """Orthonormal rows (k, n) that span the image of a projection (n, n)."""
+def _spanning_rows(projection: Array) -> Array:
+    """Orthonormal rows (k, n) that span the image of an orthogonal projection (n, n)."""
     spanned = np.flatnonzero(np.abs(np.diag(projection) - 1) < 1e-9)
     if len(spanned) == round(float(np.trace(projection))):
         return np.eye(len(projection))[spanned]
@@ -541,17 +547,17 @@ class Bolt(TwoEnds):
         y = height - (height @ axis) * axis
         y /= np.linalg.norm(y)
         R = np.vstack([axis, y, np.cross(axis, y)])
-        k, m = element(self.beam, length)
+        k, m = beam_matrices(self.beam, length)
         rotation = scipy.sparse.block_diag([scipy.sparse.csr_matrix(R)] * 4, format="csr")
         G = (rotation @ scipy.sparse.vstack([end_motion.six for end_motion in ends])).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
         return [ElasticTerm(G, k, m, mass)]
 
 
-def element(beam: Beam, length: float) -> tuple[Array, Array]:
-    """Stiffness and mass (12, 12) of a beam along x, its height along y: six dofs an end.
+def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
+    """Stiffness and mass (12, 12) of a beam along x, its height along y; six dofs at each end.
 
-    The mass is that of the static shapes: what the ends make of a point between two shorter beams.
+    The shapes of the mass are static: a point moves as the joint of two beams without load would.
     """
     section = beam.section
     inertia = np.diag([section.A * beam.rho] * 3 + [0.0] * 3)
@@ -562,16 +568,16 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
     m = np.zeros((12, 12))
     points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     for share, weight in zip((1 + points) / 2, weights / 2, strict=True):
-        left = _stiffness(beam, share * length)
-        right = _stiffness(beam, (1 - share) * length)
+        left = _beam_stiffness(beam, share * length)
+        right = _beam_stiffness(beam, (1 - share) * length)
         to_ends = np.hstack([left[6:, :6], right[:6, 6:]])
         shapes = -np.linalg.solve(left[6:, 6:] + right[:6, :6], to_ends)
         m += weight * length * shapes.T @ inertia @ shapes
 
-    return _stiffness(beam, length), m
+    return _beam_stiffness(beam, length), m
 
 
-def _stiffness(beam: Beam, length: float) -> Array:
+def _beam_stiffness(beam: Beam, length: float) -> Array:
     """Stiffness (12, 12) of a Timoshenko beam, from the flexibility of its end.
 
     Przemieniecki, *Theory of Matrix Structural Analysis* (1968), chapter 5.
@@ -590,7 +596,7 @@ def _stiffness(beam: Beam, length: float) -> Array:
             flexibility[move, move] += length / (beam.G * section.A * shear)
 
     # a rigid motion of the first end moves the other one without strain
-    carried = np.eye(6)
-    carried[:3, 3:] = -skew(np.array([length, 0.0, 0.0]))
-    strained = np.hstack([-carried, np.eye(6)])
+    rigid_motion = np.eye(6)
+    rigid_motion[:3, 3:] = -skew(np.array([length, 0.0, 0.0]))
+    strained = np.hstack([-rigid_motion, np.eye(6)])
     return np.asarray(strained.T @ np.linalg.inv(flexibility) @ strained)

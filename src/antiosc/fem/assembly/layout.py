@@ -49,7 +49,7 @@ STIFFNESS_ROUNDING = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Superelement:
-    """K and M (n, n), and the meaning of each dof."""
+    """K and M (n, n) of a part, the meaning of each dof, and the motions of its points."""
 
     K: Array
     M: Array
@@ -71,7 +71,7 @@ class Superelement:
         return np.array([end.point for end in self.ends.values()])
 
     def placed(self, at: Placement, first: int) -> Superelement:
-        """The same at its place in an assembly."""
+        """This superelement at its place in an assembly; `first`: its first dof in u."""
         ends = {name: end.placed(at) for name, end in self.ends.items()}
         return replace(self, places=self.places.placed(at), ends=ends, first=first)
 
@@ -163,7 +163,7 @@ def row_numbers(matrix: Sparse) -> IntArray:
 
 
 def largest(size: Array, row: IntArray, count: int) -> Array:
-    """Largest value of `size` in each row (count,), where `row` is the row of each entry."""
+    """Largest `size` in each of `count` rows; `row`: the row of each entry."""
     result = np.zeros(count)
     np.maximum.at(result, row, size)
     return result
@@ -247,22 +247,22 @@ class Layout:
             raise InputError(f"{prefix}the assembly has no part {name!r}; {parts}.")
         return self.members[name]
 
-    def of_all(self, motion: PointMotion, first: int) -> PointMotion:
-        """The motion of a part, whose dofs begin at `first`, by functionals of u."""
+    def on_u(self, motion: PointMotion, first: int) -> PointMotion:
+        """The motion of a part as functionals of u; `first`: the part's first dof in u."""
         six = motion.six.tocoo()
         return replace(motion, six=self.matrix(six.row, six.col + first, six.data, 6))
 
-    def of_point(self, name: str) -> IntArray:
+    def point_dofs(self, name: str) -> IntArray:
         """Dofs (6,) in u of the reference point `name`."""
         start = self._first_point + POINT_DOFS * list(self.points).index(name)
         return np.arange(start, start + POINT_DOFS)
 
     def matrix(self, row: IntArray, column: IntArray, value: Array, count: int) -> Sparse:
-        """`count` functionals of u as a sparse matrix; repeated entries add up."""
+        """Sparse matrix (count, n) of functionals of u from entries; repeated entries add up."""
         entries = (np.ravel(value), (np.ravel(row), np.ravel(column)))
         return scipy.sparse.csr_matrix(entries, shape=(count, self.count))
 
-    def nothing(self, count: int) -> Sparse:
+    def zeros(self, count: int) -> Sparse:
         """A zero matrix (count, n) of functionals of u."""
         return scipy.sparse.csr_matrix((count, self.count))
 
@@ -290,7 +290,7 @@ class Layout:
     def at_points(
         self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
-        """Matrix (3P, n) from dofs to the quantities `names` at reference points X of cells."""
+        """Quantities `names` (3P, n) at reference points X (P, tdim) of P cells, as functionals."""
         space = member.part.form.space
         entries = []
         for axis, name in enumerate(names):
@@ -306,7 +306,7 @@ class Layout:
     def at_nodes(
         self, member: Member, nodes: IntArray, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
-        """Displacements (3P, n) of nodes (P,); rotations if `names` is ROTATIONS."""
+        """Displacements (3P, n) of nodes (P,), or rotations if `names` is ROTATIONS."""
         entries = []
         for axis, name in enumerate(names):
             if name in member.part.form.components:
@@ -332,8 +332,8 @@ class Layout:
         return self._stacked(entries, len(cell))
 
     def _stacked(self, entries: Sequence[tuple[IntArray, Array]], count: int) -> Sparse:
-        """Three functionals of each of P points from pairs (dofs (P, k), values (P, k, 3))."""
-        total = self.nothing(3 * count)
+        """Functionals (3P, n) of P vectors: sums over pairs (dofs (P, k), vectors (P, k, 3))."""
+        total = self.zeros(3 * count)
 
         if entries:
             rows = (3 * np.arange(count)[:, None] + np.arange(3))[:, None]
@@ -348,7 +348,7 @@ class Layout:
     def of_components(
         self, member: Member, names: tuple[str, ...], motions: Sparse
     ) -> Iterator[tuple[str, Sparse]]:
-        """Yield (name, functionals (P, n)) of the part's components of motions (3P, n)."""
+        """Yield (name, rows (P, n)) of motions (3P, n), along those axes of a part that it has."""
         for axis, name in enumerate(names):
             if name in member.part.form.components:
                 local_axis = member.at.rotation[:, axis]

@@ -230,7 +230,7 @@ class Tie(TwoEnds):
         )
 
     def _orders(self, sides: list[Facets], label: str) -> list[tuple[Facets, Facets, Overlap]]:
-        """(follower, leader, overlap), the better order first."""
+        """Possible (follower, leader, overlap), the better one first; InputError if none."""
         size = min(float(side.radii.mean()) for side in sides)
         gap = GAP * size if self.gap is None else self.gap
         orders = [(a, b, overlap(a, b, gap)) for a, b in (sides, sides[::-1]) if a.dim <= b.dim]
@@ -272,7 +272,7 @@ def _projection(
     constraints: list[Rows] = []
 
     if follower.is_edge_of_sheet and not leader.member.has_rotations and is_covered.any():
-        displacements, rotated, normals = led_by_solid(layout, follower, leader, common, label)
+        displacements, rotated, normals = edge_on_solid(layout, follower, leader, common, label)
         leader_motions: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
         rotations = [layout.dofs(follower.member, nodes, name) for name in ROTATIONS]
         free = is_covered & ~tied_dofs[rotations].any(axis=0)
@@ -305,7 +305,10 @@ class _Projection:
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """One component of the free nodes, by the leader's (points, n) and the other `dofs`."""
+        """One component of the free nodes, from the leader's and from the nodes that are not free.
+
+        `motion` (points, n): the leader's component; `dofs`: those of the component at all nodes.
+        """
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion
         fixed_columns = (spread @ self.D).tocsc()[:, ~free]
@@ -314,7 +317,7 @@ class _Projection:
         return _dense_product(inverse, right.tocsr())
 
     def of(self, free: BoolArray, motion: Sparse) -> Sparse:
-        """The projection (3 · free nodes, n) of vectors (3 · points, n), all nodes included."""
+        """Projections (3 · free nodes, n) of vectors `motion` (3 · points, n) onto all nodes."""
         inverse = np.linalg.inv(self.D.toarray())[free]
         parts = [_dense_product(inverse, (self.load @ motion[c::3]).tocsr()) for c in range(3)]
         order = np.arange(3 * int(free.sum())).reshape(3, -1).T.ravel()
@@ -339,14 +342,14 @@ class _Projection:
 def _leader_motions(
     layout: Layout, follower: Facets, leader: Facets, common: Overlap
 ) -> list[tuple[tuple[str, ...], Sparse]]:
-    """[(components, the leader's motion)] at the quadrature points of the follower."""
+    """[(components, motion (3Q, n) of the leader)] at the follower's Q quadrature points."""
     member = leader.member
     cell = leader.cells[common.leader_face]
     X = leader.reference(common.leader_face, common.eta)
     displacements = layout.at_points(member, cell, X, DISPLACEMENTS)
     arm = common.x - common.y
     both_turn = follower.member.has_rotations and member.has_rotations
-    rotations = layout.nothing(3 * len(cell))
+    rotations = layout.zeros(3 * len(cell))
 
     if np.abs(arm).max() > CLOSED * layout.size:
         rotations = (
@@ -384,11 +387,14 @@ OFF = 0.05
 ENOUGH = 0.1
 
 
-def led_by_solid(
+def edge_on_solid(
     layout: Layout, edge: Facets, face: Facets, common: Overlap, label: str
 ) -> tuple[Sparse, Sparse, Array]:
-    """u₀ (3Q, n) and n × g (3Q, n) of u₀ + z g, the normals (Q, 3), at an edge of a shell."""
-    normals, thickness = _sheet(edge, common)
+    """(u₀ (3Q, n), n × g (3Q, n), normals n (Q, 3)) at Q points of a shell's edge on a solid.
+
+    u₀ + s g is the straight line through the displacements of the solid's face over the thickness.
+    """
+    normals, thickness = _normals_and_thickness(edge, common)
     s, w = np.polynomial.legendre.leggauss(LAYERS)
     points = common.x
     count = len(common.weight)
@@ -423,7 +429,7 @@ def led_by_solid(
     return u0.tocsr(), rotated.tocsr(), normals
 
 
-def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
+def _normals_and_thickness(edge: Facets, common: Overlap) -> tuple[Array, Array]:
     """(unit normals (Q, 3), thickness (Q,)) of the shell at points of its edge."""
     member = edge.member
     mesh = edge.member.part.mesh
@@ -457,7 +463,10 @@ def rotation_rows(
     motion: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Constraints by which rotations of nodes, but those about the normals, follow n × g."""
+    """Constraints by which rotations of nodes, but those about `normals`, follow n × g.
+
+    `motion`: n × g (3 nodes, n).
+    """
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)

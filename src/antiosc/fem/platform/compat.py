@@ -102,7 +102,7 @@ def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
 
 
 def lattice_gradients(cell: str, degree: int, n: int) -> Array:
-    """Derivatives (dim, points, nodes) of Lagrange functions on a lattice of n steps in a cell."""
+    """Derivatives (dim, points, nodes) of Lagrange functions at a lattice of n steps a side."""
     kind = getattr(basix.CellType, cell)
     variant = basix.LagrangeVariant.equispaced
     element = basix.create_element(basix.ElementFamily.P, kind, degree, variant)
@@ -306,7 +306,11 @@ def edge_points() -> Array:
 
 
 def edge_interpolation(X: Array) -> Array:
-    """(points, 2, 2, n): at X, Nédélec's field with the moments of unit values at `edge_points`."""
+    """Matrix (P, 2, 2, n): Nédélec's field at X (P, 2) that interpolates n vectors.
+
+    The vectors are given at `edge_points`; the second axis is a component of the field, the third
+    of a vector.
+    """
     element = _edge_element()
     to_moments = np.asarray(element.interpolation_matrix).reshape(element.dim, 2, -1)
     tables = np.asarray(element.tabulate(0, X)[0])  # (points, dofs, 2)
@@ -393,7 +397,10 @@ def assemble(
 def strain_matrix(
     strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
-    """Matrix S with a row for each component and Gauss point: SᵀS is the integral of |strains|²."""
+    """Matrix S, a row for each component and Gauss point: SᵀS is the integral of |strains|².
+
+    `fixed`: as for `assemble`.
+    """
     mesh = space.mesh
     size = len(strains)
     points = _space(mesh, "Quadrature", degree, size)
@@ -426,7 +433,11 @@ def quadratic(
     weights: Array,
     degree: int,
 ) -> Array:
-    """Σ of weight × xᵀ A_c x over columns x of `vectors`, for each cell c of this rank."""
+    """Σ of weight × xᵀ A_c x over columns x of `vectors`, (cells,) for the cells c of this rank.
+
+    A_c: matrix of the sum of the bilinear `forms` over a cell; `degree`: at most this of
+    quadrature.
+    """
     x = fem.Function(space)
     cell = cellwise(space.mesh)
     q = ufl.TestFunction(cell.function_space)

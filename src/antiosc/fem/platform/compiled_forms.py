@@ -58,7 +58,7 @@ _cleared: set[Path] = set()
 
 @contextmanager
 def _shared(folder: Path) -> Iterator[None]:
-    """Context beside other processes; leftovers of ended ones go once nobody else compiles."""
+    """Context that shares `folder` with other processes; removes leftovers if none compiles."""
     with (folder / "lock").open("w") as file:
         if folder not in _cleared:
             with suppress(OSError):  # somebody else compiles, or the file system has no locks
