@@ -36,11 +36,11 @@ except ImportError as error:
     ) from None
 
 #: Calls at once, waiting calls, answers that `explain` knows, bytes of the arguments of a call.
-AT_ONCE, WAITING, KNOWN, LARGEST = 2, 16, 64, 1_000_000
+AT_ONCE, WAITING, KEPT_ANSWERS, LARGEST_ARGUMENTS = 2, 16, 64, 1_000_000
 #: Resources: pages of the documentation, and the schema of a scene with all keys.
 RESOURCES = ("glossary", "limits", "scene")
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-ELSEWHERE = "https://github.com/antiosc/antiosc/tree/main/docs"
+DOCS_ADDRESS = "https://github.com/antiosc/antiosc/tree/main/docs"
 
 INSTRUCTIONS = (
     "Impacts on structures, in SI units. Read a number with its bar [low, high] and the cautions;"
@@ -97,15 +97,15 @@ def scene_schema() -> Table:
     return {**ARGUMENTS["scene"], "properties": sections}
 
 
-def page(name: str) -> str:
+def resource_text(name: str) -> str:
     """The text of the resource `name`, or the address of its page."""
     if name == "scene":
         return json.dumps(scene_schema(), indent=1)
     path = DOCS / f"{name}.md"
-    return path.read_text(encoding="utf-8") if path.is_file() else f"{ELSEWHERE}/{name}.md"
+    return path.read_text(encoding="utf-8") if path.is_file() else f"{DOCS_ADDRESS}/{name}.md"
 
 
-class Door(MCPServer[Any]):
+class ToolServer(MCPServer[Any]):
     """Server of the tools on one folder; a call takes at most `seconds` and `memory` bytes."""
 
     def __init__(self, folder: Path, seconds: float, memory: int) -> None:
@@ -116,7 +116,7 @@ class Door(MCPServer[Any]):
         self.slots = anyio.Semaphore(AT_ONCE)
         self.known: dict[str, Table] = {}
         for name in RESOURCES:
-            text = partial(page, name)
+            text = partial(resource_text, name)
             self.add_resource(FunctionResource(uri=f"antiosc://{name}", name=name, fn=text))
 
     async def list_tools(self) -> list[types.Tool]:
@@ -129,7 +129,7 @@ class Door(MCPServer[Any]):
     async def call_tool(self, name: str, arguments: Table, context: Any = None) -> Any:
         """The answer of the tool `name` as text, data and pictures; refusals are answers, too."""
         try:
-            told, pictures = await self._answered(context, name, arguments)
+            told, pictures = await self._checked_and_answered(context, name, arguments)
         except Refusal as refusal:
             told, pictures = refusal.told, []
 
@@ -137,19 +137,23 @@ class Door(MCPServer[Any]):
         told = {"tool": name[:100], "version": info.version(), "hash": inputs, **told}
         refused = told["status"] == "refused"
         if not refused:
-            self.known = dict([*self.known.items(), (told["hash"], told)][-KNOWN:])
+            self.known = dict([*self.known.items(), (told["hash"], told)][-KEPT_ANSWERS:])
         text = types.TextContent(type="text", text=json.dumps(told, ensure_ascii=False))
         images = [types.ImageContent(type="image", data=x, mime_type="image/png") for x in pictures]
         return types.CallToolResult(
             content=[text, *images], structured_content=told, is_error=refused
         )
 
-    async def _answered(self, context: Any, name: str, arguments: Table) -> tuple[Table, list[str]]:
+    async def _checked_and_answered(
+        self, context: Any, name: str, arguments: Table
+    ) -> tuple[Table, list[str]]:
         """(answer, pictures) of a call; raises Refusal if it breaks a rule of the server."""
         if name not in TOOLS:
             raise Refusal("tool", f"there is no tool {checks.shown(name)}.", choices=TOOLS)
-        if len(json.dumps(arguments)) > LARGEST:
-            raise Refusal("limit", f"the arguments exceed {LARGEST} bytes: name a scene file.")
+        if len(json.dumps(arguments)) > LARGEST_ARGUMENTS:
+            raise Refusal(
+                "limit", f"the arguments exceed {LARGEST_ARGUMENTS} bytes: name a scene file."
+            )
         for mistake in Draft202012Validator(input_schema(name)).iter_errors(arguments):
             rule = f"{mistake.validator}: {checks.shown(mistake.validator_value)}"
             raise Refusal("arguments", f"{mistake.json_path} of {name} breaks its rule {rule}.")
@@ -160,11 +164,13 @@ class Door(MCPServer[Any]):
             raise Refusal("busy", f"{WAITING} calls wait already: call again later.")
         async with self.slots:
             with anyio.move_on_after(self.seconds):
-                return await self._worked(context, name, arguments)
+                return await self._run_in_process(context, name, arguments)
         limit = f"{self.seconds:g} s: start antiosc mcp with --seconds"
         raise Refusal("time", f"the call took longer than {limit}.")
 
-    async def _worked(self, context: Any, name: str, arguments: Table) -> tuple[Table, list[str]]:
+    async def _run_in_process(
+        self, context: Any, name: str, arguments: Table
+    ) -> tuple[Table, list[str]]:
         """(answer, pictures) of a call run in a new process, which is killed at the call's end."""
         spawn = multiprocessing.get_context("spawn")
         wire, other = spawn.Pipe()
@@ -195,4 +201,4 @@ def serve(folder: str, seconds: float, gigabytes: float) -> None:
     checks.positive("--seconds", seconds)
     memory = int(2**30 * checks.positive("--gigabytes", gigabytes))
     os.environ["PYTHONSAFEPATH"] = "1"  # no file of the working folder is a module of a call
-    Door(root, seconds, memory).run()
+    ToolServer(root, seconds, memory).run()

@@ -192,7 +192,7 @@ def study(
         made = report.results_of(*commands.compared(scene))
     else:
         command = command or [*compiled(scene).does(), "antiosc run"][0].split()[1]
-        made = commands.made(scene, commands.of_study(scene, command), command)
+        made = commands.study_results(scene, commands.compiled_for(scene, command), command)
 
     shown, parts = opened.summary(made), results.presentations(made)
     hit = made.history or made.fall or (made.tradeoff and made.tradeoff.hit)
@@ -215,7 +215,7 @@ def report_of(root: Path, scene: Document, path: str, pictures: int = 1) -> Answ
     page = within(root, path)
     if page.exists():
         raise Refusal("path", f"{checks.shown(path)} exists already, and is left as it is.")
-    return study("", root, scene, pictures, report.checked(str(page)))
+    return study("", root, scene, pictures, report.writable_path(str(page)))
 
 
 def explain(answers: dict[str, Table], result: str, quantity: str) -> tuple[Table, list[str]]:

@@ -51,7 +51,7 @@ def cards_of_history(
     those on stress are "…".
     """
     force = force_bar(budget)
-    hard = Card(FORCE, _shown(hit, budget, "peak_force"))
+    hard = Card(FORCE, _with_bar(hit, budget, "peak_force"))
     far = Card(FAR, deflection_text(hit, budget))
     if fields is None:
         return [Card(BREAKS, "…"), hard, far, Card(STRESS, "…")]
@@ -167,24 +167,24 @@ def rows_of_history(
     e = hit.restitution
     rebound = "not defined" if e is None else restitution_text(e)
     rows = [
-        ("contact time", _shown(hit, budget, "contact_time")),
+        ("contact time", _with_bar(hit, budget, "contact_time")),
         ("contacts", hit.count_text),
         ("restitution", budget.shown_restitution(e) if budget else rebound),
-        ("impulse", _shown(hit, budget, "impulse")),
+        ("impulse", _with_bar(hit, budget, "impulse")),
     ]
     if dent := dent_of(hit):
         rows.append(("dent", engineering(dent, "m")))
-    return rows + _rounds((fields or {}).values())
+    return rows + _mesh_rounds((fields or {}).values())
 
 
 def rows_of_fall(fall: Fall, worst: WorstField | None = None) -> Rows:
     """Rows (name, text) below the answers of a fall: number of impacts, lost energy."""
     lost = float(fall.impacts.column("lost").sum()) if len(fall.impacts) else 0.0
     rows = [("impacts", f"{len(fall.impacts)}"), ("lost in all", engineering(lost, "J"))]
-    return rows + _rounds([] if worst is None else [worst])
+    return rows + _mesh_rounds([] if worst is None else [worst])
 
 
-def _rounds(fields: Iterable[PeakField]) -> Rows:
+def _mesh_rounds(fields: Iterable[PeakField]) -> Rows:
     """Rows (name, text) on the mesh refinements that brought stresses to a tolerance."""
     told = dict.fromkeys(field.rounds for field in fields if field.rounds)
     return [("stress mesh", rounds) for rounds in told]
@@ -202,7 +202,7 @@ def cautions(first: str, warnings: Iterable[str]) -> list[str]:
     return [one for one in dict.fromkeys([first, *told]) if one]
 
 
-def _shown(hit: History, budget: ErrorBudget | None, name: str) -> str:
+def _with_bar(hit: History, budget: ErrorBudget | None, name: str) -> str:
     """Text of the quantity `name` of an impact with its error bar."""
     if budget:
         return budget.shown(name, 3)

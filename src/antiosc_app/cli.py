@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         try:
-            with _terminable(), warnings_to(_Warned().tell):
+            with _exit_on_sigterm(), warnings_to(_WarningPrinter().tell):
                 return _run(arguments)
         finally:
             if sys.stdout is not None:
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-class _Warned:
+class _WarningPrinter:
     """Prints each warning that no command collects as one line, and repeats none."""
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class _Warned:
 
 
 @contextmanager
-def _terminable() -> Iterator[None]:
+def _exit_on_sigterm() -> Iterator[None]:
     """Exit on SIGTERM as on Ctrl-C, with code 143, so that temporary files are removed."""
 
     def end(number: int, _frame: FrameType | None) -> None:
@@ -112,14 +112,14 @@ def _argument(name: str, help: str, metavar: str | None = None, **options: Any) 
 FILE = _argument("file", "the scene file, such as scene.toml", "FILE")
 ABOUT_REPORT = "write a report: one page, one file (without a name: that of the scene, .html)"
 REPORT = _argument("--report", ABOUT_REPORT, "OUT.html", nargs="?", const="")
-STUDY = [
+STUDY_ARGUMENTS = [
     FILE,
     _argument("--out", "where the files of [output] go", "FOLDER"),
     REPORT,
     _argument("--verbose", "tell how it is computed, too", action="store_true"),
 ]
 ABOUT_PIECE = "of a part in several pieces the one that is read alone, 1 the largest"
-READING = [
+READING_ARGUMENTS = [
     _argument("--unit", "of the file, as mm, in or m", "UNIT"),
     _argument("--size", "largest cell of the mesh", "METRES", type=float),
     _argument("--piece", ABOUT_PIECE, "NUMBER", type=int),
@@ -132,19 +132,19 @@ ARGUMENTS: dict[str, list[Argument]] = {
         _argument("part", "the mesh, CAD file or deck", "PART", nargs="?"),
         _argument("--drop", "a fall of PART onto a floor, not an impact", action="store_true"),
         _argument("--material", "of `antiosc materials` (default: steel S235)", "NAME"),
-        *READING,
+        *READING_ARGUMENTS,
     ],
     "open": [
         _argument("part", "the mesh, CAD file or deck", "PART"),
         _argument("--no-browser", "print the address alone", action="store_true"),
-        *READING,
+        *READING_ARGUMENTS,
         _argument("--contact", "what becomes of that of a deck", choices=("tied", "apart")),
     ],
     "check": [FILE],
-    "run": STUDY,
-    "sweep": STUDY,
-    "monte-carlo": STUDY,
-    "map": STUDY,
+    "run": STUDY_ARGUMENTS,
+    "sweep": STUDY_ARGUMENTS,
+    "monte-carlo": STUDY_ARGUMENTS,
+    "map": STUDY_ARGUMENTS,
     "tradeoff": [
         FILE,
         _argument("--tol", "relative error of interest (default: of [strike])", type=float),

@@ -34,7 +34,7 @@ def guarded(options: Namespace) -> int:
     try:
         if options.command in STUDIES:
             return _study(options)
-        return _OTHERS[options.command](options)
+        return _COMMANDS[options.command](options)
     except AntioscError:
         raise
     except BaseException:
@@ -116,23 +116,23 @@ def _export(options: Namespace) -> int:
 #: Tolerance of a trade-off if neither the command nor [strike] gives one.
 USUAL_TOL = 0.02
 #: What its bars are of.
-WORST = (
+ABOUT_BARS = (
     "force, all: bars without the error of the contact law; all, to finest: the largest of those of"
     " peak force, impulse and contact time."
 )
 #: Sections that have no place beside [strike]; keys that it shares with [simulate].
 NOT_STRUCK = {"extract", "simulate", "sweep", "map", "monte_carlo", "probes", "stress"}
-OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
+SHARED_KEYS = {"duration", "initial_velocity", "gravity", "gap"}
 
 
 def _tradeoff(options: Namespace) -> int:
     """Run `antiosc tradeoff`; returns the exit code."""
     start = time.perf_counter()
-    page = _page(options)
+    page = _report_path(options)
     given = {name: getattr(options, name) for name in ("tol", "compare", "limit")}
     given = {name: value for name, value in given.items() if value is not None}
     scene, tradeoff = compared(read(options.file), True, **given)
-    print_text(f"\n{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
+    print_text(f"\n{tradeoff.summary()}\n{ABOUT_BARS}\n{tradeoff.message}")
     for sentence in scene.warnings:
         print_text(labelled(sentence), sys.stderr)
     if options.chart is not None:
@@ -156,7 +156,7 @@ def compared(
     scene's.
     """
     scene = compiled(to_a_tolerance(settled(document).scene.document))
-    arguments = {**one_impact(scene, str(document.path)), **given}
+    arguments = {**tradeoff_arguments(scene, str(document.path)), **given}
     from antiosc.extension import line_of  # needs dolfinx
 
     def ready(member: TradeoffMember) -> None:
@@ -181,12 +181,12 @@ def to_a_tolerance(document: Document) -> Document:
         or len(data.get("sites", ())) != 1
     ):
         return document
-    common = {name: value for name, value in simulated.items() if name in OF_BOTH}
+    common = {name: value for name, value in simulated.items() if name in SHARED_KEYS}
     sections = {name: value for name, value in data.items() if name not in NOT_STRUCK}
     return replace(document, data={**sections, "strike": {"tol": USUAL_TOL, **common}})
 
 
-def one_impact(scene: CompiledScene, path: str) -> Table:
+def tradeoff_arguments(scene: CompiledScene, path: str) -> Table:
     """The arguments of `tradeoff` for a scene's impact; InputError names `path` without one."""
     if scene.striking and scene.history is not None:
         return scene.history.arguments
@@ -204,11 +204,11 @@ def one_impact(scene: CompiledScene, path: str) -> Table:
     return {"source": scene.structure, "site": site, "tol": USUAL_TOL, **common}
 
 
-def _page(options: Namespace) -> Path | None:
+def _report_path(options: Namespace) -> Path | None:
     """The path of --report, by default the scene's name with .html; None without --report."""
     if options.report is None:
         return None
-    return report.checked(options.report or str(Path(options.file).with_suffix(".html")))
+    return report.writable_path(options.report or str(Path(options.file).with_suffix(".html")))
 
 
 def _check_probes(begun: Settled) -> None:
@@ -221,7 +221,7 @@ def _check_probes(begun: Settled) -> None:
         evaluate(Call(probed_point, given, call.place))
 
 
-def of_study(document: Document, command: str) -> CompiledScene:
+def compiled_for(document: Document, command: str) -> CompiledScene:
     """The compiled scene of a document; InputError if it lacks what `command` computes."""
     scene = compiled(document)
     study = STUDIES[command]
@@ -230,7 +230,7 @@ def of_study(document: Document, command: str) -> CompiledScene:
     return scene
 
 
-def made(document: Document, scene: CompiledScene, command: str) -> run.SceneResults:
+def study_results(document: Document, scene: CompiledScene, command: str) -> run.SceneResults:
     """The results of `command` for a document and its compiled scene."""
     begun = Settled(scene, Kept().evaluation(scene.document))
     first = run.results(scene, ("structure",), begun.evaluate)
@@ -243,13 +243,13 @@ def made(document: Document, scene: CompiledScene, command: str) -> run.SceneRes
 def _study(options: Namespace) -> int:
     """Run `antiosc run`, `sweep`, `map` or `monte-carlo`; returns the exit code."""
     document = read(options.file)
-    scene = of_study(document, options.command)
-    page = _page(options)
+    scene = compiled_for(document, options.command)
+    page = _report_path(options)
     # --out, or a folder named after a scene that has [output]
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
     target = target if options.out is None else options.out
     folder = None if target is None else report.folder(target)
-    computed = made(document, scene, options.command)
+    computed = study_results(document, scene, options.command)
     # what structures hold is asked on every rank, and written on the first
     parts = results.presentations(computed)
     is_brief = not options.verbose and any(part.answers for part in parts)
@@ -271,6 +271,6 @@ def _stopped_early(computed: run.SceneResults) -> bool:
     return STOPPED in (getattr(computed.history, "status", 0), *statuses)
 
 
-_OTHERS = {
+_COMMANDS = {
     **{"new": _new, "open": _open, "check": _check, "tradeoff": _tradeoff, "export": _export},
 }

@@ -12,7 +12,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, percent, plain, point_text
 from antiosc_app.cards import bar_of_fall
-from antiosc_app.headline import WIDE, stress_sentences
+from antiosc_app.headline import WIDE_BAR, stress_sentences
 from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_studies.drops.fall import WorstField
@@ -20,11 +20,11 @@ from antiosc_studies.drops.impacts import force_of
 from antiosc_studies.drops.pictures import at, surface_of
 
 #: Number of times at which the page shows the part in one flight at most.
-OF_FLIGHT = 40
+FRAMES_OF_FLIGHT = 40
 #: Number of times at which the page shows the part in all.
 FRAMES = 300
 #: Number of samples of a force.
-CURVE = 800
+FORCE_SAMPLES = 800
 #: Numbers of an impact, and their units.
 NUMBERS = (
     ("peak_force", "N"), ("contact_time", "s"), ("impulse", "N s"), ("lost", "J"),
@@ -36,7 +36,7 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
     """The data of a fall for the page, the same on every rank; `worst`: stress that colours it."""
     points, faces = _surface(fall)
     ends = [0.0, *(impact.time for impact in fall.impacts), fall.end.time]
-    frames = max(2, min(OF_FLIGHT, FRAMES // len(ends)))
+    frames = max(2, min(FRAMES_OF_FLIGHT, FRAMES // len(ends)))
     flights = [np.linspace(*ends_of_flight, frames) for ends_of_flight in pairwise(ends)]
     times = np.unique(np.concatenate(flights))
     states = [at(fall, time) for time in times.tolist()]
@@ -85,7 +85,7 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     touch = at(fall, fall.impacts[k].time)
     bar = f" ± {percent(impact.law_error)}" if impact.law_error else ""
     time, force = force_of([fall.episodes[i] for i in fall.groups[k]])
-    samples = np.linspace(0.0, float(time[-1]), CURVE)
+    samples = np.linspace(0.0, float(time[-1]), FORCE_SAMPLES)
     return {
         **{name: getattr(impact, name) for name, _ in NUMBERS},
         "bar": impact.law_error or 0.0,
@@ -123,4 +123,4 @@ def caution_of_fall(fall: Fall) -> str:
         return f"There is no error bar: {reason}."
 
     bar = fall.impacts[fall.hardest].law_error or 0.0
-    return f"The force is a rough one, ± {percent(bar)}." if bar >= WIDE else ""
+    return f"The force is a rough one, ± {percent(bar)}." if bar >= WIDE_BAR else ""

@@ -29,7 +29,7 @@ _UNITS = {
     "m/s": {"m": 1, "s": -1},
     "s": {"s": 1},
 }
-_CAUSES = ("input", "output", "parameter")
+_CAUSALITIES = ("input", "output", "parameter")
 _PACKAGE = Path(library.__file__).parents[1]
 #: platform of FMI 3 -> its folder in FMI 2, the ending of a library there
 PLATFORMS = {
@@ -40,14 +40,14 @@ PLATFORMS = {
     "aarch64-darwin": ("", ".dylib"),
 }
 #: source files, each compiled by itself
-UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
+COMPILED_SOURCES = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
 
 
 def write_fmu(path: Path, data: RunData, *, fmi: int) -> None:
     """Write a run as an FMU for version `fmi` (2 or 3) of the standard."""
     name = identifier(path.stem)
     with atomic_archive(path, "the FMU") as archive:
-        _add(archive, "modelDescription.xml", _text(_description(name, path.stem, data, fmi)))
+        _add(archive, "modelDescription.xml", _xml_bytes(_description(name, path.stem, data, fmi)))
         _add(archive, "resources/model.aom", model_file(data))
         for platform, library in binaries().items():
             fmi2_folder, ending = PLATFORMS[platform]
@@ -57,7 +57,7 @@ def write_fmu(path: Path, data: RunData, *, fmi: int) -> None:
         for file, text in sources().items():
             _add(archive, f"sources/{file}", text.encode())
         if fmi == 3:
-            _add(archive, "sources/buildDescription.xml", _text(_build_description(name)))
+            _add(archive, "sources/buildDescription.xml", _xml_bytes(_build_description(name)))
 
 
 #: Keywords and reserved words of C99.
@@ -83,7 +83,7 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
     archive.writestr(entry, content)
 
 
-def _text(root: ET.Element) -> bytes:
+def _xml_bytes(root: ET.Element) -> bytes:
     """An XML element as bytes."""
     ET.indent(root)
     return ET.tostring(root, "utf-8", xml_declaration=True)
@@ -93,7 +93,7 @@ def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
     """Yields (value reference, causality, variable), numbered as in `csrc/export/fmu.c`."""
     groups = (data.input_variables, data.output_variables, data.parameter_variables)
     number = 0
-    for causality, variables in zip(_CAUSES, groups, strict=True):
+    for causality, variables in zip(_CAUSALITIES, groups, strict=True):
         for variable in variables:
             number += 1
             yield number, causality, variable
@@ -122,7 +122,7 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
     slave = ET.SubElement(root, "CoSimulation", of_slave)
     if is_fmi2:
         source_files = ET.SubElement(slave, "SourceFiles")
-        for unit in UNITS:
+        for unit in COMPILED_SOURCES:
             ET.SubElement(source_files, "File", name=unit)
 
     units = ET.SubElement(root, "UnitDefinitions")
@@ -178,7 +178,7 @@ def _build_description(name: str) -> ET.Element:
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=name)
     source_set = ET.SubElement(configuration, "SourceFileSet", language="C99")
-    for unit in UNITS:
+    for unit in COMPILED_SOURCES:
         ET.SubElement(source_set, "SourceFile", name=unit)
     return root
 
@@ -208,7 +208,7 @@ def binaries() -> dict[str, bytes]:
 
 
 #: Source files that a run needs, in this order.
-_NEEDED = (
+_RUN_SOURCES = (
     "antiosc_march.h", "export/antiosc_model.h", "arena.h", "internal.h", "coupled.c",
     "crossings.c", "flight.c", "forces.c", "laws.c", "memory.c", "responses.c", "runs.c", "start.c",
     "steps.c", "stepper.c", "stretch.c", "export/antiosc_model.c",
@@ -269,7 +269,7 @@ def write_c(path: Path, data: RunData) -> None:
 
 def text(title: str, data: RunData) -> str:
     """The text of the C file of a run; its names begin with `title` as an identifier."""
-    code = _sources()
+    code = _sources_of_run()
     name = identifier(title)
     if re.search(rf"\b{name}\b", re.sub(r"/\*.*?\*/", "", code + _MAIN, flags=re.DOTALL)):
         name = f"model_{name}"  # a word of the sources
@@ -298,13 +298,13 @@ def text(title: str, data: RunData) -> str:
     names = [f"    {upper}_{variable} = {i}" for i, variable in enumerate(outputs)]
     enumeration = "enum {\n" + ",\n".join(names) + "\n};\n"
     main_text = _MAIN.format(name=name, upper=upper, duration=data.duration, count=len(outputs))
-    return "\n".join([header, code, enumeration, _numbers(name, data), main_text])
+    return "\n".join([header, code, enumeration, _model_definition(name, data), main_text])
 
 
-def _sources() -> str:
+def _sources_of_run() -> str:
     """The C sources that a run needs as one text, without includes of each other."""
     texts = sources()
-    parts = [_OWN_INCLUDE.sub("", texts[file]) for file in _NEEDED]
+    parts = [_OWN_INCLUDE.sub("", texts[file]) for file in _RUN_SOURCES]
     return _NOT_OF_A_RUN.sub("", "".join(parts))
 
 
@@ -313,7 +313,7 @@ def _in_comment(text: str) -> str:
     return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", text)
 
 
-def _numbers(name: str, data: RunData) -> str:
+def _model_definition(name: str, data: RunData) -> str:
     """C definition of the model `name`, and of the constant arrays to which it points."""
     arrays = data.arrays()
     array_names = [part for part in arrays if part not in ("options", "contacts")]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from antiosc import Margin, PeakField
 
 #: Relative error of a force from which it is told before the numbers.
-WIDE = 0.5
+WIDE_BAR = 0.5
 #: Share of a bar below which its cause is not told.
 LEAST_SHARE = 0.05
 #: Cause of the largest share of a bar -> what reduces it.
@@ -87,7 +87,7 @@ def caution_of(hit: History, budget: ErrorBudget | None) -> str:
     cautions.append(coarse_cells(hit))
     if budget is None:
         cautions.append('there is no error bar: extract with error = "estimate"')
-    elif budget["peak_force"].known >= WIDE:
+    elif budget["peak_force"].known >= WIDE_BAR:
         cautions.append(f"the force is a rough one, ± {percent(budget['peak_force'].known)}")
     return " ".join(_sentence(text) for text in cautions if text)
 
@@ -109,7 +109,7 @@ def largest_share(budget: ErrorBudget | None) -> str:
     return f"Most of the bar of the peak force comes from the {cause}, {share}: {REMEDIES[cause]}."
 
 
-class Numerical(float):
+class NumericalBar(float):
     """A relative error of a force that lacks the contact law's share, which is not known."""
 
 
@@ -118,7 +118,7 @@ def force_bar(budget: ErrorBudget | None) -> float | None:
     if budget is None or "mesh" in budget.unknown:
         return None
     bar = budget["peak_force"]
-    return Numerical(bar.numerical) if bar.total is None else bar.total
+    return NumericalBar(bar.numerical) if bar.total is None else bar.total
 
 
 def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> list[str]:

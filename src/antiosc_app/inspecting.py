@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from antiosc.io.neutral import Piece
 
 #: Largest file that is looked at, bytes.
-LARGEST = 50_000_000
+LARGEST_FILE = 50_000_000
 #: Least number of dofs for one anti-oscillator.
 DOFS_FOR_EACH = 4
 
 
 def check_size(path: Path) -> None:
     """Raise AntioscError for a file that is too large to be inspected."""
-    if path.stat().st_size > LARGEST:
-        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB.")
+    if path.stat().st_size > LARGEST_FILE:
+        raise AntioscError(f"the file is larger than {LARGEST_FILE / 1e6:g} MB.")
 
 
 def inspect_part(
@@ -112,7 +112,7 @@ def _inspected(
     else:
         supported, plane = guessed.supporting_side(x, size, faces if mesh.tdim == 3 else None)
 
-    point, direction = _place(mesh, outer, supported)
+    point, direction = _guessed_site(mesh, outer, supported)
     cell = None
     if meshed and mesh.tdim == 3:
         behind = guessed.thickness_at(x, faces, (point, direction))
@@ -141,7 +141,7 @@ def _inspected(
         held=supported,
         measure=compat.integrate(1 * measure(mesh, None), mesh.dolfinx),
         structure=structure,
-        flat=_flat(mesh, outer, structure, (point, direction)),
+        flat=_flat_face_material(mesh, outer, structure, (point, direction)),
         bars=structure is None or _has_bars(structure),
         meshed=meshed,
         largest=longest,
@@ -149,7 +149,7 @@ def _inspected(
     )
 
 
-def _place(mesh: Mesh, outer: Faces, supported: BoolArray) -> Place:
+def _guessed_site(mesh: Mesh, outer: Faces, supported: BoolArray) -> Place:
     """Guess the place at which a mesh is struck; `supported`: mask (N,) of the fixed nodes."""
     from antiosc.fem.platform import compat
 
@@ -175,7 +175,7 @@ def _has_bars(structure: Structure) -> bool:
         return False
 
 
-def _flat(
+def _flat_face_material(
     mesh: Mesh, outer: Faces, structure: Structure | None, place: Place
 ) -> tuple[float, float] | None:
     """(E [Pa], nu) for contact with a flat face; None if the surface at the site is known."""

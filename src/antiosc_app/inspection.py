@@ -29,11 +29,11 @@ FRICTION = 0.3
 FALL_HEIGHT = 1.0
 TILT: tuple[float, ...] = (10.0, 5.0, 0.0)
 #: Largest mass of a striker over the part's: far heavier ones move it beyond linear theory.
-HEAVIEST = 10.0
+HEAVIEST_RATIO = 10.0
 #: Distance over the size of the part below which it has no extent.
 SAME_PLACE = 1e-6
 #: Number of rigid motions of a part that is free.
-RIGID = 6
+RIGID_MOTIONS = 6
 #: Guessed thickness of a sheet, and diameter of a bar, over the longest side.
 THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
 #: What becomes of the contact of a deck.
@@ -104,7 +104,7 @@ class Inspection:
     @property
     def free_deck(self) -> bool:
         """Whether the part is a deck without supports."""
-        return self.structure is not None and self.structure.rigid_modes.shape[1] == RIGID
+        return self.structure is not None and self.structure.rigid_modes.shape[1] == RIGID_MOTIONS
 
     @property
     def mass(self) -> float:
@@ -123,7 +123,7 @@ class Inspection:
 
     def heaviest_striker(self, mass: float) -> float:
         """The smaller one of `mass` and the largest mass [kg] for which linear theory holds."""
-        heaviest = HEAVIEST * self.mass
+        heaviest = HEAVIEST_RATIO * self.mass
         return min(mass, rounded_down(heaviest)) if heaviest > 0 else mass
 
     @property

@@ -40,7 +40,7 @@ SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page", "f
 REPORT = "start"
 OPEN = "open"
 #: The kinds of arrays on the page; JavaScript's names of them are in data.js.
-KINDS = {"<f8": "f8", "<f4": "f4", "<i2": "i2", "<u4": "u4", "|u1": "u1"}
+ARRAY_TYPES = {"<f8": "f8", "<f4": "f4", "<i2": "i2", "<u4": "u4", "|u1": "u1"}
 
 
 def script(begin: str = REPORT) -> str:
@@ -100,15 +100,15 @@ def _packed(values: Array) -> Data:
     values_in_order = np.ascontiguousarray(values)
     values_in_order = values_in_order.astype(values_in_order.dtype.newbyteorder("<"))
     text = base64.b64encode(values_in_order.tobytes()).decode("ascii")
-    return {"$": KINDS[values_in_order.dtype.str], "of": text}
+    return {"$": ARRAY_TYPES[values_in_order.dtype.str], "of": text}
 
 
 #: Relative force error of the runs on the page.
 TOL = 1e-6
 #: Relative force error of the runs that colour a map.
-COARSE = 1e-3
+MAP_TOL = 1e-3
 #: Number of points of the computed curve on the page.
-CURVE = 2000
+CURVE_POINTS = 2000
 
 
 def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
@@ -139,10 +139,13 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     )
     return {
         **common_data,
-        "ratio": _ratio(hit.model),
+        "ratio": _damping_ratio(hit.model),
         "gap": float(system.offsets[0, 0]),
         "duration": float(hit.run.time[-1]),
-        "body": {**modal_data(body.modes, body.start, loads[0], local), "stretch": _stretch(hit)},
+        "body": {
+            **modal_data(body.modes, body.start, loads[0], local),
+            "stretch": _second_order_forces(hit),
+        },
         "computed": _computed(hit, bars),
     }
 
@@ -158,7 +161,7 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
     exponent = {library.LINEAR: 1.0}.get(law.kind, getattr(law, "exponent", 1.5))
     return {
         "tol": TOL,
-        "coarse": COARSE,
+        "coarse": MAP_TOL,
         "law": {
             "kind": law.kind,
             "name": type(law).__name__,
@@ -200,7 +203,7 @@ def modal_data(
     }
 
 
-def _stretch(hit: History) -> Data | None:
+def _second_order_forces(hit: History) -> Data | None:
     """Second-order forces of the structure as flat arrays for the page; None if it is linear."""
     stretching = hit.assembly.stretched.get("structure")
     system = hit.assembly.system
@@ -216,7 +219,7 @@ def _stretch(hit: History) -> Data | None:
     }
 
 
-def _ratio(model: LinearBody) -> float | None:
+def _damping_ratio(model: LinearBody) -> float | None:
     """The damping ratio if all modes have the same, 0 without damping; else None."""
     damping = getattr(model, "damping", None)
     if damping is None:
@@ -230,8 +233,8 @@ def _computed(hit: History, budget: ErrorBudget | None) -> Data:
     """Force curve, numbers and texts of the computed impact, which stay on the page."""
     time = hit.time
     force = hit.force
-    if time.size > CURVE:
-        time = np.linspace(0.0, float(time[-1]), CURVE)
+    if time.size > CURVE_POINTS:
+        time = np.linspace(0.0, float(time[-1]), CURVE_POINTS)
         force = hit.force_at(time)
     numbers: Data = {name: float(getattr(hit, name)) for name in QUANTITIES}
     numbers |= {"restitution": hit.restitution, "contacts": len(hit.contacts)}

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Most curves of one chart.
-CURVES = 12
+MOST_CURVES = 12
 
 
 class Picture(NamedTuple):
@@ -72,8 +72,8 @@ def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture
 
 
 def curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
-    """Draw at most CURVES curves (name, times [s], values) into `ax`; `y`: label of the axis."""
-    for name, time, values in islice(series, CURVES):
+    """Draw at most MOST_CURVES curves (name, times [s], values) into `ax`; `y`: its label."""
+    for name, time, values in islice(series, MOST_CURVES):
         ax.plot(1e3 * time, values, lw=1.2, label=escaped(name))
     ax.set_xlabel("time (ms)")
     ax.set_ylabel(y)
@@ -95,7 +95,7 @@ Columns: TypeAlias = dict[str, Any]
 Block: TypeAlias = Rows | Columns | str
 
 #: Largest number of rows of a table that are printed; the files contain all.
-ROWS = 30
+PRINTED_ROWS = 30
 # -- texts and tables
 
 
@@ -106,15 +106,18 @@ def format_rows(rows: Rows) -> str:
 
 
 def format_columns(table: Columns) -> str:
-    """A table as text with prefixed units; of a long one the first ROWS rows."""
+    """A table as text with prefixed units; of a long one the first PRINTED_ROWS rows."""
     columns = with_prefixes(table)
     rows = list(zip(*columns.values(), strict=True))
-    cells = [list(columns), *([format_number(value) for value in row] for row in rows[:ROWS])]
+    cells = [
+        list(columns),
+        *([format_number(value) for value in row] for row in rows[:PRINTED_ROWS]),
+    ]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     pairs = [zip(row, widths, strict=True) for row in cells]
     text = ["  ".join(f"{cell:>{width}}" for cell, width in row).rstrip() for row in pairs]
-    if len(rows) > ROWS:
-        text.append(f"… and {len(rows) - ROWS} more rows (the .csv file has all)")
+    if len(rows) > PRINTED_ROWS:
+        text.append(f"… and {len(rows) - PRINTED_ROWS} more rows (the .csv file has all)")
     return "\n".join(text)
 
 

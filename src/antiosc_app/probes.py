@@ -15,7 +15,7 @@ from antiosc.base.errors import AntioscError, without_warnings
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import engineering, plain, point_text, prefixed
 from antiosc.extension import ProbeError
-from antiosc_app.presentation import CURVES, Columns, Rows, curves, spaced
+from antiosc_app.presentation import MOST_CURVES, Columns, Rows, curves, spaced
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.run import SceneResults
 from antiosc_app.scene_file.scene import place_of, probe_times
@@ -64,7 +64,9 @@ class Probe:
             values = values[:, *np.triu_indices(values.shape[1])]
         self.scalar = values.ndim == 1
         self.values = values.reshape(len(values), -1)
-        self.unfiltered = None if self.filter is None else _largest(without_filter(results, call))
+        self.unfiltered = (
+            None if self.filter is None else _largest_magnitude(without_filter(results, call))
+        )
         self.error = _error(results, call)
         self.point = _point(results, call)
 
@@ -178,12 +180,12 @@ def files_of(probes: Sequence[Probe]) -> dict[str, Columns]:
     """
     signals = [{"time (s)": probe.times, **probe.table()} for probe in probes]
     spectra = [probe.shock_table() for probe in probes if probe.shock is not None]
-    return _joined("probes", signals) | _joined("srs", spectra)
+    return _merged_tables("probes", signals) | _merged_tables("srs", spectra)
 
 
 def draw_signals(probes: Sequence[Probe], ax: Axes) -> None:
     """Draw the signals of probes; if their quantities differ, each over its largest value."""
-    signals = [probe.signal() for probe in probes[:CURVES]]
+    signals = [probe.signal() for probe in probes[:MOST_CURVES]]
     largest = [float(np.abs(values).max()) for _, _, values, _ in signals]
     kinds = {(probe.quantity, signal[3]) for probe, signal in zip(probes, signals, strict=False)}
     if len(kinds) == 1:
@@ -199,7 +201,7 @@ def draw_signals(probes: Sequence[Probe], ax: Axes) -> None:
     curves(shares, "share of the largest value", ax)
 
 
-def _joined(stem: str, tables: Iterable[Columns]) -> dict[str, Columns]:
+def _merged_tables(stem: str, tables: Iterable[Columns]) -> dict[str, Columns]:
     """Name of a CSV file, STEM.csv, STEM_2.csv, … -> columns of the tables with the same first
     column.
     """
@@ -225,7 +227,7 @@ def without_filter(results: SceneResults, call: Call) -> Any:
     return evaluate(replace(call, arguments=arguments))
 
 
-def _largest(values: Any) -> float:
+def _largest_magnitude(values: Any) -> float:
     """The largest magnitude of a signal (n,) or (n, d)."""
     rows = np.asarray(values).reshape(len(values), -1)
     return float(np.linalg.norm(rows, axis=1).max())

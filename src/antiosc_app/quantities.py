@@ -13,7 +13,7 @@ from antiosc.extension import DEFLECTION, MAP_QUANTITIES, QUANTITIES, ErrorBudge
 from antiosc_app.cards import bar_of_fall, dent_of
 from antiosc_app.headline import REMEDIES, force_bar, with_force
 from antiosc_app.probes import probes_of
-from antiosc_app.results import FALLS
+from antiosc_app.results import FALL_QUANTITIES
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import SceneResults, error_budget, varied
 
@@ -132,7 +132,7 @@ def _of_fall(results: SceneResults) -> Iterator[Quantity]:
     """The hardest impact of a fall, its shock and its stress; of an ensemble its quantiles."""
     fall, worst = results.fall, results.worst
     if not hasattr(fall, "flights"):
-        yield from _quantiles(fall, FALLS)
+        yield from _quantiles(fall, FALL_QUANTITIES)
     elif fall.hardest is not None:
         impact = fall.impacts[fall.hardest]
         error = None if impact.law_error is None else impact.law_error * impact.peak_force

@@ -150,12 +150,12 @@ def write_output(results: SceneResults, parts: Sequence[Presentation], target: P
 
 
 #: Answer -> name of its number on the live page.
-KEYS = {FORCE: "peak_force", FAR: "site_deflection", STRESS: "stress"}
+LIVE_NUMBERS = {FORCE: "peak_force", FAR: "site_deflection", STRESS: "stress"}
 #: Headings of the pictures that replace the live view in print and without scripts.
-STILLS = ("Deformed structure", "Map")
+STILL_HEADINGS = ("Deformed structure", "Map")
 
 
-def checked(path: str) -> Path:
+def writable_path(path: str) -> Path:
     """The path of a report; InputError if it is not named .html or its folder is missing."""
     target = checks.path("--report", path)
     if target.suffix.lower() not in (".html", ".htm"):
@@ -195,7 +195,7 @@ def write_report(
         For another kind of result, or a file that cannot be written.
     """
     reported, file = checks.what_and_path(result, path)
-    target = checked(os.fspath(checks.path("path", file)))
+    target = writable_path(os.fspath(checks.path("path", file)))
     title = target.stem if title is None else checks.text("title", title)
     page_results = _results_of(reported, structure, title)
     return write_page(page_results, presentations(page_results), target)[0]
@@ -270,13 +270,13 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     script = "" if data is None else live.script()
     views = (picture for part in (*parts, model) for picture in part.pictures)
     pictures = list(drawn_pictures(views))
-    stills = [one for one in pictures if one.heading.startswith(STILLS) and one.data]
+    stills = [one for one in pictures if one.heading.startswith(STILL_HEADINGS) and one.data]
     return rendered(
         Path(__file__).with_name("page") / "report.html",
         title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
         cards=[card for part in parts for card in (*part.cards, *(Card(*x) for x in part.asked))],
-        keys=KEYS,
+        keys=LIVE_NUMBERS,
         cautions=told[:MOST_CAUTIONS],
         more=[*told[MOST_CAUTIONS:], *map(capitalised, notes)],
         sentences=[sentence for part in parts for sentence in part.sentences],

@@ -154,7 +154,7 @@ def _impact(results: SceneResults) -> Presentation:
         fields={f"{name}.vtu": peak.write for name, peak in peaks.items()},
         sections={
             "Results": [facts, [row for probe in probes for row in probe.rows()]],
-            "Errors": _errors(hit, budget),
+            "Errors": _error_blocks(hit, budget),
         },
         pictures=_impact_pictures(results, probes),
     )
@@ -170,7 +170,7 @@ def _contact_table(hit: History) -> Columns:
     return table | {"contacts": [len(contact.contacts) for contact in contacts.values()]}
 
 
-def _errors(hit: History, budget: ErrorBudget | None) -> list[Block]:
+def _error_blocks(hit: History, budget: ErrorBudget | None) -> list[Block]:
     """Blocks of the section "Errors": numerical errors, step, law, and the error budget."""
     rows = [(f"time integration: {name}", percent(value)) for name, value in hit.error.items()]
     rows.append(("these errors cover", error_scope(hit)))
@@ -196,7 +196,7 @@ MARGIN_KEYS = (
     "criterion", "scope", "exposure", "margin", "least_margin", "reached", "contact", "has_bar",
     "layer", "sentence", "point", "time",
 )  # fmt: skip
-OUTSIDE_KEYS = ("value", "scope", "has_bar", "sentence", "point", "time")
+WORST_POINT_KEYS = ("value", "scope", "has_bar", "sentence", "point", "time")
 
 
 def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
@@ -219,7 +219,7 @@ def _margin_numbers(peak: PeakField) -> Columns:
     if margin is None:
         return {}
     if peak.exposure is None:
-        return {"outside": {key: getattr(margin, key) for key in OUTSIDE_KEYS}}
+        return {"outside": {key: getattr(margin, key) for key in WORST_POINT_KEYS}}
     return {"margin": {key: getattr(margin, key) for key in MARGIN_KEYS}}
 
 
@@ -292,7 +292,7 @@ def _fall(results: SceneResults) -> Presentation:
     """Present a fall or an ensemble of falls, with accelerometers and largest stress."""
     fall, worst = results.fall, results.worst
     single = hasattr(fall, "flights")
-    table = fall_table(fall) if single else quantiles(fall, FALLS)
+    table = fall_table(fall) if single else quantiles(fall, FALL_QUANTITIES)
     numbers: Columns = {"fall": table | {"status": fall.status, "message": fall.message}}
     peaks = results.peaks or {}
     numbers["accelerometers"] = {name: vars(peak) | {"g": peak.g} for name, peak in peaks.items()}
@@ -353,7 +353,7 @@ def fall_table(fall: Fall) -> Columns:
 # -- studies
 
 #: Quantities of an ensemble of falls, and their units.
-FALLS = QUANTITIES | {"lost": "J"}
+FALL_QUANTITIES = QUANTITIES | {"lost": "J"}
 #: Before the errors and verdicts of a study.
 OWN_IMPACT = "Errors, stresses and verdicts are those of the scene's own impact:"
 
@@ -369,7 +369,7 @@ def quantiles(ensemble: Many, units: Mapping[str, str]) -> Columns:
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
 
 
-def _own_blocks(nominal: Nominal | None) -> list[Block]:
+def _nominal_blocks(nominal: Nominal | None) -> list[Block]:
     """Blocks with the answers of a study's impact at its own values, as of `antiosc run`."""
     if nominal is None:
         return []
@@ -380,7 +380,7 @@ def _own_blocks(nominal: Nominal | None) -> list[Block]:
     return [OWN_IMPACT, [*rows, *cards.rows_of_history(hit, budget)], " ".join(filter(None, told))]
 
 
-def _own_numbers(nominal: Nominal | None) -> Columns:
+def _nominal_numbers(nominal: Nominal | None) -> Columns:
     """Numbers of a study's impact at its own values, for result.json; {} without one."""
     if nominal is None:
         return {}
@@ -403,8 +403,8 @@ def _sweep(results: SceneResults) -> Presentation:
     table |= {name: batch.facts[name] for name in ("contacts", "status")}
     return Presentation(
         tables={"sweep.csv": table},
-        numbers={"sweep": table, **_own_numbers(results.nominal)},
-        sections={"Sweep": [table, *_own_blocks(results.nominal)]},
+        numbers={"sweep": table, **_nominal_numbers(results.nominal)},
+        sections={"Sweep": [table, *_nominal_blocks(results.nominal)]},
         pictures=[
             chart(
                 "Sweep",
@@ -431,9 +431,9 @@ def _sample(results: SceneResults) -> Presentation:
     caption = "Peak forces (N) of the runs, and their quantiles with the bars of their number."
     return Presentation(
         tables={"monte_carlo.csv": sample.table()},
-        numbers={"monte_carlo": table, **_own_numbers(results.nominal)},
+        numbers={"monte_carlo": table, **_nominal_numbers(results.nominal)},
         plotted={"monte_carlo": sample},
-        sections={"Random values": [table, *_own_blocks(results.nominal)]},
+        sections={"Random values": [table, *_nominal_blocks(results.nominal)]},
         pictures=[Picture("Random values", caption, sample.plot, ".svg")],
     )
 
@@ -539,7 +539,7 @@ def _range(values: Array, unit: str) -> str:
 # -- all of a scene
 
 #: Object of a scene -> function that makes its presentation.
-_KINDS: dict[str, Callable[[SceneResults], Presentation]] = {
+_PRESENTERS: dict[str, Callable[[SceneResults], Presentation]] = {
     **{"history": _impact, "fall": _fall, "found": _blow},
     **{"batch": _sweep, "sample": _sample, "map": _map, "tradeoff": _tradeoff},
 }
@@ -547,7 +547,7 @@ _KINDS: dict[str, Callable[[SceneResults], Presentation]] = {
 
 def presentations(results: SceneResults) -> list[Presentation]:
     """All presentations of a scene: first structure and model, then each result."""
-    present = (make for name, make in _KINDS.items() if getattr(results, name) is not None)
+    present = (make for name, make in _PRESENTERS.items() if getattr(results, name) is not None)
     return [_model(results), *(make(results) for make in present)]
 
 

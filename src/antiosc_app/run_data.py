@@ -32,13 +32,13 @@ from antiosc.extension import (
 from antiosc.impact.assembly import Assembly, assemble_scene
 
 #: Outputs of a contact and of a site: `axm_kind` -> name, unit.
-OF_CONTACT = {
+CONTACT_OUTPUTS = {
     0: ("force", "N"),
     1: ("indentation", "m"),
     2: ("peak_force", "N"),
     3: ("impulse", "N.s"),
 }
-OF_SITE = {4: ("displacement", "m"), 5: ("velocity", "m/s")}
+SITE_OUTPUTS = {4: ("displacement", "m"), 5: ("velocity", "m/s")}
 #: Duration for which the step is chosen, in expected contact times.
 CONTACT_TIMES = 20
 #: Number of doublings of that duration until the bodies part.
@@ -46,11 +46,11 @@ MOST_DOUBLINGS = 6
 #: Longest run over that duration.
 LONGEST_RUN = 1024
 #: Numbers of a contact, in the order of the model file.
-OF_CONTACTS = (
+CONTACT_NUMBERS = (
     *("friction", "tangential_stiffness", "mass", "expected_depth", "expected_speed"),
     *("slowest", "preload"),
 )
-_MAX = 10_000, 1_000_000  # contacts and steps of the run that chooses the step
+_MOST_CONTACTS_AND_STEPS = 10_000, 1_000_000  # contacts and steps of the run that chooses the step
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class RunData:
     def arrays(self) -> dict[str, Array]:
         """Name -> flat array of numbers, in the order of the model file."""
         s = self.system
-        contacts = [[getattr(c, name) for name in OF_CONTACTS] for c in self.given.contacts]
+        contacts = [[getattr(c, name) for name in CONTACT_NUMBERS] for c in self.given.contacts]
         laws = [values for _, values in self.given.laws]
         values = np.concatenate([np.asarray(law, dtype=float) for law in laws]) if laws else []
         parts = {
@@ -231,7 +231,7 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
     spans = [shortest * 2**k for k in range(MOST_DOUBLINGS + 1)] if duration is None else [duration]
     for span in spans:
         assembly = _assembled(scene, span, tol)
-        converged = integrate_exact(assembly, span, tol, None, *_MAX)
+        converged = integrate_exact(assembly, span, tol, None, *_MOST_CONTACTS_AND_STEPS)
         if not without_body or not open_contacts(
             converged.run, assembly.system
         ):  # scenes may come to rest
@@ -242,9 +242,9 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
             " chosen and its table printed; give a longer duration=.",
             AccuracyWarning,
         )
-    if message := inexact_message(converged, tol, _MAX[1]):
+    if message := inexact_message(converged, tol, _MOST_CONTACTS_AND_STEPS[1]):
         warn(message, AccuracyWarning)
-    names, modes, columns = _sites(assembly, without_body)
+    names, modes, columns = _site_columns(assembly, without_body)
     shift = assembly.external_forces(assembly.system.breaks) @ assembly.r
     ends = [(c.a, c.b) for c in scene.contacts]
     contacts, contact_variables = _contact_outputs(ends, without_body)
@@ -297,7 +297,7 @@ def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
     return names
 
 
-def _sites(assembly: Assembly, without_body: bool) -> tuple[list[str], Array, list[int]]:
+def _site_columns(assembly: Assembly, without_body: bool) -> tuple[list[str], Array, list[int]]:
     """(names, modes (S, J), indices) of the columns of all sites; obstacles have none."""
     names: list[str] = []
     columns: list[int] = []
@@ -317,11 +317,11 @@ def _contact_outputs(
     """((kind, index) of each output, variables) of contacts between named `contacts` ends."""
     variables = []
     for a, b in contacts:
-        for name, unit in OF_CONTACT.values():
+        for name, unit in CONTACT_OUTPUTS.values():
             full = name if without_body else f"{a},{b}.{name}"
             description = f"{name.replace('_', ' ')} of the contact of {a} and {b}"
             variables.append(Variable(full, unit, description))
-    return _specs(OF_CONTACT, len(contacts)), variables
+    return _output_specs(CONTACT_OUTPUTS, len(contacts)), variables
 
 
 def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variable]]:
@@ -329,12 +329,12 @@ def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variabl
     variables = []
     for prefix in names:
         place = f"the {prefix.rstrip('._')}" if prefix else "the site"
-        for name, unit in OF_SITE.values():
+        for name, unit in SITE_OUTPUTS.values():
             variables.append(Variable(prefix + name, unit, f"{name} of {place}"))
-    return _specs(OF_SITE, len(names)), variables
+    return _output_specs(SITE_OUTPUTS, len(names)), variables
 
 
-def _specs(kinds: Mapping[int, object], count: int) -> NDArray[np.int32]:
+def _output_specs(kinds: Mapping[int, object], count: int) -> NDArray[np.int32]:
     """(kind, index) (count * len(kinds), 2) of the outputs of `count` contacts or sites."""
     specs = [(kind, i) for i in range(count) for kind in kinds]
     return np.array(specs, dtype=np.int32).reshape(-1, 2)

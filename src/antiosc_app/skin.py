@@ -18,9 +18,9 @@ from antiosc_app.live import Data
 from antiosc_app.live_meshes import STEPS, drawn, geometry, surface
 
 #: What the sides along z are called besides.
-DOWNWARD = {"-z": ", below", "+z": ", on top"}
+SIDE_WORDS = {"-z": ", below", "+z": ", on top"}
 #: The table of a support.
-Held: TypeAlias = Mapping[str, Any]
+SupportTable: TypeAlias = Mapping[str, Any]
 
 
 class PageSkin(NamedTuple):
@@ -31,7 +31,7 @@ class PageSkin(NamedTuple):
     """
 
     data: Data
-    faces: dict[str, Held]  # name -> support that fixes it
+    faces: dict[str, SupportTable]  # name -> support that fixes it
     held: list[str]  # names of the faces that a new scene fixes
 
 
@@ -44,7 +44,9 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
         page_surface = surface(points, cells)
         shape, _ = drawn(page_surface)
         shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
-        all_faces, held_first = ({}, []) if look.of_deck else _with_usual(_groups(mesh), look)
+        all_faces, held_first = (
+            ({}, []) if look.of_deck else _with_guessed_support(_groups(mesh), look)
+        )
         shape["sets"] = shape["nodes"] = [np.zeros(0, dtype=np.uint32) for _ in all_faces]
         return PageSkin(shape, all_faces, held_first)
     outer = Faces(mesh, mesh.tdim < 3)
@@ -54,8 +56,12 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     for number, mask in enumerate(masks.values(), start=1):
         owner[mask] = number
     if outer.sheet:
-        groups |= {f"edges at {side}": {"where": side} for side in SIDES if _is_side(mesh, side)}
-        masks = {name: _beside(outer, mesh.group(held["where"])) for name, held in groups.items()}
+        groups |= {
+            f"edges at {side}": {"where": side} for side in SIDES if _has_unnamed_side(mesh, side)
+        }
+        masks = {
+            name: _cells_touching(outer, mesh.group(held["where"])) for name, held in groups.items()
+        }
         masks = {name: mask for name, mask in masks.items() if not mask.all()}
         groups = {name: groups[name] for name in masks}
     else:
@@ -75,7 +81,7 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     names = [name for number, name in enumerate(groups, start=1) if number in numbers]
     # a face that goes on beyond the plane would hold more, perhaps the site
     all_faces, held_first = (
-        _with_usual(groups, look) if has_others or not names else (groups, names)
+        _with_guessed_support(groups, look) if has_others or not names else (groups, names)
     )
     if look.plane is not None:
         masks[_plane_name(look)] = np.isin(np.arange(len(outer)), on_plane)
@@ -110,7 +116,7 @@ def places(shape: Data, names: Sequence[str]) -> dict[str, str]:
     return told
 
 
-def _line_nodes(mesh: Mesh, held: Held) -> IntArray:
+def _line_nodes(mesh: Mesh, held: SupportTable) -> IntArray:
     """Nodes of a sheet on the edges or points that a support fixes; none if it fixes cells."""
     from antiosc.fem.platform import compat
 
@@ -121,7 +127,7 @@ def _line_nodes(mesh: Mesh, held: Held) -> IntArray:
     return np.unique(compat.entity_vertices(mesh.dolfinx, dim)[parts[dim]])
 
 
-def _groups(mesh: Mesh) -> dict[str, Held]:
+def _groups(mesh: Mesh) -> dict[str, SupportTable]:
     """Name -> support of each group of faces, edges or points, the largest first."""
     size = {
         name: sum(len(entities) for dim, entities in parts.items() if dim == max(parts))
@@ -131,7 +137,7 @@ def _groups(mesh: Mesh) -> dict[str, Held]:
     return {name: {"where": name} for name in sorted(size, key=lambda group: -size[group])}
 
 
-def _is_side(mesh: Mesh, name: str) -> bool:
+def _has_unnamed_side(mesh: Mesh, name: str) -> bool:
     """Whether a sheet has edges at the side `name` of its box, and no group of this name."""
     try:
         return name not in mesh.groups and bool(len(mesh.group(name)[mesh.tdim - 1]))
@@ -139,7 +145,7 @@ def _is_side(mesh: Mesh, name: str) -> bool:
         return False
 
 
-def _beside(outer: Faces, parts: Mapping[int, IntArray]) -> BoolArray:
+def _cells_touching(outer: Faces, parts: Mapping[int, IntArray]) -> BoolArray:
     """Mask of the cells of a sheet that belong to a group or touch it.
 
     `parts`: dimension -> entities of the group.
@@ -153,7 +159,9 @@ def _beside(outer: Faces, parts: Mapping[int, IntArray]) -> BoolArray:
     return np.isin(outer.facets, parts.get(mesh.tdim, [])) | np.asarray(shared > min(dim, 1))
 
 
-def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Held], list[str]]:
+def _with_guessed_support(
+    faces: dict[str, SupportTable], look: Inspection
+) -> tuple[dict[str, SupportTable], list[str]]:
     """(`faces` with the guessed supporting plane, names of the faces that a new scene fixes)."""
     if look.of_deck:  # which has supports of its own
         return faces, []
@@ -171,7 +179,7 @@ def _plane_name(look: Inspection) -> str:
     axis = int(np.abs(normal).argmax())
     is_low = point[axis] < (look.low[axis] + look.high[axis]) / 2
     side = SIDES[2 * axis + (not is_low)]
-    return f"side {side} of the box{DOWNWARD.get(side, '')}"
+    return f"side {side} of the box{SIDE_WORDS.get(side, '')}"
 
 
 def _faces_on(outer: Faces, plane: Sequence[Sequence[float]] | None, size: float) -> IntArray:
@@ -182,14 +190,14 @@ def _faces_on(outer: Faces, plane: Sequence[Sequence[float]] | None, size: float
     return np.flatnonzero(_on_plane(outer.corners, point, normal, size))
 
 
-def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[str, Held]:
+def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[str, SupportTable]:
     """Name -> support of each flat side among the faces without a name.
 
     It sets `owner`, the number of each face's group, to `names` (the number of groups) + 1, ….
     """
     x = mesh.dolfinx.geometry.x
     size = mesh.extent()
-    sides: dict[str, Held] = {}
+    sides: dict[str, SupportTable] = {}
     side = sides_of(x, outer)
     for number in np.unique(side[owner == 0]):
         members = np.flatnonzero((side == number) & (owner == 0))

@@ -48,7 +48,7 @@ def test_python_command_page_and_tool_agree(tmp_path, capsys):
     printed = capsys.readouterr().out
     written = json.loads((folder / "out/result.json").read_text(encoding="utf-8"))["result"]
     document = read(path)
-    hit = commands.made(document, commands.of_study(document, "run"), "run").history
+    hit = commands.study_results(document, commands.compiled_for(document, "run"), "run").history
     answer = told(*answers(folder, [("strike", {"scene": sections})]))
 
     assert of_scene(answer["text"]) == of_scene(shown["text"])
