@@ -303,13 +303,13 @@ def work(wire: Connection, root: Path, memory: int, tool: str, arguments: Table)
     """Main function of a call's process: send progress texts, and last the answer."""
     os.setsid()
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    threading.Thread(target=end_with, args=(wire,), daemon=True).start()
+    threading.Thread(target=kill_when_closed, args=(wire,), daemon=True).start()
     with progress.following(wire.send):
         told = answer(root, tool, arguments)
     wire.send(told)
 
 
-def end_with(wire: Connection) -> None:
+def kill_when_closed(wire: Connection) -> None:
     """Kill the process group of this call when the server closes its end of `wire`."""
     wire.poll(None)
     os.killpg(0, signal.SIGKILL)

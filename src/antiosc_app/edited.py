@@ -34,9 +34,9 @@ STRIKERS = {BALL: "Sphere", MASS: "RigidMass", HAMMER: "named_impactor"}
 HAMMERS = tuple(name for name, impactor in IMPACTORS.items() if name[:2] == "IK" and impactor.steel)
 #: Names of isotropic materials, and the choice of one that is not among them.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
-OWN = "own material"
+OWN_MATERIAL = "own material"
 #: Those with a yield strength, which a deck may have none of.
-STRENGTHS = [name for name in materials.names() if materials.record(name).yield_strength]
+MATERIALS_THAT_YIELD = [name for name in materials.names() if materials.record(name).yield_strength]
 #: Floors: rigid, or a half-space of a material.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)
@@ -58,7 +58,7 @@ EDITABLE: dict[str, frozenset[str]] = {
 #: Keys without a value that a scene takes as "auto".
 AUTOMATIC = {"sites": "radius", "extract": "n", "simulate": "duration"}
 #: How many times smaller the cells of a finer mesh are.
-FINER = 3.0
+REFINEMENT = 3.0
 #: Largest number of set-ups that Undo keeps.
 MOST_UNDO = 50
 
@@ -88,7 +88,7 @@ class EditedScene:
         self._path = path.with_suffix(".toml")
         self._look = look
         self._faces = faces
-        impact, fall = (_first(path, look, drop) for drop in (False, True))
+        impact, fall = (_initial_sections(path, look, drop) for drop in (False, True))
         self._state = State(impact, fall, False, tuple(held))
         if held:
             self._hold(impact)
@@ -144,14 +144,14 @@ class EditedScene:
         self._state = copy.deepcopy(before)
         try:
             for name, value in values.items():
-                self._take(name, value, stressed, cells)
+                self._apply(name, value, stressed, cells)
             compiled(self.document())
         except BaseException:
             self._state = before
             raise
         self._past = [*self._past, before][-MOST_UNDO:]
 
-    def _take(self, name: str, value: Any, stressed: Sequence[float], cells: float) -> None:
+    def _apply(self, name: str, value: Any, stressed: Sequence[float], cells: float) -> None:
         """Apply the change `name`; `stressed` and `cells` as in `change`."""
         if name == "set":
             if not isinstance(value, dict):
@@ -163,9 +163,9 @@ class EditedScene:
         elif name == "striker":
             self._strike_with(checks.choice("the striker", value, (*STRIKERS, FLOOR)))
         elif name == "material":
-            self._make_of("material", value)
+            self._set_material("material", value)
         elif name == "of":
-            self._make_of("impactor", value)
+            self._set_material("impactor", value)
         elif name == "onto":
             floor = self._state.fall["drop"].setdefault("floor", {})
             _put(floor, "material", None if value == RIGID_FLOOR else _one_of(value, MATERIALS))
@@ -232,21 +232,21 @@ class EditedScene:
         self._state.impact["impactor"] = {KIND: STRIKERS[kind], **tables[kind]}
         self._state.impact["contact"] = {KIND: AUTO}
 
-    def _make_of(self, section: str, name: object) -> None:
-        """Change the material of the part or striker; OWN begins with the former constants."""
-        _one_of(name, (*MATERIALS, OWN))
+    def _set_material(self, section: str, name: object) -> None:
+        """Change the material of the part or striker; OWN_MATERIAL begins with the former constants."""
+        _one_of(name, (*MATERIALS, OWN_MATERIAL))
         for table in self._tables(section):
             before = table.get("name" if section == "material" else "material", MATERIALS[0])
             shape = {key: table[key] for key in ("thickness", "section") if key in table}
             own = self._constants(before, section)
             if section == "material":
                 table.clear()
-                table |= shape | (own if name == OWN else {"name": name})
+                table |= shape | (own if name == OWN_MATERIAL else {"name": name})
                 continue
             for key in (*own, "material"):
                 if key != KIND:
                     table.pop(key, None)
-            table |= own if name == OWN else {"material": name}
+            table |= own if name == OWN_MATERIAL else {"material": name}
 
     def _constants(self, name: str, section: str) -> Table:
         """The constants of a named material, as keys of a section."""
@@ -272,12 +272,12 @@ class EditedScene:
                 continue
             point = list(self.site["point"])
             known = read.get("refine", [])
-            size = rounded_up((known[0][1] if known else cells or look.size) / FINER)
+            size = rounded_up((known[0][1] if known else cells or look.size) / REFINEMENT)
             places = [point, *([list(stressed)] if len(stressed) else [])]
             read["refine"] = [[place, size] for place in places]
 
 
-def _first(path: Path, look: Inspection, drop: bool) -> Table:
+def _initial_sections(path: Path, look: Inspection, drop: bool) -> Table:
     """Sections of the scene that `antiosc new` writes; `drop`: of a fall."""
     text = new.text(path.with_suffix(".toml").name, path.name, look, drop)
     sections = tomllib.loads(text)
@@ -308,9 +308,11 @@ def _put(table: Table, key: str, value: Any) -> None:
 
 def toml(sections: Mapping[str, Any]) -> str:
     """Sections as TOML: top-level keys first, then [x], [x.NAME] and [[x]]."""
-    lines = [f"{name} = {_value(value)}" for name, value in sections.items() if _plain(value)]
+    lines = [
+        f"{name} = {_value(value)}" for name, value in sections.items() if _is_top_level(value)
+    ]
     for name, value in sections.items():
-        if _plain(value):
+        if _is_top_level(value):
             continue
         if isinstance(value, list):
             for table in value:
@@ -323,7 +325,7 @@ def toml(sections: Mapping[str, Any]) -> str:
     return "\n".join([*lines, ""])
 
 
-def _plain(value: object) -> bool:
+def _is_top_level(value: object) -> bool:
     """Whether a value is a top-level key, neither table nor list of tables."""
     return not isinstance(value, Mapping | list)
 

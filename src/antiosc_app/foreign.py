@@ -47,7 +47,7 @@ USUAL_UNITS = ("mm", "m")
 #: What stands for constants that a deck does not state.
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Arguments of reading that say which pieces are read, and how they are joined.
-OF_PIECES = ("fragments", "merge", "cells", "solid", "piece", "contact")
+PIECE_KEYS = ("fragments", "merge", "cells", "solid", "piece", "contact")
 #: Largest number of solids that are joined as fragments; of more solids the largest is read alone.
 MOST_SOLIDS = 40
 #: Endings of decks, which contain materials and supports.
@@ -113,10 +113,10 @@ def is_deck(path: Path) -> bool:
     return path.suffix.lower() in DECK_ENDINGS and bool(MODEL_CARD.search(path.read_bytes()))
 
 
-def way_of_piece(read: Read, piece: int) -> Read:
+def reading_of_piece(read: Read, piece: int) -> Read:
     """Arguments that read one piece of a part; `read`: those that read the part."""
     joins = () if "piece" in read else ("fragments", "merge", "contact")
-    kept = {key: read[key] for key in OF_PIECES if key in read and key not in joins}
+    kept = {key: read[key] for key in PIECE_KEYS if key in read and key not in joins}
     return {**kept, "piece": piece}
 
 
@@ -155,7 +155,7 @@ def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | Non
         ways = [alone]
 
     meshed = "size" in read
-    mesh, options, found, told = _first(path, read, ways)
+    mesh, options, found, told = _first_readable(path, read, ways)
     read |= options
     pieces = pieces or found
     changed: Read = {}
@@ -181,7 +181,7 @@ def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | Non
             mesh = antiosc.read_mesh(str(path), **read)
 
     notes += [*dict.fromkeys(told), *(OPTIONS[key] for key in OPTIONS if key in read)]
-    notes += _of_piece(read, found or pieces)
+    notes += _piece_sentence(read, found or pieces)
     return ForeignPart(mesh, read, None, notes, pieces, meshed=meshed)
 
 
@@ -214,7 +214,7 @@ def _ways_of(contents: FileMesh, is_geometry: bool, notes: list[str]) -> list[Re
     return [{"fragments": True}] if solids <= MOST_SOLIDS else [{"piece": 1}]
 
 
-def _first(
+def _first_readable(
     path: Path, read: Read, ways: list[Read]
 ) -> tuple[Mesh, Read, Sequence[Piece], list[str]]:
     """(mesh, options, pieces, messages) by the first options in `ways` that work.
@@ -239,7 +239,7 @@ def _first(
     raise reason
 
 
-def _of_piece(read: Read, pieces: Sequence[Piece]) -> list[str]:
+def _piece_sentence(read: Read, pieces: Sequence[Piece]) -> list[str]:
     """One sentence on the piece that is read alone; [] for a whole part."""
     from antiosc.io.reading import described_pieces
 
@@ -261,23 +261,27 @@ def _of_deck(path: Path, options: Read, unit: str | None) -> ForeignPart:
     read = dict(options)
     if read.pop("size", None) is not None:
         raise InputError(f"{path.name} keeps its elements: mesh it finer in the program it is of.")
-    facts, read, pieces = _completed(partial(materials_of_deck, str(path), unit or "mm"), read, [])
+    facts, read, pieces = _with_steel_constants(
+        partial(materials_of_deck, str(path), unit or "mm"), read, []
+    )
     pieces = facts.pieces or pieces
     taken = unit or unit_of_materials(facts.families, facts.length)
     told: list[str] = []
     read = {"unit": taken, **read}
-    structure, read, more = _completed(partial(antiosc.read_model, str(path)), read, told)
+    structure, read, more = _with_steel_constants(
+        partial(antiosc.read_model, str(path)), read, told
+    )
 
     members = with_parts(structure).members()
     mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
     decided = (one for one in told if getattr(one, "category", None) is not NotTakenWarning)
     notes = [*structure.plausibility.get("doubts", ()), *map(str, decided)]
     pieces = pieces or more
-    notes += [] if pieces else _of_piece(read, pieces)  # what was told lists the pieces
+    notes += [] if pieces else _piece_sentence(read, pieces)  # what was told lists the pieces
     return ForeignPart(mesh, read, structure, [*dict.fromkeys(notes)], pieces, unit is None)
 
 
-def _completed(
+def _with_steel_constants(
     reader: Callable[..., T], read: Read, told: list[str]
 ) -> tuple[T, Read, Sequence[Piece]]:
     """(result of `reader`, its arguments, pieces of the deck).

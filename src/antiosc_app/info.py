@@ -35,7 +35,7 @@ class Package(NamedTuple):
     @property
     def debian(self) -> str:
         """Name of its Debian package."""
-        return f"python3-{self.module}{'-real' if self.module in OF_DEBIAN else ''}"
+        return f"python3-{self.module}{'-real' if self.module in REAL_PACKAGES else ''}"
 
     @property
     def conda(self) -> str:
@@ -45,12 +45,12 @@ class Package(NamedTuple):
     @property
     def pypi(self) -> str:
         """Name on PyPI."""
-        return WHEEL if self.module in (*OF_DEBIAN, "mpi4py") else self.module
+        return WHEEL if self.module in (*REAL_PACKAGES, "mpi4py") else self.module
 
 
 #: Packages in the name of whose Debian package is that of the real numbers, the wheel of these for
 #: Linux on PyPI, and names on conda-forge that differ from the module.
-OF_DEBIAN = ("dolfinx", "petsc4py", "slepc4py")
+REAL_PACKAGES = ("dolfinx", "petsc4py", "slepc4py")
 WHEEL = "dolfinx-solver-real"
 CONDA = {
     "gmsh": "python-gmsh",

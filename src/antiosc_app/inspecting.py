@@ -15,7 +15,7 @@ from antiosc.base._types import BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.texts import rounded_up
 from antiosc_app import guessed
-from antiosc_app.foreign import STEEL, Read, foreign_part, is_deck, way_of_piece
+from antiosc_app.foreign import STEEL, Read, foreign_part, is_deck, reading_of_piece
 from antiosc_app.guessed import Place
 from antiosc_app.inspection import DIMENSIONS, Inspection, rounded_to
 from antiosc_app.scene_file.compiled import FIRST_COUNT
@@ -62,7 +62,7 @@ def inspect_part(
     else:
         first = whole or foreign_part(path, *options)
         _require_piece(path, piece, first.pieces)
-        part = foreign_part(path, *options, alone=way_of_piece(first.read, piece))
+        part = foreign_part(path, *options, alone=reading_of_piece(first.read, piece))
         part = replace(part, pieces=first.pieces)
 
     with progress.doing("looking for a place that is struck"):

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 #: What is kept, and how many of it: a model of 77 000 dofs has 85 MB with its shapes, and Undo
 #: finds it again.
-MOST = {
+KEPT_RESULTS = {
     **{"read_mesh": 4, "Structure": 2, "read_model": 2, "Structure.from_files": 2, "assemble": 2},
     **{"extract": 8, "from_frf": 2},
 }
@@ -56,7 +56,9 @@ class Kept:
 
     def __init__(self, structure: Structure | None = None) -> None:
         self._given = structure
-        self.results: dict[str, ResultCache[object]] = {n: ResultCache(m) for n, m in MOST.items()}
+        self.results: dict[str, ResultCache[object]] = {
+            n: ResultCache(m) for n, m in KEPT_RESULTS.items()
+        }
 
     def evaluation(self, document: Document) -> KeepingEvaluation:
         """An evaluation of a document's calls that uses this cache."""

@@ -37,13 +37,13 @@ MOST_FIELDS = (12, 8)
 #: Error of these fields over the largest value.
 FIELD_ERROR = 0.01
 #: Number of times of the run from which the fields are chosen.
-TIMES = 120
+SAMPLED_TIMES = 120
 #: A point is held if its displacement is below this share of the largest in all shapes.
 HELD_RATIO = 1e-12
 #: Largest integer of coordinates and fields.
-STEPS = 32767
+LARGEST_INTEGER = 32767
 #: Half-width of a drawn beam over the size of the part.
-BEAM = 0.012
+BEAM_HALF_WIDTH = 0.012
 
 
 def of_structure(structure: Structure, hit: History) -> Data | None:
@@ -59,13 +59,13 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     except AntioscError:  # without shapes, elements or outline there is nothing to turn
         return None
     skin, displacements, stress = structure.comm.bcast((skin, displacements, stress), root=0)
-    page, used_nodes = drawn(skin)
+    page, used_nodes = drawn_surface(skin)
     node = skin.node[used_nodes]
     displacements = displacements[node]
-    times = np.linspace(0.0, float(hit.run.time[-1]), TIMES)
+    times = np.linspace(0.0, float(hit.run.time[-1]), SAMPLED_TIMES)
     x = _coordinates(hit, times)
-    to_shapes = _by_coordinates(hit)
-    page["held"] = _held(displacements).astype(np.uint8)
+    to_shapes = _shape_factors(hit)
+    page["held"] = _held_points(displacements).astype(np.uint8)
     motion = displacements @ to_shapes
     page["motion"] = fields(motion, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1))
     if stress is not None:
@@ -77,14 +77,14 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
 def geometry(points: Array, faces: IntArray) -> Data:
     """Points (P, 3) [m] and faces for the page.
 
-    Coordinates are `middle` + `half` * integer / STEPS [m].
+    Coordinates are `middle` + `half` * integer / LARGEST_INTEGER [m].
     """
     low = points.min(axis=0)
     high = points.max(axis=0)
     middle = (low + high) / 2
     half = float((high - low).max() / 2) or 1.0
     return {
-        "points": np.round((points - middle) / half * STEPS).astype(np.int16),
+        "points": np.round((points - middle) / half * LARGEST_INTEGER).astype(np.int16),
         "faces": faces.astype(np.uint32),
         "middle": middle.tolist(),
         "half": half,
@@ -99,7 +99,7 @@ class PageSurface(NamedTuple):
     node: IntArray
 
 
-def drawn(skin: PageSurface) -> tuple[Data, IntArray]:
+def drawn_surface(skin: PageSurface) -> tuple[Data, IntArray]:
     """(`geometry` of a surface without unused points, numbers of the points that it has)."""
     used_points, faces = np.unique(skin.faces, return_inverse=True)
     return geometry(skin.points[used_points], faces.reshape(-1, 3)), used_points
@@ -137,7 +137,7 @@ def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
     first = np.cross(edges, other)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(edges, first) / np.linalg.norm(edges, axis=1, keepdims=True)
-    width = BEAM * float(np.ptp(points, axis=0).max())
+    width = BEAM_HALF_WIDTH * float(np.ptp(points, axis=0).max())
     around = [first + second, second - first, -first - second, first - second]
     corners = width * np.stack(around, axis=1)
     ends = [points[lines[:, k]][:, None] + corners for k in (0, 1)]
@@ -199,7 +199,7 @@ def _coordinates(hit: History, times: Array) -> Array:
     return np.column_stack([q, hit.force_at(times), *pairs])
 
 
-def _by_coordinates(hit: History) -> Array:
+def _shape_factors(hit: History) -> Array:
     """Matrix that maps the coordinates of `_coordinates` to amplitudes of the model's shapes."""
     _, body = hit.of("structure")
     size = body.omega.size
@@ -210,7 +210,7 @@ def _by_coordinates(hit: History) -> Array:
     return block_diag(factors, np.eye(count))
 
 
-def _held(displacements: Array) -> BoolArray:
+def _held_points(displacements: Array) -> BoolArray:
     """Mask (P,) of the points that are held.
 
     A component of their `displacements` (P, 3, columns) is 0 in all columns, and not elsewhere.
@@ -246,8 +246,8 @@ def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -
     scale = np.abs(basis).max(axis=1)
     scale[scale == 0] = 1.0
     return {
-        "fields": np.round(basis / scale[:, None] * STEPS).astype(np.int16).ravel(),
-        "scale": scale / STEPS,
+        "fields": np.round(basis / scale[:, None] * LARGEST_INTEGER).astype(np.int16).ravel(),
+        "scale": scale / LARGEST_INTEGER,
         "factors": (vectors[:, :count_kept] / weights[:, None]).T.ravel(),
         "largest": largest,
     }
@@ -263,8 +263,15 @@ MOST_SITES = 5000
 #: The part is drawn behind a map if its area exceeds this times the map's.
 LARGER_AREA = 1.02
 #: Quantities of a map on the page; those that it does not recompute.
-SHOWN = ("peak_force", "contact_time", "peak_deflection", "peak_stress", "exposure", "k0")
-COMPUTED = ("peak_deflection", "peak_stress", "exposure")
+SHOWN_QUANTITIES = (
+    "peak_force",
+    "contact_time",
+    "peak_deflection",
+    "peak_stress",
+    "exposure",
+    "k0",
+)
+FIXED_QUANTITIES = ("peak_deflection", "peak_stress", "exposure")
 
 
 def sites_of_map(
@@ -297,7 +304,7 @@ def sites_of_map(
         local = np.zeros(len(impact_map))
 
     known = impact_map.quantities()
-    shown = [name for name in SHOWN if name in known]
+    shown = [name for name in SHOWN_QUANTITIES if name in known]
     is_surface = impact_map.elements.shape[1] == 3
     faces = impact_map.elements if is_surface else np.zeros((0, 3), dtype=int)
     sites: Data = {
@@ -314,7 +321,9 @@ def sites_of_map(
         "radii": np.zeros(0) if impact_map.radius is None else impact_map.radius,
         "first": hardest(impact_map),
         "doubtful": impact_map.doubtful.tolist(),
-        "names": {n: MAP_QUANTITIES[n][0] + " (computed case)" * (n in COMPUTED) for n in shown},
+        "names": {
+            n: MAP_QUANTITIES[n][0] + " (computed case)" * (n in FIXED_QUANTITIES) for n in shown
+        },
         "units": {name: MAP_QUANTITIES[name][1] for name in shown},
         "quantities": {n: known[n] for n in (*shown, "impulse", "restitution") if n in known},
     }
@@ -348,7 +357,7 @@ def _skin(structure: Structure, mapped: float) -> Data | None:
         return None
     if _area(skin.points, skin.faces) < LARGER_AREA * mapped:
         return None
-    return drawn(skin)[0]
+    return drawn_surface(skin)[0]
 
 
 def _area(points: Array, faces: IntArray) -> float:

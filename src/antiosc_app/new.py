@@ -23,9 +23,9 @@ from antiosc_app.scene_file.compiled import FIRST_COUNT
 from antiosc_app.scene_file.document import listed
 
 #: Number of impacts of the fall.
-IMPACTS = 3
+MOST_IMPACTS = 3
 #: Options of reading that a scene has, and None for those that it does not need.
-READ = (
+READING_KEYS = (
     *("unit", "size", "gdim", "density", "modulus", "piece", "contact", "fragments", "solid"),
     *("cells", "order", "free", "merge"),
 )
@@ -66,11 +66,11 @@ def write_scene(
             "its orientation with the name in [material]."
         )
     target = checks.new_file("the scene file", path)
-    _absent(target)
+    _require_absent(target)
     sentences: list[str] = []
     source = target.with_suffix(".geo") if part is None else Path(part)
     if part is None:
-        _absent(source)
+        _require_absent(source)
         files.write_text(source, PLATE, "the geometry")
         sentences.append(f"{source} is a plate to begin with; put your own part in its place.")
     else:
@@ -91,13 +91,13 @@ def write_scene(
     flat = None if look.flat is None or look.of_deck else (metal.E, metal.nu)
     look = replace(look, material=metal.name, asked=material is not None, flat=flat or look.flat)
 
-    _absent(target)
+    _require_absent(target)
     files.write_text(target, text(target.name, relative, look, drop), "the scene file")
     picture = _picture(target.with_suffix(".png"), look, drop)
     return target, [*sentences, *look.sentences(source.name, drop), picture]
 
 
-def _absent(target: Path) -> None:
+def _require_absent(target: Path) -> None:
     """Raise InputError if a file exists."""
     if os.path.lexists(target):  # `exists` raises for a name that no system takes
         raise InputError(
@@ -115,7 +115,7 @@ def text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
         deck=look.of_deck,
         closed=Path(source).suffix.lower() == ".stl",
         look=look,
-        read=dict.fromkeys(READ) | look.read,
+        read=dict.fromkeys(READING_KEYS) | look.read,
         family=look.family,
         fewest=FIRST_COUNT,
         material=look.material,
@@ -128,7 +128,7 @@ def text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
         fall={
             "height": inspection.FALL_HEIGHT,
             "tilt": list(inspection.TILT),
-            "until": IMPACTS,
+            "until": MOST_IMPACTS,
             "friction": inspection.FRICTION,
             "floor": inspection.FLOOR_MATERIAL,
         },

@@ -21,7 +21,16 @@ from antiosc.base.texts import capitalised, engineering
 from antiosc.models.body import info_of
 from antiosc_app import cards, falls, live, live_data, report, results
 from antiosc_app.cards import MOST_CAUTIONS
-from antiosc_app.edited import FLOORS, HAMMERS, MATERIALS, OWN, STRENGTHS, EditedScene, Table, toml
+from antiosc_app.edited import (
+    FLOORS,
+    HAMMERS,
+    MATERIALS,
+    MATERIALS_THAT_YIELD,
+    OWN_MATERIAL,
+    EditedScene,
+    Table,
+    toml,
+)
 from antiosc_app.headline import largest_stress
 from antiosc_app.inspecting import inspect_part, inspect_structure
 from antiosc_app.inspection import CONTACT_TEXTS, Inspection
@@ -41,9 +50,9 @@ if TYPE_CHECKING:
     from antiosc_app.skin import PageSkin
 
 #: Rank that stands for all pieces joined, and its words.
-JOINED, ALL = 0, "all joined"
+JOINED, JOINED_TEXT = 0, "all joined"
 #: What another page is told once a piece was opened.
-ANOTHER = "another piece of the file was opened meanwhile: load this page again."
+PIECE_CHANGED = "another piece of the file was opened meanwhile: load this page again."
 #: Most sites of a map, unless the page asks for another number.
 MOST_SITES = 200
 
@@ -90,14 +99,14 @@ class Opened:
     def calls(self) -> dict[str, Callable[[Table], object]]:
         """Name of a call of the page -> the function that answers it."""
         steps: dict[str, Callable[[Table], Data]] = {
-            **{"settle": self._settle, "show": self._show, "map": self._map},
+            **{"settle": self._force_with_bars, "show": self._all_results, "map": self._map},
             "write": self._write,
         }
         answers = {name: self._step(step) for name, step in steps.items()}
         return {
             **answers,
-            "look": lambda _: self._worker.compute(self._looked),
-            "take": lambda values: self._worker.compute(lambda: self._take(values)),
+            "look": lambda _: self._worker.compute(self._part_and_scene),
+            "take": lambda values: self._worker.compute(lambda: self._take_piece(values)),
             "edit": self._edit,
             "stop": lambda _: {"turn": self._worker.next_turn()},
             "names": lambda _: {"folder": self._folder, "names": _free_names(self._path)},
@@ -113,16 +122,16 @@ class Opened:
 
         def call(values: Table) -> Data:
             turn = checks.whole("turn", values.get("turn"), least=0)
-            return self._worker.compute(lambda: in_words(lambda: step(values)), turn)
+            return self._worker.compute(lambda: without_lines(lambda: step(values)), turn)
 
         return call
 
     # -- the part
 
-    def _looked(self) -> Data:
+    def _part_and_scene(self) -> Data:
         """Data of the part, which is opened if it is not yet, and of the scene as it is now."""
         if not self._first:
-            self._first = self._opened()
+            self._first = self._open()
         return {**self._first, **self._edited.told(), "turn": self._worker.turn}
 
     @property
@@ -132,7 +141,7 @@ class Opened:
             raise InputError("the part is not open yet.")
         return self._scene
 
-    def _opened(self) -> Data:
+    def _open(self) -> Data:
         """Read the part, begin its scene, and return the data that the page needs of both."""
         from antiosc_app.skin import places
 
@@ -148,18 +157,18 @@ class Opened:
             "piece": look.read.get("piece", JOINED),
             "contact": look.read.get("contact", ""),
             "contacts": CONTACT_TEXTS if "contact" in look.read else {},
-            "told": _told_of_file(look, own),
+            "told": _file_sentences(look, own),
             "skin": shape,
             "faces": list(faces),
             "places": places(shape, list(faces)),
-            "materials": [] if look.of_deck else [*MATERIALS, OWN],
-            "striker_materials": [*MATERIALS, OWN],
+            "materials": [] if look.of_deck else [*MATERIALS, OWN_MATERIAL],
+            "striker_materials": [*MATERIALS, OWN_MATERIAL],
             "hammers": HAMMERS,
             "floors": FLOORS,
             "family": look.family,
             "of_deck": look.of_deck and not own,
             "refines": look.meshed or not own,
-            "strengths": STRENGTHS if look.of_deck and not own else [],
+            "strengths": MATERIALS_THAT_YIELD if look.of_deck and not own else [],
             "saves": not own,
             "engine": live.engine(),
         }
@@ -176,7 +185,7 @@ class Opened:
         more: Table = {"piece": piece, "contact": contact, "whole": self._whole}
         return inspect_part(self._path, **more, **self._options)
 
-    def _take(self, values: Table) -> Data:
+    def _take_piece(self, values: Table) -> Data:
         """Open another `piece` of the part (0: all joined), or its deck with another `contact`.
 
         After an error the part before stays open.
@@ -191,7 +200,7 @@ class Opened:
                 raise InputError(f"the pieces of {self._path.name} are not joined.")
             self._choice = {**self._choice, "piece": piece}
         try:
-            self._first = self._opened()
+            self._first = self._open()
         except BaseException:
             vars(self).update(before)
             raise
@@ -200,7 +209,9 @@ class Opened:
 
     def _pieces(self, look: Inspection) -> list[tuple[int, str]]:
         """(rank, text) of each piece of the part, and of all joined if they can be."""
-        joined = [] if self._whole is None or "piece" in self._whole.read else [(JOINED, ALL)]
+        joined = (
+            [] if self._whole is None or "piece" in self._whole.read else [(JOINED, JOINED_TEXT)]
+        )
         told = [(rank, _piece_text(rank, piece)) for rank, piece in enumerate(look.pieces, 1)]
         return [*joined, *told] if told else []
 
@@ -209,13 +220,13 @@ class Opened:
     def _edit(self, values: Table) -> Data:
         """Change the scene, or undo a change; returns the new scene and its turn."""
         if values.get("opening", self._opening) != self._opening:
-            raise InputError(ANOTHER)
+            raise InputError(PIECE_CHANGED)
         changes = {name: value for name, value in values.items() if name != "opening"}
         if changes == {"undo": True}:
             self._edited.undo()
         else:
             stressed, cells = self._worst_cells() if "finer" in changes else ((), 0.0)
-            in_words(lambda: self._edited.change(changes, stressed, cells))
+            without_lines(lambda: self._edited.change(changes, stressed, cells))
         return {**self._edited.told(), "turn": self._worker.next_turn()}
 
     def _worst_cells(self) -> tuple[list[float], float]:
@@ -257,12 +268,12 @@ class Opened:
 
     # -- the steps of an answer
 
-    def _settle(self, _: Table) -> Data:
+    def _force_with_bars(self, _: Table) -> Data:
         """Compute the force with its error bars; {} for a fall, which has no such step."""
         made = self._run(whole=False).results
-        return {} if made.history is None else self._told_of_hit(made)
+        return {} if made.history is None else self._impact_data(made)
 
-    def _show(self, _: Table) -> Data:
+    def _all_results(self, _: Table) -> Data:
         """Compute all that `antiosc run` prints, and motion and stress for the picture."""
         made = self._run(whole=True).results
         if made.history is None:
@@ -270,12 +281,12 @@ class Opened:
             return told
         from antiosc_app import live_meshes
 
-        told = self._told_of_hit(made)
+        told = self._impact_data(made)
         told["part"] = live_meshes.of_structure(made.structure, made.history)
         told |= largest_stress(made.stresses or {})
         return told
 
-    def _told_of_hit(self, made: run.SceneResults) -> Data:
+    def _impact_data(self, made: run.SceneResults) -> Data:
         """The data of an impact for the page."""
         hit = made.history
         blow = live.blow_of_history(hit, run.error_budget(hit))
@@ -353,7 +364,7 @@ def first_scene(
     return EditedScene(path, look, shown.faces, shown.held), shown
 
 
-def in_words(work: Callable[[], Any]) -> Any:
+def without_lines(work: Callable[[], Any]) -> Any:
     """The result of `work`; mistakes of the scene are raised without file name and line."""
     try:
         return work()
@@ -382,7 +393,7 @@ def _piece_text(rank: int, piece: Piece) -> str:
     return f"{rank}: {size} mm{f', {piece.name}' if piece.name else ''}"
 
 
-def _told_of_file(look: Inspection, own: bool) -> list[str]:
+def _file_sentences(look: Inspection, own: bool) -> list[str]:
     """Sentences on the part: size, mass, unit, and decisions made while its file was read.
 
     `own`: whether the caller gave a structure in place of a file.

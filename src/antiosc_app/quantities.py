@@ -26,11 +26,11 @@ Quantity: TypeAlias = dict[str, Any]
 Sides: TypeAlias = tuple[float, float]
 #: Why numbers have no bar.
 NOT_ESTIMATED = 'extract with error = "estimate"'
-OF_SCENE = "a scene of several contacts has no error bars"
-OF_FALL = "only the force of a fall has a bar, by its law, and its stress"
-OF_MAP = "a map has no error bars, an impact at this site alone has them"
+NO_BAR_OF_SCENE = "a scene of several contacts has no error bars"
+NO_BAR_OF_FALL = "only the force of a fall has a bar, by its law, and its stress"
+NO_BAR_OF_MAP = "a map has no error bars, an impact at this site alone has them"
 #: What narrows a bar by a cause that no single impact has.
-NARROWED = REMEDIES | {"force": "narrow the bar of the peak force", "number": "run more (n)"}
+REMEDY_OF_CAUSE = REMEDIES | {"force": "narrow the bar of the peak force", "number": "run more (n)"}
 #: Most impacts of a sweep that are told.
 MOST_ROWS = 50
 
@@ -48,7 +48,7 @@ def quantity(
     `causes`: cause -> its share of the bar, below and above; `more`: further keys.
     """
     told = [
-        {"cause": cause, "below": below, "above": above, "narrowed_by": NARROWED[cause]}
+        {"cause": cause, "below": below, "above": above, "narrowed_by": REMEDY_OF_CAUSE[cause]}
         for cause, (below, above) in (causes or {}).items()
     ]
     ends = f"none: {bar}" if isinstance(bar, str) else [value - bar[0], value + bar[1]]
@@ -72,7 +72,7 @@ def _of_history(results: SceneResults) -> Iterator[Quantity]:
     if isinstance(hit, SceneHistory):
         for contact, (name, unit) in product(hit.assembly.scene.contacts, QUANTITIES.items()):
             value = float(getattr(hit[contact.a, contact.b], name))
-            yield quantity(name, value, unit, OF_SCENE, contact=[contact.a, contact.b])
+            yield quantity(name, value, unit, NO_BAR_OF_SCENE, contact=[contact.a, contact.b])
     else:
         values = {name: (float(getattr(hit, name)), unit) for name, unit in QUANTITIES.items()}
         if hit.site_motion is not None:
@@ -86,7 +86,7 @@ def _of_history(results: SceneResults) -> Iterator[Quantity]:
             yield quantity("dent", dent, "m", "it follows from the law of the contact")
 
     for name, peak in (results.stresses or {}).items():
-        yield _judged(name, peak, peak.worst_point, force_bar(budget))
+        yield _judged_stress(name, peak, peak.worst_point, force_bar(budget))
     for probe in probes_of(results):
         peak = probe.numbers()
         error = None if peak["error"] is None else peak["error"] * abs(peak["value"])
@@ -108,7 +108,7 @@ def _budgeted(budget: ErrorBudget | None, name: str, value: float, unit: str) ->
     return quantity(name, value, unit, sides, causes, condition=budget.condition.strip())
 
 
-def _judged(name: str, peak: Any, margin: Any, force: float | None) -> Quantity:
+def _judged_stress(name: str, peak: Any, margin: Any, force: float | None) -> Quantity:
     """The judged value of the stress field `peak`, with its bar by mesh and force.
 
     `margin`: its worst point, or None; `force`: relative error of the force, or None.
@@ -137,13 +137,13 @@ def _of_fall(results: SceneResults) -> Iterator[Quantity]:
         impact = fall.impacts[fall.hardest]
         error = None if impact.law_error is None else impact.law_error * impact.peak_force
         law = {} if error is None else {"law": (error, error)}
-        yield quantity("peak_force", impact.peak_force, "N", law.get("law", OF_FALL), law)
+        yield quantity("peak_force", impact.peak_force, "N", law.get("law", NO_BAR_OF_FALL), law)
         shocks = {"shock": max(one.g for one in fall.shocks)}
         shocks |= {name: peak.g for name, peak in (results.peaks or {}).items()}
         for name, g in shocks.items():
-            yield quantity(name, g, "g", OF_FALL)
+            yield quantity(name, g, "g", NO_BAR_OF_FALL)
         if worst is not None and worst.exposure is not None:
-            yield _judged(worst.quantity, worst, worst.margin(), bar_of_fall(fall, worst))
+            yield _judged_stress(worst.quantity, worst, worst.margin(), bar_of_fall(fall, worst))
 
 
 def _of_sample(results: SceneResults) -> Iterator[Quantity]:
@@ -176,7 +176,7 @@ def _of_map(results: SceneResults) -> Iterator[Quantity]:
         site = hardest(results.map, values=values)
         place = {"point": results.map.points[site].tolist(), "at": "the largest"}
         unit = MAP_QUANTITIES.get(name, ("", ""))[1] or "1"
-        yield quantity(name, float(values[site]), unit, OF_MAP, **place)
+        yield quantity(name, float(values[site]), unit, NO_BAR_OF_MAP, **place)
 
 
 def _of_tradeoff(results: SceneResults) -> Iterator[Quantity]:

@@ -35,13 +35,13 @@ LARGEST_BODY = 65_536
 #: Largest headers of a call [bytes].
 LARGEST_HEADERS = 16_384
 #: Time limit [s] for each piece of a request to arrive.
-PATIENCE = 10.0
+TIMEOUT = 10.0
 #: Interval [s] at which the server checks whether it is closed.
 POLL = 0.1
 #: Deepest nesting of a call's values.
 DEEPEST = 8
 #: Headers of every answer.
-ALWAYS = {
+COMMON_HEADERS = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
@@ -101,7 +101,7 @@ class _Request(BaseHTTPRequestHandler):
     """One request on a connection, which is closed after it."""
 
     server: Server
-    timeout = PATIENCE
+    timeout = TIMEOUT
     server_version = "antiosc"
     sys_version = ""
 
@@ -122,7 +122,7 @@ class _Request(BaseHTTPRequestHandler):
             content = f"{error}\n".encode()
             status = error.status
         self.send_response(status)
-        for name, value in {**ALWAYS, "Content-Security-Policy": self._policy()}.items():
+        for name, value in {**COMMON_HEADERS, "Content-Security-Policy": self._policy()}.items():
             self.send_header(name, value)
         self.send_header("Content-Type", f"{kind}; charset=utf-8")
         self.send_header("Content-Length", str(len(content)))

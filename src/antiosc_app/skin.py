@@ -15,7 +15,7 @@ from antiosc.io.neutral import SIDES
 from antiosc_app.guessed import ON_PLANE, sides_of
 from antiosc_app.inspection import Inspection
 from antiosc_app.live import Data
-from antiosc_app.live_meshes import STEPS, drawn, geometry, surface
+from antiosc_app.live_meshes import LARGEST_INTEGER, drawn_surface, geometry, surface
 
 #: What the sides along z are called besides.
 SIDE_WORDS = {"-z": ", below", "+z": ", on top"}
@@ -42,7 +42,7 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     if len(members) > 1 or mesh.tdim == 1:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
         page_surface = surface(points, cells)
-        shape, _ = drawn(page_surface)
+        shape, _ = drawn_surface(page_surface)
         shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
         all_faces, held_first = (
             ({}, []) if look.of_deck else _with_guessed_support(_groups(mesh), look)
@@ -100,7 +100,7 @@ def places(shape: Data, names: Sequence[str]) -> dict[str, str]:
     `shape`: the data of the skin; `names`: those of its faces, in order.
     """
     size = 1e3 * shape["half"]
-    step = size / STEPS
+    step = size / LARGEST_INTEGER
     corners = shape["points"].reshape(-1, 3) * step + 1e3 * np.array(shape["middle"])
     told = {}
     for name, triangles in zip(names, shape["sets"], strict=True):

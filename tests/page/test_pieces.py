@@ -9,7 +9,7 @@ import pytest
 
 from antiosc.base.errors import InputError
 from antiosc_app.cli import main
-from antiosc_app.opened import ALL, ANOTHER, Opened
+from antiosc_app.opened import JOINED_TEXT, PIECE_CHANGED, Opened
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
 #: Sides [mm] of two boxes, and the distance between them.
@@ -89,7 +89,7 @@ def test_each_piece_is_opened_by_its_rank_with_its_own_scene(apart):
     apart.calls["write"]({**asked, "agreed": names})
     scene = tomllib.loads(apart._path.with_name(names[0]).read_text())
     assert scene.get("deck", scene.get("geometry"))["piece"] == 2
-    with pytest.raises(InputError, match=ANOTHER):  # a page with the piece before
+    with pytest.raises(InputError, match=PIECE_CHANGED):  # a page with the piece before
         apart.calls["edit"]({"undo": True, "opening": first["opening"]})
 
 
@@ -99,7 +99,7 @@ def test_pieces_that_are_joined_are_opened_alone_and_joined_again(tmp_path):
     one = Opened(tmp_path / "two.step")
     try:
         first = one.calls["look"]({})
-        assert first["pieces"][0] == (0, ALL)
+        assert first["pieces"][0] == (0, JOINED_TEXT)
         sides = {}
         for piece in (2, 0):
             one.calls["take"]({"piece": piece})

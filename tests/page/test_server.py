@@ -35,7 +35,7 @@ def answered(values):
 
 @pytest.fixture
 def served(monkeypatch):
-    monkeypatch.setattr(server, "PATIENCE", 1.0)
+    monkeypatch.setattr(server, "TIMEOUT", 1.0)
     monkeypatch.setattr(server._Request, "timeout", 1.0)
     one = Server(("<title>part</title>", "default-src 'none'"), {"blow": answered}, {})
     one.start()

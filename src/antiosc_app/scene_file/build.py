@@ -26,7 +26,7 @@ from antiosc_app.scene_file.document import (
 from antiosc_app.scene_file.schema import KIND, Form, Parameter, SceneSection, parameters, resolved
 
 #: Section -> what its call computes, in words for who waits.
-DOING = {
+PROGRESS_TEXTS = {
     "geometry": "reading the mesh",
     "deck": "reading the deck",
     "material": "assembling the part",
@@ -63,7 +63,7 @@ class Call:
         """What the call computes, as text for a display of progress."""
         if not self.place:
             return "evaluating the result"
-        return DOING.get(str(self.place[0]), f"computing [{label(self.place)}]")
+        return PROGRESS_TEXTS.get(str(self.place[0]), f"computing [{label(self.place)}]")
 
     def refused(self, error: Exception) -> tuple[Place, str]:
         """(place, sentence) of an error that this call raised; the place is that of the argument
@@ -257,7 +257,7 @@ class Builder:
             return None
         call = Call(resolved(function), arguments, place)
         if schema.only_checks(function):
-            return self._tried(call)
+            return self._made_now(call)
         return call
 
     def _function(self, kinds: Sequence[str], table: Table, place: Place) -> str:
@@ -316,7 +316,7 @@ class Builder:
         keys = f"It takes {listed(known)}." if known else "It takes no keys."
         self._wrong(key_place, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
 
-    def _tried(self, call: Call) -> Call | None:
+    def _made_now(self, call: Call) -> Call | None:
         """The call with its result, if no argument waits for the run; None after an error, which
         is noted.
         """

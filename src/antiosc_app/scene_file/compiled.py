@@ -27,17 +27,17 @@ from antiosc_app.scene_file.scene import (
 )
 from antiosc_app.scene_file.schema import SECTIONS, SOURCES, headed
 
-_MANY = "contacts bodies run"
-_ONE = "simulate strike"
-_SEVERAL = f"{_MANY} loads base motion scene"
+_OF_SCENE = "contacts bodies run"
+_OF_IMPACT = "simulate strike"
+_SEVERAL = f"{_OF_SCENE} loads base motion scene"
 _REDUCED = "sites extract probes sweep map stress"
-_KEEP = "keep one of the two"
+_KEEP_ONE = "keep one of the two"
 #: Sections, others of which each of them needs one, and what to do without.
 NEEDS: tuple[tuple[str, ...], ...] = (
     ("joints at points assembly", "parts"),
     ("from_frf", "frf"),
     ("sites", f"{MESHED} matrices"),
-    ("scene loads base motion", _MANY),
+    ("scene loads base motion", _OF_SCENE),
     ("accelerometers worst", "drop"),
     ("drop", f"{MESHED} matrices frf"),
     ("sensors", "find"),
@@ -49,7 +49,7 @@ NEEDS: tuple[tuple[str, ...], ...] = (
         "the surface of a mesh follows from its own material and curvature: leave it out there",
     ),
     ("probes", f"{MESHED} matrices"),
-    ("probes stress", f"{_ONE} run"),
+    ("probes stress", f"{_OF_IMPACT} run"),
     *(("sweep monte_carlo", section) for section in ("impactor", "simulate")),
 )
 #: Sections, others beside which they have no place, and what to do.
@@ -62,9 +62,9 @@ EXCLUDES = (
     ("prestress", "parts", "an assembly carries no load: join the meshes to one part"),
     ("prestress", "drop", "leave it out"),
     ("supports", "drop", "a part that is dropped is free: leave it out"),
-    ("simulate extract", "strike", _KEEP),
-    (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "drop", _KEEP),
-    (f"{_ONE} {_SEVERAL} {_REDUCED} drop", "find", _KEEP),
+    ("simulate extract", "strike", _KEEP_ONE),
+    (f"impactor contact {_OF_IMPACT} {_SEVERAL} {_REDUCED}", "drop", _KEEP_ONE),
+    (f"{_OF_IMPACT} {_SEVERAL} {_REDUCED} drop", "find", _KEEP_ONE),
 )
 
 
@@ -84,20 +84,20 @@ def _check_together(build: Builder) -> None:
     sources = [name for name in SOURCES if name in sections]
     if len(sources) > 1:
         section_names = f"[{sources[0]}] and [{sources[1]}]"
-        build.note((sources[1],), f"{section_names} both say what is struck; {_KEEP}.")
+        build.note((sources[1],), f"{section_names} both say what is struck; {_KEEP_ONE}.")
     if not sources and not build.data.get("bodies"):
         names = ", ".join(f"[{name}]" for name in SOURCES)
         build.note((), f"the scene does not say what is struck: give one of {names}.")
-    singles = [n for n in ("impactor", "contact", *_ONE.split()) if n in sections]
-    scenes = [n for n in _MANY.split() if n in sections]
+    singles = [n for n in ("impactor", "contact", *_OF_IMPACT.split()) if n in sections]
+    scenes = [n for n in _OF_SCENE.split() if n in sections]
     if singles and scenes:
         sentence = (
             f"[{singles[0]}] describes one impact and [{scenes[0]}] a scene of several contacts"
         )
-        build.note((scenes[0],), f"{sentence}; {_KEEP}.")
+        build.note((scenes[0],), f"{sentence}; {_KEEP_ONE}.")
     if "ensemble" in build.part("drop"):
         for name in sections.intersection(("accelerometers", "worst")):
-            build.note((name,), f"[{name}] is of one fall; [drop] has an ensemble: {_KEEP}.")
+            build.note((name,), f"[{name}] is of one fall; [drop] has an ensemble: {_KEEP_ONE}.")
 
 
 def _one_of(names: str) -> str:
@@ -110,7 +110,7 @@ def _one_of(names: str) -> str:
 
 def compiled(document: Document) -> CompiledScene:
     """Compile a document, with first values for "auto"; SceneFileError lists its mistakes."""
-    document = started(document)
+    document = with_first_values(document)
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)
     _check_together(build)
@@ -119,9 +119,9 @@ def compiled(document: Document) -> CompiledScene:
     scene.model = model(build, scene.structure)
     if "find" in build.data:
         search(build, scene)
-    elif set(_MANY.split()) & set(build.data):
+    elif set(_OF_SCENE.split()) & set(build.data):
         several(build, scene)
-    elif {"impactor", "contact", *_ONE.split()} & set(build.data):
+    elif {"impactor", "contact", *_OF_IMPACT.split()} & set(build.data):
         scene.impactor, scene.contact = pair(build)
         single(build, scene)
     set_requested(build, scene)
@@ -140,7 +140,7 @@ def compiled(document: Document) -> CompiledScene:
     if scene.batch is not None:
         known = {"batch": scene.batch, "arguments": scene.batch.arguments}
         scene.facts = Call(run.budgets_of_rows, known)
-    scene.map = run.surface(build, scene)
+    scene.map = run.map_call(build, scene)
     scene.sample = run.monte_carlo(build, scene)
     sweeps = scene.batch is not None and scene.stresses is not None
     if scene.sample is not None or sweeps:
@@ -155,7 +155,7 @@ def compiled(document: Document) -> CompiledScene:
 # -- values that are "auto": radius of the patch, number of anti-oscillators, duration
 
 #: Sections of an impact at one site; `strike` gives the patch of a solid a radius by itself.
-STRUCK = ("simulate", "strike")
+IMPACT_SECTIONS = ("simulate", "strike")
 #: First number of anti-oscillators, and first duration [s]: those of `antiosc.strikes.defaults`.
 FIRST_COUNT, FIRST_DURATION = 20, 1e-3
 
@@ -171,9 +171,9 @@ class Choice(NamedTuple):
     expansion: float | None = None
 
 
-def started(document: Document) -> Document:
+def with_first_values(document: Document) -> Document:
     """The document with first values in place of "auto", if it is an impact at one site."""
-    if only_site(document) and any(isinstance(document.data.get(s), dict) for s in STRUCK):
+    if only_site(document) and any(isinstance(document.data.get(s), dict) for s in IMPACT_SECTIONS):
         return with_values(document, Choice())
     return document
 

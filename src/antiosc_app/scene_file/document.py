@@ -107,7 +107,7 @@ def read(path: str | os.PathLike[str]) -> Document:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise SceneFileError(_syntax(str(source), text, str(error))) from None
+        raise SceneFileError(_syntax_message(str(source), text, str(error))) from None
     except RecursionError:
         raise SceneFileError(too_deep) from None
     except ValueError as error:
@@ -120,7 +120,7 @@ def checked(source: Path, data: dict[str, Any], text: str) -> Document:
     problems = Problems(str(source), text)
     level: list[tuple[Place, object]] = [((), data)]  # level by level, without recursion
     for _ in range(DEEPEST):
-        level = [inner for place, value in level for inner in _inner(place, value, problems)]
+        level = [inner for place, value in level for inner in _entries(place, value, problems)]
     if any(isinstance(value, dict | list) for _, value in level):
         raise SceneFileError(TOO_DEEP.format(source))
     problems.raise_if_any()
@@ -145,7 +145,7 @@ def _text(source: Path) -> str:
         raise InputError(f"{refused}: {error.strerror}.") from None
 
 
-def _syntax(name: str, text: str, error: str) -> str:
+def _syntax_message(name: str, text: str, error: str) -> str:
     """Message on a syntax error, with the line that tomllib's message `error` states."""
     message, _, position_text = error.rpartition(" (at ")
     words = position_text.rstrip(")").replace(",", "").split()
@@ -156,7 +156,7 @@ def _syntax(name: str, text: str, error: str) -> str:
     )
 
 
-def _inner(place: Place, value: object, problems: Problems) -> Iterator[tuple[Place, object]]:
+def _entries(place: Place, value: object, problems: Problems) -> Iterator[tuple[Place, object]]:
     """Yield (place, value) of the entries of `value`, a table or list at `place`.
 
     Keys and texts with control characters are noted as mistakes.

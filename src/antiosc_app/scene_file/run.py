@@ -112,7 +112,7 @@ MOST_IMPACTS = 100_000
 #: Largest number of structures of a sweep.
 MOST_MODELS = 1000
 #: Arguments of a batch that come from other sections.
-_GIVEN = ("models", "impactors", "contacts")
+_BATCH_ARGUMENTS = ("models", "impactors", "contacts")
 #: Their names for one impact.
 _SINGULAR = {"models": "model", "impactors": "impactor", "contacts": "contact"}
 
@@ -168,7 +168,7 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
         build.note(("sweep",), sentence)
     combinations: list[list[object]] = []
     for place, values in lists.items():
-        limit = MOST_IMPACTS if place[0] in schema.VARIED else MOST_MODELS
+        limit = MOST_IMPACTS if place[0] in schema.SWEPT_SECTIONS else MOST_MODELS
         sweep_place = ("sweep", *place)
         if place[0] not in sections or len(place) < 2:
             sentence = f"[sweep] has lists of {listed(sections)}, as impactor.velocity = [1.0, 2.0]"
@@ -242,9 +242,9 @@ def coarse_cells(hit: History | None) -> str:
 
 def _variable_sections(build: Builder) -> list[str]:
     """The sections that a sweep of this scene may vary."""
-    reduced = source(build) not in schema.MODELS
+    reduced = source(build) not in schema.WITHOUT_STRUCTURE
     structural = (n for n in schema.STRUCTURAL if n in build.data or (n == "extract" and reduced))
-    return [*schema.VARIED, *structural]
+    return [*schema.SWEPT_SECTIONS, *structural]
 
 
 def _batch_keys() -> list[str]:
@@ -263,7 +263,7 @@ def _batch(
     """
     table = build.part("simulate")
     swept = {place[0] for place in lists}
-    stretches = _stretching(build, compiled.structure, compiled.model)
+    stretches = _with_second_order(build, compiled.structure, compiled.model)
     rows: list[tuple[Call | None, ...]] = []
     times: dict[str, list[object]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
     for i in range(count):
@@ -272,7 +272,7 @@ def _batch(
         varied_scene = variant(build, values, origins, build.document.problems)
         # objects that the values do not change are shared
         objects = (compiled.impactor, compiled.contact)
-        part = stretches if swept <= {*schema.VARIED} else _model(varied_scene)
+        part = stretches if swept <= {*schema.SWEPT_SECTIONS} else _model(varied_scene)
         rows.append((part, *(pair(varied_scene) if swept & {"impactor", "contact"} else objects)))
         if times:
             last_scene = zip(("model", "impactor", "contact"), rows[-1], strict=True)
@@ -284,12 +284,15 @@ def _batch(
         ]
     if None in chain(*rows, *times.values()):
         return None
-    columns = {**dict(zip(_GIVEN, map(list, zip(*rows, strict=True)), strict=True)), **times}
+    columns = {
+        **dict(zip(_BATCH_ARGUMENTS, map(list, zip(*rows, strict=True)), strict=True)),
+        **times,
+    }
     fixed_values = {name: value for name, value in table.items() if name not in times}
     return build.call(("simulate_many",), fixed_values, ("simulate",), columns)
 
 
-def _stretching(build: Builder, part: Call | None, model_call: Call | None) -> Call | None:
+def _with_second_order(build: Builder, part: Call | None, model_call: Call | None) -> Call | None:
     """The call `model_call` of the model for many impacts, extended by second-order forces.
 
     It is unchanged if [extract] has the key `stretch`, or [simulate] `step`, `n` or a `method`
@@ -311,7 +314,7 @@ def _stretching(build: Builder, part: Call | None, model_call: Call | None) -> C
 def _model(build: Builder) -> Call | None:
     """The call that makes the model of a varied scene, without shapes, to save memory."""
     part = structure(build)
-    model_call = _stretching(build, part, model(build, part))
+    model_call = _with_second_order(build, part, model(build, part))
 
     def model_without_shapes() -> object:
         reduced = Evaluation(build.document)(model_call)
@@ -341,28 +344,28 @@ def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
         return None
     random = {name: value for name, value in table.items() if isinstance(value, dict)}
     options = {name: value for name, value in table.items() if name not in random}
-    inputs = _inputs(build, random)
+    inputs = _distributions(build, random)
     if not inputs:
         example = 'impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}'
         build.note(("monte_carlo",), f"[monte_carlo] draws nothing, as {example}.")
-    model = _stretching(build, compiled.structure, compiled.model)
+    model = _with_second_order(build, compiled.structure, compiled.model)
     if model is None or compiled.history is None or None in inputs.values():
         return None
 
     names = {label(place): place for place in inputs}
-    run = partial(_run, build, names, compiled.history.arguments["duration"])
+    run = partial(_impact_of_values, build, names, compiled.history.arguments["duration"])
     laws = {label(place): law for place, law in inputs.items()}
     arguments = {"run": Call(run, {"model": model}), "inputs": laws}
     return build.call(schema.SECTIONS["monte_carlo"], options, ("monte_carlo",), arguments)
 
 
-def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
+def _distributions(build: Builder, inputs: Table) -> dict[Place, Call | None]:
     """Place of a random value in the scene -> call of its distribution, None after a mistake."""
     calls: dict[Place, Call | None] = {}
     for place, value in leaves(inputs):
         at: Place = ("monte_carlo", *place)
-        if place[0] not in schema.DRAWN or place[0] not in build.data or len(place) < 2:
-            sections = listed([n for n in schema.DRAWN if n in build.data])
+        if place[0] not in schema.RANDOM_SECTIONS or place[0] not in build.data or len(place) < 2:
+            sections = listed([n for n in schema.RANDOM_SECTIONS if n in build.data])
             build.note(at, f"[monte_carlo] draws values of {sections}; got {label(place)}.")
             continue
         law = calls[place] = build.call(schema.DISTRIBUTIONS.split(), value, at)
@@ -372,7 +375,7 @@ def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
     return calls
 
 
-def _run(
+def _impact_of_values(
     build: Builder, places: Mapping[str, Place], duration: float, model: Any
 ) -> Callable[..., tuple[object, ...]]:
     """The function that `monte_carlo` calls with values by name, such as impactor.velocity.
@@ -398,7 +401,7 @@ def _run(
 # -- [map]
 
 
-def surface(build: Builder, compiled: CompiledScene) -> Call | None:
+def map_call(build: Builder, compiled: CompiledScene) -> Call | None:
     """The call of `impact_map`; None without [map]."""
     arguments: dict[str, object] = {"structure": compiled.structure}
     table = dict(build.part("map"))

@@ -401,7 +401,7 @@ def probe_times(history: History) -> Array:
 
 
 #: Keys of [probes.NAME] that are its place.
-OF_PLACE = ("point", "node", "part", "snap")
+PLACE_KEYS = ("point", "node", "part", "snap")
 
 
 #: The key srs of a probe: whether its spectrum is made, or at which frequencies in Hz it is told.
@@ -410,7 +410,7 @@ SpectrumKey: TypeAlias = bool | float | Sequence[float]
 
 def place_of(probe: Call) -> dict[str, Any]:
     """The arguments of a probe that say where it is."""
-    return {key: probe.arguments[key] for key in OF_PLACE if key in probe.arguments}
+    return {key: probe.arguments[key] for key in PLACE_KEYS if key in probe.arguments}
 
 
 def shock(
@@ -420,10 +420,10 @@ def shock(
 
     `told_at`: its key srs; `quantity` is not used; `asked`: its other arguments.
     """
-    return shock_of(structure, history, _told_at(told_at), **asked)
+    return shock_of(structure, history, _frequencies(told_at), **asked)
 
 
-def _told_at(wanted: SpectrumKey) -> tuple[float, ...]:
+def _frequencies(wanted: SpectrumKey) -> tuple[float, ...]:
     """The frequencies [Hz] in the key srs; () if it is true or false."""
     if isinstance(wanted, bool):
         return ()
@@ -478,10 +478,10 @@ def _set_stress(build: Builder, compiled: CompiledScene, arguments: Table) -> No
     else:
         options = {key: value for key, value in asked.arguments.items() if key not in arguments}
         known = {**arguments, "build": build, "compiled": compiled, "tol": tol, **options}
-        compiled.stresses = Call(_closed, known, ("stress",))
+        compiled.stresses = Call(_fields_to_tolerance, known, ("stress",))
 
 
-def _closed(
+def _fields_to_tolerance(
     build: Builder,
     compiled: CompiledScene,
     structure: Structure,
@@ -545,7 +545,7 @@ def exchanged_call(call: Call, known: Mapping[Call, Call]) -> Call:
 
 def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey) -> None:
     """Note mistakes of the key srs of a probe: wrong quantity, or frequencies out of range."""
-    if not all(0 < frequency < np.inf for frequency in _told_at(wanted)):
+    if not all(0 < frequency < np.inf for frequency in _frequencies(wanted)):
         build.note(
             ("probes", name, "srs"),
             f"[probes.{name}] srs = {wanted}: give finite frequencies above 0 Hz, or true.",

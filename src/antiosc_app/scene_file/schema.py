@@ -122,12 +122,12 @@ WITHHELD = {
     ),
 }
 #: Parameters whose texts are file names, beside those whose annotation says it.
-FILES = ("Structure.from_files.map", "find_impact.signals")
+FILE_PARAMETERS = ("Structure.from_files.map", "find_impact.signals")
 #: Parameters that take an object of a class or its name, beside those whose annotation says it.
-OBJECTS = {"Floor.material": "Solid", "AntiOscillators.with_surface.material": "Solid"}
+OBJECT_PARAMETERS = {"Floor.material": "Solid", "AntiOscillators.with_surface.material": "Solid"}
 #: Functions and classes that only check and store values, or do more than that.
-LIGHT = ("material", "named_impactor", "normal", "lognormal", "uniform")
-HEAVY = ("Structure", "Scene", "AntiOscillators", "Fall")
+CHECKING_FUNCTIONS = ("material", "named_impactor", "normal", "lognormal", "uniform")
+COMPUTING_CLASSES = ("Structure", "Scene", "AntiOscillators", "Fall")
 
 #: (name, value) -> the value, or InputError
 Check = Callable[[str, Any], object]
@@ -144,7 +144,7 @@ class Parameter:
 
 
 #: Function -> keys of its section that only scenes have.
-FURTHER = {"probe": (Parameter("srs", PLAIN, needed=False),)}
+SCENE_KEYS = {"probe": (Parameter("srs", PLAIN, needed=False),)}
 
 
 @functools.cache
@@ -164,15 +164,15 @@ def parameters(function: str) -> Mapping[str, Parameter]:
     ).parameters.items():
         full = f"{function}.{name}"
         form = form_of(parameter.annotation)
-        if full in OBJECTS:
-            form = Form(objects=(resolved(OBJECTS[full]),))
-        if full in FILES:
+        if full in OBJECT_PARAMETERS:
+            form = Form(objects=(resolved(OBJECT_PARAMETERS[full]),))
+        if full in FILE_PARAMETERS:
             form = Form(path=True)
         if form and name not in WITHHELD and parameter.kind is not parameter.VAR_KEYWORD:
             required = parameter.default in (parameter.empty, checks.REQUIRED)
             check = CHECKS.get(full, field_checks.get(name))
             by_name[name] = Parameter(name, form, required, check)
-    return by_name | {parameter.name: parameter for parameter in FURTHER.get(function, ())}
+    return by_name | {parameter.name: parameter for parameter in SCENE_KEYS.get(function, ())}
 
 
 def resolved(function: str) -> Any:
@@ -185,7 +185,9 @@ def resolved(function: str) -> Any:
 def only_checks(function: str) -> bool:
     """Whether a callable only checks and stores values, and is called while a scene is checked."""
     class_name = function.partition(".")[0]
-    return function in LIGHT or (inspect.isclass(resolved(class_name)) and class_name not in HEAVY)
+    return function in CHECKING_FUNCTIONS or (
+        inspect.isclass(resolved(class_name)) and class_name not in COMPUTING_CLASSES
+    )
 
 
 def _choice(name: str) -> Check:
@@ -363,12 +365,12 @@ SECTIONS: dict[str, SceneSection] = {
 #: Sections of which exactly one says what is struck.
 SOURCES = ("geometry", "deck", "matrices", "parts", "model", "frf")
 #: Those that have no structure: their model has its own sites.
-MODELS = ("model", "frf")
+WITHOUT_STRUCTURE = ("model", "frf")
 #: Sections whose values a sweep may vary, and further ones that say what is struck.
-VARIED = ("impactor", "contact", "simulate")
+SWEPT_SECTIONS = ("impactor", "contact", "simulate")
 STRUCTURAL = (
     *("geometry", "deck", "matrices", "parts", "model", "frf", "material", "structure"),
     *("at", "points", "assembly", "sites", "extract", "from_frf", "surface"),
 )
 #: Sections of which [monte_carlo] draws values.
-DRAWN = ("impactor", "contact")
+RANDOM_SECTIONS = ("impactor", "contact")
