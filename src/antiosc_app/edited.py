@@ -233,7 +233,7 @@ class EditedScene:
         self._state.impact["contact"] = {KIND: AUTO}
 
     def _set_material(self, section: str, name: object) -> None:
-        """Change the material of the part or striker; OWN_MATERIAL begins with the former constants."""
+        """Change a material; the user's own one begins with the constants of the former one."""
         _one_of(name, (*MATERIALS, OWN_MATERIAL))
         for table in self._tables(section):
             before = table.get("name" if section == "material" else "material", MATERIALS[0])
