@@ -76,7 +76,7 @@ Named: TypeAlias = dict[str, Any]
 def write_model_file(
     path: str | os.PathLike[str], header: Mapping[str, object], arrays: Arrays
 ) -> None:
-    """Write header and arrays, completely or not at all."""
+    """Write a file of a JSON header and arrays, completely or not at all."""
     try:
         text = json.dumps(header)
     except (TypeError, ValueError, RecursionError) as error:
@@ -93,7 +93,7 @@ def read_model_file(
     expected: str = FORMAT,
     largest: int = _LARGEST,
 ) -> tuple[Named, Arrays]:
-    """(header, arrays) of a file with the arrays `needed`; InputError for any other file."""
+    """(header, arrays) of a model file that has the arrays `needed`; else InputError."""
     source = checks.path("path", path)
     files.check_readable(source, "a model")
     file_text = f"an {expected} file"
@@ -160,7 +160,7 @@ def saved_arguments(path: str | os.PathLike[str]) -> Named:
     header, arrays = read_model_file(path, {"m0", "k0", "omega"})
 
     try:
-        inertia, stretch, recurrence = (_part(arrays, part) for part in _PARTS)
+        inertia, stretch, recurrence = (_arrays_of_part(arrays, part) for part in _PARTS)
         return {
             **{name: arrays.get(name) for name in _ARRAYS},
             "inertia": Inertia(*inertia) if inertia else None,
@@ -178,19 +178,19 @@ def saved_arguments(path: str | os.PathLike[str]) -> Named:
 
 
 def _recurrence(k0: Array, mass: Array, start: Array, H: Array, scalars: Array) -> Recurrence:
-    """The recurrence of a model file."""
+    """The recurrence with arrays of a model file; `scalars`: its n and shift."""
     n, shift = checks.floats("scalars", scalars, (2,)).tolist()
     return Recurrence(k0, mass, start, H, int(n), shift)
 
 
-def _part(arrays: Arrays, part: str) -> list[Any]:
-    """The arrays of the inertia or of the second-order forces; none if the file has none."""
+def _arrays_of_part(arrays: Arrays, part: str) -> list[Any]:
+    """Arrays of the `part` of a model ("inertia", "stretch", …) in a file; [] if it has none."""
     names = (f"{part}.{name}" for name in _PARTS[part])
     return [arrays[name] for name in names if name in arrays]
 
 
 def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:
-    """The error for a file whose values are inconsistent."""
+    """InputError for a model file with inconsistent values."""
     return InputError(
         f"{path} contains no valid model; its numbers are damaged or edited: "
         f"{str(error).rstrip('.')}."
@@ -198,7 +198,7 @@ def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:
 
 
 def _damping(values: Named | None) -> Damping | DampingMatrix | None:
-    """The damping of a model file."""
+    """The damping described in the header of a model file."""
     if values is None:
         return None
 
@@ -208,6 +208,7 @@ def _damping(values: Named | None) -> Damping | DampingMatrix | None:
     size = int(values["n"])
 
     def factor(rows: ArrayLike) -> Array:
+        """A matrix whose rows are stored as lists."""
         return checks.floats("factor", np.reshape(rows, (-1, size)), (None, size))
 
     branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in values["branches"]]
@@ -256,7 +257,11 @@ def reduced_matrices(
     nodes: int | Sequence[int] | None = None,
     dofs: int | str | Sequence[int | str] = 0,
 ) -> ReducedMatrices:
-    """The matrices of k0, m_st (p, p), P (p, N) and omega (N,), as `to_matrices` gives them."""
+    """K and M of a model as `AntiOscillators.to_matrices` gives them, (p + N, p + N).
+
+    `stiffness`, `static_mass` (p, p): k0 and m_st; P (p, N), omega (N,) [rad/s]: constraint modes;
+    `nodes`, `dofs`: as in `to_matrices`.
+    """
     from scipy.linalg import block_diag  # takes long to load
 
     from antiosc.io.matrices import component_of
@@ -472,7 +477,7 @@ class AntiOscillators(ReprMixin, Parameters):
         return replace(softened, stretch=self._stretch_of_corrected(self.stretch))
 
     def _stretch_of_corrected(self, stretch: Stretch) -> Stretch:
-        """The second-order forces for the free modes of the corrected model: the same motions."""
+        """Second-order forces for the corrected model: of the same motions, in its free modes."""
         shapes = np.eye(
             self.n_sites + self.n
         )  # the motions are expressed in the shapes of this model

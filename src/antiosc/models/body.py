@@ -114,7 +114,7 @@ class ModelInfo(ReprMixin):
         return cls(**attributes, notes=notes)
 
     def having(self, **facts: Any) -> ModelInfo:
-        """The record with these facts; names that it does not have are notes."""
+        """The record with further `facts`; those that are no attributes go into `notes`."""
         return ModelInfo.of({**self.as_dict(), **facts})
 
     def __post_init__(self) -> None:
@@ -136,7 +136,7 @@ class ModelInfo(ReprMixin):
 
     @cached_property
     def known_surfaces(self) -> dict[str, Surface]:
-        """The surfaces of sites with known material and curvature."""
+        """Site -> surface, for sites whose material and curvature are known."""
         surfaces = (self.surfaces or {}).items()
         return {name: Surface.of(table) for name, table in surfaces if NOT_KNOWN not in table}
 
@@ -168,7 +168,7 @@ UNKNOWN = ModelInfo()
 
 
 def info_of(body: object) -> ModelInfo:
-    """The record `info` of a body; an empty record if it has none."""
+    """The record `info` of a body; an empty one if it has none."""
     info = getattr(body, "info", None)
     if isinstance(info, ModelInfo):
         return info
@@ -295,7 +295,7 @@ def checked_body(name: str, body: object) -> Body:
 
 
 def _with_defaults(name: str, body: LinearBody) -> ModalModel:
-    """A user's body with its checked attributes, and defaults for missing ones."""
+    """A foreign body with its attributes checked, and defaults for those it lacks."""
     velocity = getattr(body, "velocity", Body.velocity)
     if not isinstance(velocity, Motion):
         velocity = checks.number(f"the velocity of {name}", velocity, "m/s")
@@ -312,7 +312,7 @@ def _with_defaults(name: str, body: LinearBody) -> ModalModel:
 
 
 def site_points(body: object) -> dict[str, tuple[float, ...]]:
-    """Coordinates [m] of the sites of an extracted body, by name; "" for a single site."""
+    """Site ("" if it has no name) -> coordinates [m], of an extracted body."""
     info = info_of(body)
     points = {"": info.point} if info.points is None else info.points
     return {
@@ -323,7 +323,7 @@ def site_points(body: object) -> dict[str, tuple[float, ...]]:
 
 
 def several_sites_message(name: str, sites: tuple[str, ...]) -> str:
-    """Message that a body has several sites where one is required."""
+    """Message that the body `name` has several sites where one is required."""
     return (
         f"{name} has the sites {', '.join(sites)}: pose its impact as a Scene, with ends such as "
         f'"part:{sites[0]}", or extract a model of one site.'
@@ -344,19 +344,19 @@ LARGE_PATCH = 0.75
 
 
 class Coarse(NamedTuple):
-    """A cell at a site [m], and the wavelength to be resolved."""
+    """A length at a site [m], and the wavelength [m] that it does not resolve."""
 
     size: float
     wave: float
 
     @property
     def allowed(self) -> float:
-        """Recommended edge length [m], half of the largest without a warning."""
+        """Recommended edge length of cells [m]: half of the longest that is accepted."""
         return LARGE_CELL * self.wave / 2
 
 
 def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
-    """The cell at a site if it does not resolve the waves of a contact; otherwise None."""
+    """The cell at a site if the waves of a contact of this time [s] need smaller ones, or None."""
     info = info_of(model)
     is_estimated = getattr(model, "strain_error", None) is not None
     cell = (info.cells or {}).get(site)
@@ -369,7 +369,7 @@ def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
 
 
 def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
-    """The patch at a site if it is too wide for the bending waves of a contact, or None."""
+    """The patch at a site if it is too wide for the bending waves of a contact; else None."""
     cell = (info_of(model).cells or {}).get(site)
     radius = getattr(model, "patch_radius", None)
     if cell is None or radius is None or not cell[1]:
@@ -380,7 +380,7 @@ def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
 def _too_long(
     size: float, limit: float, cell: Sequence[float], contact_time: float
 ) -> Coarse | None:
-    """A length of more than `limit` waves that a contact sends out from a cell (`info.cells`)."""
+    """The length `size` [m] if it is more than `limit` wavelengths of a contact in this `cell`."""
     _, bending, speed = cell
     omega = pi / contact_time
     wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
@@ -388,7 +388,7 @@ def _too_long(
 
 
 def coarse_cell(model: object, site: str, contact_time: float) -> str:
-    """Warning of a cell too large for the waves of a contact; "" if it is not."""
+    """Warning of a cell that does not resolve the waves of a contact; "" for others."""
     cell = coarse_at(model, site, contact_time)
     if cell is None:
         return ""
@@ -429,17 +429,17 @@ LAW = 'a ContactLaw such as Hertz(stiffness), or "auto"'
 
 
 def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
-    """Whether the law is "auto"; an array, whose comparison has no truth value, is not."""
+    """Whether a contact is the text "auto"; safe for arrays, which cannot be compared with it."""
     return isinstance(contact, str) and contact == AUTO
 
 
 def choice_at_sites(first: object, second: object, sites: tuple[str, str] = ("", "")) -> Choice:
-    """The law for a contact of two bodies at their sites; InputError for unknown surfaces."""
+    """The choice of a contact law by the surfaces of two bodies; InputError if one is unknown."""
     return choose(_surface(first, sites[0]), _surface(second, sites[1]))
 
 
 def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -> str:
-    """Sentence on a round striker that meets a part beside its site; "" if it does not."""
+    """Sentence if a round striker also touches the part beside its site; otherwise ""."""
     bodies = first, second
     surfaces = [
         body.surface(site) if isinstance(body, Body) else None
@@ -462,7 +462,7 @@ def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -
 
 
 def second_contact_of(part: Surface, striker: Surface) -> tuple[float, float, float] | None:
-    """The point of a part that a round striker pierces as it touches a site; None if none."""
+    """Point of the part that a round striker reaches beside its site; None if there is none."""
     low, high = striker.curvatures
     round_tip = striker.kind == CURVED and low == high and low > 0
     if round_tip and 1 / low > part.largest_ball:
@@ -493,14 +493,14 @@ def _surface(body: object, site: str) -> Surface:
 
 
 def law_of(contact: object, first: object, second: object) -> ContactLaw:
-    """The given law, or for "auto" the law that the surfaces of two bodies require."""
+    """`contact` itself, or for "auto" the law by the surfaces of the two bodies."""
     if is_auto(contact):
         return choice_at_sites(first, second).law
     return checks.instance("contact", contact, ContactLaw, LAW)
 
 
 def choice_of(law: ContactLaw, first: object, second: object) -> Choice | None:
-    """The choice that led to this law; None for a law that the user gave."""
+    """The choice by "auto" of a law that is equal to `law`; None if the law is another."""
     try:
         choice = choice_at_sites(first, second)
     except InputError:

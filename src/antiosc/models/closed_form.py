@@ -32,7 +32,7 @@ __all__ = ["StruckBeam", "UniformBeam", "cantilever", "pinned_free", "pinned_pin
 #: End supports: which of the motions w (0) and θ (1) they hold.
 ENDS: dict[str, tuple[int, ...]] = {"free": (), "pinned": (0,), "clamped": (0, 1), "guided": (1,)}
 #: Polynomials for each half wave on a segment, π/2 at least, and for its ends.
-EACH, ENDING = 1.7, 30
+PER_HALF_WAVE, AT_ENDS = 1.7, 30
 #: Share of a mode at the site (in mass) below which it is rounding.
 UNOBSERVABLE = 1e-14
 
@@ -89,7 +89,7 @@ class UniformBeam:
     def euler_bernoulli(
         cls, *, E: float, rho: float, area: float, inertia: float, length: float
     ) -> UniformBeam:
-        """The slender limit: rigid in shear, no rotary inertia (SI)."""
+        """A slender beam: rigid in shear, without rotary inertia (SI)."""
         EI = checks.positive("E", E, "Pa") * checks.positive("inertia", inertia, "m^4")
         rhoA = checks.positive("rho", rho, "kg/m^3") * checks.positive("area", area, "m^2")
         return cls(EI, rhoA, length)
@@ -156,7 +156,7 @@ class StruckBeam:
 
     @checks.within_range
     def anti_oscillators(self, n: int) -> AntiOscillators:
-        """The first n anti-oscillators that carry mass, Article (12), (15), (20), (23)."""
+        """The n lowest anti-oscillators with mass, Article (12), (15), (20), (23)."""
         solved, omega, phi, c = self._observable(checks.whole("n", n, most=1000))
         m = c**2 * self.beam.mass
         moved = self.beam.mass * (solved.moved @ np.column_stack((solved.static, c * phi)))
@@ -171,13 +171,14 @@ class StruckBeam:
         )
 
     def _in_polynomials(self, count: int) -> Solved:
-        """The beam with as many polynomials as its lowest `count` modes need."""
+        """The beam in polynomials of the degrees that its `count` lowest modes need."""
         site = self.site / self.beam.length
-        degrees = (math.ceil(EACH * count * share) + ENDING for share in (site, 1 - site))
+        degrees = (math.ceil(PER_HALF_WAVE * count * share) + AT_ENDS for share in (site, 1 - site))
         return Solved(self, *degrees)
 
     def _observable(self, n: int, *, held: bool = True) -> tuple[Solved, Array, Array, Array]:
-        """(the beam, √Ω, shapes of unit mass, b or c) of the first n modes that the site sees."""
+        """(beam, √Ω (n,), shapes, b or c (n,)) of the n lowest modes that move the site (b);
+        `held`: of constraint modes with inertia c against the static shape."""
         count = n + 2
         while True:
             solved = self._in_polynomials(count)
@@ -246,7 +247,7 @@ class Solved:
         self.m_st = float(self.static @ self.mass @ self.static)
 
     def motions(self, x: Array) -> tuple[Array, Array]:
-        """(w, θ) (len(x), size) at points x for each coefficient."""
+        """(w, θ), each (len(x), size), at points x in [0, 1] for unit coefficients."""
         once, twice = [], []
         for start, length, degree in self._segments:
             size = np.sqrt((2 * np.arange(degree + 1) + 1) / length)
@@ -269,7 +270,7 @@ class Solved:
         return np.hstack(w), np.hstack(theta)
 
     def lowest(self, n: int, *, held: bool) -> tuple[Array, Array]:
-        """(√Ω > 0 ascending, shapes of unit mass) of n modes, the site `held` or free."""
+        """(√Ω > 0 ascending (n,), shapes of unit mass (size, n)); `held`: with the site fixed."""
         rows = np.vstack((self._held, self.at_site)) if held else self._held
         N = null_space(rows) if len(rows) else np.eye(self.size)
 
@@ -299,6 +300,6 @@ def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
 
 
 def _site(beam: UniformBeam, share: float, site: float | None) -> float:
-    """The site that is given, or that at this share of the length."""
+    """`site` [m]; if it is None, `share` of the length."""
     length = checks.instance("beam", beam, UniformBeam, "a UniformBeam").length
     return share * length if site is None else site

@@ -49,7 +49,7 @@ SITES_AT_ONCE = 500
 
 @dataclass(frozen=True, eq=False)
 class SiteModels:
-    """Anti-oscillator parameters of S sites, as arrays."""
+    """Parameters of the anti-oscillator models of S sites, as arrays."""
 
     #: k0, m0, m_st: (S,) static stiffness [N/m], residual mass [kg], static mass [kg]
     k0: Array
@@ -61,7 +61,7 @@ class SiteModels:
     m: Array
 
     def dynamic_stiffness(self, omega: ArrayLike, part: slice = slice(None)) -> Numbers:
-        """Z of the sites of `part` at circular frequencies of shape (W,): (S, W), as of a model."""
+        """Z (S, W) [N/m] of the sites of `part` at circular frequencies (W,) [rad/s]."""
         x = checks.spectrum("omega", omega) ** 2
         Z = self.k0[part, None] - x * self.m0[part, None]
         for w, m in zip(self.omega[part].T, self.m[part].T, strict=True):
@@ -161,9 +161,10 @@ def site_models(
 def residual(
     omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
 ) -> tuple[Array, Array]:
-    """Compliances r and inertias s (S,) of the truncated modes.
+    """Compliance r (S,) [m/N] and inertia s (S,) of the modes left out, at S sites.
 
-    s = 0 if they have no mass, r = 0 if no mode is truncated.
+    omega (J,), b (S, J): the modes; C, G (S,): compliance and inertia of all modes. s = 0 if the
+    modes left out have no mass, r = 0 if there are none.
     """
     x = omega**2 + shift
     modal = b**2 @ (1 / x)
@@ -243,17 +244,16 @@ def error_bound(
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.
 EXHAUSTED = 1e-10
 #: Square root of the share of m_st at the site below which it is rounding.
-MASSLESS = 1e-12
+MASSLESS_ROOT = 1e-12
 
 
 def parameters(
     omega: Array, b: Array, r: Array, s: Array, n: int, shift: float
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Parameters of S sites: (k0, m0, m_st) (S,) each, omega and m (S, n).
+    """(k0 (S,), m0 (S,), m_st (S,), omega (S, n), m (S, n)) of the models of S sites.
 
-    omega, b : free frequencies (J,), and displacements (S, J) of the sites in the free modes. r, s
-    : (S,) residual compliances and inertias of the modes left out. n, shift: see
-    `from_free_modes`.
+    omega (J,), b (S, J): free frequencies and displacements of the sites in the modes; r, s (S,):
+    as `residual` gives them; n, shift: as for `from_free_modes`.
     """
     heavy = s > 0
     truncated_pole = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)
@@ -283,7 +283,7 @@ def parameters(
     order = np.argsort(np.where(observable, x, np.inf), axis=1, kind="stable")
     x, m, observable = (np.take_along_axis(a, order, axis=1) for a in (x, m, observable))
     m0 = left + np.sum(np.where(observable, 0.0, m), axis=1)  # what is not kept, no difference
-    m0 = np.where(m0 <= MASSLESS**2 * m_st, 0.0, m0)
+    m0 = np.where(m0 <= MASSLESS_ROOT**2 * m_st, 0.0, m0)
     frequency = np.sqrt(np.where(observable, x, np.inf))
     return k0, m0, m_st, frequency, np.where(observable, m, 0.0)
 
@@ -291,8 +291,8 @@ def parameters(
 def _lanczos(
     A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
 ) -> tuple[Array, Array, Array]:
-    """The n Ritz values of T from the start T phi in the inner product of A, coefficients of phi in
-    its vectors (S, n), residual mass (S,).
+    """(n Ritz values of T (S, n), coefficients of phi in the Ritz vectors (S, n), residual mass
+    (S,)), from the start T phi in the inner product of A.
 
     As `antiosc.reduce.extraction.krylov`; a massless residual compliance r adds (b'v)^2/r to v'Av,
     and without one b'v = 0.
@@ -303,11 +303,11 @@ def _lanczos(
     pin = np.where(soft, 0.0, 1 / np.where(soft, 1.0, np.sum(b * y, axis=1)))
 
     def flexed(v: Array) -> Array:
-        """T v, the constrained flexibility applied to v."""
+        """T v: displacements under the load v with the site fixed."""
         return np.asarray(v / A - y * (np.sum(y * v, axis=1) / bAb)[:, None])
 
     def force(v: Array) -> Array:
-        """(A + stiff b b') v: A with the stiffness of the site."""
+        """(A + b b'/r) v: forces for displacements v, the massless compliance included."""
         return np.asarray(A * v + b * (stiff * np.sum(b * v, axis=1))[:, None])
 
     sites, size = phi.shape
@@ -348,7 +348,7 @@ def _lanczos(
 #: damping ratio at which Z is evaluated
 DAMPING = 0.01
 #: lower end of the sampled band, over the lowest frequency of the model
-START = 0.25
+BAND_START = 0.25
 #: an anti-oscillator is unobservable if its share in |Z| at its own frequency, where it is largest,
 #: is below this
 UNOBSERVABLE = 1e-8
@@ -358,12 +358,12 @@ Stiffness = Callable[[ComplexArray], Numbers]
 
 
 def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
-    """Damped circular frequencies up to `top` [rad/s], dense enough to meet every peak of Z.
+    """Damped circular frequencies (W,) up to `top` [rad/s], dense enough for every peak of Z.
 
-    `lowest`: the first frequency [rad/s] at which Z varies; below it Z is quasi-static. `step`:
-    relative distance of neighbouring samples; a peak has the width of the damping.
+    `lowest`: frequency [rad/s] from which Z varies; below it Z is quasi-static. `step`: relative
+    distance of neighbouring samples; a peak has the width of the damping.
     """
-    start = START * min(top, lowest)
+    start = BAND_START * min(top, lowest)
     count = int(np.ceil(np.log(top / start) / step)) + 2
     return np.geomspace(start, top, count) * (1 + 1j * DAMPING)
 

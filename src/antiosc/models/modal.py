@@ -102,7 +102,7 @@ class Damping(FieldsRepr):
 
 
 def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | None:
-    """A Damping from a Damping, one ratio or a ratio for each mode; None for None."""
+    """`value` as a Damping: one ratio, a ratio for each mode, or a Damping itself; None: none."""
     if value is None or isinstance(value, Damping):
         return value
     return Damping(ratio=value)
@@ -134,7 +134,7 @@ class ModalBase(ReprMixin):
         raise NotImplementedError
 
     def _check_modes(self, *points: int | None) -> None:
-        """Check and store the common attributes; `points` is the axis of the contact points."""
+        """Check and store the common attributes; `points`: lengths of the axis of points."""
         omega = checks.floats("omega", self.omega, (None,))
         if np.any(omega < 0):
             raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
@@ -169,41 +169,41 @@ class ModalBase(ReprMixin):
                 )
 
     def _check(self, name: str, shape: tuple[int | None, ...]) -> None:
-        """Store an attribute as an array of a shape, if it is known."""
+        """Store the attribute `name` as an array after a check of its shape; None stays."""
         if getattr(self, name) is not None:
             checks.store(self, **{name: checks.floats(name, getattr(self, name), shape)})
 
     @cached_property
     def first_order(self) -> FirstOrder | None:
-        """The body in first-order modes if its damping couples its free modes; otherwise None."""
+        """The body in first-order modes if its damping couples the free modes; else None."""
         if self.damping is None:
             return None
         return first_order(self.omega, self.damping)
 
     @property
     def _size(self) -> int:
-        """Number of the body's coordinates."""
+        """Number C of the body's coordinates."""
         if self.shape is None:
             return len(self.omega)
         return len(self.shape)
 
     @property
     def B(self) -> Array:
-        """Displacements (J, P) of all columns in the modes."""
+        """Displacements (J, P) of the columns in the modes [kg^-1/2]."""
         if self.b.ndim > 1:
             return self.b
         return self.b[:, None]
 
     @property
     def R(self) -> Array:
-        """Residual compliance (P, P) of all columns."""
+        """Residual compliance (P, P) of the columns [m/N]."""
         if self.b.ndim > 1:
             return np.asarray(self.r)
         return np.array([[self.r]])
 
     @property
     def columns(self) -> dict[str, tuple[int, ...]]:
-        """Columns of each contact point; "" names the one of a `ModalBody`."""
+        """Contact point ("" in a `ModalBody`) -> numbers of its columns."""
         return {"": (0,)}
 
     @property
@@ -212,9 +212,7 @@ class ModalBase(ReprMixin):
         raise NotImplementedError
 
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
-        """Coordinates (..., C) from modal displacements (..., J) and forces (..., P) on the
-        columns.
-        """
+        """Coordinates (..., C) from modal displacements q (..., J) and column forces (..., P)."""
         q = checks.floats("q", q, None)
         force = checks.floats("force", force, None)
         size, points = self.B.shape
@@ -231,7 +229,7 @@ class ModalBase(ReprMixin):
         return np.asarray(x + force @ self.residual.reshape(-1, points).T)
 
     def amplitudes(self, coordinates: ArrayLike) -> Array:
-        """Amplitudes (..., B) of the columns of `basis` for coordinates (..., C)."""
+        """Amplitudes (..., B) of the columns of `basis`, from coordinates (..., C)."""
         x = checks.floats("coordinates", coordinates, None)
         if x.ndim == 0 or x.shape[-1] != self._size:
             raise InputError(f"coordinates must have shape (..., {self._size}); got {x.shape}.")
@@ -302,11 +300,12 @@ class ModalBase(ReprMixin):
 
     @cached_property
     def _rigid_column(self) -> tuple[Array, float]:
-        """Displacements (J,) of the only column in the rigid-body modes, and their mobility."""
+        """(displacements (J,) of the only column in rigid-body modes, mobility [1/kg])."""
         column = np.where(self.omega == 0, self.B[:, 0], 0.0)
         return column, float(column @ column)
 
     def _rigid_start(self, motion: Motion) -> Array:
+        """Modal velocities (J,) of a motion; InputError if supports restrain it."""
         if self.inertia is None:
             raise InputError(
                 "the model of this body has no rigid-body inertia (the body is supported, or the "
@@ -325,7 +324,7 @@ class ModalBase(ReprMixin):
         return start
 
     def _rigid_projection(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
-        """Modal velocities of a rigid motion (6,), and its share of energy outside the modes."""
+        """(modal velocities (J,) of a rigid motion (6,), share of its energy lost)."""
         start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
         energy = float(motion @ inertia.matrix @ motion)
         if not np.any(motion):
@@ -375,7 +374,7 @@ class ModalBody(ModalBase):
 
     @cached_property
     def mobility(self) -> float:
-        """Inverse [1/kg] of the effective mass of the slowest motion at the contact point."""
+        """Inverse of the effective mass [1/kg] at the contact point in its slowest motion."""
         rigid = self.omega == 0
         b = self.b[rigid]
         if b.any():
@@ -389,19 +388,19 @@ class ModalBody(ModalBase):
 
     @cached_property
     def closing(self) -> Array:
-        """Displacements (J,) of the modes that close a contact."""
+        """Displacements (J,) of the contact point against its direction: -b."""
         return -self.b
 
 
 def unchecked_body(**known: object) -> ModalBody:
-    """A `ModalBody` without checks, from values derived from checked ones."""
+    """A `ModalBody` with these attributes, without checks."""
     body = ModalBody.__new__(ModalBody)
     vars(body).update(known)
     return body
 
 
 def superposed(basis: tuple[Array, ...], amplitudes: Array) -> Array:
-    """Displacements (..., n) of shapes in blocks (n, .) with amplitudes (..., B)."""
+    """Displacements (..., n) from amplitudes (..., B) of the columns of `basis`."""
     remaining = amplitudes
     total = np.zeros((*remaining.shape[:-1], len(basis[0])))
     for block in basis:
@@ -413,7 +412,7 @@ def superposed(basis: tuple[Array, ...], amplitudes: Array) -> Array:
 
 
 def checked_basis(basis: object) -> tuple[Array, ...]:
-    """Blocks of columns with equal numbers of rows; not copied, since they may be large."""
+    """`basis` as blocks with equal numbers of rows, not copied, since they may be large."""
     blocks = tuple(basis) if isinstance(basis, tuple | list) else ()
     if not blocks or not all(isinstance(b, np.ndarray) and b.ndim == 2 for b in blocks):
         raise InputError(f"basis must list arrays of columns (n, …); got {checks.shown(basis)}.")

@@ -72,14 +72,14 @@ class Inertia(ReprMixin):
         return np.asarray(self.point + moments / self.mass)
 
     def along(self, momentum: Array) -> Inertia:
-        """The inertia with the momenta `momentum` (C, 6) of other coordinates."""
+        """The inertia with `momentum` (C, 6) of other coordinates."""
         return Inertia(self.point, self.matrix, momentum)
 
     def rotation(self, amplitudes: Array) -> Array:
-        """Rotation vectors (n, 3) [rad] for amplitudes (n, C), or their rates for rates.
+        """Mean rotation vector (n, 3) [rad] for amplitudes (n, C); for their rates its rate.
 
-        It is that of the whole body with the same angular momentum about its centre; zero about
-        axes without inertia.
+        A rigid body with this rotation has the same angular momentum about its centre. It is zero
+        about axes without inertia.
         """
         amplitudes = checks.floats("amplitudes", amplitudes, (None, len(self.momentum)))
         centre = self.centre
@@ -90,7 +90,7 @@ class Inertia(ReprMixin):
         return np.asarray(amplitudes @ turning @ np.linalg.pinv(tensor, rcond=INERTIALESS))
 
     def moved(self, momenta: Array, about: Array) -> Array:
-        """(P, L) about the point `about` (3,) from `momenta` (..., 6) about the reference point."""
+        """(P, L) (..., 6) about the point `about` (3,), of `momenta` about the reference point."""
         momenta = checks.floats("momenta", momenta, None)
         about = checks.floats("about", about, (3,))
         if momenta.ndim == 0 or momenta.shape[-1] != 6:
@@ -125,7 +125,7 @@ class Motion(FieldsRepr):
                 checks.store(self, **{name: tuple(checks.floats(name, value, (3,)).tolist())})
 
     def at(self, inertia: Inertia) -> Array:
-        """Velocity and spin (6,) of this motion at the reference point of `inertia`."""
+        """Velocity and spin (6,) of the motion, for the reference point of `inertia`."""
         checks.instance("inertia", inertia, Inertia, "an Inertia")
         centre = inertia.centre if self.about is None else np.asarray(self.about)
         spin = np.asarray(self.spin)
@@ -184,7 +184,7 @@ def unit_vector(name: str, value: object) -> Array:
 
 
 def unit_vectors(name: str, vectors: Array) -> Array:
-    """Rows of `vectors` (n, 3) scaled to length 1; InputError for a zero one."""
+    """Rows of `vectors` (n, 3) scaled to length 1; InputError if one is zero."""
     length = np.linalg.norm(vectors, axis=1)
     if np.any(length == 0):
         raise InputError(f"{name} must not be a zero vector.")

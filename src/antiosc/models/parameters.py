@@ -39,8 +39,8 @@ from antiosc.models.stretch import Stretch
 #: Parameters by name, as they are stored.
 ParameterDict = dict[str, Any]
 #: Parameters that only a model of several sites has, and those of each site.
-OF_SEVERAL = ("columns", "dependence", "rigid")
-OF_EACH = ("direction", "local_compliance", "radius")
+ONLY_OF_SEVERAL = ("columns", "dependence", "rigid")
+OF_EACH_SITE = ("direction", "local_compliance", "radius")
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
 ASYMMETRY = 1e-9
 #: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
@@ -51,7 +51,7 @@ RIGID_SHARE = 1e-11
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Parameters(Body):
-    """The fields of `AntiOscillators`, and properties that follow by one formula."""
+    """Fields of `AntiOscillators`, and properties that each follow from them by one formula."""
 
     m0: Value
     k0: Value
@@ -83,7 +83,7 @@ class Parameters(Body):
 
     @property
     def n_sites(self) -> int:
-        """Number of leading shapes, those of unit displacements of sites."""
+        """Number p of leading shapes: unit displacements of the sites."""
         return 1 if self.P is None else len(self.P)
 
     @property
@@ -117,7 +117,7 @@ class Parameters(Body):
 
     @property
     def inertias(self) -> Array:
-        """P (p, N): the roots of the masses of one site."""
+        """P (p, N) [kg^1/2]; of one site without a name the roots of m."""
         if self.P is None:
             return np.sqrt(self.m)[None]
         return self.P
@@ -131,7 +131,7 @@ class Parameters(Body):
 
     @property
     def unit(self) -> Array:
-        """Factors (p + N,) of the `shapes` that give modes of unit mass; 1 of static shapes."""
+        """Factors (p + N,) that scale `shapes` to modes of unit mass; 1 for the p static ones."""
         if self.P is None:
             return np.append(1.0, 1 / self.inertias[0])
         return np.ones(self.n_sites + self.n)
@@ -158,7 +158,7 @@ class Parameters(Body):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the displacements u of several sites, (p,); () for one."""
+        """Names (p,) of the displacements u of several sites; () for one site without a name."""
         if self.dependence is None:
             return ()
         labels: dict[tuple[float, ...], str] = {}
@@ -169,8 +169,10 @@ class Parameters(Body):
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
-    """Generalised masses of psi_0, psi_i from those of lambda_0, lambda_i of one site (`sign` 1;
-    Article eq. (8)), or the reverse (-1); those of several sites as they are.
+    """Participation of psi_0, psi_i from that of lambda_0, lambda_i (`sign` 1; Article eq. (8)).
+
+    `sign` -1: the reverse. `values` (N + 1,) or None; those of named `sites` are returned
+    unchanged.
     """
     if values is None or sites:
         return values
@@ -180,14 +182,15 @@ def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array 
 
 
 def squeezed(sites: Sequence[str], *, k0: Array, m0: Array, P: Array, **of_sites: Any) -> Any:
-    """The parameters of a model with these `sites`; without a name those of the one site, as
-    numbers, masses and values along its direction.
+    """Parameters of `AntiOscillators` by name; matrices become numbers if `sites` is empty.
+
+    Then `m` takes the place of P, and values along the axes are taken along its direction.
     """
     if sites:
         return {"sites": sites, "k0": k0, "m0": m0, "P": P, **of_sites}
 
     known = {"k0": float(k0[0, 0]), "m0": float(m0[0, 0]), "m": P[0] ** 2}
-    one = {name: of_sites[name] for name in OF_EACH if of_sites.get(name) is not None}
+    one = {name: of_sites[name] for name in OF_EACH_SITE if of_sites.get(name) is not None}
     weights = of_sites.get("participation")
     if weights is not None:
         known["participation"] = with_sums(weights @ one["direction"][0], sites, -1.0)
@@ -195,7 +198,7 @@ def squeezed(sites: Sequence[str], *, k0: Array, m0: Array, P: Array, **of_sites
 
 
 def checked(model: Parameters) -> ParameterDict:
-    """Check the parameters and sort them by frequency; else InputError."""
+    """All parameters of a model, checked and sorted by frequency; InputError for invalid ones."""
     omega = checks.positives("omega", model.omega, "rad/s")
     order = np.argsort(omega, kind="stable")
     several = model.P is not None or len(model.sites) > 0
@@ -233,8 +236,8 @@ def checked(model: Parameters) -> ParameterDict:
 
 
 def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> ParameterDict:
-    """The parameters that have another form at one site without a name."""
-    for name in OF_SEVERAL:
+    """Checked parameters whose form differs for one site without a name; `order`: by frequency."""
+    for name in ONLY_OF_SEVERAL:
         value = getattr(model, name)
         if not (value is None or (isinstance(value, dict) and not value)):
             raise InputError(
@@ -273,7 +276,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
 
 
 def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> ParameterDict:
-    """The same of sites with names."""
+    """Checked parameters whose form differs for sites with names; `order`: by frequency."""
     if model.m is not None and np.ndim(model.m) != 3:
         raise InputError("with several sites the inertias are given as P, not as m.")
     if model.P is None:
@@ -324,9 +327,9 @@ def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> Paramete
 
 
 def _symmetric(name: str, matrix: Array, sizes: Array, asymmetry: float, least: float) -> Array:
-    """Symmetrise `matrix`; InputError unless it is symmetric and has no eigenvalue below `least`.
+    """Symmetric part of `matrix`; InputError for asymmetry, or an eigenvalue below `least`.
 
-    The square roots `sizes` (p,) of its usual diagonal scale the rounding that is accepted.
+    `sizes` (p,): roots of the usual size of its diagonal, by which these limits are scaled.
     """
     unit, uneven = checks.scaled_symmetric(matrix, sizes)
     if uneven > asymmetry:
@@ -338,7 +341,7 @@ def _symmetric(name: str, matrix: Array, sizes: Array, asymmetry: float, least: 
 
 
 def _patch_parameters(model: Parameters, count: int) -> ParameterDict:
-    """(compliance, radius) of the patch of each of `count` sites."""
+    """`local_compliance` and `radius` by name, checked to be numbers for each of `count` sites."""
     local = checks.floats("local_compliance", model.local_compliance, None)
     if local.shape not in ((), (count,)) or np.any(local < 0):
         raise InputError(f"local_compliance must be {count} numbers >= 0, one for each site.")
@@ -362,7 +365,7 @@ def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
 
 
 def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
-    """1/sqrt (p,) of the diagonal of k0 + s m_st, s the lowest omega^2 of the model."""
+    """1/sqrt (p,) of the diagonal of k0 + s m_st, s being the lowest omega^2 of the model."""
     mass = np.abs(m_st.diagonal())
     stiffness = np.abs(k0.diagonal())
     s = float(omega[0]) ** 2 if omega.size else 0.0
@@ -372,7 +375,7 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
 
 
 def _spatial(model: Parameters, rows: Index) -> ParameterDict:
-    """Check shapes, momenta and hidden motions and sort the shapes by `rows`; else InputError.
+    """Checked shapes, momenta and hidden motions, with shapes in the order `rows`; else InputError.
 
     The momenta of the hidden motions follow those of the shapes.
     """
@@ -403,7 +406,7 @@ def _spatial(model: Parameters, rows: Index) -> ParameterDict:
 
 
 def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) -> DampingMatrix:
-    """The damping matrix with the modes in the order in which a model sorts its frequencies."""
+    """The damping matrix for modes in ascending order of `omega`, as models sort them."""
     n_sites = model.n_sites
     hidden = model.hidden_count
     size = n_sites + model.n + hidden
@@ -451,8 +454,10 @@ NO_ESTIMATE = (
 
 
 def has_bars(model: object) -> bool:
-    """Whether impacts on a model have error bars: a known error of the mesh, or the reason why it
-    is not known, noise of a measurement, or second-order modes.
+    """Whether impacts on a model have error bars.
+
+    It needs a known error of the mesh (or the reason why it is not known), noise of a measurement,
+    or second-order modes.
     """
     if not isinstance(model, Parameters):
         return False
@@ -462,7 +467,7 @@ def has_bars(model: object) -> bool:
 
 
 def no_estimate(model: object) -> str:
-    """Message for a model without an estimate of its mesh error, with the remedy that works."""
+    """Message that the mesh error of a model is not known, with the remedy."""
     reason = info_of(model).no_estimate
     return f"the error of the mesh is not known: {reason}" if reason else NO_ESTIMATE
 
@@ -512,8 +517,10 @@ def corrected(model: ModelType) -> ModelType:
 
 
 def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Array, Array, Array]:
-    """(k0 (p, p), amplitudes of the modes in the static shapes (N, p), omega (N,), modes (N, N))
-    after softening, in modes of unit mass; `rigid`: number of motions of the sites without strain.
+    """(k0 (p, p), static shapes' share in the modes (N, p), omega (N,), modes (N, N)), softened.
+
+    In modes of unit mass; E (p + N, p + N): energies of the strain errors; `rigid`: number of
+    motions of the sites without strain.
     """
     from scipy.linalg import block_diag  # takes long to load
 
@@ -533,7 +540,7 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Share of the strain energy that is due to the strain errors E (p + N, p + N).
+    """Share of the strain energy that the strain errors have, of energies E (p + N, p + N).
 
     weights : (p + N, p + N), sum of a aᵀ of the amplitudes a of the shapes.
     """

@@ -29,19 +29,19 @@ from antiosc.base.texts import FieldsRepr
 from antiosc.models.modal import Damping
 
 #: Entries beside the three diagonals of VᵀMV, over its own, from which the recurrence broke down.
-BROKEN = 1e-9
+COUPLING_ROUNDING = 1e-9
 #: Stiffness of a motion of the sites, over the largest, below which it is a rigid-body motion.
 RIGID = 1e-9
 
 
 def _ratio(damping: Damping) -> float:
-    """The one damping ratio of all modes."""
+    """The damping ratio, which is one for all modes."""
     return float(np.max(damping.ratio))
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModes:
-    """The free modes of a Galerkin model, of unit mass, and their residual."""
+    """Free modes of unit mass of a Galerkin model, and the loads that it leaves (its residual)."""
 
     omega: Array  # (J,) [rad/s]; rigid-body modes are the first ones, with 0
     b: Array  # (J, p) displacements of the sites
@@ -49,8 +49,8 @@ class ReferenceModes:
     inertia: Array  # WᵀMW (k, k)
     shift: float  # s [rad²/s²]
 
-    def _rows(self, square: Array, by: dict[int, Array | float]) -> Array:
-        """Channels (k, 5, J) of |root of square · f| with f of each mode by its five numbers."""
+    def _factors(self, square: Array, by: dict[int, Array | float]) -> Array:
+        """Factors (k, 5, J) of square^(1/2) f; `by`: number of a factor -> its values (J,)."""
         weights = _root(square) @ self.residual
         rows = np.zeros((len(weights), 5, self.omega.size))
         for place, values in by.items():
@@ -63,7 +63,7 @@ class ReferenceModes:
         return np.eye(len(self.inertia)) - self.shift * self.inertia
 
     def drive(self, damping: Damping, lag: Array) -> Array:
-        """M^(1/2) W (f'' + αf' - sf + ...) by q, v, the modal force, two rates, (k, 5, J).
+        """Factors (k, 5, J) of M^(1/2) W (f'' + αf' - sf + …) by q, q', modal force, and two rates.
 
         lag : (J,) q'' = force - ω²q - 2 decay q' - lag (ω²q' - the force's rate).
         """
@@ -76,21 +76,21 @@ class ReferenceModes:
             3: damping.alpha - stiff * lag,
             4: 1.0,
         }
-        return self._rows(self.inertia, by)
+        return self._factors(self.inertia, by)
 
     def losses(self, damping: Damping) -> Array:
-        """The roots of the energies that the damping of the lift gives, by the same, (2k, 5, J)."""
+        """Factors (2k, 5, J) as in `drive`; their squares are the energy of the lift's damping."""
         stiff = self.omega**2 + self.shift
 
         # |f|² of √(M K) is at most half of those of M/e + eK
         balance = np.sqrt(np.trace(self.inertia) / max(np.trace(self._stiffness), 1e-300))
         both = (self.inertia / balance + self._stiffness * balance) / 2
-        by_stiffness = self._rows(damping.beta / 4 * self._stiffness, {3: 1.0})
-        by_ratio = self._rows(_ratio(damping) / 2 * both, {1: -stiff, 3: 1.0})
+        by_stiffness = self._factors(damping.beta / 4 * self._stiffness, {3: 1.0})
+        by_ratio = self._factors(_ratio(damping) / 2 * both, {1: -stiff, 3: 1.0})
         return np.concatenate([by_stiffness, by_ratio])
 
     def brake(self, damping: Damping) -> Array:
-        """Bounds on what ζ leaves of each mode's rate in the structure, (J,)."""
+        """Bounds (J,) on the load per rate of each mode that the damping ratio ζ leaves."""
         far = np.sqrt(self.shift) / np.where(self.omega > 0, self.omega, np.inf)
         own = (
             np.linalg.norm(self.residual, axis=0)
@@ -100,7 +100,7 @@ class ReferenceModes:
         return 2 * _ratio(damping) * own
 
     def receptance(self, x: Array, b: Array) -> Array:
-        """Upper bounds [m/N] of bᵀ(K + xM)⁻¹b at x > 0 [rad²/s²], (n,), of displacements b (J,)."""
+        """Upper bounds (n,) [m/N] of bᵀ(K + xM)⁻¹b, x (n,) > 0 [rad²/s²], displacements b (J,)."""
         share = b / (self.omega**2 + x[:, None])
         left_out = ((self.shift - x)[:, None] * (share @ self.residual.T)) ** 2
         return share @ b + left_out.sum(axis=1) * np.maximum(self.shift / x, 1.0)
@@ -108,7 +108,7 @@ class ReferenceModes:
 
 @dataclass(frozen=True, eq=False)
 class Recurrence(FieldsRepr):
-    """What the Krylov space of sites says of the structure, beside the anti-oscillators."""
+    """Block Lanczos recurrence of a Krylov model, which bounds what the model leaves out."""
 
     #: k0, mass: ΦᵀKΦ [N/m] and ΦᵀMΦ [kg], (p, p)
     k0: Array
@@ -128,11 +128,11 @@ class Recurrence(FieldsRepr):
 
     @property
     def scalars(self) -> Array:
-        """n and shift."""
+        """n and shift as an array (2,), for files."""
         return np.array([self.n, self.shift])
 
     def modes(self, n: int) -> ReferenceModes:
-        """The model of the first n vectors, 1 <= n <= `n`."""
+        """Free modes of the model of the first n vectors, 1 <= n <= `self.n`."""
         s, c, p = self.shift, self.start[:n], len(self.k0)
         M = np.block([[self.mass, c.T], [c, self.H[:n, :n]]])
         A = np.block([[self.k0 + s * self.mass, s * c.T], [s * c, np.eye(n)]])
@@ -157,7 +157,7 @@ class Recurrence(FieldsRepr):
 
 
 def _root(square: Array) -> Array:
-    """The symmetric root of a positive semidefinite matrix."""
+    """Symmetric square root of a positive semidefinite matrix."""
     x, U = np.linalg.eigh(square)
     return (U * np.sqrt(np.maximum(x, 0.0))) @ U.T
 
@@ -171,10 +171,10 @@ def recurrence_of(
     shift: float,
     dropped: float | None,
 ) -> Recurrence | None:
-    """The recurrence with start = VᵀMΦ and H = VᵀMV, up to where it breaks down; None: at once.
+    """The recurrence with start = VᵀMΦ and H = VᵀMV, as far as blocks couple with neighbours alone.
 
-    `ends`: numbers of vectors with those of each block, which couples with that before it alone.
-    `dropped`: length of the next vector, where one site has none but for rounding.
+    None if not even the first do. `ends`: number of vectors up to the end of each block. `dropped`:
+    length of the next vector, if rounding alone is left of it at one site.
     """
     size_of = np.sqrt(np.maximum(H.diagonal(), 0.0))  # of V; the next lines by Cauchy and Schwarz
     beside = np.abs(H / size_of.max())
@@ -184,7 +184,7 @@ def recurrence_of(
     far = np.triu(beside).max(axis=0, initial=0.0)
     loads = np.abs(start) / np.sqrt(mass.diagonal())
     far[ends[0] :] = np.maximum(far[ends[0] :], loads[ends[0] :].max(axis=1))
-    broken = np.append(np.flatnonzero(far > BROKEN * size_of), len(H))[0]
+    broken = np.append(np.flatnonzero(far > COUPLING_ROUNDING * size_of), len(H))[0]
 
     known = [end for end in ends if end <= broken]
     if dropped is not None and known[-1:] == [len(H)]:

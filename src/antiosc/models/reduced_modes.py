@@ -38,8 +38,8 @@ MASSLESS_SITE = 1e-15
 def free_modes(model: Parameters) -> ModalBody | SiteModes:
     """The free modes of a model, hidden rigid-body motions first, so that frequencies ascend.
 
-    The coordinates of one site without a name are lambda, those of several u and eta; the hidden
-    motions follow.
+    The coordinates are lambda for one site without a name, u and eta for several, then the
+    amplitudes of the hidden motions.
     """
     p, hidden = model.n_sites, model.hidden_count
     of_lambda, to_shapes = _coordinates(model)
@@ -108,14 +108,14 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
 
 
 def _with_hidden(shape: Array, hidden: int) -> Array:
-    """Modes (size + hidden, hidden + J) with the hidden motions first."""
+    """`shape` (size, J) with `hidden` more coordinates, each of which is a mode: the first."""
     padded = np.pad(shape, ((0, hidden), (hidden, 0)))
     padded[len(shape) :, :hidden] = np.eye(hidden)
     return padded
 
 
 def _coordinates(model: Parameters) -> tuple[Array, Array]:
-    """Matrices of the coordinates of u and eta, and of the amplitudes of shapes (Article (8))."""
+    """(coordinates from u and eta, amplitudes of shapes from these (Article (8))), matrices."""
     of_lambda = np.diag(model.unit)
     to_shapes = np.eye(len(of_lambda))
     if not model.sites:
@@ -125,7 +125,7 @@ def _coordinates(model: Parameters) -> tuple[Array, Array]:
 
 
 def _modes_at_one_site(model: Parameters) -> ReducedModes:
-    """The free modes of an undamped model of one site, in lambda."""
+    """Free modes of the undamped model of one site, in the coordinates lambda."""
     poles = model.omega**2
     mass = model.m
     group = None
@@ -148,7 +148,7 @@ def _modes_at_one_site(model: Parameters) -> ReducedModes:
 
 
 def _damped_modes(model: Parameters) -> ReducedModes:
-    """As `reduced_modes`; a damped massless site gets a little mass."""
+    """Free modes; a massless site gets a little mass if the damping needs it."""
     m0, P = model.m0_matrix, model.inertias
 
     if isinstance(model.damping, DampingMatrix):
@@ -165,7 +165,7 @@ def _damped_modes(model: Parameters) -> ReducedModes:
 
 @dataclass(frozen=True)
 class ReducedModes:
-    """Mass-normalised free modes of a model of several sites."""
+    """Free modes of unit mass of a model, in its own coordinates."""
 
     omega: Array  # (J,) ascending, exactly 0 for rigid-body modes [rad/s]
     shape: Array  # (p + N, J) the modes in u and eta
@@ -173,7 +173,7 @@ class ReducedModes:
 
 
 def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) -> ReducedModes:
-    """The free modes; `rigid` (p, q): displacements of the sites in unit rigid-body modes."""
+    """Free modes of a model; `rigid` (p, q): displacements of sites in its rigid-body modes."""
     p, q = rigid.shape
     size = p + omega.size
     K = np.diag(np.append(np.zeros(p), omega**2))
@@ -214,7 +214,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
 
 
 def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:
-    """Estimate of the lowest elastic omega^2 of (K, M) with rigid modes, as a shift."""
+    """Estimate of the lowest elastic omega^2 of (K, M) beside `rigid_shapes`, to be a shift."""
     from scipy.linalg import solve_triangular
 
     weight = M @ rigid_shapes

@@ -99,14 +99,15 @@ class Stretch(ReprMixin):
         return stretch_energy(self.quadratic, self.cubic, a)
 
     def pairs(self, a: Array, b: Array | None = None) -> Array:
-        """Amplitudes (n, m (m + 1)/2) of pairs of modes; with `b` of products of two motions."""
+        """Products (n, m (m + 1)/2) of amplitudes a (n, m) of modes i <= j, doubled for i < j; with
+        `b` (n, m) the symmetric products of a and b."""
         i, j = np.triu_indices(self.size)
         b = a if b is None else b
         products = (a[:, i] * b[:, j] + a[:, j] * b[:, i]) / 2
         return np.asarray(np.where(i == j, 1, 2) * products)
 
     def pair_motion(self, a: Array, v: Array, w: Array, derivative: int) -> Array:
-        """Amplitudes of pairs in motions a with rates v, w (n, m), or rates of these."""
+        """`pairs` of amplitudes a with rates v, w (n, m), or their first or second `derivative`."""
         if derivative == 0:
             return self.pairs(a)
         if derivative == 1:
@@ -114,29 +115,29 @@ class Stretch(ReprMixin):
         return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array, omega: Array) -> Stretch:
-        """The same forces in k combinations `turn` (m, k) of the modes, which others follow."""
+        """The forces for k combinations `turn` (m, k) of the modes; others follow statically."""
         k = turn.shape[1]
         quadratic = _transformed(self.quadratic, turn).reshape((k,) * 3)
         cubic = _transformed(self.cubic, turn).reshape((k,) * 4)
-        work = np.tensordot(self._of_pairs(turn), self.following(turn, omega), axes=(0, 0))
+        work = np.tensordot(self._pair_forces(turn), self.following(turn, omega), axes=(0, 0))
         ways = (work, work.transpose(0, 2, 1, 3), work.transpose(0, 2, 3, 1))
         cubic = cubic + 2 / 3 * sum((way + way.transpose(2, 3, 0, 1)) / 2 for way in ways)
         return Stretch(self.modes @ turn, quadratic, cubic, k)
 
-    def _of_pairs(self, turn: Array) -> Array:
-        """The quadratic forces on all modes (m, k, k) in products of two amplitudes of `turn`."""
+    def _pair_forces(self, turn: Array) -> Array:
+        """Quadratic forces (m, k, k) on the modes, for products of two amplitudes of `turn`."""
         return np.asarray(np.einsum("mij,ik,jl->mkl", self.quadratic, turn, turn, optimize=True))
 
     def following(self, turn: Array, omega: Array) -> Array:
-        """Static motion (m, k, k) of the modes left out, in products of amplitudes of `turn`."""
+        """Static motion (m, k, k) of the other modes, for products of two amplitudes of `turn`."""
         stiffness = self.modes.T @ (omega[:, None] ** 2 * self.modes)
-        forces = self._of_pairs(turn)
+        forces = self._pair_forces(turn)
         columns = forces.reshape(self.size, -1)
         taken = turn @ np.linalg.solve(turn.T @ stiffness @ turn, turn.T @ columns)
         return np.asarray((taken - np.linalg.solve(stiffness, columns)).reshape(forces.shape))
 
     def shapes_in(self, modes: Array) -> Array | None:
-        """Second-order displacements (n_dofs, pairs) of combined modes (J, k), or None."""
+        """Second-order displacements (n_dofs, pairs) of combined `modes` (J, k), or None."""
         if self.shapes is None:
             return None
 
@@ -149,14 +150,14 @@ class Stretch(ReprMixin):
 
 
 def _transformed(tensor: Array, turn: Array) -> Array:
-    """A tensor transformed along each axis; the first axis becomes the last at each step."""
+    """`tensor` with `turn` (m, k) applied to each of its axes."""
     for _ in range(tensor.ndim):
         tensor = tensor.reshape(len(turn), -1).T @ turn
     return tensor
 
 
 def checked_count(stretch: object) -> Count | Literal[False]:
-    """The checked argument `stretch` of `extract`."""
+    """The argument `stretch` of `extract` after a check."""
     if stretch is False or stretch is None:
         return False
     if isinstance(stretch, str) and stretch == "auto":
@@ -184,7 +185,7 @@ def stretch_of(body: object) -> Stretch | None:
 
 
 def refuse_stretch(bodies: Mapping[str, object]) -> None:
-    """InputError for a body with second-order forces, where only linear ones are supported."""
+    """InputError if one of the bodies has second-order forces."""
     for name, body in bodies.items():
         if stretch_of(body) is not None:
             raise InputError(

@@ -19,7 +19,7 @@ from antiosc.fem.mesh.finer import (
 from antiosc.fem.platform import compat
 from antiosc.io.isolation import GRADING
 from antiosc.reduce.error.division import (
-    LINES,
+    LEAST_LINES,
     POWER,
     growth,
     largest,
@@ -175,9 +175,9 @@ def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
     diagonal = np.hypot(1.0, 0.5)
     assert source.extent() == pytest.approx(diagonal)
     first = source.first(1.0, [((0.41, 0.0), 0.01)])
-    assert 0.5 * diagonal / LINES < largest(first) <= 1.001 * diagonal / LINES
+    assert 0.5 * diagonal / LEAST_LINES < largest(first) <= 1.001 * diagonal / LEAST_LINES
     finer = source.finer(first, np.full(first.n_cells, 0.3))
-    assert largest(finer) <= 1.001 * diagonal / LINES / 4
+    assert largest(finer) <= 1.001 * diagonal / LEAST_LINES / 4
     assert edge_lengths(finer).sum() == pytest.approx(1.5)
 
 

@@ -16,7 +16,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.io import by_gmsh
-from antiosc.io.by_gmsh import _order
+from antiosc.io.by_gmsh import _node_order
 from antiosc.io.neutral import CELLS, EDGES, rectangles
 from parts import gmsh_session
 from paths import MESHES
@@ -266,7 +266,7 @@ def test_gmshs_second_order_nodes_are_put_in_order(name):
         serendipity = name == "wedge15"
         kind = gmsh.model.mesh.getElementType(family.get(shape, "Hexahedron"), 2, serendipity)
         _, dim, _, n, x, corners = gmsh.model.mesh.getElementProperties(kind)
-        order = _order(gmsh, kind, name)
+        order = _node_order(gmsh, kind, name)
     finally:
         gmsh.finalize()
     assert n == nodes

@@ -17,7 +17,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.io import isolation
-from antiosc.io.by_gmsh import _order
+from antiosc.io.by_gmsh import _node_order
 from antiosc.io.isolation import harmless
 from antiosc.io.neutral import CELLS
 from antiosc.io.reading import read
@@ -271,7 +271,7 @@ def test_a_file_comes_back_as_gmsh_holds_it(session):
         for member in sorted(members):
             (kind,), _, (nodes,) = gmsh.model.mesh.getElements(raw.kind.dim, member)
             label = next(k for k, (_, _, number) in CELLS.items() if number == kind)
-            rows.append(np.reshape(nodes, (-1, raw.kind.nodes))[:, _order(gmsh, kind, label)])
+            rows.append(np.reshape(nodes, (-1, raw.kind.nodes))[:, _node_order(gmsh, kind, label)])
         expected = np.array([[at[t] for t in row] for row in np.vstack(rows).tolist()])
         np.testing.assert_array_equal(raw.points[raw.cells], expected)
         names = {gmsh.model.getPhysicalName(d, t) for d, t in gmsh.model.getPhysicalGroups()}

@@ -62,7 +62,7 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, holding, on_mesh
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.by_gmsh import CUT, GEOMETRY, SizeField
-from antiosc.io.isolation import GRADING as USUAL, Refinement
+from antiosc.io.isolation import GRADING as USUAL_GRADING, Refinement
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -72,23 +72,23 @@ from antiosc.reduce.site import functionals
 from antiosc.reduce.site.site import Site
 
 #: Share of the energies of shapes below which a surplus is rounding.
-SURPLUS = 1e-9
+LEAST_SURPLUS = 1e-9
 #: Structures that are divided already, with their factors, for further sites.
 _divided: WeakKeyDictionary[object, Structure] = WeakKeyDictionary()
 #: About the largest number of cells of the first mesh of a geometry.
-MOST_FIRST = 6000
+MOST_FIRST_CELLS = 6000
 #: A size [m] above that of any part: gmsh then takes the coarsest mesh that the geometry allows.
-ANY = 1e6
+UNLIMITED_SIZE = 1e6
 #: Growth and reach of the small sizes at the site in the first mesh of a geometry.
 FIRST_GRADING = (0.5, 1.5)
 #: Those in all further meshes, where they only keep the patch resolved.
 GRADING = (0.7, 1.5)
 #: Least number of lines on the longest diagonal of a part, as many as `advise` takes.
-LINES = 8
+LEAST_LINES = 8
 
 
 class Division:
-    """Estimator for one mesh of beams or sheets, on one rank."""
+    """Error of the mesh of one part of beams or sheets, by the same mesh divided; on one rank."""
 
     divided = True
 
@@ -98,20 +98,20 @@ class Division:
         self._matrices = matrices
 
     def missed(self, model: AntiOscillators) -> tuple[Array, Array | None]:
-        """(energies (p + N, p + N) that the mesh lacks in a model's shapes, or has in excess)."""
-        fine, _motions, forces = self._loaded(model)
+        """(energies (p + N, p + N) [N/m] that a model's shapes lack by the mesh, surplus ones)."""
+        fine, _motions, forces = self._shapes_and_loads(model)
         flexibility = forces.T @ statics(fine, fine.factorize(forces.shape[1]), forces)
         lack, surplus = lacking(model.stiffness, flexibility)
 
         struck = self._matrices.members()[0].part
         order = struck.form.degree if struck.mesh.tdim == 1 else 1
         remaining = 1 / (1 - 4.0**-order)
-        is_rounding = np.abs(surplus).max() <= SURPLUS * np.abs(flexibility).max()
+        is_rounding = np.abs(surplus).max() <= LEAST_SURPLUS * np.abs(flexibility).max()
         return remaining * lack, None if is_rounding else remaining * surplus
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
-        """Energy (cells,) of the errors of the shapes times `weights` (p + N, k), of one mesh."""
-        fine, motions, forces = self._loaded(model)
+        """Energy (cells,) of the errors of the shapes combined by `weights` (p + N, k)."""
+        fine, motions, forces = self._shapes_and_loads(model)
         solver = fine.factorize(weights.shape[1])
         errors = statics(fine, solver, forces @ weights) - motions @ weights
         part = on_mesh(fine)
@@ -123,8 +123,8 @@ class Division:
         of_input = np.bincount(parent, np.maximum(energies, 0.0))
         return np.asarray(of_input[coarse.original_cell_index])
 
-    def _loaded(self, model: AntiOscillators) -> tuple[Structure, Array, Array]:
-        """(the divided structure, a model's shapes on it (rows, p + N), their loads)."""
+    def _shapes_and_loads(self, model: AntiOscillators) -> tuple[Structure, Array, Array]:
+        """(divided structure, shapes of the model on it (rows, p + N), loads that cause them)."""
         fine = divided(self._matrices)
         parts = self._matrices.members()[0].part, on_mesh(fine)
         motions = np.asarray(interpolation(*parts) @ np.asarray(model.shapes))
@@ -143,7 +143,7 @@ class Division:
 
 
 def _sites_of(model: AntiOscillators) -> list[Site]:
-    """The sites of a model; InputError for one without point and direction."""
+    """Sites at the points of a model; InputError if a point or direction is not known."""
     points, columns = site_points(model), model.columns or {"": (0,)}
     if model.direction is None or set(points) != set(columns):
         raise InputError(
@@ -160,20 +160,20 @@ def _sites_of(model: AntiOscillators) -> list[Site]:
 
 
 def divided(matrices: MeshedParts) -> Structure:
-    """The structure with each cell divided; it is kept, with its factor, for further sites."""
+    """The structure on a mesh with each cell divided; it is made once for each `matrices`."""
     if matrices not in _divided:
         start_time = clock()
         with without_warnings(), doing("a mesh of half the size, for the error bar"):
             part = matrices.members()[0].part
-            groups, supports = _by_groups(part)
+            groups, supports = _without_numbers(part)
             fine = part.again(finer(replace(part.mesh, groups=groups)), supports)
             _divided[matrices] = holding(fine, start_time)
 
     return _divided[matrices]
 
 
-def _by_groups(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArray]], list[Support]]:
-    """(groups, supports) with groups in place of numbers of nodes, which new nodes lack."""
+def _without_numbers(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArray]], list[Support]]:
+    """(groups, supports) of a part with groups in place of numbered nodes: new nodes have none."""
     groups = {name: dict(entities) for name, entities in part.mesh.groups.items()}
     supports = []
     for k, support in enumerate(part.supports):
@@ -187,10 +187,12 @@ def _by_groups(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArray]], l
 
 
 def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
-    """(energies (k, k) that the mesh lacks of its shapes, negative ones of few integration points).
+    """Positive and negative part (k, k) of `flexibility` - `stiffness`: what the mesh lacks, its
+    surplus.
 
-    `stiffness`, `flexibility` (k, k): energies of shapes, and of what their loads cause on the
-    divided mesh.
+    `stiffness` (k, k): energies of shapes; `flexibility` (k, k): energies that the loads of these
+    shapes cause on the divided mesh. A surplus arises where few integration points make an element
+    soft.
     """
     size = np.sqrt(stiffness.diagonal())
     inverse_size = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
@@ -208,16 +210,15 @@ def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
 
 
 def finer(mesh: Mesh) -> Mesh:
-    """The mesh on one rank with each cell c divided into h cells with the input numbers h c to
-    h c + h - 1.
-    """
+    """The mesh on one rank with each cell divided into h cells; those of cell c (in the input's
+    numbering) are h c … h c + h - 1."""
     whole = gathered(mesh, np.zeros(mesh.n_cells))
     assert whole is not None  # on one rank
     return distributed(halved(whole[0]), mesh.name, mesh.comm)
 
 
 def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
-    """Interpolation matrix (fine rows, coarse rows) of displacements to the divided mesh."""
+    """Matrix (rows of `fine`, rows of `part`) that interpolates displacements of `part`."""
     places = _places_of_halves(part)
     input_number = np.asarray(fine.mesh.dolfinx.topology.original_cell_index)
     parent, half = np.divmod(input_number, len(places))
@@ -239,7 +240,7 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
 
 
 def _places_of_halves(part: MeshedStructure) -> Array:
-    """Reference coordinates (halves, functions, dim) in a cell, of the nodes of its halves."""
+    """Reference coordinates (h, functions, dim) of the nodes of the h cells that divide a cell."""
     corners = part.mesh.geometry.corners
     shape = scheme(part.mesh.cell)
     lattice = np.vstack([corners, *(corners[vertices].mean(axis=0) for vertices in shape.members)])
@@ -253,14 +254,14 @@ def _places_of_halves(part: MeshedStructure) -> Array:
 
 
 class MeshSource(ABC):
-    """Protocol: a source of finer and finer meshes of one part; `coarsest` is the first mesh."""
+    """Protocol: gives finer and finer meshes of one part; `coarsest` is the first one."""
 
     #: why there is only one mesh; "" if there are more
     fixed = ""
     coarsest: Mesh
 
     def thickness(self) -> float:
-        """Twice the volume over the surface [m]: the thickness of a thin wall."""
+        """Twice the volume over the surface [m], which is the thickness of a thin wall."""
         return mean_thickness(self.coarsest)
 
     def extent(self) -> float:
@@ -276,7 +277,7 @@ class MeshSource(ABC):
         """A mesh whose cell sizes are about `ratio` (cells of this rank) times those of `mesh`."""
 
     def around(self, mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
-        """The mesh with smaller cells around points; MeshError if its cells stay as they are."""
+        """The mesh with smaller cells near points; MeshError if its cells cannot be divided."""
         if self.fixed:
             raise MeshError(self.fixed)
         return self.finer(mesh, np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0))
@@ -303,7 +304,7 @@ def source_of(source: str | Path | Mesh, order: int = 2) -> MeshSource:
 
 
 class OfMesh(MeshSource):
-    """A mesh as source of meshes: straight simplices are bisected, other cells stay."""
+    """A given mesh: straight simplices are bisected; meshes of other cells stay as they are."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.coarsest = mesh
@@ -315,23 +316,23 @@ class OfMesh(MeshSource):
             )
 
     def thickness(self) -> float:
-        """Twice the volume over the surface [m]; of other cells than simplices the least extent."""
+        """Twice the volume over the surface [m]; of other cells than simplices least extent."""
         if self.coarsest.cell in KIND_OF:
             return super().thickness()
         low, high = bounds(self.coarsest.comm, self.coarsest.dolfinx.geometry.x)
         return float(np.min((high - low)[: self.coarsest.gdim]))
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
-        """The mesh itself, divided near the points."""
+        """The given mesh, divided near the points of `refine`."""
         return self.coarsest if self.fixed else near(self.coarsest, refine)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """The mesh with its cells divided."""
+        """The mesh with those cells bisected whose `ratio` requires it."""
         return refined(mesh, ratio)
 
 
 class OfGeometry(MeshSource):
-    """A geometry as source, meshed by gmsh."""
+    """A geometry, which gmsh meshes anew for each mesh."""
 
     def __init__(self, path: Path, order: int) -> None:
         self._path = path
@@ -341,7 +342,7 @@ class OfGeometry(MeshSource):
     @cached_property
     def coarsest(self) -> Mesh:  # type: ignore[override]
         """The mesh of the largest cells that the geometry permits."""
-        raw = self._read(None, 1, (), None, USUAL)
+        raw = self._read(None, 1, (), None, USUAL_GRADING)
         for sentence in raw.remarks:
             warn(MPI.COMM_WORLD, sentence)
         return distributed(raw, self._path.name, MPI.COMM_WORLD)
@@ -351,13 +352,13 @@ class OfGeometry(MeshSource):
         coarse = self.coarsest
         self._refine = refine
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
-        coarsest_size = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
+        coarsest_size = (share * measures(coarse)[0] / MOST_FIRST_CELLS) ** (1 / coarse.tdim)
         size_field = wished_sizes(coarse, max(size, coarsest_size) / edge_lengths(coarse))
 
         return self._meshed(coarse, size_field, FIRST_GRADING)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """The geometry meshed again, with about Σ 1 / ratio^d cells, and the patch resolved."""
+        """The geometry meshed again: about Σ 1 / ratio^d cells; cells at the patch stay small."""
         cell_goal = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
         size_field = wished_sizes(mesh, ratio)
         if size_field is not None:
@@ -369,6 +370,7 @@ class OfGeometry(MeshSource):
         return self._meshed(mesh, size_field, GRADING)
 
     def _meshed(self, like: Mesh, wished: SizeField | None, grading: Sequence[float]) -> Mesh:
+        """A mesh with the sizes `wished`, which grow by `grading`; dimension of `like`."""
         raw = self._read(like.gdim, self._order, self._refine, wished, grading)
         for sentence in raw.remarks:
             if CUT in sentence:
@@ -383,19 +385,27 @@ class OfGeometry(MeshSource):
         wished: SizeField | None,
         grading: Sequence[float],
     ) -> RawMesh:
+        """The geometry as gmsh meshes it for these sizes, on rank 0, as arrays."""
+
         def checked(raw: RawMesh) -> RawMesh:
             return sound(flattened(raw, gdim, self._path.name), self._path.name, True)
 
         def work() -> RawMesh:
             return read(
-                self._path, ANY, order, refine, sizes=wished, grading=grading, sound=checked
+                self._path,
+                UNLIMITED_SIZE,
+                order,
+                refine,
+                sizes=wished,
+                grading=grading,
+                sound=checked,
             )
 
         return on_root(MPI.COMM_WORLD, work)
 
 
 class OfLines(MeshSource):
-    """A mesh of lines as source, whose cells are halved, or a geometry of lines."""
+    """A mesh of lines, all of which are halved, or a geometry of lines, which is meshed anew."""
 
     def __init__(self, mesh: Mesh, path: Path | None = None) -> None:
         self.coarsest = mesh
@@ -407,8 +417,8 @@ class OfLines(MeshSource):
         return 0.0
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
-        """At least `LINES` cells on the diagonal."""
-        self._size = self.extent() / LINES
+        """A mesh with at least `LEAST_LINES` cells along the diagonal of the part."""
+        self._size = self.extent() / LEAST_LINES
         return self._of_size(self.coarsest)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
@@ -418,7 +428,7 @@ class OfLines(MeshSource):
         return self._of_size(mesh)
 
     def _of_size(self, mesh: Mesh) -> Mesh:
-        """A mesh with lines of at most the wanted size."""
+        """The mesh with lines of at most the present size: read again, or halved."""
         if self._path is not None:
             return read_mesh(self._path, size=self._size, order=1, comm=self.coarsest.comm)
         while largest(mesh) > (1 + 1e-9) * self._size:
@@ -432,7 +442,7 @@ def largest(mesh: Mesh) -> float:
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
-    """Size field on rank 0 for `ratio`: at each corner the smallest size of its cells."""
+    """Size field for `ratio` × present sizes, at corners the least of their cells; on rank 0."""
     whole = gathered(mesh, ratio * edge_lengths(mesh))
     if whole is None:
         return None
@@ -459,10 +469,10 @@ WIDEST = 50.0
 
 
 def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -> Array:
-    """New size over old size of each cell of this rank (cells,), not below `FINEST`.
+    """New over old size of each cell of this rank (cells,), at least `FINEST`.
 
-    `energies` (cells,): errors η²; `goal`: required total error over the present one; `order` of
-    the elements, `dim` of the mesh.
+    `energies` (cells,): errors η²; `goal`: required over present sum of all errors; `order`: of the
+    elements; `dim`: of the mesh.
     """
     from scipy.optimize import brentq  # loaded where it is used: it takes long
 
@@ -477,6 +487,7 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
         return np.asarray(np.clip(exp(scale) * optimal, FINEST, COARSEST))
 
     def error_excess(scale: float) -> float:
+        """Total error for the logarithm `scale` over the present one, minus the goal."""
         total_error = float(np.sum(sizes(scale) ** (2 * order) * energies))
         return float(comm.allreduce(total_error)) / total - goal
 
@@ -488,6 +499,6 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
 
 
 def growth(comm: MPI.Comm, ratio: Array, dim: int) -> float:
-    """Ratio of the number of cells after a change of sizes by `ratio` to the present number."""
+    """Number of cells after a change of cell sizes by `ratio` (cells,), over the present number."""
     n_new, n_old = comm.allreduce(np.array([np.sum(ratio ** -float(dim)), float(len(ratio))]))
     return float(n_new / n_old)

@@ -65,27 +65,27 @@ THEORY = "Not included: the error of {} theory itself."
 AT_NODE = 1e-3
 #: Angles in degrees between neighbours, above rounding and below that of a sharp edge, between
 #: which straight cells are taken for a curve.
-SMOOTH = 0.2, 40.0
+SMOOTH_ANGLES = 0.2, 40.0
 
 
 class Recovery:
-    """Estimator for solids, one or several that are joined. Joints are taken as exact."""
+    """Error of the mesh of solids, single or joined, by recovered strains; joints are exact."""
 
     divided = False
 
     def __init__(self, matrices: MeshedParts) -> None:
         self._matrices = matrices
         for member in self._matrices.members():
-            _refuse(member.part)
+            _check_part(member.part)
 
     def missed(self, model: AntiOscillators) -> tuple[Array, None]:
-        """Energies and products (p + N, p + N) of the errors of the shapes of a model."""
+        """(energies (p + N, p + N) [N/m] of the errors of a model's shapes, None: no surplus)."""
         fields = self._matrices.fields(np.asarray(model.shapes))
         grams = [gram(member.part, u) for member, u in fields]
         return np.sum(grams, axis=0), None
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
-        """Energy (cells of this rank,) of the errors of the shapes times `weights` (p + N, k)."""
+        """Energy (cells of this rank,) of errors of the shapes combined by `weights` (p + N, k)."""
         ((member, shapes),) = self._matrices.fields(np.asarray(model.shapes) @ weights)
         energies = np.zeros(compat.cell_map(member.part.mesh.dolfinx).size_local)
         for cells, errors in strain_errors(member.part, shapes):
@@ -93,8 +93,8 @@ class Recovery:
         return energies
 
 
-def _refuse(part: MeshedStructure) -> None:
-    """InputError for a single cell, and for linear elements that lock."""
+def _check_part(part: MeshedStructure) -> None:
+    """InputError for a part of a single cell, and for linear elements that lock."""
     if part.mesh.n_cells < 2:
         raise InputError(
             "the error 'estimate' compares the strains of neighbouring cells, and"
@@ -111,7 +111,7 @@ def _refuse(part: MeshedStructure) -> None:
 
 
 def gram(part: MeshedStructure, shapes: Array) -> Array:
-    """Energies E_ij = ∫ e_i:C:e_j (k, k) of the strain errors e of shapes (rows, k)."""
+    """Energies E_ij = ∫ e_i:C:e_j (k, k) [J] of the strain errors e of `shapes` (rows, k)."""
     total = np.zeros((shapes.shape[1],) * 2)
     for _, errors in strain_errors(part, shapes):
         flat = errors.reshape(-1, len(total))
@@ -120,7 +120,8 @@ def gram(part: MeshedStructure, shapes: Array) -> Array:
 
 
 def strain_errors(part: MeshedStructure, shapes: Array) -> Iterator[tuple[IntArray, Array]]:
-    """Yield (some cells, R e √w (cells, points · components, k)) of errors e, RᵀR the stiffness."""
+    """Yield (cells (n,), R e √w (n, points · components, k)): the strain errors e of `shapes`
+    (rows, k) at quadrature points of weight w, times a root R of the stiffness RᵀR."""
     strains = Strains(part, shapes)
     k = shapes.shape[1]
     for root, cells in _regions(part):
@@ -139,7 +140,7 @@ def strain_errors(part: MeshedStructure, shapes: Array) -> Iterator[tuple[IntArr
 
 
 def _regions(part: MeshedStructure) -> Iterator[tuple[Array, IntArray]]:
-    """Yield (root R of a stiffness RᵀR, owned cells that have it)."""
+    """Yield (R, cells of this rank) for each different stiffness RᵀR of the part."""
     owned = compat.cell_map(part.mesh.dolfinx).size_local
     regions: dict[bytes, tuple[Array, list[IntArray]]] = {}
     for material, cells in part.parts:
@@ -151,7 +152,7 @@ def _regions(part: MeshedStructure) -> Iterator[tuple[Array, IntArray]]:
 
 
 class Strains:
-    """Evaluates strains of shapes (rows of this rank, k) at quadrature points of owned cells."""
+    """Strains of `shapes` (rows of this rank, k) at the quadrature points of this rank's cells."""
 
     def __init__(self, part: MeshedStructure, shapes: Array) -> None:
         mesh, form = part.mesh, part.form
@@ -173,13 +174,13 @@ class Strains:
         self._slopes = compat.tabulate_slopes(form.space, self._paths[0], self.X)
 
     def slices(self, cells: IntArray) -> list[slice]:
-        """Slices of `cells` whose strains are in memory together."""
+        """Slices of `cells`, each small enough for its strains to stay in the processor's cache."""
         each = len(self.X) * self.mesh.gdim**2 * self._values.shape[1]
         width = max(1, BLOCK_NUMBERS // each)
         return [slice(first, first + width) for first in range(0, len(cells), width)]
 
     def at(self, cells: IntArray) -> Array:
-        """Strains (cells · points, components · k) at all points of some cells."""
+        """Strains (cells · points, components · k) at the quadrature points of `cells`."""
         slopes = np.swapaxes(self._inverse[cells], -1, -2) @ np.swapaxes(self._slopes, -1, -2)
         dofs = [compat.cell_dofs(self._space, path, cells) for path in self._paths]
 
@@ -200,7 +201,7 @@ class Strains:
 
 
 class Projection:
-    """L2 projection onto continuous linear functions on owned `cells` of a mesh."""
+    """L2 projection of fields on `cells` of this rank onto continuous linear functions."""
 
     def __init__(self, strains: Strains, cells: IntArray) -> None:
         mesh = strains.mesh
@@ -221,7 +222,7 @@ class Projection:
         self._inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
 
     def functions(self, block: slice) -> tuple[scipy.sparse.csr_matrix, Array]:
-        """(values of all functions at the points of some cells, weights (points, 1) of these)."""
+        """(values of the functions at the points of some cells, weights (points, 1) of these)."""
         weights = self._weights[block].reshape(-1, 1)
         corners = np.repeat(self._corners[block], len(self._table), axis=0)
         values = np.tile(self._table, (len(corners) // len(self._table), 1))
@@ -230,11 +231,11 @@ class Projection:
         return scipy.sparse.csr_matrix(arrays, shape=(len(corners), self.size)), weights
 
     def solve(self, loads: Array) -> Array:
-        """Values at the corners, ghosts included, for loads ∫ f φ of this rank (size, fields)."""
+        """Corner values, ghosts included, from this rank's `loads` (size, fields) ∫ f φ."""
         loads = compat.ghosts_added(self._space, loads)
         start = self._dot(loads, self._inverse * loads)
         for x, residuals, _ in conjugate_gradients(
-            loads, self._product, lambda r: self._inverse * r, self._dot, CG_STEPS
+            loads, self._mass_times, lambda r: self._inverse * r, self._dot, CG_STEPS
         ):
             if np.all(residuals <= CG_RESIDUAL**2 * start):
                 return compat.with_ghosts(self._space, x)
@@ -244,10 +245,12 @@ class Projection:
             " nearly no volume; mesh the part anew, or leave the error out."
         )
 
-    def _product(self, x: Array) -> Array:
+    def _mass_times(self, x: Array) -> Array:
+        """The mass matrix times `x` (size, fields)."""
         return compat.ghosts_added(self._space, self._mass @ compat.with_ghosts(self._space, x))
 
     def _dot(self, x: Array, y: Array) -> Array:
+        """Scalar products (fields,) of the columns of two arrays over all ranks."""
         return np.asarray(self._comm.allreduce(np.einsum("if,if->f", x, y)))
 
 
@@ -258,8 +261,8 @@ MOST_DOFS = 800_000
 FORESEEN, EACH_ANSWER = 150, 52.0
 
 
-def _too_large(matrices: MeshedParts) -> str:
-    """Why the mesh of a structure is not divided; "" if it can be."""
+def _why_too_large(matrices: MeshedParts) -> str:
+    """Why the mesh of a structure is too large to be divided; "" if it is not."""
     part = matrices.members()[0].part
     name = part.mesh.name
     finer = 2.0**part.mesh.tdim * part.rows
@@ -279,22 +282,22 @@ def _too_large(matrices: MeshedParts) -> str:
     return ""
 
 
-def _solids(matrices: MeshedParts) -> bool:
-    """Whether a structure consists of solids alone."""
+def _are_solids(matrices: MeshedParts) -> bool:
+    """Whether all parts of a structure are solids."""
     if matrices.assembled and cast("AssembledMatrices", matrices).layout.condensed:
         return False
     return all(member.part.kind.outside for member in matrices.members())
 
 
 def refusal(matrices: MeshedParts) -> str:
-    """Why the mesh's error of a structure is not estimated; "" if it is."""
+    """Why the error of the mesh of a structure cannot be estimated; "" if it can."""
     if not matrices.assembled and matrices.members()[0].part.kind.name == "truss":
         return TRUSS
-    if _solids(matrices) and not (matrices.assembled and matrices.preload):
+    if _are_solids(matrices) and not (matrices.assembled and matrices.preload):
         return ""
     if matrices.assembled:
         return JOINTED
-    return _too_large(matrices)
+    return _why_too_large(matrices)
 
 
 class ModelErrors:
@@ -313,7 +316,7 @@ class ModelErrors:
         self.skipped = refusal(self._matrices)
 
     def check(self) -> None:
-        """InputError for a structure that no estimate takes, nor a bar of other causes."""
+        """InputError for a structure whose models cannot have error bars at all."""
         if self.skipped == TRUSS:
             raise InputError(f"the error 'estimate' is of solids, beams and shells: {TRUSS}")
         if not self.skipped:
@@ -321,7 +324,7 @@ class ModelErrors:
 
     @cached_property
     def _estimator(self) -> Recovery | Division:
-        return (Recovery if _solids(self._matrices) else Division)(self._matrices)
+        return (Recovery if _are_solids(self._matrices) else Division)(self._matrices)
 
     def added_to(self, model: AntiOscillators, sites: Mapping[str, Functional]) -> AntiOscillators:
         """The model with its `strain_error`, and with the data of the error budget in `info`."""
@@ -334,7 +337,7 @@ class ModelErrors:
         struck = [site.place.member if site.place else first for site in sites.values()]
         parts = list(dict.fromkeys(member.part for member in struck))
         inside = (_is_inside(m.part, s) for m, s in zip(struck, sites.values(), strict=True))
-        left_out = " ".join(filter(None, map(_left_out, parts)))
+        left_out = " ".join(filter(None, map(_not_included, parts)))
         patch = None
         if not (model.sites or self._estimator.divided):
             (site,) = sites.values()
@@ -353,19 +356,19 @@ class ModelErrors:
         return replace(model, strain_error=energies, strain_misfit=misfit, info=info)
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
-        """Energy (cells of this rank,) of the errors of the shapes times `weights` (p + N, k)."""
+        """Energy (cells of this rank,) of errors of shapes combined by `weights` (p + N, k)."""
         return self._estimator.of_cells(model, weights)
 
 
-def _left_out(part: MeshedStructure) -> str:
-    """What the error of the mesh does not include, in words; "" for straight solids."""
+def _not_included(part: MeshedStructure) -> str:
+    """Sentences on what the error of the mesh does not include; "" for straight solids."""
     name = "shell" if part.kind.sheet else part.kind.name
     theory = "" if part.kind.outside else THEORY.format(name)
     return " ".join(filter(None, [theory, flat_cells(part)]))
 
 
 def _is_inside(part: MeshedStructure, site: Functional) -> bool:
-    """Whether a site lies within an element of a beam and not at a node."""
+    """Whether a site lies within an element of a beam, away from its nodes."""
     if part.mesh.tdim > 1 or site.point is None:
         return False
 
@@ -376,7 +379,7 @@ def _is_inside(part: MeshedStructure, site: Functional) -> bool:
 
 
 def flat_cells(part: MeshedStructure) -> str:
-    """A sentence if straight cells seem to stand for a curved line or surface; otherwise empty."""
+    """A sentence if the straight cells of a mesh seem to approximate a curve; otherwise ""."""
     mesh = part.mesh
     if mesh.order > 1:
         return ""
@@ -387,7 +390,7 @@ def flat_cells(part: MeshedStructure) -> str:
         else np.arange(compat.cell_map(mesh.dolfinx).size_local)
     )
     angles = _angles(mesh.dolfinx.geometry.x, compat.entity_vertices(mesh.dolfinx, dim)[entities])
-    small = angles[(angles > SMOOTH[0]) & (angles < SMOOTH[1])]
+    small = angles[(angles > SMOOTH_ANGLES[0]) & (angles < SMOOTH_ANGLES[1])]
     largest = max(mesh.comm.allgather(float(small.max(initial=0.0))))
     if not largest:
         return ""
@@ -399,7 +402,8 @@ def flat_cells(part: MeshedStructure) -> str:
 
 
 def _angles(x: Array, corners: IntArray) -> Array:
-    """Angles in degrees between lines or faces (n, v) that share a side alone."""
+    """Angles (k,) [degree] between lines or faces with `corners` (n, v) that share an end or a
+    side; `x`: coordinates of all nodes."""
     points = x[corners]
     along = points[:, -1] - points[:, 0]
 
@@ -422,7 +426,7 @@ def _angles(x: Array, corners: IntArray) -> Array:
 
 
 #: The second radius over the first, and the ratio used instead if the larger patch leaves the face.
-RADII = (np.sqrt(2.0), np.sqrt(0.5))
+SECOND_RADII = (np.sqrt(2.0), np.sqrt(0.5))
 #: Least share of the load of the second patch on its face.
 WHOLE_LOAD = 0.99
 
@@ -430,10 +434,11 @@ WHOLE_LOAD = 0.99
 def patch_of(
     structure: Structure, matrices: MeshedParts, site: Functional
 ) -> dict[str, float] | None:
-    """Data of a site's patch for an error budget, as JSON values; None for a point.
+    """Data of a site's patch for the error budget, as JSON values; None for a point.
 
-    "faces": their size [m]; "cut": whether an edge cuts it; of a second patch "radius" [m] and
-    "compliance", the change of the part's compliance beyond the half-space [m/N].
+    "faces": size of the faces there [m]; "cut": 1 if an edge cuts the patch; of a patch with
+    another "radius" [m]: "compliance", the change of the compliance without that of the half-space
+    [m/N].
     """
     place = site.place
     if site.radius is None or place is None:
@@ -441,6 +446,7 @@ def patch_of(
     member = place.member
 
     def of_radius(radius: float) -> Sites:
+        """The site with a patch of this radius [m]."""
         radii = np.array([radius])
         return located(member.part, place.point[None], place.direction[None], radii)
 
@@ -449,7 +455,7 @@ def patch_of(
     if facts["cut"] or not site.local_compliance:
         return facts
 
-    for factor in RADII:
+    for factor in SECOND_RADII:
         second = of_radius(factor * site.radius)
         if second.share[0] >= WHOLE_LOAD:
             break

@@ -48,14 +48,14 @@ STATIC_STEPS = 200
 STATIC_IDLE = 5
 #: A site follows the motion of others if less than this share of its compliance is independent of
 #: them; otherwise Z = H⁻¹ would lose digits by the square of the share.
-FOLLOWS = 1e-10
+LEAST_INDEPENDENT = 1e-10
 #: Pivots above this share of the largest one are equally good.
-AS_GOOD = 0.5
+EQUAL_PIVOTS = 0.5
 
 
 @dataclass(frozen=True)
 class SiteShapes:
-    """Shapes Φ of unit displacements at p >= 1 independent sites, in the basis of loads `B W`."""
+    """Shapes Φ of unit displacements at p ≥ 1 independent sites; the sites' loads are B W."""
 
     kept: IntArray  # (p,) numbers of the independent columns of B
     #: (c, p) displacements at all columns for unit displacements at the independent ones
@@ -83,17 +83,17 @@ class SiteShapes:
     shift: float
 
     @cached_property
-    def _pin(self) -> Array:
-        """Inverse (p, p) of `bAb`."""
+    def _inverse_compliance(self) -> Array:
+        """Inverse (p, p) of the compliance `bAb`."""
         return np.linalg.inv(self.bAb)
 
     def constrained(self, comm: MPI.Comm, x: Array) -> Array:
-        """x − Y (BᵀY)⁻¹Bᵀx, the part of x that vanishes at the sites."""
-        return np.asarray(x - self.y @ (self._pin @ dot(comm, self.load, x)))
+        """x − Y (BᵀY)⁻¹Bᵀx (rows, k): x after forces at the sites are added that hold these."""
+        return np.asarray(x - self.y @ (self._inverse_compliance @ dot(comm, self.load, x)))
 
     @property
     def rigid(self) -> Array:
-        """Displacements (p, q) of the sites in the rigid-body modes that move them, kg^-½."""
+        """Displacements (p, q) [kg^-½] of the sites in the q rigid-body modes that move them."""
         rigid_columns = np.flatnonzero(self.moved)
         return np.asarray(np.linalg.solve(self.W.T, np.diag(self.moved)[:, rigid_columns]))
 
@@ -105,7 +105,7 @@ class SiteShapes:
 
 
 def site_shapes(structure: Structure, B: Array) -> SiteShapes:
-    """The shapes of the sites whose loads are the columns of B (rows of this rank, c)."""
+    """Shapes of unit displacements at the sites with loads B (rows of this rank, c)."""
     comm = structure.comm
     solver = structure.factorize()
     columns, dependence, W, Y, V, sigma = _basis(structure, solver, B)
@@ -155,7 +155,7 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
 
 
 def expanded_at(structure: Structure, static: SiteShapes, shift: float) -> SiteShapes:
-    """The same shapes beside a solver of A = K + sM with this shift s [rad²/s²]."""
+    """`static` with the solver of A = K + sM for a larger shift s [rad²/s²]."""
     if shift <= structure.shift:
         return static
     solver = structure.factorize_at(shift, static.load.shape[1])
@@ -167,7 +167,7 @@ def expanded_at(structure: Structure, static: SiteShapes, shift: float) -> SiteS
 def _basis(
     structure: Structure, solver: Solver, B: Array
 ) -> tuple[IntArray, Array, Array, Array, Array, Array]:
-    """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) of `SiteShapes`."""
+    """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) of the module and `SiteShapes`."""
     comm = structure.comm
     R = structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0
@@ -195,16 +195,17 @@ def _basis(
 
 
 def independent(C: Array) -> tuple[IntArray, Array]:
-    """(independent columns (p,), displacements (c, p) of all for these), by pivoted Cholesky."""
+    """(independent columns (p,) of a compliance C (c, c), displacements (c, p) of all columns for
+    unit displacements of these), by pivoted Cholesky."""
     size = np.sqrt(np.maximum(C.diagonal(), 0.0))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     unit = C * scale[:, None] * scale
     schur = unit.copy()
     independent_columns = []
-    while schur.size and schur.diagonal().max() > FOLLOWS:
+    while schur.size and schur.diagonal().max() > LEAST_INDEPENDENT:
         pivots = schur.diagonal()
         # the first of nearly equal pivots, so that rounding does not choose between equal sites
-        k = int(np.argmax(pivots > AS_GOOD * pivots.max()))
+        k = int(np.argmax(pivots > EQUAL_PIVOTS * pivots.max()))
         independent_columns.append(k)
         schur = schur - np.outer(schur[k], schur[k]) / pivots[k]
         schur[k] = 0.0
@@ -217,9 +218,8 @@ def independent(C: Array) -> tuple[IntArray, Array]:
 
 
 def statics(structure: Structure, solver: Solver, loads: Array) -> Array:
-    """Displacements (rows, k) under loads, M-orthogonal to rigid motions: K⁺ of what is
-    balanced.
-    """
+    """Elastic displacements (rows, k) under `loads` (rows, k), M-orthogonal to rigid motions;
+    inertia of a rigid motion balances each load."""
     comm = structure.comm
     R = structure.rigid_modes
     if not R.shape[1]:

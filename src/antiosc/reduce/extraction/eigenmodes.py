@@ -49,16 +49,16 @@ if TYPE_CHECKING:
 RESIDUAL = 1e-11
 #: Additional modes that are computed and dropped, since the search may find only one shape of a
 #: repeated frequency.
-GUARD = 4
+EXTRA_MODES = 4
 #: Most restarts of SLEPc.
 RESTARTS = 200
 #: A search takes as many solves as the models of so many sites.
-AS_SITES = 3.0
+EQUIVALENT_SITES = 3.0
 
 
 @dataclass(frozen=True)
 class ModeSearch:
-    """A search for the lowest modes in the space orthogonal to the modes known before."""
+    """One search for the lowest modes that are M-orthogonal to those already `known`."""
 
     structure: Structure
     #: the sites that are constrained; None for natural modes
@@ -71,11 +71,11 @@ class ModeSearch:
 
     @property
     def computed(self) -> int:
-        """Number of modes to compute."""
-        return min(self.wanted + GUARD, self.limit)
+        """Number of modes that the search computes: a few more than wanted."""
+        return min(self.wanted + EXTRA_MODES, self.limit)
 
     def inverse(self, r: Array) -> Array:
-        """A⁻¹r, projected on motions that vanish at the sites; for natural modes A⁻¹r itself."""
+        """A⁻¹r for a load r (rows,), with the sites at rest if they are constrained."""
         x = self.structure.factorize().solve(r)
         if self.held is None:
             return x
@@ -89,7 +89,7 @@ class ModeSearch:
 
 
 def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
-    """(ω² [rad²/s²], shapes (rows, k)) of at least the wanted modes by ARPACK, in any order."""
+    """(ω² [rad²/s²] (k,), shapes (rows, k)) of the wanted modes or more, unsorted, by ARPACK."""
     structure = search.structure
     modes = search.known
     known_loads = multiply(structure.M, modes)
@@ -120,7 +120,7 @@ def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
 
 
 def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
-    """The same by SLEPc's Krylov–Schur method."""
+    """(ω² [rad²/s²] (k,), shapes (rows, k)) of the wanted modes or more, by Krylov–Schur."""
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
@@ -141,9 +141,9 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
     pc = ksp.getPC()
     pc.setType(PETSc.PC.Type.PYTHON)
     pc.setPythonContext(_SearchInverse(search))
-    eps.setInitialSpace([_vector(structure.K, search.start())])
+    eps.setInitialSpace([_petsc_vector(structure.K, search.start())])
     if search.known.shape[1]:
-        eps.setDeflationSpace([_vector(structure.K, shape) for shape in search.known.T])
+        eps.setDeflationSpace([_petsc_vector(structure.K, shape) for shape in search.known.T])
 
     try:
         eps.solve()
@@ -172,15 +172,15 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
     return values, shapes
 
 
-def _vector(K: PETSc.Mat, values: Array) -> PETSc.Vec:
-    """A PETSc vector with these values on this rank."""
+def _petsc_vector(K: PETSc.Mat, values: Array) -> PETSc.Vec:
+    """A PETSc vector of the layout of K with these values on this rank."""
     x = K.createVecRight()
     x.setArray(values)
     return x
 
 
 class _SearchInverse:
-    """PETSc's Python preconditioner: the inverse of the search."""
+    """A preconditioner for PETSc that applies `ModeSearch.inverse`."""
 
     def __init__(self, search: ModeSearch) -> None:
         self._search = search
@@ -221,9 +221,9 @@ class Modes:
 
 
 class ModeSolver:
-    """Finds the lowest elastic modes in several rounds.
+    """Finds the lowest elastic modes in rounds: natural modes, or constraint modes.
 
-    With the shapes of sites it finds the constraint modes, otherwise the natural modes.
+    `held`: shapes of the sites at which the constraint modes vanish; None: natural modes.
     """
 
     def __init__(self, structure: Structure, held: SiteShapes | None = None) -> None:
@@ -243,7 +243,7 @@ class ModeSolver:
         enough: Callable[[Modes], bool] = lambda modes: True,
         most: float = math.inf,
     ) -> Modes:
-        """At least the `count` lowest modes, until they are `enough`, all, or about `most`."""
+        """The lowest modes, at least `count`: more until `enough(modes)`, or all, or `most`."""
         modes = self._at_least(count)
         while not (modes.complete or len(modes.omega) >= most or enough(modes)):
             known = len(modes.omega)
@@ -251,7 +251,7 @@ class ModeSolver:
         return modes
 
     def _at_least(self, count: int) -> Modes:
-        """At least `count` modes."""
+        """The lowest modes, `count` at least; those found before are not computed again."""
         count = min(count, self.limit)
         if self._found.complete or len(self._found.omega) >= count:
             return self._found
@@ -269,7 +269,7 @@ class ModeSolver:
         return self._found
 
     def _by_krylov(self, count: int) -> Modes:
-        """One more round, with the modes found before deflated.
+        """Another round of the search, orthogonal to the modes found before.
 
         If equal parts repeat all frequencies, the Krylov space ends early, and rounding errors seem
         converged: shapes of large residuals are rejected, and found by LAPACK or one more search.
@@ -283,7 +283,7 @@ class ModeSolver:
         )
         text = f"search of {search.computed} modes of {structure.dofs} dofs"
         method = _by_arpack if by_scipy(structure.K) else _by_slepc
-        with doing(text, structure.comm.rank), structure.factorize(AS_SITES).accurately():
+        with doing(text, structure.comm.rank), structure.factorize(EQUIVALENT_SITES).accurately():
             values, vectors = method(search)
 
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
@@ -314,7 +314,7 @@ class ModeSolver:
         return self._by_krylov(count)
 
     def _by_lapack(self) -> Modes:
-        """All modes of a small structure, from (M, K + σM) with σ amid the spectrum."""
+        """All modes of a small structure, from (M, K + σM) with σ within the spectrum."""
         structure = self._structure
         comm = self._structure.comm
         conditions = multiply(structure.M, self._rigid)
@@ -327,7 +327,7 @@ class ModeSolver:
         sigma = float(np.sqrt(self._lowest() * frequency(structure.K, structure.M)))
 
         def all_modes() -> tuple[Array, Array]:
-            """The modes from the gathered matrices, on one rank."""
+            """(ω, shapes) of all modes from the gathered matrices, on one rank."""
             free, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
             return _dense_modes(K, M, free, rows, sigma)
 
@@ -336,7 +336,7 @@ class ModeSolver:
         return _polished(structure, Modes(omega, _normalised(structure, phi), True))
 
     def _lowest(self) -> float:
-        """An estimate of the lowest ω² + shift, by inverse iteration."""
+        """Estimate of the lowest ω² + shift [rad²/s²], by inverse iteration."""
         structure = self._structure
         x = np.random.default_rng(structure.comm.rank).standard_normal(self._rows)
         for _ in range(4):
@@ -351,7 +351,7 @@ class ModeSolver:
 def _dense_modes(
     K: Matrix, M: Matrix, free: IntArray, conditions: Array, sigma: float
 ) -> tuple[Array, Array]:
-    """(ω ascending, shapes) on the rows `free` of SciPy matrices, under `conditions`."""
+    """(ω ascending, shapes) of all modes on the rows `free` that satisfy `conditions`."""
     stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
     conditions = conditions / np.linalg.norm(conditions, axis=0)
     basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
@@ -369,7 +369,7 @@ def _dense_modes(
 
 
 def residuals(structure: Structure, modes: Modes, sites: SiteShapes | None = None) -> Array:
-    """Relative residual ‖Kφ - ω²Mφ − reactions of the sites‖ / ‖Kφ‖ (k,) of each mode."""
+    """Relative residuals (k,) ‖Kφ - ω²Mφ − reactions at `sites`‖ / ‖Kφ‖ of the modes."""
     forces = multiply(structure.K, modes.phi)
     residual_forces = forces - multiply(structure.M, modes.phi) * modes.omega**2
     if sites is not None:  # loadᵀΦ = 1 gives the reactions
@@ -384,7 +384,7 @@ def residuals(structure: Structure, modes: Modes, sites: SiteShapes | None = Non
 
 
 def allowed(structure: Structure, modes: Modes) -> Array:
-    """Relative residual (k,) that rounding of K, large in slender parts, leaves of modes."""
+    """Relative residuals (k,) that rounding of K alone causes; large for slender parts."""
     entries = diagonal(structure.K)[:, None]
     signs = np.random.default_rng(0).choice([-1.0, 1.0], modes.phi.shape)
     rounded = float(np.finfo(float).eps) * signs * entries * modes.phi
@@ -397,10 +397,10 @@ def allowed(structure: Structure, modes: Modes) -> Array:
 
 
 def _polished(structure: Structure, modes: Modes) -> Modes:
-    """The modes with improved orthogonality in M and in K (`polish`)."""
+    """The modes after one step of `polish`."""
 
     def gram(matrix: Matrix, phi: Array) -> Array:
-        """φᵀ matrix φ."""
+        """Products φᵀ matrix φ (k, k)."""
         return np.asarray(dot(structure.comm, phi, multiply(matrix, phi)))
 
     poles, phi = polish(modes.phi, lambda x: gram(structure.K, x), lambda x: gram(structure.M, x))
@@ -412,30 +412,30 @@ def _polished(structure: Structure, modes: Modes) -> Modes:
 def polish(
     phi: Array, strains: Callable[[Array], Array], masses: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """(ω², φ) of approximate eigenvectors φ of unit mass, by the step of Ogita and Aishima.
+    """(ω², φ) of approximate eigenvectors φ of unit mass, improved by a step of Ogita and Aishima.
 
-    A dense eigensolver errs by ε times the highest ω² in all ω². For φ(1 + T) the products, by
-    `strains` and `masses`, are diagonal up to the square of their error (Japan J. Indust. Appl.
-    Math. 35 (2018) 1007); close modes are separated among themselves.
+    `strains`, `masses`: φ -> φᵀKφ, φᵀMφ. A dense eigensolver errs by ε times the highest ω² in all
+    ω². After the step φ(1 + T) the products are diagonal up to the square of the error (Japan J.
+    Indust. Appl. Math. 35 (2018) 1007); close modes are separated among themselves.
     """
     poles = np.zeros(phi.shape[1])
     for _ in range(2):
         strain, mass = (_symmetric(products(phi)) for products in (strains, masses))
         turned = _close_separated(strain, mass)
         strain, mass = (_symmetric(turned.T @ one @ turned) for one in (strain, mass))
-        poles, mixing, _ = _mixing(strain, mass)
+        poles, mixing, _ = _polish_step(strain, mass)
         phi = phi @ (turned + turned @ mixing)
 
     return poles, phi
 
 
 def _symmetric(products: Array) -> Array:
-    """The symmetric part: rounding in the other part, over a small gap, would be a large step."""
+    """The symmetric part; the other part is rounding, which a small gap of ω² would amplify."""
     return (products + products.T) / 2
 
 
-def _mixing(strain: Array, mass: Array) -> tuple[Array, Array, Array]:
-    """(ω², the step T of `polish`, which pairs of modes are close) of modes with these products."""
+def _polish_step(strain: Array, mass: Array) -> tuple[Array, Array, Array]:
+    """(ω² (k,), step T (k, k) of `polish`, mask (k, k) of close pairs) from φᵀKφ and φᵀMφ."""
     mass_error = mass - np.eye(len(mass))
     poles = np.diag(strain) / np.diag(mass)
     gap = poles[:, None] - poles
@@ -446,9 +446,9 @@ def _mixing(strain: Array, mass: Array) -> tuple[Array, Array, Array]:
 
 
 def _close_separated(strain: Array, mass: Array) -> Array:
-    """The combinations of modes with these products that separate groups of close ones."""
+    """Combinations (k, k) that diagonalise φᵀKφ and φᵀMφ within groups of close modes."""
     turned = np.eye(len(mass))
-    groups, group_of = connected_components(_mixing(strain, mass)[2], directed=False)
+    groups, group_of = connected_components(_polish_step(strain, mass)[2], directed=False)
     for group in range(groups):
         members = np.flatnonzero(group_of == group)
         if len(members) > 1:

@@ -30,7 +30,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
 from antiosc.models.stretch import Count, checked_count
 from antiosc.reduce.extraction import expanded_at, site_shapes
-from antiosc.reduce.extraction.eigenmodes import AS_SITES
+from antiosc.reduce.extraction.eigenmodes import EQUIVALENT_SITES
 from antiosc.reduce.extraction.krylov import (
     by_krylov,
     with_damping,
@@ -41,12 +41,12 @@ from antiosc.reduce.extraction.model import (
     Remainder,
     Sites,
     by_modes,
+    constraint_modes,
     error_bound,
-    every_mode,
     info_of_model,
-    lumped,
     model_of,
     oscillators,
+    select_lowest,
 )
 from antiosc.reduce.extraction.stretching import pairs_of, with_stretch
 from antiosc.reduce.site import functionals
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 MOST_FOR_BAND = 400
 #: Goal of the Krylov steps over the required accuracy. It is below 1, since the bound of the final
 #: model is sampled more finely and includes the dropped modes.
-STEP_AIM = 0.6
+STEP_ACCURACY = 0.6
 #: From this number of Krylov anti-oscillators on, the lowest must have converged to an
 #: antiresonance.
 SETTLED_FROM = 10
@@ -83,14 +83,14 @@ class ExtractOptions:
     error: ErrorOption = None
 
 
-def _model(
+def _model_at(
     structure: Structure,
     sites: Sites,
     options: ExtractOptions,
     spent: float,
     errors: ModelErrors | None,
 ) -> AntiOscillators:
-    """The model of a group of sites; `spent`: seconds that the factorization took."""
+    """The model of one group of sites; `spent`: time of the factorization [s]."""
     start_time = time.perf_counter()
     terms = structure.matrices.dissipation()
     refused = {
@@ -108,12 +108,12 @@ def _model(
     remainder: Remainder | None = None
     if options.method == "krylov":
         expanded = expanded_at(structure, static, (2 * np.pi * (options.expansion or 0.0)) ** 2)
-        aim = STEP_AIM * options.accuracy
+        aim = STEP_ACCURACY * options.accuracy
         modes, remainder = by_krylov(structure, expanded, n, tol, band, aim, terms, options.proof)
     else:
         modes = by_modes(structure, static, n, tol)
-    known = lumped(structure, static, modes)
-    selected = every_mode(known, n) if terms else oscillators(known, n, tol)
+    known = constraint_modes(structure, static, modes)
+    selected = select_lowest(known, n) if terms else oscillators(known, n, tol)
 
     # the record
     info = info_of_model(structure, sites, known, selected, options.method)
@@ -147,7 +147,7 @@ def _model(
 
 
 def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
-    """Warn of missing modes, unconverged frequencies, or a band not reached or too low."""
+    """Warn of missing modes, unconverged frequencies, and a band that is not reached or too low."""
     if options.band is None and model.n < options.n and not complete:
         warn(
             f"only {model.n} of the first {model.info['modes_computed']} modes are observable at "
@@ -191,7 +191,7 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
 #: its centre, modes hidden by symmetry have up to 0.0094 of the default accuracy with shell
 #: elements of a fifth of the radius, and 0.0001 with elements of a tenth; other modes have 500 and
 #: more.
-OBSERVABLE = 0.01
+OBSERVABLE_SHARE = 0.01
 
 
 @overload
@@ -328,14 +328,14 @@ def extract(
     columns = [sum(target.B.shape[1] for target in group.values()) for group in groups]
     solves = sum(1 + (count - 1) / SOLVES for count in columns)
     solves += pairs_of(stretch) / SOLVES if stretch is not False else 0.0
-    structure.factorize(max(solves, AS_SITES) if method == "modes" else solves)
+    structure.factorize(max(solves, EQUIVALENT_SITES) if method == "modes" else solves)
     spent = time.perf_counter() - start_time
     if not factored:
         spent -= structure.seconds["factorization"]
 
     models = []
     for group in groups:
-        model = _model(structure, group, options, spent, errors)
+        model = _model_at(structure, group, options, spent, errors)
         if not shapes:
             model = replace(model, shapes=None, hidden=None)
         if stretch is not False:
@@ -348,7 +348,7 @@ def extract(
 
 
 #: Periods of the expansion's frequency in a contact time.
-PERIODS = 6.0
+PERIODS_IN_CONTACT = 6.0
 
 
 def _checked_options(
@@ -388,11 +388,11 @@ def _checked_options(
         on_root(structure.comm, partial(process.require, need, what, remedy))
 
     accuracy = positive("accuracy", accuracy)
-    tol = OBSERVABLE * min(accuracy, 1.0) if tol is None else tolerance(tol)
+    tol = OBSERVABLE_SHARE * min(accuracy, 1.0) if tol is None else tolerance(tol)
     if expansion is not None:
         expansion = positive("expansion", expansion, "Hz")
     elif not isinstance(proof, bool):
-        expansion = PERIODS / positive("proof", proof, "s")
+        expansion = PERIODS_IN_CONTACT / positive("proof", proof, "s")
     return ExtractOptions(n, method, tol, band, accuracy, expansion, proof is not False)
 
 

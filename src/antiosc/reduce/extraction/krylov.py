@@ -54,7 +54,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import EXHAUSTED, samples
 from antiosc.models.modal import Damping
-from antiosc.models.recurrence import BROKEN, recurrence_of
+from antiosc.models.recurrence import COUPLING_ROUNDING, recurrence_of
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, polish
 from antiosc.reduce.extraction.model import (
@@ -73,7 +73,7 @@ UNDAMPED = 1e-12
 def with_damping(
     structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
 ) -> AntiOscillators:
-    """The model with the structure's damping; InputError for damping outside its motions."""
+    """The model with damping `terms`; InputError if they act on motions that it lacks."""
     if not terms:
         return _with_losses(structure, model, None)
 
@@ -94,7 +94,7 @@ def with_damping(
 def _with_losses(
     structure: Structure, model: AntiOscillators, damping: DampingMatrix | None
 ) -> AntiOscillators:
-    """The model with this damping and that of its loss factors, ζ_j = Σ η_m U_jm/(2 U_j).
+    """The model with `damping` and the structure's loss factors, ζ_j = Σ η_m U_jm/(2 U_j).
 
     By modal strain energy (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
     """
@@ -123,7 +123,7 @@ def _with_losses(
 #: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
 WIDE_RANGE = 1e-8
 #: θ over the largest below which it is rounding.
-NOISE = 1e-18
+ROUNDED_THETA = 1e-18
 #: Columns by which a basis grows.
 BASIS_STEP = 16
 
@@ -131,14 +131,15 @@ BASIS_STEP = 16
 #: in Z (at a site of symmetry rounding introduces as many again).
 STEPS_PER_ONE = 3
 #: Steps in addition to those.
-MORE = 20
+EXTRA_STEPS = 20
 
 
 class Lanczos:
-    """The recurrence of one model of p >= 1 sites, in vectors V with VᵀAV = 1 that vanish there.
+    """Block Lanczos recurrence of one model of p ≥ 1 sites: vectors V, at rest there, VᵀAV = 1.
 
-    `load`: next right-hand sides (rows, k), which `advance` takes; `H`: VᵀMV (steps, steps);
-    `applied`: number of vectors to which T has been applied; `room`: memory for so many at first.
+    `load`: right-hand sides (rows, k) whose solutions `advance` takes next; `H`: VᵀMV (steps,
+    steps); `applied`: number of vectors to which T is applied; `room`: number of vectors to
+    allocate first.
     """
 
     def __init__(
@@ -189,7 +190,10 @@ class Lanczos:
         return self._V[:, self._locked : self._locked + self.steps]
 
     def _add(self, w: Array, load: Array, size: float) -> float:
-        """Append w = A⁻¹ load to the basis; returns a bound on the length of a dropped part."""
+        """Add w = A⁻¹ load to the basis; if it is dropped, returns a bound on its length, else 0.
+
+        `size`: least energy of a load with which the length of w is compared.
+        """
         k = self._locked + self.steps
         V = self._V[:, :k]
         w = self._constrained(w)
@@ -215,11 +219,11 @@ class Lanczos:
         return 0.0
 
     def _constrained(self, w: Array) -> Array:
-        """w without its motion at the sites."""
+        """w (rows,) after forces at the sites are added such that these do not move."""
         return self._static.constrained(self._comm, w)
 
-    def _project(self) -> Array:
-        """Extend H by M times the new vectors, which become the next loads."""
+    def _extend_H(self) -> Array:
+        """Extend H by the new vectors; M times these are the next loads."""
         first = len(self.H)
         loads = multiply(self._M, self.vectors[:, first:])
         column = dot(self._comm, self.vectors, loads)
@@ -231,10 +235,10 @@ class Lanczos:
         return loads
 
     def ritz(self, n: int) -> tuple[Array, Array]:
-        """θ = 1/(ω² + s), ω ascending, and eigenvectors of T on n vectors; 0 of rounding."""
+        """(θ = 1/(ω² + s), descending, eigenvectors) of T on n vectors; θ = 0: rounding."""
         H = self.H[:n, :n]
         theta, eigenvectors = np.linalg.eigh(H)
-        noise = int(np.sum(theta <= NOISE * theta[-1])) if n else 0
+        noise = int(np.sum(theta <= ROUNDED_THETA * theta[-1])) if n else 0
         resolved = theta[noise:]
         vectors = eigenvectors[:, noise:]
 
@@ -253,18 +257,18 @@ class Lanczos:
         return theta[theta > 0], eigenvectors[:, theta > 0]
 
     def modes(self, n: int) -> Modes:
-        """The Ritz pairs of the first n vectors, orthonormalised in M and orthogonal in K."""
+        """Ritz pairs of the first n vectors as modes, M-orthonormal and K-orthogonal."""
         theta, eigenvectors = self.resolved(n)
         omega = np.sqrt(np.maximum(1 / theta - self._shift, 0.0))
         return Modes(omega, self.vectors[:, :n] @ (eigenvectors / np.sqrt(theta)), self.exhausted)
 
     @property
     def exhausted(self) -> bool:
-        """Whether the basis spans every motion that the sites excite."""
+        """Whether the vectors span all motions that forces at the sites excite."""
         return self.load.shape[1] == 0
 
     def advance(self, solutions: Array) -> None:
-        """Compute the next basis vectors and the next `load` from A⁻¹ load."""
+        """Compute the next vectors and the next `load` from `solutions` = A⁻¹ load."""
         first = self.steps
         for i, (w, load) in enumerate(zip(solutions.T, self.load.T, strict=True)):
             energy = float(dot(self._comm, w, load))
@@ -274,7 +278,7 @@ class Lanczos:
         self.applied = first
         if self.steps > first:
             self._ends.append(self.steps)
-        self.load = self._project()
+        self.load = self._extend_H()
         new = self.vectors[:, first:]
         relaxing = [multiply(term.matrix, new) for term in self._terms if term.matrix is not None]
         self._inertial = self.load.shape[1]
@@ -282,7 +286,7 @@ class Lanczos:
         self._c = np.vstack([self._c, dot(self._comm, new, self._static.m_phi)])
 
     def parameters(self, n: int) -> tuple[Array, Array, Array]:
-        """(M0 (p, p), P (n, p), ω² (n,)) of the first n vectors; M0 without cancellation."""
+        """(M0 (p, p), P (n, p), ω² (n,)) of the model of the first n vectors."""
         theta, eigenvectors = self.resolved(n)
         P = eigenvectors.T @ self._c[:n] / np.sqrt(theta)[:, None]
         poles = np.maximum(1 / theta - self._shift, 0.0)
@@ -294,14 +298,14 @@ class Lanczos:
         return int(np.sum(shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def with_recurrence(self, modes: Modes) -> Modes:
-        """The modes with the recurrence, which takes one step more.
+        """The modes with their `Recurrence`, for which one more step is made.
 
-        There is none of inexact solves, with dampers, of several exhausted sites, and beside
-        rigid-body modes that the model omits though they move the sites.
+        There is none for inexact solves, with dampers, for several sites whose space is exhausted,
+        and where the model omits rigid-body modes that move the sites.
         """
         static, solver = self._static, self._solver
         omitted = np.abs(static.missed * np.sqrt(static.mass.diagonal())).max(initial=0.0)
-        if solver.error > BROKEN or self._terms or omitted > BROKEN:
+        if solver.error > COUPLING_ROUNDING or self._terms or omitted > COUPLING_ROUNDING:
             return modes
         if not self.exhausted:
             self.advance(solver.solve_block(self.load))
@@ -315,7 +319,7 @@ class Lanczos:
         return replace(modes, recurrence=recurrence)
 
     def remainder(self, n: int) -> Remainder:
-        """Bound on ‖Z - Z_N‖₂ for the first n <= `applied` vectors, at complex x."""
+        """Function that bounds ‖Z - Z_N‖₂ at complex x = ω², for n <= `applied` vectors."""
         theta, eigenvectors = self.ritz(n)
         start = eigenvectors.T @ self._c[:n]
         truncated = self._c[n:]
@@ -333,7 +337,7 @@ class Lanczos:
         return bound
 
     def error(self, n: int, band: float) -> float:
-        """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors, up to the frequency `band` [rad/s]."""
+        """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors, for ω up to `band` [rad/s]."""
         m0, P, poles = self.parameters(n)
         k0 = self._static.k0
         P = P[poles > 0]
@@ -355,10 +359,10 @@ def by_krylov(
     terms: Sequence[Dissipation] = (),
     proof: bool = False,
 ) -> tuple[Modes, Remainder | None]:
-    """(Ritz pairs; with a band the bound on their truncation error) of a model.
+    """(modes of a model, with a band the bound on their truncation error).
 
-    Without a band `n` pairs above the share `tol` in Z, if they are found; with one the fewest
-    blocks for the `accuracy`. `proof`: with the recurrence.
+    Without a band `n` modes with a share above `tol` in Z, if so many are found; with a band
+    [rad/s] as few blocks as reach the `accuracy`. `proof`: the modes get their recurrence.
     """
     # room for a few more than are wanted: the system gives memory only to what is written
     run = Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
@@ -387,7 +391,7 @@ def _kept_count(
     accuracy: float,
     damped: bool,
 ) -> int | None:
-    """Number of vectors to keep, or None to continue; those after `before` are the last block."""
+    """Number of vectors for the model, None: continue. `before`: that before the last block."""
     if damped:  # also vectors that move dampers but no site
         return min(n, run.steps) if run.steps >= n or run.exhausted else None
 
@@ -401,6 +405,6 @@ def _kept_count(
     for count in range(max(before + 1, n), run.steps + 1):
         if run.observable(count, tol) >= n:
             return count
-    if run.exhausted or run.steps >= STEPS_PER_ONE * n + MORE:
+    if run.exhausted or run.steps >= STEPS_PER_ONE * n + EXTRA_STEPS:
         return run.steps
     return None

@@ -25,7 +25,7 @@ from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import UNKNOWN, ModelInfo
-from antiosc.models.free_modes import DAMPING, MASSLESS, samples
+from antiosc.models.free_modes import DAMPING, MASSLESS_ROOT, samples
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import squeezed
 from antiosc.reduce.extraction import SiteShapes
@@ -52,17 +52,17 @@ SAMPLE_RISE = 0.05
 LEAST_BOUND = 2e-6
 
 #: Modes whose products with K and M are in memory together.
-TOGETHER = 8
+MODES_AT_ONCE = 8
 #: Frequencies at which Z is computed at once, to limit the memory.
-AT_ONCE = 500
+FREQUENCIES_AT_ONCE = 500
 #: A stiffness of several sites, per unit mass, is rounding below this share of the largest.
-UNSTRAINED = 1e-10
+ZERO_STIFFNESS = 1e-10
 
 #: Default number of anti-oscillators.
 DEFAULT_COUNT = 20
 #: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
 #: fewer.
-SEARCHED = 10
+SEARCH_FACTOR = 10
 
 #: Bound on the spectral norm of Z - Z_N [N/m] at complex x = ω² of shape (W,): (W,).
 Remainder = Callable[[ComplexArray], Array]
@@ -74,13 +74,13 @@ UNNAMED = ""
 
 @dataclass(frozen=True)
 class ConstraintModes:
-    """All computed constraint modes φ_i, and the static shapes Φ projected on them."""
+    """All computed constraint modes φ_i, and the projections P of the static shapes on them."""
 
     static: SiteShapes
     modes: Modes
     P: Array  # φ_iᵀMΦ of the modes, kg^½ of the basis, (n, p)
     m0: Array  # residual mass (p, p)
-    off: Array  # residual forces of the modes over their elastic ones, (n,)
+    residual_forces: Array  # residual forces of the modes over their elastic ones, (n,)
     #: stiffnesses, masses: φ_iᵀKφ_j and φ_iᵀMφ_j as computed, (n, n)
     stiffnesses: Array
     masses: Array
@@ -91,15 +91,15 @@ class ConstraintModes:
         return self.modes.omega**2
 
     def stiffness(self, x: ComplexArray) -> Numbers:
-        """Z (W, p, p) with all computed modes."""
+        """Z (W, p, p) at x = ω² (W,), with all computed modes."""
         is_finite = self.poles > 0
         return stiffness_at_sites(
             x, self.static.k0, self.m0, self.P[is_finite], self.poles[is_finite]
         )
 
 
-def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
-    """The constraint modes with the static shapes projected on them, without cancellation."""
+def constraint_modes(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
+    """The modes with projections of the static shapes; m0 is found without cancellation."""
     comm = structure.comm
     phi = modes.phi
     residual = static.phi
@@ -111,16 +111,16 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
         residual = residual - phi @ part
 
     m0 = semidefinite(dot(comm, residual, multiply(structure.M, residual)))
-    massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
+    massless = m0.diagonal() <= MASSLESS_ROOT**2 * static.mass.diagonal()
     m0[massless] = 0.0
     m0[:, massless] = 0.0
     parts = []
-    for first in range(0, max(phi.shape[1], 1), TOGETHER):
-        columns = slice(first, first + TOGETHER)
+    for first in range(0, max(phi.shape[1], 1), MODES_AT_ONCE):
+        columns = slice(first, first + MODES_AT_ONCE)
         k_phi, m_phi = (multiply(matrix, phi[:, columns]) for matrix in (structure.K, structure.M))
         products = [dot(comm, phi, forces) for forces in (k_phi, m_phi)]
         parts.append(
-            [*products, _forces_left(structure, static, modes.omega[columns], k_phi, m_phi)]
+            [*products, _residual_forces(structure, static, modes.omega[columns], k_phi, m_phi)]
         )
         del k_phi, m_phi  # before the next ones are made
 
@@ -135,14 +135,15 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
         m0=m0,
         stiffnesses=stiffnesses,
         masses=masses,
-        off=residual_forces,
+        residual_forces=residual_forces,
     )
 
 
-def _forces_left(
+def _residual_forces(
     structure: Structure, static: SiteShapes, omega: Array, k_phi: Array, m_phi: Array
 ) -> Array:
-    """Residual forces of the modes over their elastic forces (n,), without reactions of sites."""
+    """Residual forces (n,) of the modes without reactions at sites, over the forces K φ. `k_phi`,
+    `m_phi` (rows, n): K φ and M φ, which are changed."""
     sizes = static.solver.force_sizes
     size = sizes(k_phi)
     m_phi *= omega**2
@@ -155,7 +156,7 @@ def _forces_left(
 
 @dataclass(frozen=True)
 class Selection:
-    """The selected anti-oscillators of a model."""
+    """The anti-oscillators of a model, selected from the constraint modes."""
 
     #: m0, P, omega: residual mass (p, p), P (N, p) and circular frequencies (N,)
     m0: Array
@@ -168,7 +169,7 @@ class Selection:
 
 
 def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
-    """The n lowest anti-oscillators above the share `tol`; the masses of others join m0."""
+    """The n lowest anti-oscillators with a share above `tol` in Z; the others' mass joins m0."""
     static = known.static
     omega = known.modes.omega
     start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
@@ -197,8 +198,8 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     )
 
 
-def every_mode(known: ConstraintModes, n: int) -> Selection:
-    """A selection of the n lowest modes, also of those that move dampers but no site."""
+def select_lowest(known: ConstraintModes, n: int) -> Selection:
+    """The n lowest modes, whatever their share: dampers move some that no site moves."""
     order = np.argsort(known.poles, kind="stable")
     order = order[known.poles[order] > 0][:n]
     P = known.P[order]
@@ -219,7 +220,7 @@ def every_mode(known: ConstraintModes, n: int) -> Selection:
 
 
 def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
-    """Combinations (g, k) of g modes of equal frequency that move the sites differently."""
+    """Combinations (g, k) of g modes of equal frequency with independent site motions."""
     if len(group) < 2:
         return np.eye(len(group))
 
@@ -237,14 +238,14 @@ def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
 
 
 def by_modes(structure: Structure, static: SiteShapes, n: int, tol: float) -> Modes:
-    """The lowest constraint modes until n of them are observable."""
+    """The lowest constraint modes, as many as have n observable ones."""
 
     def enough(modes: Modes) -> bool:
         """Whether n modes are observable, or no mass is left for others."""
-        known = lumped(structure, static, modes)
+        known = constraint_modes(structure, static, modes)
         return len(oscillators(known, n, tol).omega) >= n or not known.m0.any()
 
-    most = SEARCHED * (n + DEFAULT_COUNT)
+    most = SEARCH_FACTOR * (n + DEFAULT_COUNT)
     return ModeSolver(structure, static).lowest(n + 2 if n else 0, enough, most)
 
 
@@ -254,7 +255,7 @@ def error_bound(
     selected: Selection,
     band: float,
 ) -> tuple[float, float]:
-    """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency) up to `band` [rad/s]."""
+    """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency [rad/s]) up to `band` [rad/s]."""
     static = known.static
     lowest = lowest_frequency_at_sites(static.k0, static.mass, selected.omega**2)
     x = samples(band, lowest, SAMPLE_STEP) ** 2
@@ -282,10 +283,10 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
 
 
 def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
-    """Spectral radius (N,) of Z^-1 times the change of Z at each damped pole without its mode."""
+    """Spectral radius (N,) of Z⁻¹ΔZ at each damped pole, ΔZ the change without its mode."""
     share = np.zeros(len(poles))
     positive = np.flatnonzero(poles > 0)
-    for i in np.split(positive, range(AT_ONCE, len(positive), AT_ONCE)):
+    for i in np.split(positive, range(FREQUENCIES_AT_ONCE, len(positive), FREQUENCIES_AT_ONCE)):
         x = poles[i] * (1 + 1j * DAMPING) ** 2
         Z = stiffness_at_sites(x, k0, m0, P[positive], poles[positive])
         shares = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
@@ -295,11 +296,11 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
 
 
 def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
-    """Frequency [rad/s] at which Z begins to vary; inf for a rigid mass."""
+    """Frequency [rad/s] from which Z varies; inf for a rigid mass."""
     lowest = [float(x) for x in poles[:1]]
     scale = 1 / np.sqrt(np.maximum(m_st.diagonal(), np.finfo(float).tiny))
     values = np.linalg.eigvalsh(k0 * scale[:, None] * scale)
-    lowest += [float(x) for x in values[values > UNSTRAINED * values.max(initial=0.0)][:1]]
+    lowest += [float(x) for x in values[values > ZERO_STIFFNESS * values.max(initial=0.0)][:1]]
     return float(np.sqrt(min(lowest, default=np.inf)))
 
 
@@ -311,7 +312,7 @@ def spectral_norms(matrices: Numbers) -> Array:
 
 
 def semidefinite(matrix: Array) -> Array:
-    """The symmetric matrix (p, p) without negative eigenvalues due to rounding."""
+    """The symmetric matrix (p, p), negative eigenvalues, which are rounding, set to zero."""
     scale = np.sqrt(np.maximum(matrix.diagonal(), 0.0))
     unit = matrix / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
     unit[scale == 0] = 0.0
@@ -325,7 +326,7 @@ def semidefinite(matrix: Array) -> Array:
 def info_of_model(
     structure: Structure, sites: Sites, known: ConstraintModes, selected: Selection, method: str
 ) -> ModelInfo:
-    """The record of an extraction."""
+    """The record of an extraction, for `info` of the model."""
     measured, converged = checked_modes(structure, known, method)
     cells = {name: site.cell for name, site in sites.items() if site.cell is not None}
     info = UNKNOWN.having(
@@ -348,7 +349,7 @@ def info_of_model(
 
 
 def _thickness_at(structure: Structure, sites: Sites, least: float | None) -> float | None:
-    """The thickness of a sheet at its sites, whose deflection it judges; of others the `least`."""
+    """Least thickness [m] of sheets at the sites; `least`, the structure's, at others."""
     if least is None:
         return None
     places = [site.place for site in sites.values()]
@@ -364,7 +365,7 @@ def model_of(
     selected: Selection,
     info: ModelInfo,
 ) -> AntiOscillators:
-    """The model of p >= 1 sites; the shapes of `selected` are changed in place."""
+    """The model of p ≥ 1 sites; it takes the shapes of `selected` and changes them in place."""
     found = list(sites.values())
     names = () if UNNAMED in sites else tuple(sites)
     directions = [site.directions for site in found if site.directions is not None]
@@ -442,7 +443,7 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
 
 
 def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
-    """Inertia of a body that can move rigidly, with the momenta of its shapes; or None."""
+    """Inertia of a body that moves rigidly, with the momenta of its shapes; None for others."""
     if structure.rigid_inertia is None:
         return None
     inertia, loads = structure.rigid_inertia
@@ -458,21 +459,21 @@ def weights_of(structure: Structure, shapes: Array) -> Array | None:
 
 
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
-CHECK = 1e-6
+CHECK_LIMIT = 1e-6
 #: Up to this many times a limit a result is usable, with a warning; beyond, it is refused.
-USABLE = 100
+USABLE_FACTOR = 100
 #: Limit of the residual: rounding in K alone is 1e-6 of Kφ for a mode on soft springs, with little
 #: strain; the error of ω² is the square of it.
-FORCES = 1e-5
+RESIDUAL_LIMIT = 1e-5
 #: ω² over the shift below which a mode is a mechanism: the shift has the size of the first elastic.
-MECHANISM = 1e-9
+MECHANISM_SHARE = 1e-9
 #: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
 #: then right to about the square of this.
 CONVERGED = 1e-3
 
 
 def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
-    """Warn of a measured error above `limit`; AccuracyError for one above USABLE times `limit`."""
+    """Warn of a measured error above `limit`; AccuracyError above `USABLE_FACTOR` × `limit`."""
     if value <= limit:
         return
 
@@ -480,10 +481,10 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
         "the matrices are ill-conditioned by very slender or thin parts, penalties, very uneven "
         "elements or materials: take fewer elements, more even ones, smaller penalties."
     )
-    if not value <= USABLE * limit:
+    if not value <= USABLE_FACTOR * limit:
         raise AccuracyError(
             f"the constraint modes fail their own check: {name} {value:.1e}, limit "
-            f"{USABLE * limit:.0e}; {reason}"
+            f"{USABLE_FACTOR * limit:.0e}; {reason}"
         )
 
     warn(
@@ -497,18 +498,18 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
 def checked_modes(
     structure: Structure, known: ConstraintModes, method: str
 ) -> tuple[dict[str, float], int]:
-    """(measured errors of constraint modes by name, number of converged ones), or AccuracyError."""
+    """(measured errors by name, number of converged modes); AccuracyError for large errors."""
     modes = known.modes
     static = known.static
     comm = structure.comm
-    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
+    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM_SHARE * structure.shift:
         raise AccuracyError(
             f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
             "rigid body: some part is attached by a hinge, a single common point or line; join it "
             "along a face."
         )
 
-    residual_forces = known.off
+    residual_forces = known.residual_forces
     scale = np.sqrt(modes.omega**2 + structure.shift)
     projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
     strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
@@ -530,21 +531,22 @@ def checked_modes(
         "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
     }
     for name, value in measured.items():
-        check_limit(name, value, FORCES if name == "residual" else CHECK, comm)
+        check_limit(name, value, RESIDUAL_LIMIT if name == "residual" else CHECK_LIMIT, comm)
     return measured, int(np.sum(residual_forces < CONVERGED))
 
 
 def check_modes(structure: Structure, modes: Modes) -> None:
-    """AccuracyError for modes whose M-orthogonality or residual is beyond CHECK or rounding."""
+    """AccuracyError if M-orthogonality or residual exceed `CHECK_LIMIT` and rounding."""
     gram = dot(structure.comm, modes.phi, multiply(structure.M, modes.phi))
     worst = {
         "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
-        "residual": CHECK
+        "residual": CHECK_LIMIT
         * (residuals(structure, modes) / allowed(structure, modes)).max(initial=0.0),
     }
     for name, value in worst.items():
-        if not value <= CHECK:
+        if not value <= CHECK_LIMIT:
             raise AccuracyError(
-                f"the natural modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
-                " the matrices may be ill-conditioned (very uneven elements or materials)."
+                f"the natural modes fail their own check: {name} {value:.1e}, limit "
+                f"{CHECK_LIMIT:.0e}; the matrices may be ill-conditioned (very uneven elements or "
+                "materials)."
             )

@@ -41,11 +41,11 @@ EXHAUSTED = 1e-6
 #: Points whose strains are multiplied at once.
 AT_ONCE = 20_000
 #: What is computed, for who waits.
-WORDS = "stretching of the part as it bends"
+ACTIVITY = "stretching of the part as it bends"
 
 
 def part_of(structure: Structure) -> MeshedStructure:
-    """The meshed part of a map with stretch; InputError for others."""
+    """The meshed part of a structure; InputError for an assembly and for given matrices."""
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled:
         raise InputError(
@@ -56,7 +56,7 @@ def part_of(structure: Structure) -> MeshedStructure:
 
 
 def pairs_of(count: Count) -> int:
-    """Number of pairs of modes, of which each takes a solve."""
+    """Number of pairs of modes; each pair takes one solve."""
     modes = MOST if count == "auto" else min(count + 2, MOST)
     return modes * (modes + 1) // 2
 
@@ -64,7 +64,7 @@ def pairs_of(count: Count) -> int:
 def with_stretch(
     structure: Structure, model: AntiOscillators, count: Count, most: int = MOST
 ) -> AntiOscillators:
-    """The model with second-order forces of the modes that its sites move most, and of two more."""
+    """The model with second-order forces of `count` modes that its sites move most, plus two."""
     if model.shapes is None:
         raise InputError("stretch needs the shapes of the model: extract it with shapes.")
     body = model.free_modes
@@ -75,13 +75,13 @@ def with_stretch(
     modes = candidates(body.omega, body.B, most if count == "auto" else min(count + 2, MOST))
     phi = body.field((body.shape @ modes).T).T
 
-    with doing(WORDS, structure.comm.rank):
+    with doing(ACTIVITY, structure.comm.rank):
         quadratic, cubic, shapes = tensors(structure, phi)
     return replace(model, stretch=Stretch(modes, quadratic, cubic, count, shapes))
 
 
-class _Piece(NamedTuple):
-    """A part of a structure: its Gauss points, its dofs in u, derivatives (n, d, b) of motions."""
+class _PartMotions(NamedTuple):
+    """A part: its Gauss points, its dofs in u, derivatives (points, d, b) of motions."""
 
     points: PartPoints
     rows: slice
@@ -90,8 +90,9 @@ class _Piece(NamedTuple):
 
 def _second_order(
     structure: Structure, motions: Array, pairs: list[tuple[int, int]]
-) -> tuple[list[_Piece], Array]:
-    """(parts with motions (dofs, k), second-order loads g_ij (dofs, pairs) on free dofs).
+) -> tuple[list[_PartMotions], Array]:
+    """(parts with the motions (dofs, k), second-order loads g_ij (dofs, pairs), zero on fixed
+    dofs).
 
     InputError for several ranks, superelements, and families without second-order strain.
     """
@@ -112,7 +113,7 @@ def _second_order(
         points = [at.about(q[:, 0]) for at, (_, q) in zip(points, states, strict=True)]
 
     pieces = [
-        _Piece(at, member.rows, [at.slopes(shape) for shape in shapes.T])
+        _PartMotions(at, member.rows, [at.slopes(shape) for shape in shapes.T])
         for at, (member, shapes) in zip(points, fields, strict=True)
     ]
 
@@ -126,10 +127,12 @@ def _second_order(
 
 
 def candidates(omega: Array, B: Array, count: int) -> Array:
-    """Orthonormal combinations (J, m) of the modes that forces at sites B excite, m <= count.
+    """Orthonormal combinations (J, m) of the free modes that forces at the sites excite, m <=
+    count.
 
-    They span the Krylov space of the flexibility that starts from the local dent Λ⁻¹b, which takes
-    many modes.
+    `omega` (J,), `B` (J, P): frequencies and displacements of the sites in the modes. The
+    combinations span the Krylov space of the flexibility from the local dent Λ⁻¹b, which takes many
+    modes.
     """
     elastic = omega > 0
     if not elastic.any():
@@ -151,36 +154,36 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
 
 
 def second_order_energies(structure: Structure, motions: Array) -> Array:
-    """Sizes (k,) of second-order energies of motions (dofs, k), over the linear ones."""
+    """Second-order energy over linear energy (k,) of motions (dofs, k)."""
     pairs = [(i, i) for i in range(motions.shape[1])]
     pieces, g = _second_order(structure, motions, pairs)
     third = np.sum(motions * g, axis=0) / 3
-    fourth = np.diag(sum(_quartic(piece, pairs) for piece in pieces)).copy()
+    fourth = np.diag(sum(_quartic_energies(piece, pairs) for piece in pieces)).copy()
     for i in range(len(fourth)):
         one = slice(i, i + 1)
-        fourth[i] -= g[:, i] @ _static(structure, g[:, one], motions[:, one])[:, 0] / 2
+        fourth[i] -= g[:, i] @ _static_response(structure, g[:, one], motions[:, one])[:, 0] / 2
     linear = np.sum(motions * multiply(structure.K, motions), axis=0) / 2
     return np.asarray((np.abs(third) + np.abs(fourth)) / linear)
 
 
 def tensors(structure: Structure, phi: Array) -> tuple[Array, Array, Array]:
-    """H (m, m, m), G (m, m, m, m), second-order displacements of motions φ (dofs, m)."""
+    """(H (m, m, m), G (m, m, m, m), second-order displacements (dofs, pairs)) of φ (dofs, m)."""
     m = phi.shape[1]
     pairs = list(combinations_with_replacement(range(m), 2))
     pieces, g = _second_order(structure, phi, pairs)
-    static_response = -_static(structure, g, phi)
-    quartic = sum(_quartic(piece, pairs) for piece in pieces) + g.T @ static_response / 2
+    static_response = -_static_response(structure, g, phi)
+    quartic = sum(_quartic_energies(piece, pairs) for piece in pieces) + g.T @ static_response / 2
     return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), static_response
 
 
-def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
-    """Second-order loads (rows, pairs) of a part."""
+def _loads_of(piece: _PartMotions, pairs: list[tuple[int, int]]) -> Array:
+    """Second-order loads g_ij (rows, pairs) of a part."""
     points = piece.points
     slopes = piece.slopes
     stresses = [points.stress(slope) for slope in slopes]
     loads: list[Array] = []
 
-    with counting(WORDS, len(pairs)) as done:
+    with counting(ACTIVITY, len(pairs)) as done:
         for i, j in pairs:
             strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
             slope_forces = points.along(stresses[i], slopes[j])
@@ -191,15 +194,15 @@ def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
     return np.column_stack(loads)
 
 
-def _static(structure: Structure, g: Array, phi: Array) -> Array:
-    """K⁻¹g minus its components along the motions φ: φᵀK of the result is 0."""
+def _static_response(structure: Structure, g: Array, phi: Array) -> Array:
+    """K⁻¹g (dofs, pairs) minus components along the motions φ, so that φᵀK of it is 0."""
     k_phi = multiply(structure.K, phi)
     displacement = statics(structure, structure.factorize(), g)
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 
 
-def _quartic(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
-    """⅛ ∫η:C:η of all pairs of pairs of motions: (pairs, pairs)."""
+def _quartic_energies(piece: _PartMotions, pairs: list[tuple[int, int]]) -> Array:
+    """Energies ⅛ ∫η_a:C:η_b (pairs, pairs) of a part, a and b pairs of motions."""
     points = piece.points
     slopes = piece.slopes
 
@@ -214,7 +217,7 @@ def _quartic(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
 
 
 def _cubic_form(values: Array, pairs: list[tuple[int, int]], m: int) -> Array:
-    """The quadratic tensor H (m, m, m) from φ_kᵀg_ij (m, pairs), exactly symmetric."""
+    """Tensor H (m, m, m) from `values` φ_kᵀg_ij (m, pairs), symmetric without rounding."""
     H = np.zeros((m, m, m))
     for n, (i, j) in enumerate(pairs):
         H[:, i, j] = H[:, j, i] = values[:, n]
@@ -222,7 +225,7 @@ def _cubic_form(values: Array, pairs: list[tuple[int, int]], m: int) -> Array:
 
 
 def _quartic_form(values: Array, pairs: list[tuple[int, int]], m: int) -> Array:
-    """The symmetric part (m, m, m, m) of Q_(ij)(kl) (pairs, pairs)."""
+    """Symmetric part (m, m, m, m) of the matrix `values` (pairs, pairs), Q_(ij)(kl)."""
     place = np.zeros((m, m), dtype=int)
     for n, (i, j) in enumerate(pairs):
         place[i, j] = place[j, i] = n

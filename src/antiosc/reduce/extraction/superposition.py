@@ -29,11 +29,11 @@ from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.recovery import source
 from antiosc.recovery.series import write_vtu_file
 from antiosc.reduce.extraction import site_shapes, statics
-from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
+from antiosc.reduce.extraction.eigenmodes import DENSE_MANY, EQUIVALENT_SITES, Modes, ModeSolver
 from antiosc.reduce.extraction.model import (
     DEFAULT_COUNT,
     REPEATED,
-    SEARCHED,
+    SEARCH_FACTOR,
     check_modes,
     inertia_of,
     weights_of,
@@ -188,7 +188,7 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
 
 #: Share in the receptance of the site, at its own frequency, of a mode that counts as one of n. It
 #: is that of anti-oscillators at the default accuracy; `full` keeps all but rounding.
-COUNTED = 1e-5
+COUNTED_SHARE = 1e-5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -268,16 +268,16 @@ def superposition(
     n = whole("n", n)
     flag("static_correction", static_correction)
     checked_damping = as_damping(damping)
-    at_site = _AtSite(structure, site)
+    at_site = _ModesAtSite(structure, site)
     if n > structure.dofs:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
 
     solver = ModeSolver(structure)
-    most = SEARCHED * (n + DEFAULT_COUNT)
+    most = SEARCH_FACTOR * (n + DEFAULT_COUNT)
     modes = solver.lowest(
-        n + 2, lambda modes: len(at_site.observable(modes, COUNTED).omega) >= n, most
+        n + 2, lambda modes: len(at_site.observable(modes, COUNTED_SHARE).omega) >= n, most
     )
-    visible = at_site.observable(modes, COUNTED)
+    visible = at_site.observable(modes, COUNTED_SHARE)
     if len(visible.omega) < n and not modes.complete:
         message = (
             f"only {len(visible.omega)} of the first {len(modes.omega)} modes are observable at "
@@ -317,7 +317,7 @@ def full(
         )
 
     checked_damping = as_damping(damping)
-    at_site = _AtSite(structure, site)
+    at_site = _ModesAtSite(structure, site)
     solver = ModeSolver(structure)
     modes = solver.lowest(structure.dofs)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
@@ -325,8 +325,8 @@ def full(
     return replace(model, info=model.info.having(method="full"))
 
 
-class _AtSite:
-    """A structure without dampers at one site."""
+class _ModesAtSite:
+    """Natural modes of a structure without dampers, seen from one site."""
 
     def __init__(self, structure: Structure, site: Site) -> None:
         instance("structure", structure, Structure, "a Structure")
@@ -335,7 +335,7 @@ class _AtSite:
         self._structure = structure
         self._comm = structure.comm
         self._where = functional(structure, site)
-        structure.factorize(AS_SITES)
+        structure.factorize(EQUIVALENT_SITES)
         self._static = static = site_shapes(structure, self._where.b[:, None])
 
         # M-orthonormal rigid-body modes (rows, r), displacements >= 0 of the site in them
@@ -344,7 +344,7 @@ class _AtSite:
         self._a = np.abs(a)
 
     def observable(self, modes: Modes, tol: float) -> Modes:
-        """The modes above the share `tol`, the rigid-body one first, equal frequencies merged."""
+        """Modes of a share above `tol`, rigid-body ones first; equal frequencies merged."""
         check_modes(self._structure, modes)
         moves_site = self._a != 0
         b = np.append(self._a.sum(), dot(self._comm, modes.phi, self._where.b))
@@ -364,7 +364,7 @@ class _AtSite:
         return Modes(omega, np.hstack([self._rigid[:, moves_site], phi]), modes.complete)
 
     def model(self, modes: Modes, static_correction: bool, damping: Damping | None) -> NaturalModes:
-        """The model of the modes that move the site."""
+        """The model of `modes`, which are those that move the site."""
         structure, where = self._structure, self._where
         b = np.asarray(dot(self._comm, modes.phi, where.b))
         hidden = self._rigid[:, self._a == 0]
@@ -376,7 +376,7 @@ class _AtSite:
         basis: tuple[Array, ...] = (hidden, modes.phi)
         r, shape, residual = 0.0, None, None
         if static_correction:
-            r, deflection = self._left_out(modes, b)
+            r, deflection = self._static_remainder(modes, b)
         if r > 0:  # the massless deflection is one more shape, its amplitude the force
             basis = (*basis, deflection[:, None])
             shape = np.eye(len(omega) + 1, len(omega))
@@ -405,8 +405,8 @@ class _AtSite:
         patch = where.local_compliance, where.radius
         return NaturalModes(modes.omega, b, modes.phi, body, *patch, damping, info)
 
-    def _left_out(self, modes: Modes, b: Array) -> tuple[float, Array]:
-        """(compliance, shape) of what the modes lack of the static deflection of a unit force."""
+    def _static_remainder(self, modes: Modes, b: Array) -> tuple[float, Array]:
+        """(compliance [m/N], shape) of static deflection that the modes lack."""
         structure, where = self._structure, self._where
         elastic = self._static.y[:, 0] / self._static.W[0, 0]
         if structure.rigid_modes.shape[1]:

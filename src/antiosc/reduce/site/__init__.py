@@ -23,9 +23,10 @@ def functional(structure: Structure, site: Site) -> Functional:
 
 
 def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]:
-    """The load vectors b of sites on `structure`.
+    """The load vectors of `sites`, in order.
 
-    InputError for one off the structure or its plane, without a surface under a patch, or fixed.
+    InputError for a site off the structure or its plane, without a surface under its patch, or
+    fixed.
     """
     if structure.matrices.nodal:
         nodal = cast(NodalMatrices, structure.matrices)
@@ -60,7 +61,7 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
 def surfaces(
     structure: Structure, sites: Mapping[str, Functional]
 ) -> dict[str, dict[str, object]] | None:
-    """`ModelInfo.surfaces` of sites, from which contact laws follow; None for matrices."""
+    """Surfaces of sites as in `ModelInfo.surfaces`, for contact laws; None of matrices."""
     if not (structure.matrices.meshed or structure.matrices.assembled):
         return None
     from antiosc.reduce.site.surface import NO_POINT, surface_of  # given matrices have no mesh

@@ -54,13 +54,13 @@ ON_STRUCTURE = 1e-6
 
 
 def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functional]:
-    """Load vectors of sites at points, computed in one pass; errors as in `functionals`."""
+    """Load vectors of sites at points, all at once; errors as in `functionals`."""
     loads = before_joining(structure, sites, lambda member: member.part)
     return [_on_q(structure, *pair) for pair in zip(sites, loads, strict=True)]
 
 
 def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functional:
-    """The functional with its load vectors on q instead of u; InputError if it is fixed."""
+    """The functional with loads on the reduced dofs q in place of u; InputError if it is fixed."""
     B = structure.joined(functional.B)
     comm = structure.comm
     if norm(comm, B[:, 0]) <= LEAST_FREE_SHARE * norm(comm, functional.b):
@@ -74,7 +74,10 @@ def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functio
 def before_joining(
     structure: MeshedParts, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
-    """Load vectors of sites on the dofs of all parts, of which `part_of` gives the structures."""
+    """Load vectors of sites on the dofs of all parts before they are joined.
+
+    `part_of`: gives the structure of a part, for instance without its supports.
+    """
     by_site: dict[int, Functional] = {}
     by_part: dict[str, dict[int, Place]] = {}
     for k, place in enumerate(places_of(structure, sites)):
@@ -96,7 +99,7 @@ def before_joining(
 
 
 def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | PointMotion]:
-    """The places of sites at a point, group, face or node; motions of those without a mesh."""
+    """Place of each site (a point, group, face or node), or motion of one without a mesh."""
     found: dict[int, Place | PointMotion] = {}
     by_part: dict[str | None, list[tuple[int, Array, Array]]] = {}
     for k, site in enumerate(sites):
@@ -125,7 +128,7 @@ def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | Poin
 
 
 def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) -> Functional:
-    """The functional on u of a superelement's site or of a reference point."""
+    """Load vector on u of a superelement's site or of a reference point, whose motion is `end`."""
     layout = structure.layout
     part, _, name = str(site.point).partition(":")
     direction = in_space(site.direction or ())
@@ -163,7 +166,7 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) ->
 
 
 def _on_mesh(structure: MeshedStructure, sites: Sequence[Site], places: Sequence[Place]) -> Sites:
-    """Sites at places of a mesh."""
+    """The sites as arrays, at their `places` on a mesh."""
     mesh = structure.mesh
     placed = places[0].member.at.placed
     nearest = ClosestPoints.of([place.nearest for place in places])
@@ -187,7 +190,7 @@ def _on_mesh(structure: MeshedStructure, sites: Sequence[Site], places: Sequence
         warn(structure.comm, TURNED.format(point_text(x)), ChoiceWarning)
 
     sites_found = located(structure, nearest.x, directions, radii, nearest)
-    _check(sites_found, placed)
+    _check_sites(sites_found, placed)
     return sites_found
 
 
@@ -198,7 +201,7 @@ TURNED = "the direction of the site at {} leaves the material there: it is turne
 def _leaving(
     structure: MeshedStructure, points: Array, directions: Array, radii: Array
 ) -> BoolArray:
-    """Mask (P,) of the sites on solids whose direction of impact leaves the material."""
+    """Mask (P,) of the sites on solids whose direction points out of the material."""
     if not structure.kind.outside:
         return np.zeros(len(points), dtype=bool)
     contact = structure.surface_below(points, directions, radii)
@@ -213,7 +216,7 @@ def _site_functionals(
     places: Sequence[Place],
     found: Sites,
 ) -> list[Functional]:
-    """The load vectors of sites of a part on all dofs, and the data of their patches."""
+    """Load vectors on all dofs, with data of the patches, of the sites `found` on one part."""
     columns, axes = [found.loads], [found.directions]
 
     if found.weighted is not None and any(site.tangential for site in sites):
@@ -261,7 +264,7 @@ def cell_and_waves(
     sides: Array,
     thickness: float,
 ) -> tuple[float, float, float]:
-    """(longest edge of a cell [m], wave speed × radius of gyration [m²/s], wave speed [m/s])."""
+    """(longest edge of the cell [m], wave speed × radius of gyration [m²/s], wave speed [m/s])."""
     material = structure.material_at(nearest)
     if structure.kind.sheet:
         thickness = material.section.thickness
@@ -282,8 +285,8 @@ def cell_and_waves(
     return size, speed * gyration, speed
 
 
-def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
-    """InputError for the first site that cannot move, or has no surface under its patch."""
+def _check_sites(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
+    """InputError for the first site that cannot move, or whose patch finds no surface."""
     points = placed(sites_found.points)
     for i, radius in enumerate(sites_found.radii):
         if sites_found.depth[i] > radius:
@@ -303,7 +306,7 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
 
 
 def _check_distance(site: Site, place: Place) -> None:
-    """InputError for a site far from its place."""
+    """InputError for a site whose point is too far from its place on the structure."""
     assert site.point is not None
     point, nearest = in_space(site.point), place.nearest  # type: ignore[arg-type]
     mesh = place.member.part.mesh
@@ -321,10 +324,10 @@ def _check_distance(site: Site, place: Place) -> None:
 
 
 class Released:
-    """The reactions of the supports of a structure and of its parts, by motions that release one.
+    """Reactions of supports as virtual work on motions of the structure that release one support.
 
-    `centres`: support -> (3,) mean of its nodes, m; `pulled` (rows of this rank, 6 S): forces of
-    unit rigid motions of each on the free dofs. Rows that follow from supports carry none.
+    `centres`: support -> (3,) mean of its nodes [m]; `pulled` (rows of this rank, 6 S): forces on
+    the free dofs due to the 6 unit rigid motions of each of S supports.
     """
 
     def __init__(self, matrices: MeshedParts, supports: Sequence[Support]) -> None:
@@ -341,16 +344,20 @@ class Released:
         self.centres, self.pulled = self._released(supports)
 
     def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
-        """(M g, M r) for motions g of the supports, by those `following`, and rigid motions r."""
+        """(M g, M r) of the motions g of the supports and of rigid motions r (`rigid`).
+
+        `following` (rows, 6 S): motion of the free dofs in static equilibrium, by which g is
+        completed.
+        """
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", rigid)
 
     def rigid(self) -> Array:
-        """Unit translations (dofs of all parts before joining, 3) of the whole structure."""
+        """Unit translations (dofs of all parts before joining, 3) of the structure."""
         return self._of.places.rigid_motions(np.zeros(3))[:, :3]
 
     def applied(self, sites: Sequence[Site], rigid: Array) -> tuple[Array, Array]:
-        """(bᵀg (P, 6 S), bᵀr (P, 3)) for the load vectors b of the sites along their contacts."""
+        """(bᵀg (P, 6 S), bᵀr (P, 3)): work of unit forces at P sites on g and r = `rigid`."""
         columns = []
         with without_warnings():  # they were told of when the model was extracted
             for site in sites:
@@ -366,7 +373,7 @@ class Released:
         return dot(self._of.comm, b, self._motions), dot(self._of.comm, b, rigid)
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
-        """(relaxation time, reactions (6 S, B)) of each damping term due to shapes (rows, B)."""
+        """(relaxation time [s], reactions (6 S, B)) of each damping term, by `shapes`."""
         comm, u = self._of.comm, self._of.expanded(shapes)
         own = self._assembly.added.dissipation(on_u=True) if self._assembly else []
         terms = [(slice(None), term) for term in own]
@@ -385,7 +392,7 @@ class Released:
         return reactions
 
     def _released(self, supports: Sequence[Support]) -> tuple[dict[str, Array], Array]:
-        """(centre of each support, forces on the free dofs for unit motions of each)."""
+        """(centre of each support, forces (rows, 6 S) on the free dofs for its 6 unit motions)."""
         centres: dict[str, Array] = {}
         places = self._of.places
 
@@ -428,7 +435,7 @@ class Released:
         return centres, -self._forces("K", motions)
 
     def _part(self, member: Member) -> MeshedStructure:
-        """A part without its supports and its prestress."""
+        """The part of a structure without supports and prestress."""
         part = member.part.unloaded or member.part
         if not part.supports:
             return part
@@ -437,7 +444,7 @@ class Released:
         return self._parts[id(part)]
 
     def _forces(self, which: str, motions: Array) -> Array:
-        """K u or M u (`which`) on the free dofs, for motions u of the parts' dofs."""
+        """K u or M u (`which`) on the free dofs, for `motions` u of the dofs of all parts."""
         forces = np.zeros(motions.shape)
         for member in self._of.members():
             matrix = getattr(self._part(member), which)
@@ -453,7 +460,7 @@ class Released:
 
 
 def _centre(member: Member, dofs: IntArray) -> Array:
-    """Mean coordinates (3,) of dofs of a part, over all of its ranks."""
+    """Mean coordinates (3,) of the nodes that have `dofs` of a part, over all ranks of the part."""
     coordinates = member.nodes[dofs // member.block]
     comm = member.part.comm
     total = comm.allreduce(coordinates.sum(axis=0))
@@ -462,7 +469,7 @@ def _centre(member: Member, dofs: IntArray) -> Array:
 
 
 def names_of(supports: Sequence[Support], used: Container[str] = ()) -> list[str]:
-    """Names of supports: their groups, or "support 1", "support 2", … that are not in `used`."""
+    """Name of each support: its group, or "support 1", "support 2", … if not in `used`."""
     names: list[str] = []
     for number, support in enumerate(supports, start=1):
         name = support.where if isinstance(support.where, str) else f"support {number}"
@@ -471,7 +478,7 @@ def names_of(supports: Sequence[Support], used: Container[str] = ()) -> list[str
 
 
 def dofs_by_support(part: MeshedStructure) -> dict[str, IntArray]:
-    """Name of each support of a part -> its dofs on this rank; the first support has a dof."""
+    """Support -> its dofs on this rank; a dof of several supports belongs to the first."""
     rows = len(part.attached_inertia)
     result = {}
     fixed = np.zeros(0, dtype=int)

@@ -40,7 +40,7 @@ LEAST_FREE_SHARE_ON_MAP = 0.05
 
 @dataclass(frozen=True, eq=False)
 class MapSites:
-    """Sites of a map, with the elements between them."""
+    """The sites of a map, and the triangles or segments that connect them."""
 
     sites: Sites  # the P sites that can move and have a surface
     #: (T, 3) triangles between them, or (T, 2) segments of lines; none between points
@@ -50,18 +50,18 @@ class MapSites:
     dimension: int  # dimension of the cells
 
     def only(self, keep: BoolArray) -> MapSites:
-        """The sites in the mask `keep`, and the elements all of whose corners are kept."""
+        """The sites of the mask `keep`, and the elements between them."""
         whole = self.elements[keep[self.elements].all(axis=1)]
         elements = (np.cumsum(keep) - 1)[whole]
         return replace(self.taken(np.flatnonzero(keep)), elements=elements)
 
     def taken(self, which: IntArray) -> MapSites:
-        """The sites with the numbers `which` (n,), with the elements as they are."""
+        """The sites with the numbers `which` (n,); the elements keep their numbers of sites."""
         return replace(self, sites=self.sites.taken(which), names=self.names[which])
 
 
 def targets(where: object) -> Sequence[str] | None:
-    """Names of the surfaces of a map; None if `where` is None or a list of points."""
+    """Names of surfaces in `where`; None if it is None (the whole structure) or points."""
     if where is None or isinstance(where, str):
         return None if where is None else [where]
     where_list = where.tolist() if isinstance(where, np.ndarray) and where.ndim == 1 else where
@@ -81,7 +81,7 @@ def targets(where: object) -> Sequence[str] | None:
 
 
 def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
-    """The sites of several surfaces; beside triangles segments of lines are dropped."""
+    """Sites of several surfaces as one; if one has triangles, segments of others are dropped."""
     if len(surfaces) == 1:
         return surfaces[0]
     corners = max(surface.elements.shape[1] for surface in surfaces)
@@ -103,7 +103,7 @@ def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSample:
-    """Sample points of a surface, the same on all ranks."""
+    """Points of a surface, and elements between them, equal on all ranks."""
 
     points: Array  # (P, 3) coordinates [m]
     normals: Array  # (P, 3) unit normals out of the body; zero on sheets and lines
@@ -118,7 +118,7 @@ def sites_of(
     radius: float | None,
     most: int | None = None,
 ) -> MapSites:
-    """The sites of a map on groups, parts, points, or all surfaces; at most `most` on each."""
+    """Sites of a map on groups, parts, points or all surfaces, `most` on each of these."""
     names = targets(where)
     if where is not None and names is None:
         return _at_points(structure, where, direction, radius)
@@ -135,7 +135,7 @@ def sites_of(
 
     surfaces = []
     for member, group, name in places:
-        sample = thinned(surface(member.part, group), most)
+        sample = farthest_points(surface(member.part, group), most)
         on_part, is_movable = _on_part(structure, member, sample, direction, radius, name)
         on_part = on_part.only(is_movable)
         surfaces.append(on_part if names is None else movable(on_part, name))
@@ -144,7 +144,7 @@ def sites_of(
 
 
 def movable(sites: MapSites, where: object) -> MapSites:
-    """The sites; InputError if there are none."""
+    """`sites`; InputError if there are none."""
     if not len(sites.sites):
         place = f" on {where!r}" if isinstance(where, str) else ""
         raise InputError(
@@ -158,7 +158,7 @@ def movable(sites: MapSites, where: object) -> MapSites:
 def _at_points(
     structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
-    """Sites at points, each on the part that a `Site` at this point is on."""
+    """Sites at given points, each on the part on which a `Site` at the point would be."""
     points = checked_points(where, direction)
     assert direction is not None  # checked_points has seen to that
     members = structure.members()
@@ -199,7 +199,7 @@ def _on_part(
     radius: float | None,
     name: str,
 ) -> tuple[MapSites, BoolArray]:
-    """(sites at sample points of a part, in the axes of the assembly, which of them can move)."""
+    """(sites at points of a part, in the axes of the assembly; mask of those that move)."""
     part = member.part
     if direction is None and not part.kind.outside:
         suffix = f" (the part {member.name!r})" if member.name else ""
@@ -240,8 +240,8 @@ def _on_part(
 OPPOSITE = 0.5
 
 
-def thinned(ground: SurfaceSample, most: int | None) -> SurfaceSample:
-    """At most `most` points of a sample, each far from those before it, and triangles of them."""
+def farthest_points(ground: SurfaceSample, most: int | None) -> SurfaceSample:
+    """A sample of at most `most` points: each is the one farthest from those before it."""
     if most is None or len(ground.points) <= most:
         return ground
     extent = float(np.ptp(ground.points, axis=0).max())
@@ -265,7 +265,7 @@ def thinned(ground: SurfaceSample, most: int | None) -> SurfaceSample:
 
 
 def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
-    """Radius [m] of the least patch at a site that facets resolve; None of sheets and bars."""
+    """Least radius [m] of a patch at a site that the facets resolve; None on sheets and bars."""
     (place,) = places_of(structure, [site])
     if isinstance(place, PointMotion) or not place.member.part.kind.outside:
         return None
@@ -274,6 +274,7 @@ def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
     direction = (place.direction / np.linalg.norm(place.direction))[None]
 
     def contact(reach: float) -> SurfaceAtSites:
+        """The surface at the site under a patch of radius `reach` [m]."""
         return part.surface_below(point, direction, np.array([reach]))
 
     extent = part.mesh.extent()
@@ -293,7 +294,7 @@ def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
 
 
 def _from_supports(structure: MeshedStructure, points: Array) -> Array:
-    """Distances (P,) [m] of points from the nearest node that supports fix; inf without them."""
+    """Distance (P,) [m] of points from the nearest supported node; inf without supports."""
     space = structure.form.space
     nodes = np.unique(structure.fixed // space.dofmap.index_map_bs)
     x = np.vstack(structure.comm.allgather(space.tabulate_dof_coordinates()[nodes]))
@@ -301,7 +302,7 @@ def _from_supports(structure: MeshedStructure, points: Array) -> Array:
 
 
 def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
-    """Vertices of a group of facets, or of cells for shells and beams; None: the whole surface."""
+    """Vertices and elements of a group of faces (of sheets, lines: cells); None: of all."""
     mesh = structure.mesh
     is_solid = structure.kind.outside
     faces = structure.faces
@@ -334,7 +335,7 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
 
 
 def checked_points(points: object, direction: object) -> Array:
-    """Checked points (P, 3) of a map."""
+    """The argument `where` of a map as points (P, 3); InputError for others."""
     if direction is None:
         raise InputError("points need the direction of impact, as (0, 0, -1).")
     coordinates = floats("where, if no group's name, the points,", points, None)
@@ -348,7 +349,7 @@ def checked_points(points: object, direction: object) -> Array:
 
 
 def _in_space(direction: Sequence[float]) -> Array:
-    """A checked direction with three components."""
+    """A direction with three components; InputError for others."""
     components = coordinates("direction", direction, "")
     if not np.linalg.norm(components):
         raise InputError("direction must not be the zero vector.")

@@ -158,7 +158,7 @@ class Site(FieldsRepr):
 
 
 def tangents(directions: Array, plane: bool) -> list[Array]:
-    """Unit vectors (P, 3) perpendicular to the directions (P, 3): two arrays; one in a plane."""
+    """Unit vectors across directions (P, 3): [(P, 3), (P, 3)], in a plane one array."""
     if plane:
         return [np.cross([0.0, 0.0, 1.0], directions)]
 
@@ -170,7 +170,7 @@ def tangents(directions: Array, plane: bool) -> list[Array]:
 
 
 def constrained(label: str) -> str:
-    """Message that supports fix a site."""
+    """Message that supports fix the site `label`."""
     return (
         f"{label} is fixed by supports along the direction of impact: it cannot move; choose "
         "another point."
@@ -183,7 +183,7 @@ MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
 
 @dataclass(frozen=True)
 class Functional:
-    """The load vectors of a site, and the properties of its patch."""
+    """Load vectors of one site, and data of its patch."""
 
     #: load vectors on the rows of this rank, zero on fixed dofs: along the direction of impact, and
     #: across it if requested
@@ -214,7 +214,7 @@ class Functional:
 def point_of(
     structure: Structure, point: object, part: str | None, node: int | None = None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None) of a probe."""
+    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None)."""
     if part is not None:
         checks.text("part", part)
     if (point is None) == (node is None):
@@ -233,7 +233,7 @@ def point_of(
 def motions_without_mesh(
     structure: Structure, shapes: Array, name: str, end: PointMotion, quantity: str
 ) -> Array:
-    """Displacement or rotation (gdim, columns) of all shapes at an end without a mesh."""
+    """Displacement or rotation (gdim, columns) of shapes at a point without a mesh."""
     if quantity not in MOTIONS:
         raise InputError(
             f"{name!r} is a point without a mesh and has no {quantity}: ask for its "
@@ -261,7 +261,7 @@ def motions_without_mesh(
 
 
 def algebraic(structure: StructureMatrices, site: Site) -> Functional:
-    """The functional of a site that is given by a dof or by a vector."""
+    """The load vector of a site that is given by a dof or a vector."""
     first, last = algebra.row_range(structure.K)
     n = algebra.size(structure.K)
     if site.node is not None:
@@ -284,7 +284,7 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
 
 
 def _on_free_rows(structure: StructureMatrices, B: Array, label: str) -> Array:
-    """Loads (rows, k) without fixed dofs and columns that cannot move; SiteError for the first."""
+    """Loads B, zero on fixed dofs and where a column cannot move; SiteError if the first cannot."""
     comm = algebra.communicator(structure.K)
     size = [norm(comm, b) for b in B.T]
     B[structure.fixed[structure.fixed < len(B)]] = 0.0
@@ -295,7 +295,7 @@ def _on_free_rows(structure: StructureMatrices, B: Array, label: str) -> Array:
 
 
 def functional_on_nodes(matrices: NodalMatrices, site: Site) -> Functional:
-    """The load vectors of a site at a node; InputError for an unknown or fixed one."""
+    """Load vectors of a site at a node; InputError if this is unknown or fixed."""
     if site.radius is not None:
         raise InputError(PATCH)
     node = _node_at(matrices, site) if site.node is None else site.node

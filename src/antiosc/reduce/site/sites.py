@@ -76,7 +76,7 @@ def patches(
     contact: SurfaceAtSites,
     most_rings: dict[int, int] = MOST_RINGS,
 ) -> tuple[Points, Array]:
-    """(weighted points of patches on this rank, share of each patch on its faces (P,))."""
+    """(quadrature points of all patches on this rank, share (P,) of each patch on faces)."""
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
     rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), most_rings[faces.dim])
     rings = rings.astype(int)
@@ -116,7 +116,7 @@ def _rule_on_faces(
     weights: Array,
     rise: float,
 ) -> tuple[Points, Array]:
-    """The points of one quadrature rule, projected on the faces at some sites; see `patches`."""
+    """`patches` for the sites `part`, by one quadrature rule of the unit disc."""
     comm = faces.mesh.comm
     normal = normals[part]
 
@@ -144,7 +144,7 @@ def _rule_on_faces(
 
 @dataclass(frozen=True, eq=False)
 class Sites:
-    """P sites with their load vectors; all data except `loads` are equal on all ranks."""
+    """Arrays of P sites and their load vectors; all but `loads` are equal on all ranks."""
 
     #: points, directions: (P, 3) coordinates [m] and unit directions of impact
     points: Array
@@ -173,7 +173,7 @@ class Sites:
 
     @classmethod
     def joined(cls, several: Sequence[Sites]) -> Sites:
-        """All sites of several sets."""
+        """Several sets of sites as one."""
         arrays = [sites._arrays() for sites in several]
         columns: dict[str, Any] = {
             name: np.concatenate([each[name] for each in arrays]) for name in arrays[0]
@@ -181,7 +181,7 @@ class Sites:
         return cls(loads=scipy.sparse.hstack([one.loads for one in several]).tocsr(), **columns)
 
     def _arrays(self) -> dict[str, Any]:
-        """What has a row for each site."""
+        """All arrays with a row for each site, by name."""
         rows = {k: v for k, v in vars(self).items() if k not in ("loads", "weighted")}
         return {name: values for name, values in rows.items() if values is not None}
 
@@ -194,7 +194,7 @@ def located(
     nearest: ClosestPoints | None = None,
     most_rings: dict[int, int] = MOST_RINGS,
 ) -> Sites:
-    """Sites at points (P, 3) with unit directions; `radii` (P,) NaN: the material's default."""
+    """Sites at points (P, 3), unit `directions`; `radii` (P,) [m], NaN: the material's default."""
     mesh = structure.mesh
     kind = structure.kind
     count = len(points)
@@ -244,7 +244,7 @@ def located(
             ).depth
 
     if not patch.all():
-        point_sets.append(_points(structure, points, np.flatnonzero(~patch), nearest))
+        point_sets.append(_point_loads(structure, points, np.flatnonzero(~patch), nearest))
 
     weighted = Points.joined(point_sets)
     B = loads(structure.comm, structure.form, weighted, directions)
@@ -259,10 +259,10 @@ def sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
     return np.asarray(structure.comm.allreduce(np.asarray(abs(B).sum(axis=0)).ravel()))
 
 
-def _points(
+def _point_loads(
     structure: MeshedStructure, points: Array, which: IntArray, nearest: ClosestPoints | None
 ) -> Points:
-    """Sites without a patch, as weighted points in cells of this rank."""
+    """Point loads, in cells of this rank, at those `points` whose numbers are in `which`."""
     numbers: IntArray = which
     if nearest is None:
         nearest = closest_many(structure.mesh, points[which])
@@ -289,10 +289,10 @@ Doubt: TypeAlias = tuple[BoolArray, str]
 
 
 def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = False) -> None:
-    """Warn of sites with an uncertain compliance; a map has some of them `marked` itself."""
+    """Warn of uncertain compliances; `marked`: a map shows the cut patches itself."""
     doubts = list(_mesh_doubts(structure, sites))
     if not marked:
-        cut = _cut(sites)
+        cut = _is_cut(sites)
         free = percent(np.minimum(sites.share, sites.moving)[cut].min(initial=1.0))
         text = (
             f"an edge cuts the patch, or supports hold it: only {free} of its load area is free, so"
@@ -307,15 +307,15 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = Fals
 
 
 def doubtful_patches(sites: Sites) -> dict[str, BoolArray]:
-    """Reason -> mask (P,) of the sites whose patch does not have the half-space compliance."""
+    """Reason -> mask (P,) of the patches whose compliance is not that of a half-space."""
     near = np.zeros(len(sites), dtype=bool)
     if sites.clear is not None:
         near = np.asarray((sites.clear < NEAR_RADII * sites.radii) & (sites.local > 0))
-    return {CUT: _cut(sites), NEAR: near}
+    return {CUT: _is_cut(sites), NEAR: near}
 
 
 def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
-    """The sites whose radius does not suit the mesh."""
+    """Yield (mask (P,), warning) for sites whose radius does not suit the mesh."""
     without_radius = np.isnan(sites.radii)
     if not structure.kind.point_load and without_radius.any():
         x = sites.points[np.argmax(without_radius)]
@@ -342,11 +342,11 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
         f"the facets at the site measure {engineering(size, 'm', 3)}, more than the radius"
         f" {engineering(radius, 'm', 3)}: the patch is not resolved; take cells of at most"
         f" {engineering(rounded_down(radius), 'm', 2)} there ({SMALLER_CELLS})"
-        f"{'' if _cut(sites).any() else larger_radius}.",
+        f"{'' if _is_cut(sites).any() else larger_radius}.",
     )
 
 
-def _cut(sites: Sites) -> BoolArray:
-    """Mask of the patches that an edge cuts, or supports hold."""
+def _is_cut(sites: Sites) -> BoolArray:
+    """Mask (P,) of the patches that an edge cuts, or that supports hold in part."""
     held = (sites.moving < WHOLE_PATCH) & (sites.local > 0)
     return np.asarray((sites.share < WHOLE_PATCH) | held)

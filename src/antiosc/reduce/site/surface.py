@@ -48,34 +48,34 @@ FACES_WIDE = 8.0
 #: Least relative error that is told: CAD itself has digits alone.
 LEAST_ERROR = 1e-3
 #: Singular values below this share of the largest one count as zero.
-RANK = 1e-6
+RANK_TOLERANCE = 1e-6
 #: Least cosine between the normals of the faces in a fit and that of the point.
 LARGEST_TURN = 0.35
 #: Distance of nodes from a plane over the radius of the fit, up to which they lie on it.
 ON_PLANE = 1e-6
 #: Distance of a middle node from the chord over the length of the side, from which it is curved.
-BENT = 1e-6
+CURVED_SHARE = 1e-6
 #: The smaller of the two curvatures counts as zero below these multiples of the error and of the
 #: larger one; above the third multiple of the larger one it never does.
-NONE = (3.0, 1e-3, 0.2)
+ZERO_CURVATURE = (3.0, 1e-3, 0.2)
 #: A surface that turns by more than this [rad] within a fit, and by as much within a wider one, has
 #: an edge there: least share of the two turns.
 EDGE_TURN, SAME_TURN = 0.3, 0.9
 #: A sheet is struck on its rim if the direction has less than this cosine to the normal.
-RIM = 0.5
+RIM_COSINE = 0.5
 #: Faces touch the point within this share of their size.
-TOUCH = 1e-6
+TOUCH_SHARE = 1e-6
 NO_SURFACE = "matrices have no surface: give the law of the contact."
 NO_POINT = "the site is no point of a surface."
 #: Default radius [m] of an edge or a corner, at most a quarter of the least dimension.
 CORNER_RADIUS = 1e-3
 #: Indentation from which graphite and epoxy are damaged [m]; Yang and Sun (1982).
-CRITICAL = 8.03e-5
+CRITICAL_INDENTATION = 8.03e-5
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """Faces near a point, n of them, equal on all ranks."""
+    """The n faces near a point, equal on all ranks."""
 
     numbers: IntArray  # (n, v) of their vertices in the file, around each face
     corners: Array  # (n, v, 3) [m]
@@ -96,12 +96,12 @@ class Patch:
 
     @cached_property
     def touching(self) -> BoolArray:
-        """Mask (n,) of the faces on which the point lies."""
-        return np.asarray(self.gap <= self.gap.min() + TOUCH * self.sides.max(axis=1))
+        """Mask (n,) of the faces that contain the point."""
+        return np.asarray(self.gap <= self.gap.min() + TOUCH_SHARE * self.sides.max(axis=1))
 
     @cached_property
     def pairs(self) -> IntArray:
-        """Numbers (k, 2) of the sides, counted through all faces, that coincide."""
+        """Pairs (k, 2) of coinciding sides of faces; side j of face i has the number i v + j."""
         ends = np.stack([self.numbers, np.roll(self.numbers, -1, axis=1)], axis=2)
         _, side = np.unique(np.sort(ends.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
         order = np.argsort(side.ravel(), kind="stable")
@@ -115,14 +115,14 @@ class Patch:
         return np.asarray(np.einsum("nd,nd->n", normals[:, 0], normals[:, 1]))
 
     def surfaces(self, sheet: bool) -> IntArray:
-        """Number (n,) of the smooth surface to which each face belongs."""
+        """Number (n,) of the smooth surface of each face; on a sheet normals have no sign."""
         cosines = np.abs(self.cosines) if sheet else self.cosines
         smooth = cosines > np.cos(np.radians(SHARP_ANGLE))
         count, corners = self.numbers.shape
         return connected([self.pairs[smooth] // corners], count)
 
     def inner_edges(self) -> Array:
-        """Ends (e, 2, 3) of the sides whose faces stand at `INNER_ANGLE` or more in the solid."""
+        """Ends (e, 2, 3) [m] of edges at which the solid has `INNER_ANGLE` or more."""
         ends = np.stack([self.corners, np.roll(self.corners, -1, axis=1)], axis=2)
         across = np.cross(self.normals, ends[:, :, 1] - ends[:, :, 0])
         inward = self.corners.mean(axis=1)[:, None] - self.middles
@@ -136,21 +136,21 @@ class Patch:
         return np.asarray(ends.reshape(-1, 2, 3)[first[sharp]])
 
     def nodes(self) -> Array:
-        """Nodes on the surface (k, 3) [m]: vertices, and mid-side nodes of curved sides."""
+        """Nodes (k, 3) [m] of the faces: vertices, and mid-side nodes of curved sides."""
         chord = (self.corners + np.roll(self.corners, -1, axis=1)) / 2
-        is_curved = np.linalg.norm(self.middles - chord, axis=2) > BENT * self.sides
+        is_curved = np.linalg.norm(self.middles - chord, axis=2) > CURVED_SHARE * self.sides
         points = self.corners.reshape(-1, 3)
         if is_curved.any():
             points = np.concatenate([points, self.middles.reshape(-1, 3)])
-        rounded = np.round(points / (TOUCH * self.sides.min()))
+        rounded = np.round(points / (TOUCH_SHARE * self.sides.min()))
         return np.asarray(points[np.unique(rounded, axis=0, return_index=True)[1]])
 
 
 def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = None) -> Curvature:
     """Curvature of the surface of a mesh at its point nearest to `point` (3,).
 
-    `faces`: of a solid the outer ones; `direction` (3,): of an impact, against which the normal of
-    a sheet is taken. InputError for a mesh of lines, or one in a plane.
+    `faces`: outer faces of a solid, cells of a sheet; `direction` (3,): of an impact; the normal of
+    a sheet points against it. InputError for a mesh of lines, or one in a plane.
     """
     if faces.dim != 2 or mesh.gdim != 3:
         raise InputError(
@@ -166,15 +166,15 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
         return _sharp(EDGE if surfaces == 2 else CORNER, x, normal)
 
     towards = normal if direction is None or not faces.sheet else direction
-    if abs(float(towards @ normal)) < RIM * float(np.linalg.norm(towards)):
+    if abs(float(towards @ normal)) < RIM_COSINE * float(np.linalg.norm(towards)):
         return _sharp(EDGE, x, normal)
 
     label = patch.surfaces(faces.sheet)
-    return _from_nodes(patch.only(np.isin(label, label[patch.touching])), x, normal)
+    return _curvature_by_fit(patch.only(np.isin(label, label[patch.touching])), x, normal)
 
 
 def _patch(faces: Faces, point: Array) -> Patch:
-    """The faces of all ranks near that nearest to a point."""
+    """The faces, of all ranks, around the one nearest to a point."""
     comm = faces.mesh.comm
     distances = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
     nearest = comm.allgather(float(distances.min(initial=np.inf)))
@@ -192,7 +192,7 @@ def _patch(faces: Faces, point: Array) -> Patch:
 
 
 def _gathered(faces: Faces, facets: IntArray, nearest: Array, gap: Array) -> Patch:
-    """Some faces of each rank as one patch, with their points `nearest` to a place."""
+    """The faces `facets` of all ranks as one patch; `gap`: distances [m] to `nearest`."""
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
     corner = tensor[corner_order]
@@ -209,11 +209,12 @@ def _gathered(faces: Faces, facets: IntArray, nearest: Array, gap: Array) -> Pat
 
 
 def inner_points(matrices: MeshedParts, part: str | None, spacing: float) -> Array:
-    """Points (n, 3) along the sharp inner edges of solids, at most `spacing` [m] apart.
+    """Points (n, 3) [m] along the sharp inner edges of solids, at most `spacing` [m] apart.
 
     In a corner of more than 180° the stress grows as r^-0.46 at 270° (M. L. Williams, J. Appl.
-    Mech. 19 (1952) 526); the value on a mesh grows with every refinement. A fillet has a limit: its
-    curved faces are tangent, and are told from an edge by the normals of the quadratic faces.
+    Mech. 19 (1952) 526); the value on a mesh grows with every refinement. At a fillet it has a
+    limit: its curved faces are tangent, so that the normals of quadratic faces distinguish it from
+    an edge.
     """
     found = [np.zeros((0, 3))]
     for member in matrices.members(part):
@@ -231,7 +232,7 @@ def inner_points(matrices: MeshedParts, part: str | None, spacing: float) -> Arr
 
 
 def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
-    """Mean unit normal (3,) at the point: outward, or of a sheet against the direction."""
+    """Mean unit normal (3,) at the point: outward on solids, against `direction` on sheets."""
     normals = at.normals.mean(axis=1)
     if sheet:
         reference = normals[0] if direction is None else -direction
@@ -243,11 +244,13 @@ def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
 
 
 def _kind(values: Array, error: float) -> tuple[Array, str]:
-    """(principal curvatures, with zeros for those within `error` of zero; kind of surface)."""
+    """(curvatures, zero if within `error` of zero; kind of the surface) of principal curvatures."""
     largest = float(np.abs(values).max())
     if largest == 0.0:
         return values, PLANE
-    is_flat = np.abs(values) <= min(max(NONE[0] * error, NONE[1] * largest), NONE[2] * largest)
+    is_flat = np.abs(values) <= min(
+        max(ZERO_CURVATURE[0] * error, ZERO_CURVATURE[1] * largest), ZERO_CURVATURE[2] * largest
+    )
     return np.where(is_flat, 0.0, values), LINE if is_flat.any() else CURVED
 
 
@@ -255,7 +258,7 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
 
 
 class _Quadric(NamedTuple):
-    """A quadric through nodes of the surface."""
+    """A quadric fitted to nodes of the surface."""
 
     values: Array  # (2,) principal curvatures [1/m], ascending
     directions: Array  # (2, 3)
@@ -264,14 +267,14 @@ class _Quadric(NamedTuple):
     radius: float  # of the nodes around the point [m]
 
 
-def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
-    """Curvature from a fit to the nodes of a smooth surface (see the module's docstring)."""
+def _curvature_by_fit(smooth: Patch, x: Array, normal: Array) -> Curvature:
+    """Curvature at `x` (3,) by fits to nodes of a smooth surface (see the module's docstring)."""
     cosine = np.abs(smooth.normals.mean(axis=1) @ normal)
     nodes = smooth.only(cosine > LARGEST_TURN).nodes() - x
     nodes = nodes[np.argsort(np.linalg.norm(nodes, axis=1), kind="stable")]
 
-    if _level(nodes[:NODES]):
-        return _plane(x, normal)
+    if _are_coplanar(nodes[:NODES]):
+        return _flat(x, normal)
     if len(nodes) < COEFFICIENTS:
         raise InputError(
             f"the mesh has {len(nodes)} nodes on the surface around the site, too few for its "
@@ -288,46 +291,46 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
 
     change = float(np.abs(fit.values - wider.values).max()) if len(nodes) > count else largest
     error = max(2 * fit.deviation, 2 * change, LEAST_ERROR * largest)
-    if error > largest / 2 and _level(nodes[:COEFFICIENTS]):
-        return _plane(x, normal)  # a flat beside a rounded edge
+    if error > largest / 2 and _are_coplanar(nodes[:COEFFICIENTS]):
+        return _flat(x, normal)  # a flat beside a rounded edge
 
     values, kind = _kind(fit.values, error)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)
 
 
-def _level(nodes: Array) -> bool:
-    """Whether nodes (n, 3) around the origin lie on one plane."""
+def _are_coplanar(nodes: Array) -> bool:
+    """Whether nodes (n, 3) lie on one plane."""
     from_middle = nodes - nodes.mean(axis=0)
     across = np.linalg.svd(from_middle)[2][2]
     size = np.linalg.norm(nodes, axis=1).max()
     return bool(np.abs(from_middle @ across).max() <= ON_PLANE * size)
 
 
-def _plane(x: Array, normal: Array) -> Curvature:
-    """The result on a plane."""
+def _flat(x: Array, normal: Array) -> Curvature:
+    """The curvature of a plane with this normal at x."""
     return Curvature(PLANE, np.zeros(2), 0.0, _tangents(normal), x, normal)
 
 
 def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
-    """The result at an edge or a corner, without curvatures."""
+    """The curvature at an edge or a corner (`kind`): none is known."""
     return Curvature(kind, np.full(2, np.nan), np.nan, np.full((2, 3), np.nan), x, normal)
 
 
 def _tangents(normal: Array) -> Array:
-    """Two unit vectors (2, 3) across a normal."""
+    """Two orthogonal unit vectors (2, 3) perpendicular to a normal (3,)."""
     return np.asarray(np.linalg.svd(normal[None])[2][1:])
 
 
 def _fitted(nodes: Array, normal: Array) -> _Quadric:
     """The quadric w = c + b·y + yᵀ H y/2 through nodes y (n, 3), exact on spheres and cylinders."""
-    radius = float(np.linalg.norm(nodes[-1])) * (1 + TOUCH)
+    radius = float(np.linalg.norm(nodes[-1])) * (1 + TOUCH_SHARE)
     basis = np.vstack([_tangents(normal), normal])
     u, v, w = basis @ nodes.T / radius
     weight = np.sqrt(1 - u * u - v * v - w * w)
 
     columns = [np.ones_like(u), u, v, u * u / 2, u * v, v * v / 2, u * w, v * w, w * w / 2]
     rows = weight[:, None] * np.column_stack(columns)
-    inverse = np.linalg.pinv(rows, rcond=RANK)
+    inverse = np.linalg.pinv(rows, rcond=RANK_TOLERANCE)
     c = inverse @ (weight * w)
     residual = rows @ c - weight * w
     variance = float(residual @ residual) / max(len(nodes) - len(c), 1)
@@ -349,21 +352,20 @@ def _fitted(nodes: Array, normal: Array) -> _Quadric:
 
 #: Points of the surface so near the site, over the radius of its patch or the size of its face, are
 #: those of the contact itself.
-BESIDE = 2.0
+CONTACT_REACH = 2.0
 #: Height of a point over the tangent plane, over its distance from the site, that the error of the
 #: normal may make: at facets of 15° it is 0.03. A wall at a distance D is met by balls from 1.08 D.
-SLOPE = 0.05
+NORMAL_ERROR = 0.05
 #: Height of a point over its distance from which on it is another face, half as near too. A post
 #: beside a site, 1.6 patch radii away, was left out: a ball of 4 mm struck it 0.3 mm before.
-STEEP = 0.3
+OTHER_FACE_SLOPE = 0.3
 
 
 def _largest_ball(
     matrices: MeshedParts, at: Curvature, patch_radius: float
 ) -> tuple[float, tuple[float, float, float] | None]:
-    """(radius [m] of the largest ball that touches there alone, the point that a larger one meets);
-    inf and None if there is none.
-    """
+    """(radius [m] of the largest ball that touches the part at the site alone, point that a larger
+    ball would touch too); (inf, None) if every ball fits."""
     balls: list[tuple[float, tuple[float, float, float] | None]] = [(inf, None)]
     for member in matrices.members():
         faces, point = member.part.faces, member.at.own(at.point[None])[0]
@@ -372,8 +374,8 @@ def _largest_ball(
         size = float(faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))])
         r = faces.samples - point
         distance = np.linalg.norm(r, axis=1)
-        height = r @ (at.normal @ member.at.rotation) - SLOPE * distance
-        beside = np.where(height > STEEP * distance, BESIDE / 2, BESIDE)
+        height = r @ (at.normal @ member.at.rotation) - NORMAL_ERROR * distance
+        beside = np.where(height > OTHER_FACE_SLOPE * distance, CONTACT_REACH / 2, CONTACT_REACH)
         near = beside * max(patch_radius, size)
         touched = (height > 0) & (distance > near)
         if touched.any():
@@ -392,7 +394,7 @@ def surface_at(
     direction: Array | None = None,
     radius: float | None = None,
 ) -> Surface:
-    """The surface of a structure at its point nearest to `point` (3,), as `surface_of`."""
+    """The surface of a structure at its point nearest to `point` (3,) [m]; see `surface_of`."""
     if point is None:
         raise InputError(NO_POINT)
     matrices = with_parts(structure, NO_SURFACE)
@@ -400,7 +402,7 @@ def surface_at(
 
 
 def surface_of(matrices: MeshedParts, place: Place, radius: float | None) -> Surface:
-    """The surface at a place, under a patch of a `radius` [m] or at a point; else InputError."""
+    """The surface at a place, under a patch of `radius` [m], None: a point; else InputError."""
     material = place.material
     matter = _contact_material(material)
     if matter is None:
@@ -441,7 +443,7 @@ def curvature_at(
 
 
 def _place_at(matrices: MeshedParts, point: Array, direction: Array | None) -> Place:
-    """The place nearest to a point (3,), struck along a direction (3,)."""
+    """The place of the structure nearest to a point (3,), for an impact along `direction` (3,)."""
     directions = None if direction is None else direction[None]
     return places_at(matrices.members(), point[None], directions)[0]
 
@@ -452,14 +454,14 @@ def material_at(structure: Structure, point: Array, direction: Array | None = No
 
 
 def _curvature(place: Place) -> Curvature:
-    """Curvature of the outer surface, in the axes of the structure; see `curvature_at`."""
+    """Curvature of the outer surface at a place, in the axes of the structure."""
     part = place.member.part
     at = place.member.at
     along = place.direction if place.direction.any() else None
 
     if part.kind.sheet and part.mesh.gdim == 2:  # in the plane z = 0, seen by the impactor
         side = -1.0 if along is not None and along[2] > 0 else 1.0
-        curved = _plane(place.point * [1.0, 1.0, 0.0], np.array([0.0, 0.0, side]))
+        curved = _flat(place.point * [1.0, 1.0, 0.0], np.array([0.0, 0.0, side]))
     else:
         curved = curvature(part.mesh, part.faces, place.point, along)
 
@@ -469,7 +471,7 @@ def _curvature(place: Place) -> Curvature:
 
 
 class PlaneOf(Body):
-    """The surface that an impactor meets on a structure; by default a flat face of its material."""
+    """A structure as what an impactor strikes; default `surface`: a flat face of its material."""
 
     def __init__(self, structure: Structure, surface: Surface | None = None) -> None:
         self._surface = surface or flat_face(structure)
@@ -492,14 +494,14 @@ def flat_face(structure: Structure) -> Surface | None:
 
 
 def _contact_material(material: Any) -> Matter | None:
-    """The material properties that a contact needs; None for anisotropic and plane materials."""
+    """The properties of a material that contact laws need; None if anisotropic or plane."""
     if getattr(material, "plane", None) is not None:
         return None
     if isinstance(material, Laminate):
         outer = min((material.layers[0], material.layers[-1]), key=lambda layer: layer.E2)
         if isclose(outer.E1, outer.E2):
             return Matter(outer.E2, outer.nu12)
-        return Matter(outer.E2, 0.0, critical=CRITICAL, name="laminate")
+        return Matter(outer.E2, 0.0, critical=CRITICAL_INDENTATION, name="laminate")
 
     try:
         return matter_of(material)
