@@ -22,7 +22,7 @@ import numpy as np
 
 import antiosc as ao
 from antiosc.base._types import Array
-from antiosc.strikes.free_sites import ABOVE
+from antiosc.strikes.free_sites import BAND_FACTOR
 from antiosc_studies.find import Monitored, found_in, prepared
 from antiosc_studies.find.recording import recording
 
@@ -112,7 +112,7 @@ def case(
     size = noise * np.sqrt(np.mean(signals**2, axis=0))
     signals = signals + size * random.standard_normal(signals.shape)
     started = time.process_time()
-    most = float(model.seen.omega[-1]) / ABOVE
+    most = float(model.seen.omega[-1]) / BAND_FACTOR
     data = recording(signals, sensors_on(kind), RATE, None, None, most)
     names = ("place", "mass", "velocity", "stiffness")
     found = found_in(model, data, names, None, None, None, (0.01, 0.03))

@@ -320,10 +320,10 @@ def test_the_largest_stress_is_that_of_all_tensors_at_all_times():
     weights = random.uniform(0, 1, 400)
     stress = equivalent(np.moveaxis(columns @ x.T, 1, -1)).max(axis=1) * weights
     parts = (DEVIATOR @ columns).astype(np.float32)
-    most, at = map_stresses._largest(parts, x, weights)
+    most, at = map_stresses._largest_stress(parts, x, weights)
     assert at == stress.argmax()
     assert most == pytest.approx(stress.max(), rel=1e-4)
-    _, _, bounds = map_stresses._bounded(parts, x)
+    _, _, bounds = map_stresses._rotated(parts, x)
     assert (bounds * weights * (1 + map_stresses.ROUNDING) >= stress).all()
 
 

@@ -204,7 +204,7 @@ def step(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def called(given: Any, limit: float | None = None, meshes: int = 1, free: float = 1e12) -> Any:
         monkeypatch.setattr(striking, "free_memory", lambda: free)
-        return striking._next(given, mesh, 1, TOL, limit, 100.0, meshes, TOL)
+        return striking._next_mesh(given, mesh, 1, TOL, limit, 100.0, meshes, TOL)
 
     return called
 

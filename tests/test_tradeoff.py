@@ -17,7 +17,7 @@ import antiosc as ao
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.strikes.tradeoff import (
     BRACKET,
-    Made,
+    ComputedMember,
     Tradeoff,
     TradeoffMember,
 )
@@ -112,7 +112,7 @@ def test_the_best_and_the_front():
 def test_a_bar_below_the_difference_covers_it(peak, bar):
     def member(peak_force, own):
         hit = SimpleNamespace(peak_force=peak_force, impulse=1.0, contact_time=1.0)
-        return Made(SimpleNamespace(hit=hit), SITE, replace(some((1.0, own)).table[0]))
+        return ComputedMember(SimpleNamespace(hit=hit), SITE, replace(some((1.0, own)).table[0]))
 
     finest = member(1.0, 0.002)
     one = member(peak, 0.005).beside(finest)

@@ -34,18 +34,18 @@ from antiosc.impact.bodies import RigidMass, Sphere
 #: below a twentieth of its value at 0.
 BAND_TIMES_PULSE = 2.0
 #: A family is used up to this share of the frequency at which it fails.
-TRUST = 0.5
+TRUSTED_SHARE = 0.5
 #: Inelasticity up to which the motion of the part does not change the force (at 0.02 the impactor
 #: keeps 97 % of its velocity on an infinite plate).
-UNMOVED = 0.02
+SMALL_INELASTICITY = 0.02
 #: Smallest length over width of a slender beam, and side over thickness of a thin shell.
 SLENDER = 5.0
 #: Largest contact radius over thickness for a family whose thickness is rigid.
-CONTACT = 0.25
+CONTACT_RATIO = 0.25
 #: Least share of its bounding box that a block, a plate or a bar of solids fills.
-BLOCK = 0.8
+LEAST_FILL = 0.8
 #: Elements per wavelength (cubic or quadratic ones).
-PER_WAVE = 4.0
+ELEMENTS_PER_WAVE = 4.0
 #: Factor of Hertz's contact time, 2.943 δ/v with a rigid partner.
 HERTZ_TIME = 2.9432
 
@@ -110,7 +110,7 @@ def advise(
         Dimensions that are not positive or not in falling order, no material, an impactor at rest
         or without Hertz's law; a structure of solids that is no block.
     """
-    length, width, thickness, material = _measures(part, E, nu, rho)
+    length, width, thickness, material = _dimensions_and_material(part, E, nu, rho)
     E, nu, rho = material
     radius = getattr(impactor, "radius", None) or getattr(impactor, "tip_radius", None)
     if not hasattr(impactor, "hertz") or radius is None:
@@ -135,42 +135,42 @@ def advise(
     # a beam holds below the bending of a free strip across it, a shell below its thickness shear
     across = 22.373 / (2 * pi * width**2) * sqrt(bending / (rho * thickness))
     shear = sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness)
-    limits = {"beam": TRUST * across, "shell": TRUST * shear, "solid": np.inf}
+    limits = {"beam": TRUSTED_SHARE * across, "shell": TRUSTED_SHARE * shear, "solid": np.inf}
     slender = {"beam": length / width, "shell": sqrt(length * width) / thickness, "solid": np.inf}
 
     reasons = []
     for family, limit in limits.items():
         missing_names = []
-        if frequency > limit and lam > UNMOVED:
+        if frequency > limit and lam > SMALL_INELASTICITY:
             missing_names.append(f"holds up to {1e-3 * limit:.3g} kHz")
         if slender[family] < SLENDER:
             missing_names.append(f"slenderness {slender[family]:.2g} ≤ {SLENDER:g}")
-        if family != "solid" and contact > CONTACT * thickness:
-            share = f"{contact / thickness:.2g} ≥ {CONTACT:g} of the thickness"  # as rounded
+        if family != "solid" and contact > CONTACT_RATIO * thickness:
+            share = f"{contact / thickness:.2g} ≥ {CONTACT_RATIO:g} of the thickness"  # as rounded
             missing_names.append(f"contact radius {engineering(contact, 'm')}, {share}")
         if not missing_names:
             break
         reasons.append(f"{family} {' and '.join(missing_names)}")
 
-    if lam <= UNMOVED:
+    if lam <= SMALL_INELASTICITY:
         reasons.append(f"the part hardly moves during the contact (Zener's λ = {lam:.2g})")
-    size, bound = _element(family, frequency, length, thickness, E, nu, rho)
+    size, bound = _element_size(family, frequency, length, thickness, E, nu, rho)
     return Advice(
         family, time, frequency, size, contact, lam, limits, (*reasons, f"elements: {bound}")
     )
 
 
-def _measures(
+def _dimensions_and_material(
     part: Sequence[float] | Structure, E: float | None, nu: float, rho: float | None
 ) -> tuple[float, float, float, tuple[float, float, float]]:
-    """Sorted dimensions (length ≥ width, thickness) and (E, nu, rho) of a part."""
+    """(length, width, thickness, (E, nu, rho)) of a part; its length is at least its width."""
     if isinstance(part, Structure):
         size = np.array(part.dimensions)
         E, nu, rho = part.constants()
         filled = part.mass / (rho * size.prod())
         kind = getattr(part.matrices, "kind", None)
         solid = kind is None or bool(kind.outside)  # an assembly may have some
-        if solid and filled < BLOCK:
+        if solid and filled < LEAST_FILL:
             raise InputError(
                 f"the part fills {percent(filled)} of its bounding box, whose sides do not tell "
                 "its thickness: give advise the length, width and thickness at the site."
@@ -190,7 +190,7 @@ def _measures(
     return length, width, thickness, material
 
 
-def _element(
+def _element_size(
     family: str, frequency: float, length: float, thickness: float, E: float, nu: float, rho: float
 ) -> tuple[float, str]:
     """(largest element size, the criterion that limits it)."""
@@ -200,7 +200,7 @@ def _element(
 
     # the wavelength in a thick plate lies between those of bending alone and of shear
     wave = min(bending, max(2 * pi * shear / omega, thickness))
-    bounds = {f"{PER_WAVE:g} to the wave of {1e3 * wave:.3g} mm": wave / PER_WAVE}
+    bounds = {f"{ELEMENTS_PER_WAVE:g} to the wave of {1e3 * wave:.3g} mm": wave / ELEMENTS_PER_WAVE}
     bounds["8 to the length"] = length / 8
     if family == "solid":
         bounds["2 through the thickness"] = thickness / 2

@@ -2,7 +2,7 @@
 
 - The cells of a geometry: `default_size` of `antiosc.fem.mesh.reading`; at the site of a solid
   `CELLS_THROUGH` lie through its wall, and none is longer than the ball's radius.
-- The ball has a radius of `BALL` times the longest side.
+- The ball has a radius of `BALL_SHARE` times the longest side.
 - The patch of a solid is as small as its facets resolve, and carries the force of the striker on a
   rigid wall, which no part exceeds.
 - The number of anti-oscillators is the first of `COUNTS` whose left-out motions change the force by
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 #: Cells across the thickness under a site.
 CELLS_THROUGH = 3
 #: Radius of the ball over the longest side of the part.
-BALL = 0.02
+BALL_SHARE = 0.02
 #: Numbers of anti-oscillators. A printed bar of 13.6 × 5 × 100 mm: 40 % with 20, 0.05 % with 80. A
 #: sheet of 85 572 dofs under a ball of 20 mm: 1205, 521, 416 and 407 N with 20, 150, 400 and 800.
 COUNTS = (20, 60, 150, 400)
@@ -46,19 +46,19 @@ MOST_WORK = 8e7
 #: Expansion points are at this share of the inverse of the contact time, or down to half of it. Of
 #: 1 mm of aluminium under a ball for 41 µs the force was 120 and 36 % off with 60 and 150
 #: anti-oscillators about the static point, 2.5 and 0.2 % with a share of 0.67.
-EXPANSION = 0.7
+EXPANSION_SHARE = 0.7
 #: Duration of the run on a rigid wall over the contact time.
-WALL = 4.0
+WALL_DURATION = 4.0
 
 
 def usual_cell(length: float, thickness: float) -> float:
     """Size [m] of cells at the site of a solid of this length, and thickness there [m]."""
-    return rounded_up(min(BALL * length, thickness / CELLS_THROUGH))
+    return rounded_up(min(BALL_SHARE * length, thickness / CELLS_THROUGH))
 
 
 def usual_ball(length: float) -> float:
     """Radius [m] of the ball that strikes a part whose longest side is `length` [m]."""
-    return float(f"{BALL * length:.1g}")
+    return float(f"{BALL_SHARE * length:.1g}")
 
 
 def patch_radius(
@@ -74,13 +74,13 @@ def patch_radius(
 
     try:
         with without_warnings():
-            needed = _carrying(structure, replace(site, radius=resolved), striker, contact)
+            needed = _carrying_radius(structure, replace(site, radius=resolved), striker, contact)
     except AntioscError:  # no striker that flies, or a surface that is not known
         needed = None
     return rounded_up(max(resolved, needed or 0.0))
 
 
-def _carrying(
+def _carrying_radius(
     structure: Structure, site: Site, striker: LinearBody, contact: AnyLaw
 ) -> float | None:
     """Radius [m] of a patch that carries the force of the striker on a rigid wall."""
@@ -89,12 +89,12 @@ def _carrying(
     law = law_of(contact, face, striker)
 
     pulse = BAND_OVER_PULSE / (2 * impact_band(striker, law))
-    wall = simulate(Obstacle(), striker, law, duration=WALL * pulse)
+    wall = simulate(Obstacle(), striker, law, duration=WALL_DURATION * pulse)
     return law.without(load.local_compliance).enough_radius(wall.peak_force, site.radius)
 
 
 def next_count(hit: History) -> int | None:
-    """The next number of anti-oscillators; None if they are enough, or more take too long."""
+    """The next number of anti-oscillators; None if the run has enough, or more cost too much."""
     model = hit.model
     if hit.rerun is None or truncation_error(model, hit.rerun).peak_force <= MOST_TRUNCATION:
         return None
@@ -104,5 +104,5 @@ def next_count(hit: History) -> int | None:
 
 
 def expansion_of(hit: History) -> float:
-    """Frequency [Hz], a power of two, about which more anti-oscillators converge first."""
-    return float(2.0 ** floor(log2(EXPANSION / hit.assembly.contact_time_estimate)))
+    """Expansion point [Hz] for more anti-oscillators: a power of two below 1/contact time."""
+    return float(2.0 ** floor(log2(EXPANSION_SHARE / hit.assembly.contact_time_estimate)))

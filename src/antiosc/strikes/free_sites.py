@@ -22,7 +22,7 @@ from antiosc.reduce.site.map_sites import MapSites, sites_of
 #: Number of free modes if neither `modes` nor a band is given.
 FREE_MODES = 20
 #: Frequency of the last free mode over the band.
-ABOVE = 1.5
+BAND_FACTOR = 1.5
 
 #: What names the sites of a map: surfaces, or points (P, 2 or 3).
 Where: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | None
@@ -77,7 +77,7 @@ def _free_modes(structure: Structure, count: int | None, band: float | None, mos
     """The lowest elastic modes: `count`, or `FREE_MODES` to `most` so that they exceed the band."""
     most = min(most, structure.dofs)
     mode_count = min(FREE_MODES if count is None else whole("modes", count), structure.dofs - 1)
-    reach = 0.0 if band is None or count is not None else ABOVE * band
+    reach = 0.0 if band is None or count is not None else BAND_FACTOR * band
     modes = ModeSolver(structure).lowest(
         mode_count, lambda m: m.omega.max(initial=0.0) >= reach, most
     )

@@ -64,7 +64,7 @@ from antiosc.models.body import (
 from antiosc.models.free_modes import SiteModels
 from antiosc.reduce.site.sites import doubtful_patches
 from antiosc.reduce.site.surface import PlaneOf, surface_at
-from antiosc.strikes.free_sites import ABOVE, FreeSites, free_sites
+from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, free_sites
 from antiosc.strikes.map_results import (
     ImpactMap,
     doubted,
@@ -80,15 +80,15 @@ log = logging.getLogger(__name__)
 
 
 #: Default band over the last free frequency, if neither a band nor an impactor is given.
-WITHIN = 0.5
+BAND_SHARE = 0.5
 #: Most free modes if the impact determines the band.
 MOST_MODES = 100
 #: Numbers of anti-oscillators that are tried if `n` is not given.
 COUNTS = (12, 25, 50, 100)
 #: A site is doubtful if its force exceeds that on a rigid wall by this share.
-BEYOND = 0.003
+WALL_MARGIN = 0.003
 #: Tolerance of the impact on the wall.
-COARSE = 1e-3
+WALL_TOL = 1e-3
 #: Mean pressure of a contact that yields all over, over the yield strength (Tabor).
 FULLY_PLASTIC = 2.8
 
@@ -203,12 +203,12 @@ def impact_map(
     omega = sites_seen.omega
     sites = map_sites.sites
     if excited is not None:
-        band = min(excited, float(omega[-1]) / ABOVE)
-    band = WITHIN * float(omega[-1]) if band is None else band
+        band = min(excited, float(omega[-1]) / BAND_FACTOR)
+    band = BAND_SHARE * float(omega[-1]) if band is None else band
     if band >= omega[-1]:
         raise InputError(
-            f"the band {_hertz(band)} must end below the last of {len(omega)} free modes,"
-            f" {_hertz(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
+            f"the band {_hz_text(band)} must end below the last of {len(omega)} free modes,"
+            f" {_hz_text(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
         )
 
     with doing(f"models of {len(sites)} sites", structure.comm.rank):
@@ -229,9 +229,9 @@ def impact_map(
     )
     for reason, is_doubtful in doubtful_patches(sites).items():
         result = doubted(result, is_doubtful, reason)
-    on_root(structure.comm, partial(_tell, result, accuracy))
+    on_root(structure.comm, partial(_warn_of_sites, result, accuracy))
     if impactor is None or law is None or duration is None:
-        on_root(structure.comm, partial(_tell_impacts, result, None))
+        on_root(structure.comm, partial(_warn_of_impacts, result, None))
         return result
 
     laws = None
@@ -245,12 +245,12 @@ def impact_map(
     if stress:
         result_map = with_stresses(structure, result_map, None if stress is True else stress)
     thickness = structure.plausibility.get("thickness")
-    on_root(structure.comm, partial(_tell_impacts, result_map, thickness))
+    on_root(structure.comm, partial(_warn_of_impacts, result_map, thickness))
     return result_map
 
 
 def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw) -> ContactLaw:
-    """The law itself, or for "auto" that of the impactor on a flat face of the structure."""
+    """The law `contact`; for "auto" the law of the impactor on a flat face of the structure."""
     return law_of(contact, PlaneOf(structure), impactor)
 
 
@@ -284,7 +284,7 @@ def _laws(
     return laws, {EDGE: sharp, HOLLOW: hollow, PIERCED: pierced}
 
 
-def _hertz(omega: float) -> str:
+def _hz_text(omega: float) -> str:
     """A circular frequency [rad/s] as text in Hz."""
     return engineering(omega / (2 * math.pi), "Hz")
 
@@ -292,7 +292,11 @@ def _hertz(omega: float) -> str:
 def _reduced(
     sites: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
 ) -> tuple[SiteModels, Array]:
-    """(models with the first of `counts` that suffices or the last, their error bounds)."""
+    """Models of the sites with the fewest anti-oscillators that meet `accuracy`.
+
+    counts : numbers to try in order, of which the last is taken if none suffices; shift [rad²/s²],
+    band [rad/s] : as for `error_bound` of the free modes. Returns the models and their error bounds (P,).
+    """
     of_sites = sites.omega, sites.b, sites.compliance, sites.inertia
     for n in counts:
         models = free_modes.site_models(*of_sites, n, shift)
@@ -303,7 +307,7 @@ def _reduced(
     return models, left_out + reduction
 
 
-def _tell(result: ImpactMap, accuracy: float) -> None:
+def _warn_of_sites(result: ImpactMap, accuracy: float) -> None:
     """Warn of sites without a result, and of errors above `accuracy`."""
     if result.skipped:
         warn(
@@ -324,7 +328,7 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
         )
 
 
-def _tell_impacts(result: ImpactMap, thickness: float | None) -> None:
+def _warn_of_impacts(result: ImpactMap, thickness: float | None) -> None:
     """Warn of doubtful sites, of blows beyond the band, and of a sheet that stretches."""
     sentences = [left_out_text(result), low_band(result)]
 
@@ -380,10 +384,10 @@ def _struck(
     # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
     stiffest = max(laws or [contact], key=lambda law: getattr(law, "stiffness", 0.0))
     wall = Impact(Obstacle(), impactor, stiffest, duration)
-    on_wall = simulate_impact(wall, Settings(COARSE)).peak_force
+    on_wall = simulate_impact(wall, Settings(WALL_TOL)).peak_force
     peaks = gathered("peak_force")
     result = doubted(result, np.isnan(peaks), NO_RESULT)
-    result = doubted(result, peaks > (1 + BEYOND) * on_wall, BEYOND_WALL)
+    result = doubted(result, peaks > (1 + WALL_MARGIN) * on_wall, BEYOND_WALL)
 
     return replace(
         result,
@@ -421,7 +425,7 @@ def with_stresses(structure: Structure, struck: ImpactMap, most: int | None) -> 
 
 
 def _yielding_radius(law: ContactLaw | None, force: float) -> float:
-    """Radius [m] of a sphere's contact that yields: Hertz's, or of full plasticity; else 0."""
+    """Radius [m] of a contact that yields, the larger of Hertz's and full plasticity's; else 0."""
     if not isinstance(law, ElasticPlastic) or not law.yield_force < force:
         return 0.0
     hertz = (force * law.radius**1.5 / law.stiffness) ** (1 / 3)

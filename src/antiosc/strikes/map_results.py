@@ -241,7 +241,7 @@ def doubted(impact_map: ImpactMap, which: BoolArray, reason: str) -> ImpactMap:
 
 
 def doubts_text(impact_map: ImpactMap) -> str:
-    """The number of doubtful sites and those of each reason, which add up to it."""
+    """Text: the number of doubtful sites, in all and for each reason."""
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
     number = int(impact_map.doubtful.sum())
     total = f"{number} doubtful site{'s' * (number != 1)}"
@@ -250,7 +250,7 @@ def doubts_text(impact_map: ImpactMap) -> str:
 
 
 def left_out_text(impact_map: ImpactMap) -> str:
-    """Sentence on the doubtful sites, as it is told once; "" if there are none."""
+    """Sentence on the doubtful sites that results leave out; "" if there are none."""
     if not impact_map.doubtful.any():
         return ""
 
@@ -266,7 +266,7 @@ def left_out_text(impact_map: ImpactMap) -> str:
 
 
 def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
-    """Numbers of the reliable sites among `sites` (None: all); all of these without any."""
+    """Numbers of the reliable sites among `sites` (None: all); all `sites` if none is reliable."""
     sites = np.arange(len(impact_map)) if sites is None else sites
     sound = sites[~impact_map.doubtful[sites]]
     return sound if sound.size else sites
@@ -275,7 +275,10 @@ def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
 def hardest(
     impact_map: ImpactMap, sites: IntArray | None = None, values: Array | None = None
 ) -> int:
-    """Number of the reliable site with the largest force, or of `values` (P,), among `sites`."""
+    """Number of the reliable site with the largest of `values` (P,), by default the peak forces.
+
+    sites : numbers of the sites to choose from; None: all.
+    """
     values = impact_map.peak_force if values is None else values
     assert values is not None
     sites = trusted(impact_map, sites)
@@ -283,7 +286,7 @@ def hardest(
 
 
 def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
-    """At most `most` reliable sites: the hardest, then each time the farthest from those."""
+    """At most `most` reliable sites: the hardest, then each time the farthest from those chosen."""
     sites = trusted(impact_map)
     if len(sites) <= most:
         return sites
@@ -306,7 +309,7 @@ def excited_by(impactor: LinearBody | None, contact: ContactLaw | None) -> float
 
 
 def low_band(result: ImpactMap) -> str:
-    """Sentence on a blow that excites frequencies beyond the models of a map; "" if not."""
+    """Sentence if the blow excites frequencies above the band of the map's models; else ""."""
     excited = excited_by(result.impactor, result.contact)
     if excited is None or 2 * math.pi * result.band >= excited:
         return ""

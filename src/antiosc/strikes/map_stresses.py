@@ -22,28 +22,32 @@ if TYPE_CHECKING:
     from antiosc.strikes.free_sites import FreeSites
 
 #: Sites whose static deflections are solved for together.
-AT_ONCE = 16
+SITES_AT_ONCE = 16
 #: Phase of the last mode between two sample times [rad]: they miss at most 2 % of its peak, 1 −
 #: cos(PHASE/2).
 PHASE = 0.4
 #: Least and largest number of sample times over the run.
 TIMES = (200, 3000)
 #: Tensors times times whose stresses are evaluated at once, to fit the cache.
-BLOCK = 200_000
+VALUES_AT_ONCE = 200_000
 #: Relative rounding of the bounds in single precision.
 ROUNDING = 1e-3
 
 
 class Stresses(NamedTuple):
-    """The stress fields of an `ImpactMap`."""
+    """The fields `peak_stress`, `exposure` and `stress_points` of an `ImpactMap`."""
 
     peak_stress: Array
     exposure: Array | None
     stress_points: Array
 
 
-class _Sought(NamedTuple):
-    """Parts of stresses (S, 5, J) of von Mises's length, points (S, 3), strengths (S,) or NaN."""
+class _ShapeStresses(NamedTuple):
+    """Stresses of J shapes at S nodes.
+
+    modes : (S, 5, J) five components whose length is von Mises's stress [Pa]; points : (S, 3) [m];
+    strength : (S,) yield strengths [Pa], NaN where unknown.
+    """
 
     modes: Array
     points: Array
@@ -71,17 +75,17 @@ def largest_stresses(
     largest: list[tuple[float, Array, float]] = []
 
     with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
-        for first in range(0, len(forces), AT_ONCE):
-            span = slice(first, first + AT_ONCE)
+        for first in range(0, len(forces), SITES_AT_ONCE):
+            span = slice(first, first + SITES_AT_ONCE)
             y = structure.factorize().solve_block(loads[:, span].toarray())
             residual_stresses = _stresses_of_shapes(structure, y - sites.phi @ slow[span].T, places)
 
             def work(
-                span: slice = span, rest: _Sought = residual_stresses
+                span: slice = span, rest: _ShapeStresses = residual_stresses
             ) -> list[tuple[float, Array, float]]:
                 arguments = sites.omega, b[span], forces[span], duration, balls[which[span]]
                 found = []
-                for one in _of_sites(modes, rest, *arguments):
+                for one in _stresses_of_sites(modes, rest, *arguments):
                     found.append(one)
                     ready(span.start + len(found))
 
@@ -105,25 +109,29 @@ def sides(structure: Structure) -> list[Place]:
     return [place(side, None, None, "global") for side in ("top", "bottom")[: 1 + sheets]]
 
 
-def _stresses_of_shapes(structure: Structure, shapes: Array, places: list[Place]) -> _Sought:
+def _stresses_of_shapes(structure: Structure, shapes: Array, places: list[Place]) -> _ShapeStresses:
     """Stresses of shapes (rows of this rank, columns) on rank 0."""
     tensors: NodeTensors
     points, _, tensors = source(structure).tensors_at_nodes(structure, shapes, "stress", places)
     yields = [s if isinstance(s, float) else np.nan for s, _ in tensors.origins]
     parts: Array = (DEVIATOR @ tensors.columns).astype("f4")
-    return _Sought(parts, points[tensors.nodes], np.array(yields)[tensors.origin])
+    return _ShapeStresses(parts, points[tensors.nodes], np.array(yields)[tensors.origin])
 
 
-def _of_sites(
-    modes: _Sought,
-    residual_stresses: _Sought,
+def _stresses_of_sites(
+    modes: _ShapeStresses,
+    residual_stresses: _ShapeStresses,
     omega: Array,
     b: Array,
     site_forces: list[Force],
     duration: float,
     balls: Array,
 ) -> Iterator[tuple[float, Array, float]]:
-    """Yields (largest stress [Pa], worst point, exposure there) for the impacts at some sites."""
+    """Yield (largest stress [Pa], worst point (3,), its exposure) for the impacts at S sites.
+
+    b : (S, J) modal values of the sites; residual_stresses : of their static deflections without
+    the modes; balls : (S, 4) what is left out.
+    """
     count = len(site_forces)
     steps = np.full(count, int(np.clip(np.ceil(duration * omega[-1] / PHASE), *TIMES)))
     durations = np.full(count, duration)
@@ -136,22 +144,24 @@ def _of_sites(
         x = np.column_stack([q[:, i], F[:, i]])
         outside = ~is_within(modes.points, balls[i : i + 1])
         outside |= not outside.any()
-        stress, worst = _largest(columns, x, outside.astype(float))
+        stress, worst = _largest_stress(columns, x, outside.astype(float))
         share = np.nan
         if np.isfinite(modes.strength[outside]).any():
-            share, worst = _largest(columns, x, np.nan_to_num(outside / modes.strength))
+            share, worst = _largest_stress(columns, x, np.nan_to_num(outside / modes.strength))
         yield stress, modes.points[worst], share
 
 
-def _largest(columns: Array, x: Array, weights: Array) -> tuple[float, int]:
-    """(largest stress, its tensor) of parts (S, 5, B) with factors (n, B), times weights (S,).
+def _largest_stress(columns: Array, x: Array, weights: Array) -> tuple[float, int]:
+    """Largest weighted von Mises stress in a run, and the number of its node.
+
+    columns : (S, 5, B) stresses of the shapes; x : (n, B) their factors in time; weights : (S,).
 
     Tensors are evaluated in the order of a bound on them, until it is below the largest stress.
     """
-    rotated, y, bounds = _bounded(columns, x)
+    rotated, y, bounds = _rotated(columns, x)
     bounds *= weights
     order = np.argsort(-bounds)
-    at_once = max(BLOCK // len(y), 1)
+    at_once = max(VALUES_AT_ONCE // len(y), 1)
     most, at = -1.0, 0
     for first in range(0, len(order), at_once):
         block = order[first : first + at_once]
@@ -165,9 +175,11 @@ def _largest(columns: Array, x: Array, weights: Array) -> tuple[float, int]:
     return most, at
 
 
-def _bounded(columns: Array, x: Array) -> tuple[Array, Array, Array]:
-    """(columns, factors, bounds (S,) on the lengths of their products), rotated to principal
-    factors: a few of these make up most of a run, and bound it closely.
+def _rotated(columns: Array, x: Array) -> tuple[Array, Array, Array]:
+    """Rotate columns and factors of `_largest_stress` to principal factors.
+
+    A few of these make up most of a run, so that they bound it closely. Returns both, and bounds
+    (S,) on the stress at each node.
     """
     sizes = np.sqrt(np.einsum("spb,spb->b", columns, columns))
     sizes = np.where(sizes > 0, sizes, 1.0)

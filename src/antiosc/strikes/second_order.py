@@ -51,27 +51,30 @@ SAMPLES = 400
 
 def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     """The impact on a model of a structure, with second-order forces if they matter."""
-    linear, told = _with_warnings(run, model)
+    linear, told = _run_with_warnings(run, model)
     hit = linear
     if model.stretch is None and may_stretch(linear):
-        hit, told = _of_either_order(structure, model, run, linear, told)
+        hit, told = _run_of_either_order(structure, model, run, linear, told)
 
     for sentence in told:
         warn(sentence)
     return hit
 
 
-def _with_warnings(run: Run[H], model: AntiOscillators) -> tuple[H, list[str]]:
-    """A run and its warnings."""
+def _run_with_warnings(run: Run[H], model: AntiOscillators) -> tuple[H, list[str]]:
+    """The impact on a model, and the texts of its warnings."""
     told: list[str] = []
     with warnings_to(told.append):
         return run(model), told
 
 
-def _of_either_order(
+def _run_of_either_order(
     structure: Structure, model: AntiOscillators, run: Run[H], linear: H, told: list[str]
 ) -> tuple[H, list[str]]:
-    """The linear run or that with second-order forces, and the warnings of it."""
+    """The linear run, or one with second-order forces if they matter, and its warnings.
+
+    told : warnings of the linear run.
+    """
     solid = _is_solid(structure)
     is_far = any(
         deflection(linear, name) > THIRD_ORDER_DEFLECTION * h
@@ -84,7 +87,7 @@ def _of_either_order(
 
     if not HOPELESS < energy < inf:
         try:
-            stretched, told_stretched = _with_warnings(run, stretching(structure, model))
+            stretched, told_stretched = _run_with_warnings(run, stretching(structure, model))
         except InputError:  # of a given step or another method: the linear run tells
             return linear, told
         if not stretched.assembly.stretched:
@@ -122,7 +125,7 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
 
 
 def energy_of_second_order(structure: Structure, linear: History) -> float:
-    """Energy of second-order strain over the linear one, at its largest; inf: not known."""
+    """Largest ratio of second-order to linear strain energy in a linear run; inf if unknown."""
     body = linear.model.free_modes
     if body.shape is None or not linear.contacts:
         return inf

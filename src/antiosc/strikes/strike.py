@@ -59,9 +59,9 @@ AIM = 0.8
 #: Least share of the tolerance that is left for the mesh.
 LEAST_ROOM = 0.05
 #: Largest goal of a further mesh over the present error: a smaller step is not worth a mesh.
-LEAST_STEP = 0.8
+MOST_GOAL_RATIO = 0.8
 #: Factor by which the goal of each further mesh is lowered, since the previous one missed it.
-EAGER = 0.6
+GOAL_FACTOR = 0.6
 #: Size of the cells of the first mesh over the thickness of the part and the degree.
 FIRST_SIZE = 1.5
 #: Sizes of the cells of a first mesh of a shell on the diagonal of the part.
@@ -197,7 +197,11 @@ def struck(
     asked: float | None = None,
     stress_tol: float | None = None,
 ) -> History:
-    """The result of `strike`; `report` is called with the answer of every mesh and its site."""
+    """The result of `strike`, whose arguments it takes.
+
+    run : the impact, `run(model, error in time)`; report : called with the answer on each mesh and
+    its site; asked : tolerance to name in messages, if it is not `tol`.
+    """
     start_time = time.perf_counter()
     tol = checks.tolerance(tol)
     asked = tol if asked is None else asked
@@ -252,7 +256,7 @@ def struck(
                 )
                 if not reason:
                     costs = limit, start_time, len(records)
-                    ratio, reason = _next(result, mesh, order, tol, *costs, asked)
+                    ratio, reason = _next_mesh(result, mesh, order, tol, *costs, asked)
 
             if reason or meets_tol:
                 structure.drop_factor()
@@ -275,7 +279,10 @@ def struck(
 def _with_stresses(
     hit: History, structure: Structure, tol: float, finer: stress.Finer, site: Site, n: int
 ) -> History:
-    """The history with its stress fields to a tolerance."""
+    """The history with its stress fields, whose bars by the mesh are at most `tol`.
+
+    finer : makes the part with smaller cells; n : number of anti-oscillators.
+    """
 
     def struck(part: Structure) -> History:
         return stress.struck_again(hit, part, extract(part, site, n=n))
@@ -362,7 +369,7 @@ def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: 
     with warnings_of_last() as drop:
         while True:
             try:
-                result = of_number(structure, site, run, accuracy, n)
+                result = answer_with_n(structure, site, run, accuracy, n)
             except RangeError:  # of too few, which move too little: their force is larger
                 if n >= limit:
                     raise
@@ -375,10 +382,13 @@ def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: 
             drop()
 
 
-def of_number(
+def answer_with_n(
     structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
 ) -> Answer:
-    """The answer with a given number of anti-oscillators, whatever the truncation error is."""
+    """The answer on one mesh with `n` anti-oscillators, whatever their truncation error.
+
+    accuracy : relative error in time of the runs.
+    """
     structure.factorize()
     start_time = clock() - structure.seconds["factorization"]
     proof = not structure.matrices.dissipation()
@@ -397,7 +407,7 @@ def of_number(
 
 
 def accuracy_of_steps(tol: float) -> float:
-    """The tolerance of the time integration."""
+    """Tolerance of the time integration for a tolerance of the whole budget."""
     return float(np.clip(TIME_SHARE * tol, FINEST_TIME, COARSEST_TIME))
 
 
@@ -406,7 +416,7 @@ Seen: TypeAlias = Callable[[Answer, Site], None]
 
 
 def changed_since(answer: Answer, before: Answer | None) -> Answer:
-    """The answer on a mesh of lines, with errors of at least the change from the previous mesh."""
+    """The answer on a mesh of lines; its mesh bars are at least the change from the mesh before."""
     if before is None:
         return answer
     change = with_floor(changes(before.hit, answer.hit))
@@ -417,7 +427,7 @@ def changed_since(answer: Answer, before: Answer | None) -> Answer:
 
 
 def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
-    """Truncation error below which this mesh needs no further anti-oscillators."""
+    """Truncation error below which an answer needs no further anti-oscillators."""
     share = TRUNCATION_SHARE * tol
     if all(bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values()):
         return share
@@ -439,7 +449,7 @@ def record(answer: Answer) -> dict[str, float]:
 # -- the next mesh
 
 
-def _next(
+def _next_mesh(
     answer: Answer,
     mesh: Mesh,
     order: int,
@@ -449,10 +459,14 @@ def _next(
     meshes: int,
     asked: float,
 ) -> tuple[Array, str]:
-    """(ratio of new to old cell sizes, or the reason for no further mesh)."""
-    allowed = _room(answer.budget, tol)
+    """The next mesh: (ratio of new to old size of each cell, "" or why no mesh follows).
+
+    limit : largest time [s] since `start_time`; meshes : number so far; asked : the tolerance to
+    name in messages.
+    """
+    allowed = _room_for_mesh(answer.budget, tol)
     if min(allowed.values()) < LEAST_ROOM * tol:
-        return np.ones(0), _no_room(answer, asked)
+        return np.ones(0), _no_room_text(answer, asked)
 
     truncation = max(bar.truncation for bar in answer.budget.values())
     if answer.n >= MOST_N and truncation > TRUNCATION_SHARE * tol:
@@ -468,17 +482,17 @@ def _next(
         usual = SAFETY * TRIANGLES / safety
     meshed = [(name, bar.mesh) for name, bar in answer.budget.items() if bar.mesh]
     goal = min(allowed[name] / (usual * error) for name, error in meshed)
-    goal *= EAGER ** (meshes - 1)
+    goal *= GOAL_FACTOR ** (meshes - 1)
 
     structure = answer.structure
     dim = mesh.tdim
     energies = _errors_of_cells(answer, mesh)
-    ratio = division.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+    ratio = division.ratios(mesh.comm, energies, min(goal, MOST_GOAL_RATIO), order, dim)
 
     growth = full_growth = division.growth(mesh.comm, ratio, dim)
     if growth > GROWTH:
         goal = goal * (growth / GROWTH) ** (2 * order / dim)
-        ratio = division.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+        ratio = division.ratios(mesh.comm, energies, min(goal, MOST_GOAL_RATIO), order, dim)
         growth = division.growth(mesh.comm, ratio, dim)
 
     growth = max(growth, 1.0)
@@ -507,8 +521,8 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
     return ModelErrors(answer.structure).of_cells(answer.raw.model, weights)
 
 
-def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
-    """Share of the tolerance that is left for the mesh, for each quantity."""
+def _room_for_mesh(budget: ErrorBudget, tol: float) -> dict[str, float]:
+    """Relative error that the tolerance leaves for the mesh, for each quantity."""
     return {
         name: AIM * (tol - bar.time - bar.patch - bar.stretch)
         - min(bar.truncation, TRUNCATION_SHARE * tol)
@@ -516,8 +530,8 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     }
 
 
-def _no_room(answer: Answer, tol: float) -> str:
-    """Why a finer mesh does not bring the budget within the tolerance, and what does."""
+def _no_room_text(answer: Answer, tol: float) -> str:
+    """Sentence: why no finer mesh brings the budget within the tolerance, and what does."""
     budget = answer.budget
     bar = max(budget.values(), key=lambda one: one.time + one.patch + one.stretch)
     shares = {"time steps": bar.time, "patch": bar.patch, "second-order forces": bar.stretch}
@@ -533,7 +547,10 @@ def _no_room(answer: Answer, tol: float) -> str:
 def _finished(
     answer: Answer, aim: float, tol: float, records: list[dict[str, float]], reason: str
 ) -> History:
-    """The history, with its budget and the record of its meshes; `reason`: why none follows."""
+    """The history with its budget and the records of its meshes; `reason`: why no mesh follows.
+
+    aim : tolerance of the numerical errors; tol : that of the user.
+    """
     hit = answer.hit
     budget = answer.budget
     model = replace(hit.model, info=hit.model.info.having(strike=records))

@@ -48,7 +48,7 @@ from antiosc.strikes.strike import (
     Material,
     RunFunction,
     accuracy_of_steps,
-    of_number,
+    answer_with_n,
     struck,
 )
 from antiosc.strikes.unreduced import UNREDUCED, Outcome, blow_of, figures, outcome
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 
 #: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough, and the
 #: least ratio of that to them.
-FEW, FEWER = (3, 8, 20, 60), 2.5
+FEW_COUNTS, LEAST_COUNT_RATIO = (3, 8, 20, 60), 2.5
 #: The last mesh has a bar of at most this share of the tolerance.
 BRACKET = 0.5
 #: Bytes of an entry of K and of M, both together.
@@ -145,7 +145,7 @@ COLUMNS = {
 
 
 def line_of(row: Sequence[str] = tuple(COLUMNS)) -> str:
-    """A row of the printed table; its head by default."""
+    """A row of the printed table as text; by default its head."""
     cells = zip(row, COLUMNS.values(), strict=True)
     return "".join(f"{x:>{w}}" if w > 0 else f"{x:<{-w}}" for x, w in cells)
 
@@ -359,18 +359,18 @@ def tradeoff(
 
     compiled = uncounted_seconds()
     accuracy = accuracy_of_steps(BRACKET * tol)
-    meshes: list[list[Made]] = []
+    meshes: list[list[ComputedMember]] = []
 
     with doing("speed against accuracy") as report:
 
         def seen(answer: Answer, place: Site) -> None:
             if meshes:
                 meshes[-1][-1].answer.structure.drop_factor()
-            own = Made(answer, place, member_of(answer))
+            own = ComputedMember(answer, place, member_of(answer))
             report(f"{len(meshes) + 1} meshes, bar {100 * own.member.bar:.2g} %")
 
-            most = min(answer.n, answer.structure.dofs) / FEWER
-            fewer = [_of_few(own, run, accuracy, n) for n in FEW if n <= most]
+            most = min(answer.n, answer.structure.dofs) / LEAST_COUNT_RATIO
+            fewer = [_member_with_n(own, run, accuracy, n) for n in FEW_COUNTS if n <= most]
             meshes.append([*(one for one in fewer if one is not None), own])
             if ready is not None:
                 for one in meshes[-1]:
@@ -383,7 +383,7 @@ def tradeoff(
         members = [one for of_mesh in meshes for one in of_mesh]
         finest = members[-1]
         table = tuple(made.beside(finest) for made in members)
-        single = "" if len(meshes) > 1 else _one_mesh(source, finest, BRACKET * tol)
+        single = "" if len(meshes) > 1 else _one_mesh_text(source, finest, BRACKET * tol)
         notes = (single,) if single else ()
         compilation = uncounted_seconds() - compiled
         result = Tradeoff(table, tol, hit, (), notes, compilation)
@@ -402,15 +402,15 @@ def tradeoff(
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class ComputedMember:
     """A computed member of the trade-off, with its result and its site."""
 
     answer: Answer
     site: Site
     member: TradeoffMember
 
-    def beside(self, finest: Made) -> TradeoffMember:
-        """The member with its difference from the finest, and with a bar that covers it."""
+    def beside(self, finest: ComputedMember) -> TradeoffMember:
+        """The member with its difference from the finest member, and with bars that cover it."""
         member = self.member
         by_name = differences(finest.answer.hit, self.answer.hit)
         apart = max(by_name.values())
@@ -441,8 +441,11 @@ class Made:
         )
 
 
-def _one_mesh(source: object, finest: Made, goal: float) -> str:
-    """Sentence why there is only one mesh; "" if the history says why."""
+def _one_mesh_text(source: object, finest: ComputedMember, goal: float) -> str:
+    """Sentence on why there is only one mesh; "" if the history says why.
+
+    goal : bar at which the meshes end.
+    """
     if isinstance(source, Structure):
         return "Only one mesh was tried, that of the given structure."
     bar = finest.member.bar
@@ -455,16 +458,18 @@ def _one_mesh(source: object, finest: Made, goal: float) -> str:
     )
 
 
-def _of_few(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
-    """The member of a mesh with n anti-oscillators; None if its force exceeds its law."""
+def _member_with_n(
+    mesh: ComputedMember, run: RunFunction, accuracy: float, n: int
+) -> ComputedMember | None:
+    """The member with `n` anti-oscillators on a mesh; None if its force exceeds its law."""
     try:
         with without_warnings():  # it is tried: what it lacks is in its bar
-            answer = of_number(mesh.answer.structure, mesh.site, run, accuracy, n)
+            answer = answer_with_n(mesh.answer.structure, mesh.site, run, accuracy, n)
     except RangeError as error:
         warn(f"{n} anti-oscillators are left out of the trade-off: {error}")
         return None
 
-    return Made(answer, mesh.site, member_of(answer))
+    return ComputedMember(answer, mesh.site, member_of(answer))
 
 
 def _matrix_bytes(structure: Structure) -> float:

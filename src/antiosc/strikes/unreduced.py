@@ -73,7 +73,7 @@ class Outcome(NamedTuple):
 
 
 def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> Blow:
-    """The impact that a history of the raw model has; InputError for one that is not linear."""
+    """The same impact as in the history of a raw model, unreduced; InputError if not linear."""
     assembly = hit.assembly
     system = assembly.system
     part, ball = assembly.spans["structure"], assembly.spans["impactor"]
@@ -112,7 +112,10 @@ def entries_of(structure: Structure) -> float:
 def outcome(
     make_blow: Callable[[], Blow], seconds: float, report: Callable[[str], None]
 ) -> Outcome | str:
-    """The unreduced model, or a sentence why it was not run or is expected to take too long."""
+    """Run the unreduced model; or a sentence on why it was not run.
+
+    seconds : largest time that it may be expected to take; report : called with its progress.
+    """
     try:
         blow = make_blow()
         expected = blow.structure.seconds["assembly"]
@@ -169,8 +172,8 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
         (force,) = end.force.tolist()
         u += force * flexibility
         x -= force * by_force
-        v, a = _rates(h, u, inertia_terms, v, a)
-        speed, acceleration = _rates(h, x, of_impactor, speed, acceleration)
+        v, a = _end_rates(h, u, inertia_terms, v, a)
+        speed, acceleration = _end_rates(h, x, of_impactor, speed, acceleration)
 
     time = h * np.arange(blow.steps + 1)
     times = [t for t, *_ in contacts.events]
@@ -180,8 +183,12 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
     return Curve(time, force, depth, list(lasts))
 
 
-def _rates(h: float, new: M, inertia_terms: M, v: M, a: M) -> tuple[M, M]:
-    """Velocity and acceleration at the end of a step."""
+def _end_rates(h: float, new: M, inertia_terms: M, v: M, a: M) -> tuple[M, M]:
+    """Velocity and acceleration at the end of a step of h [s] (average acceleration).
+
+    new : displacement there; inertia_terms : what the start adds to 4/h² new, with its sign
+    reversed; v, a : velocity and acceleration at the start.
+    """
     new_acceleration = 4 / h**2 * new - inertia_terms
     return v + h / 2 * (a + new_acceleration), new_acceleration
 
@@ -196,7 +203,7 @@ class Figures:
 
 
 def figures(curve: Curve) -> Figures:
-    """The figures of a curve: its peak by a parabola, its impulse by trapezoids."""
+    """Peak force by a parabola, impulse by trapezoids, and contact time of a curve."""
     time, force, *_ = curve
     impulses = np.append(0.0, np.cumsum(np.diff(time) * (force[1:] + force[:-1]) / 2))
     contacts = np.reshape(curve.contacts, (-1, 2))

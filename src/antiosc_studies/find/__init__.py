@@ -30,7 +30,7 @@ from antiosc.models.body import AUTO, AnyLaw
 from antiosc.models.free_modes import residual
 from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels
-from antiosc.strikes.free_sites import ABOVE, FreeSites, Where, free_sites
+from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, Where, free_sites
 from antiosc_studies.find.forward import MapSurface, Struck, has_stiffness
 from antiosc_studies.find.recording import Recording, Sensor, recording, sensor_shapes
 from antiosc_studies.find.search import POOR, ProbableImpact, Scan, most_probable, scan
@@ -296,7 +296,7 @@ def find_impact(
     recording(signals, sensors, rate, noise, band, np.inf)  # refused before the modes
     monitored = prepared(structure, sensors, where, direction, radius, modes, band)
     prepared_at = time.perf_counter()
-    data = recording(signals, sensors, rate, noise, band, monitored.seen.omega[-1] / ABOVE)
+    data = recording(signals, sensors, rate, noise, band, monitored.seen.omega[-1] / BAND_FACTOR)
     with without_warnings():
         result = found_in(monitored, data, names, impactor, law, as_damping(damping), expected)
 
