@@ -292,7 +292,7 @@ def test_a_contact_that_is_cut_goes_on(law: ao.ContactLaw, monkeypatch: pytest.M
         body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
     )
     for turns in (1.0, 0.05):
-        monkeypatch.setattr("antiosc_studies.drops.episode.TURNS", turns)
+        monkeypatch.setattr("antiosc_studies.drops.episode.MOST_TURN", turns)
         fall = fall_of(body, start, where)
         one = fall.impacts[0]
         found.append([one.peak_force, one.impulse, one.lost, *fall.end.momentum * 1e3])

@@ -295,7 +295,8 @@ def _reduced(
     """Models of the sites with the fewest anti-oscillators that meet `accuracy`.
 
     counts : numbers to try in order, of which the last is taken if none suffices; shift [rad²/s²],
-    band [rad/s] : as for `error_bound` of the free modes. Returns the models and their error bounds (P,).
+    band [rad/s] : as for `error_bound` of the free modes. Returns the models and their error
+    bounds (P,).
     """
     of_sites = sites.omega, sites.b, sites.compliance, sites.inertia
     for n in counts:

@@ -16,12 +16,12 @@ from antiosc.base.progress import counting
 from antiosc.extension import QUANTILES, checked_levels
 
 #: Runs that are simulated together as one batch.
-TOGETHER = 100
+BATCH_SIZE = 100
 #: First runs, computed before all others: if all of them fail alike, the study ends. Of runs of
 #: which a half fails, that is a chance of 0.1 %.
-TRIED = 10
+FIRST_RUNS = 10
 #: Most runs of a study.
-MOST = 10_000_000
+MOST_RUNS = 10_000_000
 #: Results of an impact that are kept.
 QUANTITIES = ("peak_force", "impulse", "contact_time", "restitution")
 #: Results of a run by name, or the message of its failure.
@@ -124,7 +124,7 @@ def quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
 
 
 def value(distribution: Any, draw: Any) -> Any:
-    """The argument that the run function gets for one draw of an input."""
+    """The argument of the run function for one draw: a number, a listed value or a model."""
     if hasattr(distribution, "ppf"):
         return float(draw)
     if isinstance(distribution, ImpactMap):
@@ -180,17 +180,17 @@ def monte_carlo(
     checks.function("run", run, "a function of the inputs")
     by_name = checked(inputs)
     levels = checked_levels(quantiles)
-    size = checks.whole("n", n, most=MOST)
+    size = checks.whole("n", n, most=MOST_RUNS)
     inputs_drawn = draws(by_name, size, checks.whole("seed", seed, least=0))
     arguments = [_values(by_name, inputs_drawn, i) for i in range(size)]
     rows: list[Row] = []
 
     with counting("runs", size) as report:
         while len(rows) < size:
-            rows += rows_of_runs(run, arguments[len(rows) :][: TOGETHER if rows else TRIED])
+            rows += rows_of_runs(run, arguments[len(rows) :][: BATCH_SIZE if rows else FIRST_RUNS])
             report(len(rows))
 
-            if len(rows) == TRIED < size:
+            if len(rows) == FIRST_RUNS < size:
                 _refuse_if_alike(rows, size)
 
     sample = sample_of("runs", inputs_drawn, rows)

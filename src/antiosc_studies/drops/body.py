@@ -42,7 +42,7 @@ MOST_MODES = 5000  # 8 bytes × dofs × modes: 0.4 GB at 10 000 dofs
 RATIO = 0.01
 #: If the hull has at most so many vertices, the patches of all are computed together with the
 #: modes.
-FEW = 16
+FEW_VERTICES = 16
 
 
 def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
@@ -95,7 +95,10 @@ def _rigid(
 def _elastic(
     structure: Structure, count: int, model_damping: Damping | None, corner: float | None
 ) -> FreeBody:
-    """The free body of a structure: its free modes and the vertices of its hull."""
+    """The free body of a structure: its `count` lowest free modes and the vertices of its hull.
+
+    corner : radius [m] of sharp corners; None: the default.
+    """
     from scipy.spatial import cKDTree
 
     from antiosc.extension import ModeSolver, refuse_dampers, source
@@ -149,15 +152,15 @@ def _elastic(
         structure=structure,
         basis=phi,
         skin=skin,
-        residual=cache(partial(_residual, structure, phi, omega, skin, hull_points, rounded)),
+        residual=cache(partial(_patches, structure, phi, omega, skin, hull_points, rounded)),
     )
-    if len(hull_points) <= FEW:  # all of them may touch: together they cost less
+    if len(hull_points) <= FEW_VERTICES:  # all of them may touch: together they cost less
         body.sites(np.arange(len(hull_points)))
     return body
 
 
 def _facets(skin: Skin, hull_points: IntArray, sharp: BoolArray) -> dict[int, Array]:
-    """The facets at the sharp vertices of a hull, as edges from there."""
+    """Sharp vertex of a hull -> its facets, each as two edges from there: (n, 2, 3) [m]."""
     if not len(skin.triangles):
         return {}
 
@@ -184,7 +187,7 @@ def _least_dimension(structure: Structure, skin: Skin) -> float:
     return float(sides[sides > THIN * skin.size].min())
 
 
-def _residual(
+def _patches(
     structure: Structure,
     phi: Array,
     omega: Array,
@@ -193,7 +196,10 @@ def _residual(
     corner: float,
     which: tuple[int, ...],
 ) -> tuple[Array, Array, Array]:
-    """Shapes, residual compliances and radii of patches at some of the hull's vertices."""
+    """Patches at the vertices `which` of the hull, n of them.
+
+    Returns their shapes (n, J, 3), residual compliances (n, 3, 3) [m/N] and radii (n, 2) [m].
+    """
     from antiosc.reduce.site import functionals
 
     skin_points = hull_points[list(which)]
@@ -224,7 +230,10 @@ def _residual(
 
 
 def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple[float, float]:
-    """Principal radii [m] at a vertex; at smooth places of a solid from the surface around it."""
+    """Principal radii [m] at the vertex `which`, on a smooth solid from the surface around it.
+
+    corner : radius [m] of sharp corners.
+    """
     from antiosc.reduce.site.surface import curvature_at
 
     if skin.sharp[which] or skin.half[which] or not len(skin.triangles):
@@ -237,7 +246,7 @@ def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple
 
 
 def _site(skin: Skin, which: int, corner: float) -> Site:
-    """The site of a vertex; on a solid a patch, at sharp vertices with the radius there."""
+    """The site of the vertex `which`; on a solid a patch, at sharp vertices of radius `corner`."""
     from antiosc import Site
 
     normal = skin.normals[which]

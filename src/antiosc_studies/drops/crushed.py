@@ -22,17 +22,21 @@ from antiosc.base._types import Array
 PRESSURE = 2.4
 #: Relative error of the force of a sharp corner: the range of this pressure is 20 %; another radius
 #: and cells larger than it each change the force of a plastic block by less than 30 %.
-ERROR = 0.4
+FORCE_ERROR = 0.4
 #: Sine of the least slope of an edge or a face beside the corner: below, it lies flat.
-LEVEL = sin(np.radians(1.0))
+LEVEL_SINE = sin(np.radians(1.0))
 #: Depths of the law over the depth of a ball.
 DEPTHS = np.geomspace(1e-3, 20.0, 80)
 #: Largest share of the work that unloading gives back, and of a depth that remains.
-RETURNED, MOST_LEFT = 0.95, 0.99
+MOST_RETURNED, MOST_LEFT = 0.95, 0.99
 
 
 def crushed(ball: ElasticPlastic, growth: float, tip: float, work: float) -> ContactLaw:
-    """The law of a corner by its cut, or its ball's if that has the larger force after a work."""
+    """The law of a corner that the floor presses flat.
+
+    ball : law of the ball in the corner, which is returned if it has the larger force after the
+    work `work` [J]; growth : `cut_growth`; tip : height [m] that the ball takes off the corner.
+    """
     depths = DEPTHS * _depth(ball, work)
     of_ball = ball.forces_at_rest(depths, ball.touch(1.0))
     own_cut = 2 * pi * ball.radius * depths
@@ -51,22 +55,28 @@ def crushed(ball: ElasticPlastic, growth: float, tip: float, work: float) -> Con
     # unloading goes back along the punch, and gives back no more than loading took
     works = cumulative_trapezoid(F, x)
     end = int(np.searchsorted(works, work).clip(0, len(depths) - 1))
-    back = min(gives[end] / depths[end], RETURNED * float((2 * works / (F * x)[1:]).min()))
+    back = min(gives[end] / depths[end], MOST_RETURNED * float((2 * works / (F * x)[1:]).min()))
     left = min(1 - back, MOST_LEFT)
     return Tabulated(x, F, ([left * x[-1], x[-1]], [0.0, F[-1]]))
 
 
 def cut_growth(edges: Array, up: Array) -> float | None:
-    """Area of the level cut of a corner with edges (n, 2, 3) over its depth²; None: flat."""
+    """Area of a horizontal cut through a corner over the square of its height; None if flat.
+
+    edges : (n, 2, 3) two edges of each facet, from the corner; up : (3,) unit vector.
+    """
     heights = edges @ up
-    if (heights < LEVEL * np.linalg.norm(edges, axis=2)).any():
+    if (heights < LEVEL_SINE * np.linalg.norm(edges, axis=2)).any():
         return None
     first, second = np.moveaxis(edges / heights[..., None], 1, 0)
     return float(abs((np.cross(first, second) @ up).sum()) / 2)
 
 
 def tip(edges: Array, up: Array, radius: float) -> float:
-    """Height [m] from a sharp corner to the ball of this radius in it."""
+    """Height [m] between a sharp corner and the lowest point of the ball of `radius` [m] in it.
+
+    edges, up : as for `cut_growth`.
+    """
     normals = np.cross(edges[:, 0], edges[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     lowest = linprog(up, A_ub=normals, b_ub=np.full(len(normals), -1.0), bounds=(None, None))
@@ -74,12 +84,12 @@ def tip(edges: Array, up: Array, radius: float) -> float:
 
 
 def _punch(law: ElasticPlastic, force: Array, area: Array) -> Array:
-    """Indentation [m] of an elastic half-space by a punch (Johnson, (3.36))."""
+    """Indentation [m] of an elastic half-space by a round punch of this area (Johnson, (3.36))."""
     return np.asarray(force * np.sqrt(pi / area) / (2 * law.modulus))
 
 
 def _depth(law: ElasticPlastic, work: float) -> float:
-    """Indentation [m] of a law after a work [J]."""
+    """Indentation [m] up to which loading takes the work [J]."""
     high = law.yield_indentation
     while law.loading_work(high) < work:
         high *= 4

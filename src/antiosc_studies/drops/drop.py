@@ -25,11 +25,11 @@ from antiosc_studies.drops.orientation import orientation
 from antiosc_studies.drops.trajectory import MOST_IMPACTS, initial_state
 
 #: Longest first flight [s].
-LONGEST = 1e4
+LONGEST_FLIGHT = 1e4
 #: Least height [m], below which there is no flight.
 LEAST_HEIGHT = 1e-9
 #: Number of standard deviations within which an ensemble's falls must be plausible.
-DRAWN = 3.0
+PLAUSIBLE_SIGMAS = 3.0
 
 
 @checks.within_range
@@ -173,9 +173,9 @@ def _check_flight(
     prefix = ""
 
     if ensemble is not None:
-        fastest_spin += DRAWN * ensemble.spin
-        height *= 1 + DRAWN * ensemble.height
-        prefix = f"{DRAWN:g} standard deviations of the ensemble off, "
+        fastest_spin += PLAUSIBLE_SIGMAS * ensemble.spin
+        height *= 1 + PLAUSIBLE_SIGMAS * ensemble.height
+        prefix = f"{PLAUSIBLE_SIGMAS:g} standard deviations of the ensemble off, "
 
     speed = float(np.linalg.norm(velocity)) + body.extent * fastest_spin
     touch_speed = hypot(speed, sqrt(2 * setting.gravity * height))
@@ -191,9 +191,9 @@ def _check_flight(
 
     if setting.height < LEAST_HEIGHT:
         raise InputError(f"height must be at least {LEAST_HEIGHT:g} m; got {setting.height:g}.")
-    if flight_time > LONGEST:
+    if flight_time > LONGEST_FLIGHT:
         raise InputError(
-            f"{prefix}the part would fall for {flight_time:.3g} s, at most {LONGEST:g} are "
+            f"{prefix}the part would fall for {flight_time:.3g} s, at most {LONGEST_FLIGHT:g} are "
             "meant: height is "
             f"in m ({height:g}), gravity in m/s^2 ({setting.gravity:g})."
         )

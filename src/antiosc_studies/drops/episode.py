@@ -16,7 +16,7 @@ from antiosc.extension import impulses
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.path import (
-    NEAR,
+    NEAR_CHANGE,
     SAMPLES,
     Path,
     path_of,
@@ -29,32 +29,32 @@ from antiosc_studies.drops.touching import BODY, OngoingContact, Touch, scene_of
 # tol = 1e-3, on concrete and on soft springs. The effects of factors of 2 are the largest relative
 # changes of a peak force.
 #: Duration of the first run over the expected contact time, and of the longest (2e-5).
-LONG, LONGEST = 3.0, 96.0
+FIRST_SPAN, LONGEST_SPAN = 3.0, 96.0
 #: Largest rotation [rad] of the body in an episode; if it still touches, another episode follows.
 #: With half of it peaks change by 6e-4 on the soft floor, with twice as much by 3e-5.
-TURNS = 0.6
+MOST_TURN = 0.6
 #: Candidates for contact lie lower than this many times the motion during a contact time; with
 #: less, points that sink are added in a second run.
 REACH = 1.5
 #: A point that is below the floor by this share of the body's extent sinks in.
-SINKS = 1e-4
+SINK_SHARE = 1e-4
 #: Number of points in one episode: the lowest; points that would sink deeper are added. With six a
 #: peak on the soft floor, where more points touch, changes by 11 %; with 24 none does.
-MOST = 12
+MOST_POINTS = 12
 #: A scene that stalls earlier is cut to half its rotation and half its time, at most so many times.
-CUTS = 8
+MOST_CUTS = 8
 #: After a cut the next episode may last so many times as long.
-GROWS = 1.5
+GROWTH = 1.5
 
 
 def handed_over(
     touch: Touch, history: SceneHistory, path: Path, which: IntArray
 ) -> tuple[State, dict[int, OngoingContact]]:
-    """The state at the end of a path, and the contacts of the points (n,) that continue.
+    """The state at the end of a path, and the contacts at the points `which` that continue.
 
-    Contacts that have parted and left a dent are included. Centre and orientation are those of the
-    path; momentum, angular momentum and modes are those of the scene, so that the energy is that of
-    the path.
+    Contacts that have parted and left a dent are among them. Centre and orientation are those of
+    the path; momentum, angular momentum and modes are those of the scene, so that the energy is
+    that of the path.
     """
     a = history.assembly
     record = history.run
@@ -145,7 +145,7 @@ class Episode:
         return 0.0 if largest == np.inf and in_flight else largest
 
     def sunk(self) -> Array:
-        """Largest indentations (n,) [m] in the laws of the points."""
+        """Largest indentations (n,) [m] of the points, by their laws, without their patches."""
         record = self.history.run
         return record.depth[record.time <= self.duration * (1 + 1e-12), : len(self.which)].max(
             axis=0
@@ -200,21 +200,24 @@ def episode(
     ongoing: dict[int, OngoingContact],
     before: float = np.inf,
 ) -> Episode:
-    """The contact that begins at `start`, with those that go on from the previous episode."""
+    """The episode that begins at `start`, with the contacts that go on from the previous one.
+
+    ongoing : number of a point -> its contact; before : duration [s] of the previous episode.
+    """
     touch = Touch.of(body, start)
     heights = start.heights(body)
     base = scene_of(touch, setting, np.array([np.argmin(heights)]), ongoing)
     time = base.contact_time_estimate
-    longest = min(LONGEST * time, GROWS * before)
-    turns = TURNS
+    longest = min(LONGEST_SPAN * time, GROWTH * before)
+    turns = MOST_TURN
     which = _candidates(touch, heights, time, [*ongoing])
 
     cuts = 0
     while True:
         base = scene_of(touch, setting, which, ongoing)
-        duration = sufficient_duration(touch, base, min(LONG * time, longest), longest, turns)
+        duration = sufficient_duration(touch, base, min(FIRST_SPAN * time, longest), longest, turns)
         found = run_converged(touch, which, base, duration, turns, setting.tol)
-        if found.change > NEAR * setting.tol and cuts < CUTS:
+        if found.change > NEAR_CHANGE * setting.tol and cuts < MOST_CUTS:
             turns, cuts, longest = turns / 2, cuts + 1, found.end / 2
             continue
         sinking = _sinking(touch, heights, found.path, which)
@@ -225,7 +228,10 @@ def episode(
 
 
 def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -> IntArray:
-    """The points that may touch in a time [s]: low ones, apart, the lowest first."""
+    """Numbers of the points that may touch within `time` [s]: `ongoing`, then the lowest ones.
+
+    Points that share a contact with one of them are left out.
+    """
     body, start, *_ = touch
     arms = start.arms(body)
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
@@ -234,7 +240,7 @@ def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -
 
     covered = body.touching_as(candidates)
     for i in np.argsort(heights, kind="stable").tolist():
-        if candidates and (heights[i] > distance or len(candidates) >= MOST):
+        if candidates and (heights[i] > distance or len(candidates) >= MOST_POINTS):
             break
         if not covered[i]:
             candidates.append(i)
@@ -244,7 +250,7 @@ def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -
 
 
 def _sinking(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:
-    """The point that sinks deepest without a contact, as an array; empty if there is none."""
+    """Number (1,) of the point without a contact that sinks deepest into the floor, or (0,)."""
     body = touch.body
     vertical = path.R[:, 2]
     lifts = np.einsum("nd,vjd,nj->nv", vertical, body.shapes, path.q[:, 6:], optimize=True)
@@ -253,8 +259,8 @@ def _sinking(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntAr
 
     # what a contact presses in, points next to it may sink too; and all points between many
     deepest = min(float(lowest[which].min()), 0.0)
-    has_contact = body.touching_as(which.tolist()) | (len(which) >= MOST)
+    has_contact = body.touching_as(which.tolist()) | (len(which) >= MOST_POINTS)
     lowest = lowest - np.where(has_contact, deepest, 0.0)
     lowest[which] = np.inf
     i = int(np.argmin(lowest))
-    return np.array([i] if lowest[i] < -SINKS * body.extent else [], dtype=int)
+    return np.array([i] if lowest[i] < -SINK_SHARE * body.extent else [], dtype=int)

@@ -29,7 +29,7 @@ from antiosc_studies.drops.impacts import Impacts, Peak, impact_of
 from antiosc_studies.drops.path import LIMITS
 from antiosc_studies.drops.touching import BODY
 from antiosc_studies.drops.trajectory import trajectory
-from antiosc_studies.drops.yielding import Landed
+from antiosc_studies.drops.yielding import PointContacts
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -37,17 +37,17 @@ if TYPE_CHECKING:
 #: Samples of a signal in a period of the highest mode: they miss its peak by at most 3.4 %.
 SAMPLES = 12
 #: Most samples of a signal.
-MOST = 200_000
+MOST_SAMPLES = 200_000
 #: Samples of stresses in a period of the highest mode, whose peak they miss by at most 8 %.
 SAMPLES_PER_PERIOD = 8
 #: Least and largest number of samples of stresses in an episode.
 FEW, MANY = 20, 200
 #: Spin over the lowest natural frequency above which stiffening by the spin matters.
-STIFFENS = 0.02
+STIFFENING_SPIN = 0.02
 #: Largest indentation over the radius at which a ball presses a layer like a paraboloid.
 BLUNT = 0.3
 #: Is told where the hardest impact is not the first.
-LATER = (
+LATER_HARDEST = (
     "the hardest impact is not the first: its numbers and bars are those of this attitude alone,"
     " and a degree of tilt may change them by more (falls of drawn tilts tell how much: ensemble)"
 )
@@ -81,8 +81,8 @@ class Fall(Result):
     body : the free modes of the part; `drop` accepts it in place of the part.
     setting : floor, gravity and tolerances of the fall.
     start, end : position, orientation, velocity and spin at the start and at the end.
-    episodes : the contacts; each scene is linear about its first orientation, corrected for the
-        path.
+    episodes : the episodes of contact in order. Each scene is linear about the orientation at its
+        first touch, and corrected for the rotation that follows.
     flights : the motions between the episodes.
     groups : for each impact the indices of its episodes.
     status : 0: at rest, or at the requested end; 1: contact forces miss `tol`; 3: not at rest after
@@ -127,10 +127,10 @@ class Fall(Result):
         return [self.episodes[i] for i in self.groups[k]]
 
     @cached_property
-    def _landed(self) -> list[Landed]:
-        """What the contacts of each impact tell."""
+    def _landed(self) -> list[PointContacts]:
+        """The contacts of each impact: their laws, errors and dents."""
         floor = self.setting.floor
-        return [Landed(floor, [self.episodes[i] for i in group]) for group in self.groups]
+        return [PointContacts(floor, [self.episodes[i] for i in group]) for group in self.groups]
 
     @property
     def status(self) -> int:
@@ -202,7 +202,7 @@ class Fall(Result):
         end = min(end, self._lasting)
         steps += [episode.duration / 50 for episode in self.episodes]
         steps += (2 * np.pi / (SAMPLES * self.body.omega[-1:])).tolist()
-        step = max(min(steps), (end - begin) / MOST)
+        step = max(min(steps), (end - begin) / MOST_SAMPLES)
         t = begin + step * np.arange(max(int((end - begin) / step), 2))
         a = self.acceleration(t, at)
         return t, a if filter is None else cfc_filter(step, a, filter)
@@ -254,7 +254,11 @@ class Fall(Result):
         return x - body.centre, fields.at_point(body.structure, body.basis, x, part, reach)
 
     def _specific_force(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
-        """Accelerations (n, 3) minus gravity in body axes, at times in a flight or an episode."""
+        """Accelerations (n, 3) minus gravity in body axes at a point of the body.
+
+        part : the start of a flight, or an episode; since : (n,) times [s] from its start; arm :
+        (3,) from the centre of mass [m]; phi : (3, J) shapes there.
+        """
         body = self.body
         gravity = self.setting.gravity
 
@@ -292,14 +296,16 @@ class Fall(Result):
         return max(peaks, key=float)
 
     def _strongest(self, k: int, at: At, filter: str | None) -> Peak:
-        """The largest acceleration at a point in one impact, nearer to it than to the others."""
+        """The largest acceleration at a point in impact `k`, between the middles of the flights
+        before and after it.
+        """
         t, a = self.signal(at, k, filter=filter)
-        own = (t >= self._before(k)) & (t <= self._before(k + 1))
+        own = (t >= self._middle_before(k)) & (t <= self._middle_before(k + 1))
         size = np.where(own, np.linalg.norm(a, axis=1), 0.0)
         i = int(np.argmax(size))
         return Peak(float(size[i]), float(t[i]), k)
 
-    def _before(self, k: int) -> float:
+    def _middle_before(self, k: int) -> float:
         """The middle of the flight before an impact [s]; -inf before the first, inf at the end."""
         if k in (0, len(self.groups)):
             return np.inf if k else -np.inf
@@ -385,7 +391,12 @@ class Fall(Result):
         for k in impact_numbers:
             episodes = self._episodes(k)
             for episode in episodes:
-                count = int(min(max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW), MANY))
+                count = int(
+                    min(
+                        max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW),
+                        MANY,
+                    )
+                )
                 motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
                 parts.append(replace(motion, time=motion.time + episode.start.time))
             zones += [one.zone for one in self._landed[k].contacts]
@@ -456,16 +467,16 @@ class Fall(Result):
             rigid,
             f"the floor has a coefficient of friction of {friction} (friction)",
             self._shock,
-            LATER * bool(self.hardest),
+            LATER_HARDEST * bool(self.hardest),
             self.contact_verdict,
-            *Landed(self.setting.floor, self.episodes).notes,
+            *PointContacts(self.setting.floor, self.episodes).notes,
             self._breaking,
         )
         return [*self.body.notes, *filter(None, sentences)]
 
     @property
     def flat(self) -> str:
-        """Sentence that a face lands flat, which is outside of the method; "" if none does."""
+        """Sentence if a face lands flat, for which the method does not hold; else ""."""
         flat = [str(k) for k, landed in enumerate(self._landed, 1) if landed.flat]
         if not flat:
             return ""
@@ -495,15 +506,15 @@ class Fall(Result):
 
     @property
     def _breaking(self) -> str:
-        """What is known on breaking of its materials; "" if nothing is."""
+        """Sentence on whether the materials of the part break; "" if nothing is known."""
         known = {name: record(name) for m in self.body.matters if (name := m.name) in names()}
         told = [f"{name}: {one.breaks}" for name, one in known.items() if one.breaks]
         return "; ".join(["whether the part breaks is not computed", *told]) if told else ""
 
     @property
     def contact_verdict(self) -> str:
-        """Sentence that the contact yields, with its permanent indentation, in the hardest impact
-        in which it does; "" if in none, or if unknown.
+        """Sentence on the hardest impact whose contact yields, with its permanent indentation; ""
+        if none yields or it is unknown.
         """
         by_force = sorted(range(len(self.groups)), key=lambda k: -self.impacts[k].peak_force)
         for k in by_force:
@@ -523,7 +534,7 @@ class Fall(Result):
         return None if self.hardest is None else self.impacts[self.hardest].law_error
 
     def no_bar(self, impact: int = 0) -> str:
-        """Why an impact, from 0, has no error bar, and what helps; "" if it has one."""
+        """Why the impact of this number, from 0, has no error bar, and what helps; "" if it has."""
         self._episodes(impact)
         return self._landed[impact].no_bar
 
@@ -547,7 +558,7 @@ class Fall(Result):
 
     @property
     def _hardest_text(self) -> str:
-        """The hardest impact with its force and the bar of that."""
+        """Text: the hardest impact, its force and the error bar of it."""
         bar = f" ± {percent(self.law_error)}" if self.law_error else ""
         return f"impact {(self.hardest or 0) + 1}, {engineering(self.peak_force, 'N')}{bar}"
 
@@ -567,11 +578,11 @@ class Fall(Result):
     def warn(self) -> None:
         """Warn of fast spin, no rest, forces that miss `tol`, and layers pressed too deep."""
         ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
-        if exceeds(ratio, STIFFENS, 2):
+        if exceeds(ratio, STIFFENING_SPIN, 2):
             warn(
                 f"the part spins with {self.fastest_spin:.3g} rad/s, {ratio:.2g} of its lowest "
                 f"natural frequency: the stiffening by the spin is left out, which matters above "
-                f"{STIFFENS:g}.",
+                f"{STIFFENING_SPIN:g}.",
                 AccuracyWarning,
             )
 

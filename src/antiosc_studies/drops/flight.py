@@ -21,7 +21,7 @@ from antiosc_studies.drops.free_body import FreeBody, State
 
 #: A spin that deviates by less than this share from the direction of the angular momentum is
 #: constant.
-SPINNING = 1e-12
+STEADY_SPIN = 1e-12
 #: Largest parameter m of the elliptic functions: closer to 1 SciPy ignores their period.
 LARGEST_M = 1 - 2e-10
 
@@ -37,13 +37,17 @@ def rotation_matrices(angle: Array) -> Array:
 def free_rotation(
     moments: Array, axes: Array, R: Array, momentum: Array
 ) -> Callable[[Array], Array]:
-    """R (n, 3, 3) from the body's axes to the fixed ones, as a function of times (n,) [s]."""
+    """Free rotation of a body: a function of times (n,) [s] that returns R (n, 3, 3).
+
+    R turns the body's axes to the fixed ones. moments, axes : principal moments (3,) [kg m^2] and
+    their axes as rows (3, 3); R, momentum : rotation and angular momentum (3,) at time 0.
+    """
     body_momentum = axes @ R.T @ momentum
     spin = R @ axes.T @ (body_momentum / moments)
     size = float(np.linalg.norm(spin) * np.linalg.norm(momentum))
     if size == 0.0:
         return lambda t: np.broadcast_to(R, (len(t), 3, 3))
-    if np.linalg.norm(np.cross(spin, momentum)) <= SPINNING * size:
+    if np.linalg.norm(np.cross(spin, momentum)) <= STEADY_SPIN * size:
         return lambda t: rotation_matrices(t[:, None] * spin) @ R
 
     # L circles the axis of the largest moment, or that of the smallest
@@ -55,7 +59,7 @@ def free_rotation(
 
 
 def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Array], Array]:  # noqa: E741
-    """R(t) of a rotation about no principal axis, by Jacobi's elliptic functions."""
+    """`free_rotation` about no principal axis, by Jacobi's elliptic functions."""
     from scipy.special import ellipj, ellipkinc
 
     size = float(np.linalg.norm(momentum))
@@ -80,7 +84,10 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
     drift = size * (I[2] - I[0]) / (I[0] * I[2] * rate)
 
     def frames_in_body(u: Array) -> tuple[Array, Array]:
-        """Axes (n, 3, 3) in the body with columns: node line, L × node, L; third integral."""
+        """(axes (n, 3, 3) in the body, integral of the third kind (n,)) at the arguments u (n,).
+
+        The columns of the axes are the line of nodes, L × this line, and the direction of L.
+        """
         sn, cn, dn, am = ellipj(u, m)
         x = first * cn
         y = second * sn
@@ -134,24 +141,24 @@ def _third_integral(n: float, m: float) -> Callable[[Array], Array]:
 
 
 #: Rotation of the body [rad] between two samples of its rigid motion. Samples only bracket a touch,
-#: which is then located to rounding: factors of 2 on TURN and LOOKS change peak forces by 1e-12.
+#: which is then located to rounding: factors of 2 on TURN and SAMPLES change peak forces by 1e-12.
 TURN = 0.05
 #: Largest number of samples of a flight.
 MOST_SAMPLES = 1_000_000
-#: Samples in a period of the fastest mode that moves a point by more than `SEEN` of the extent.
+#: Samples in a period of the fastest mode that moves a point by `MOVED_SHARE` of the extent.
 SAMPLES = 12
-#: See `LOOKS`.
-SEEN = 1e-6
+#: See `SAMPLES`.
+MOVED_SHARE = 1e-6
 #: Number of times at which heights are computed together for a rigid body, …
 AT_ONCE = 4096
 #: … and for one with modes, whose arrays are larger.
 AT_ONCE_ELASTIC = 256
 #: A body's lowest point must not be higher over the centre of mass than this share of the extent.
-SIDES = 0.01
+SIDE_HEIGHT = 0.01
 #: Height over the floor at which a point touches, over the extent.
-TOUCH = 1e-10
+TOUCH_HEIGHT = 1e-10
 #: Accuracy of the time of a touch [s].
-CLOSE = 1e-14
+TOUCH_TIME = 1e-14
 
 
 def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:
@@ -186,7 +193,7 @@ class Flight:
         """Time [s] after which a point must have touched: the centre is below the floor."""
         v = float(self.start.velocity[2])
         z = max(float(self.start.centre[2]), 0.0)
-        depth = SIDES * self.body.extent + float(self._sizes(np.zeros(1)).max())
+        depth = SIDE_HEIGHT * self.body.extent + float(self._bounds(np.zeros(1)).max())
         return (v + np.sqrt(v * v + 2 * self.gravity * (z + depth))) / self.gravity
 
     def at(self, t: float) -> State:
@@ -214,7 +221,7 @@ class Flight:
         return self._rigid(t, vertical, which) + lifted
 
     def _rigid(self, t: Array, vertical: Array, which: IntArray) -> Array:
-        """Heights without vibration; `vertical` (n, 3): the vertical in body axes."""
+        """Heights (n, k) [m] without vibration; `vertical` (n, 3): the vertical in body axes."""
         s = self.start
         body = self.body
         z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
@@ -225,12 +232,15 @@ class Flight:
         return ringing(self.body.omega, self.body.decay, self.start.q, self.start.p, t)
 
     def touch(self, until: float) -> float | None:
-        """Time [s] of the first touch up to `until` of points that have parted; None: none."""
-        parted = self.start.heights(self.body) <= TOUCH * self.body.extent
-        touches = (self._within(*interval, parted) for interval in self._near(until))
+        """Time [s] up to `until` at which the first point touches; None if none does.
+
+        A point that touches at the start counts once it has left the floor.
+        """
+        parted = self.start.heights(self.body) <= TOUCH_HEIGHT * self.body.extent
+        touches = (self._touch(*interval, parted) for interval in self._intervals(until))
         return next((t for t in touches if t is not None), None)
 
-    def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
+    def _intervals(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
         """Yield (start, end, points): intervals up to `end` in which these points may touch."""
         body = self.body
         points = np.arange(len(self.body.points))
@@ -239,7 +249,10 @@ class Flight:
         # between two samples the height deviates from a straight line by at most a'' h^2/8
         acceleration = self.gravity + 4 * spin**2 * reach
         # a deviation of TURN^2 times the size is harmless
-        h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / acceleration))
+        h = max(
+            TURN / spin if spin > 0 else end,
+            TURN * np.sqrt(8 * body.extent / acceleration),
+        )
         count = int(np.clip(np.ceil(end / h), 1, MOST_SAMPLES))
         edges = np.linspace(0.0, end, count + 1)
         slack = acceleration * (edges[1] - edges[0]) ** 2 / 8
@@ -247,15 +260,18 @@ class Flight:
             t = edges[first : first + AT_ONCE + 1]
             rigid_heights = self._rigid(t, self.orientation(t)[:, 2], points)
             may_touch = (
-                np.minimum(rigid_heights[:-1], rigid_heights[1:]) <= self._sizes(t[:-1]) + slack
+                np.minimum(rigid_heights[:-1], rigid_heights[1:]) <= self._bounds(t[:-1]) + slack
             )
             for k in np.flatnonzero(may_touch.any(axis=1)):
                 yield float(t[k]), float(t[k + 1]), np.flatnonzero(may_touch[k])
 
-    def _within(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
-        """Time [s] of the first touch of points in an interval; None: none. `parted` is updated."""
+    def _touch(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
+        """Time [s] in an interval at which the first of the points `which` touches, or None.
+
+        parted : (V,) whether a point touched and has yet to leave the floor; it is updated.
+        """
         count = max(int(np.ceil((end - start) * SAMPLES * self._fastest(start) / (2 * np.pi))), 2)
-        tolerance = TOUCH * self.body.extent
+        tolerance = TOUCH_HEIGHT * self.body.extent
         for first in range(0, count, AT_ONCE_ELASTIC):
             last = min(first + AT_ONCE_ELASTIC, count)
             t = start + (end - start) * np.arange(first, last + 1) / count
@@ -283,9 +299,9 @@ class Flight:
 
         if lowest(start) <= 0:
             return start
-        return float(brentq(lowest, start, end, xtol=CLOSE))
+        return float(brentq(lowest, start, end, xtol=TOUCH_TIME))
 
-    def _sizes(self, t: Array) -> Array:
+    def _bounds(self, t: Array) -> Array:
         """Bounds (n, V) [m] on the elastic displacements of all points after times (n,)."""
         bounds = displacement_bounds(self.body.omega, *self._ringing(t))
         return np.asarray(bounds @ self.body.sizes.T)
@@ -294,5 +310,5 @@ class Flight:
         """Highest frequency [rad/s] of modes that move a point noticeably after a time."""
         (bounds,) = displacement_bounds(self.body.omega, *self._ringing(np.array([start])))
         motion = bounds * self.body.sizes.max(axis=0)
-        frequencies = self.body.omega[motion > SEEN * self.body.extent]
+        frequencies = self.body.omega[motion > MOVED_SHARE * self.body.extent]
         return float(frequencies.max(initial=0.0))

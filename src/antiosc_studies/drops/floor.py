@@ -167,7 +167,7 @@ class Setting:
 
 
 def law_of(floor: Floor, surface: Curvature, matter: Matter) -> ContactLaw:
-    """The contact law of a surface of a material with a floor."""
+    """The contact law of a floor with a surface of this curvature and material."""
     if floor.law is not None:
         return floor.law
     if floor.layer is not None:
@@ -181,7 +181,7 @@ def law_of(floor: Floor, surface: Curvature, matter: Matter) -> ContactLaw:
 
 
 def choice_of(floor: Floor, surface: Curvature, matter: Matter) -> Choice:
-    """The law that surface, material and the floor's face need, and what it depends on."""
+    """The choice of law for a surface of this curvature and material on the floor's face."""
     if matter.rigid and floor.face.matter.rigid:
         raise InputError(
             "a rigid part on a rigid floor has no law of contact: give the floor a material, a "
@@ -194,12 +194,15 @@ def choice_of(floor: Floor, surface: Curvature, matter: Matter) -> Choice:
 
 
 def law_at(body: FreeBody, floor: Floor, which: int) -> ContactLaw:
-    """The contact law of a point of a body with a floor."""
+    """The contact law of point number `which` of a body with a floor."""
     return law_of(floor, body.surface(which), body.materials[which])
 
 
 def law_in(body: FreeBody, start: State, floor: Floor, which: int, arm: Array) -> ContactLaw:
-    """The law of a point at `arm` (3,) that touches in the state `start`; corners are crushed."""
+    """The law of point number `which` that touches in the state `start`; corners are crushed.
+
+    arm : (3,) from the centre of mass to the point [m].
+    """
     ball = law_at(body, floor, which)
     edges = body.facets.get(which)
     if edges is None or not isinstance(ball, ElasticPlastic):

@@ -12,7 +12,7 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import Matter
-from antiosc_studies.drops.skin import SMOOTH, Materials, Skin
+from antiosc_studies.drops.skin import SMOOTH_COSINE, Materials, Skin
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -104,7 +104,7 @@ class FreeBody:
 
     @property
     def matters(self) -> list[Matter]:
-        """The known materials of its surface."""
+        """The known materials of its surface, each once."""
         materials = self.materials if self.skin is None else self.skin.materials
         return [m for m in {id(m): m for m in materials}.values() if not m.rigid]
 
@@ -127,7 +127,7 @@ class FreeBody:
             for i in which:
                 apart = self.points - self.points[i], places - places[i]  # one ball, one place
                 distance = np.linalg.norm(apart, axis=2).min(axis=0)
-                alike = (self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0)
+                alike = (self.facing @ self.facing[i] >= SMOOTH_COSINE) | (self.balls > 0)
                 touching |= (distance <= APART * self.extent) & alike | (distance < self.corner)
 
         return touching
@@ -185,7 +185,7 @@ class State:
         return np.asarray(self.centre[2] + self.arms(body)[:, 2])
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
-        """Energies [J] of the rigid motion, of the vibration, and of the height of the centre."""
+        """Energies [J] of the rigid motion, of the vibration, and of the centre's height."""
         rigid = 0.5 * body.mass * self.velocity @ self.velocity
         rigid += 0.5 * self.momentum @ self.spin(body)
         elastic = 0.5 * (self.p @ self.p + (body.omega * self.q) @ (body.omega * self.q))

@@ -13,7 +13,7 @@ from antiosc.base.texts import FieldsRepr, engineering, percent
 from antiosc.extension import OF_ALL_CONTACTS
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.yielding import Landed
+from antiosc_studies.drops.yielding import PointContacts
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class FallImpact:
 
     @property
     def contact_time_note(self) -> str:
-        """What the contact time is of, where the part touches several times; "" of once."""
+        """Text: which touches the contact time covers, if there are several; "" for one."""
         if self.touches < 2:
             return ""
         return f"{OF_ALL_CONTACTS}; the hardest touch takes {engineering(self.hardest_touch, 's')}"
@@ -145,8 +145,8 @@ class Peak(FieldsRepr):
         return self.value
 
 
-def impact_of(body: FreeBody, gravity: float, landed: Landed) -> FallImpact:
-    """The impact of these episodes, under a gravity [m/s^2]."""
+def impact_of(body: FreeBody, gravity: float, landed: PointContacts) -> FallImpact:
+    """The numbers of one impact from its episodes, under a gravity [m/s^2]."""
     # a point above its dent begins an episode without force, which counts as flight
     episodes = [one for one in landed.episodes if one.forces()[1].any()] or landed.episodes
     impulses: dict[int, float] = {}
@@ -187,7 +187,7 @@ def force_of(episodes: Sequence[Episode]) -> tuple[Array, Array]:
 
 
 def _touches(force: Array) -> int:
-    """How many times a force (n,) begins."""
+    """How many times a force (n,) rises from zero."""
     touching = np.append(False, force > 0)
     return int(np.sum(touching[1:] & ~touching[:-1]))
 

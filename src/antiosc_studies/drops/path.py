@@ -30,25 +30,25 @@ from antiosc_studies.drops.touching import AXES, BODY, TINY, Touch
 #: two by 3e-4.
 SWEEPS = 5
 #: Error of a step of the first run, which only tells how long the contact lasts.
-ROUGH = 1e-3
+ROUGH_ERROR = 1e-3
 #: A later contact belongs to the same episode if the body has turned by less than this [rad].
-FOLLOWS = 0.01
+FOLLOWING_TURN = 0.01
 #: Samples of the rotation in an episode (2e-5).
 SAMPLES = 64
 #: Samples of a contact's path times sqrt(tol) (1e-5 on concrete, 1.4e-3 on the soft floor).
 PATH_SAMPLES = 2.0
 #: Most samples of a contact's path.
-MOST_LOOKS = 4096
-#: A scene is repeated until its loads and gaps change by less than CLOSE times tol, or by less than
-#: NEAR times tol without further decrease.
-CLOSE, NEAR = 0.03, 0.3
-#: Most runs of a scene on its path; it stalls if FEW runs did not halve the change.
-MOST_RUNS, FEW = 12, 4
+MOST_PATH_SAMPLES = 4096
+#: A scene is repeated until its loads and gaps change by less than CLOSE_CHANGE times tol, or by
+#: less than NEAR_CHANGE times tol without further decrease.
+CLOSE_CHANGE, NEAR_CHANGE = 0.03, 0.3
+#: Most runs of a scene on its path; it stalls if STALLED_RUNS runs did not halve the change.
+MOST_RUNS, STALLED_RUNS = 12, 4
 #: Largest number of contacts and of steps of a scene.
 LIMITS = 10_000, 50_000
 #: If a run stops before this share of the expected contact time, no contact forces fit at its
 #: start.
-JAMMED = 1e-6
+JAM_TIME = 1e-6
 
 
 class Path(NamedTuple):
@@ -89,11 +89,11 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
 def on_path(
     touch: Touch, which: IntArray, base: Assembly, history: SceneHistory, path: Path
 ) -> tuple[Assembly, float]:
-    """(scene `base` with the lever arms of its points on a path, relative change of the scene).
+    """The scene `base` with the lever arms of its points `which` on a path, and its change.
 
     The additional effect of the run's forces on these arms becomes given loads, the additional
-    motion of the points becomes part of the gaps. The change is relative to the scene that has run:
-    of gaps over the largest depth, of loads over the largest contact loads.
+    motion of the points becomes part of the gaps. The change from the scene of
+    `history` is relative: of gaps to the largest depth, of loads to the largest contact loads.
     """
     body, _, W, _ = touch
     first, previous = base.system, history.assembly.system
@@ -123,22 +123,24 @@ def on_path(
     loads[:, span] += linear + np.append(total @ W.T, bending, axis=1)
     depth = history.run.depth[:, : len(which)]
     change = max(
-        _share(offsets - interpolated(path.times, previous.breaks, previous.offsets), depth),
-        _share(loads - interpolated(path.times, previous.breaks, previous.loads), linear),
+        _ratio(offsets - interpolated(path.times, previous.breaks, previous.offsets), depth),
+        _ratio(loads - interpolated(path.times, previous.breaks, previous.loads), linear),
     )
     system = replace(first, breaks=path.times, loads=loads, offsets=offsets)
 
     return replace(base, system=system), change
 
 
-def _share(change: Array, size: Array) -> float:
-    """The largest magnitude of a change over that of what changes."""
+def _ratio(change: Array, size: Array) -> float:
+    """Largest |change| over the largest |size|."""
     return float(np.abs(change).max()) / max(float(np.abs(size).max()), TINY)
 
 
 class Followed(NamedTuple):
-    """A run on its own path up to its end, the relative change of the last correction, and whether
-    the body still touches.
+    """A run on its own path.
+
+    change : relative change by the last correction; end : time [s] at which the episode ends;
+    touching : whether the body still touches then.
     """
 
     history: SceneHistory
@@ -151,10 +153,13 @@ class Followed(NamedTuple):
 def sufficient_duration(
     touch: Touch, base: Assembly, first: float, longest: float, turns: float
 ) -> float:
-    """A duration [s] in which the contact ends, if it does within the longest."""
+    """A duration [s] in which the contact ends: `first`, doubled up to `longest`.
+
+    turns : rotation [rad] at which the episode is cut.
+    """
     duration = first
     while duration < longest:
-        history = run_once(base, duration, ROUGH, {})
+        history = run_once(base, duration, ROUGH_ERROR, {})
         end, touching = _end(touch, history, turns)
         if not touching or end < history.time[-1] or history.status:
             break
@@ -175,8 +180,8 @@ def run_converged(
         corrected, change = on_path(touch, which, base, history, path)
         changes.append(change)
         count = len(changes)
-        stalls = count == MOST_RUNS or (count >= FEW and change > changes[-3] / 2)
-        if change <= CLOSE * tol or stalls:
+        stalls = count == MOST_RUNS or (count >= STALLED_RUNS and change > changes[-3] / 2)
+        if change <= CLOSE_CHANGE * tol or stalls:
             return Followed(history, path, change, end, touching)
         if history.status or len(changes) == 1:
             history, share = run(corrected, duration, tol)
@@ -187,7 +192,7 @@ def run_converged(
 
 def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
     """Times (n,) up to `end` at which the path is evaluated."""
-    count = 1 + int(min(np.ceil(PATH_SAMPLES / np.sqrt(tol)), MOST_LOOKS))
+    count = 1 + int(min(np.ceil(PATH_SAMPLES / np.sqrt(tol)), MOST_PATH_SAMPLES))
     spans = [span for c in history.contact_histories for span in c.contacts]
     t = [np.linspace(*span, count) for span in [(0.0, end), *spans]]
     return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
@@ -208,7 +213,7 @@ def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool
 
     end = 0.0
     for first, parting in sorted(s for c in history.contact_histories for s in c.contacts):
-        if first > end > 0 and np.interp(first, times, angle) > FOLLOWS:
+        if first > end > 0 and np.interp(first, times, angle) > FOLLOWING_TURN:
             break
         end = max(end, parting)
 
@@ -221,12 +226,15 @@ def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool
 
 
 def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
-    """The converged history of a scene, and its share; AccuracyError out of range or jammed."""
+    """(converged history of a scene, its step error over the force, for `run_once`).
+
+    AccuracyError if a force is out of range of its law, or friction jams a contact.
+    """
     with without_warnings():
         converged = integrate_exact(assembly, duration, tol, None, *LIMITS)
     ended = converged.run
-    friction, wedge = _wedge(assembly.system)
-    at_start = ended.time[-1] <= JAMMED * assembly.contact_time_estimate
+    friction, wedge = _worst_wedge(assembly.system)
+    at_start = ended.time[-1] <= JAM_TIME * assembly.contact_time_estimate
     presses = (ended.force[-1, : len(assembly.system.sides)] > 0).any()
     if at_start or (ended.answer and presses and friction * wedge > 1):
         raise _jam(friction, wedge)
@@ -239,7 +247,11 @@ def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, 
 def run_once(
     assembly: Assembly, duration: float, share: float, error: dict[str, float], scale: float = 0.0
 ) -> SceneHistory:
-    """The history of one run with step error `share`; `scale` [N] of its forces if known."""
+    """The history of one run.
+
+    share : largest error of the forces in a step, over `scale` [N], the size of the forces, or if
+    that is 0 over the largest so far; error : estimated errors for the history.
+    """
     record = march_once(
         assembly.system,
         duration,
@@ -257,8 +269,10 @@ def _history(assembly: Assembly, record: Run, error: dict[str, float]) -> SceneH
     return SceneHistory(assembly, record, error, STOPPED if record.answer else COMPLETED, "")
 
 
-def _wedge(system: System) -> tuple[float, float]:
-    """Friction, and what sliding presses in over what the normal force lifts; the worst."""
+def _worst_wedge(system: System) -> tuple[float, float]:
+    """The contact that is nearest to jamming: its coefficient of friction, and its displacement
+    into the floor per unit tangential force over that out of it per unit normal force.
+    """
     friction, wedge = 0.0, 0.0
     for k, sides in enumerate(system.sides):
         tangential = float(np.linalg.norm(system.R[k, sides]))
@@ -271,7 +285,9 @@ def _wedge(system: System) -> tuple[float, float]:
 
 
 def _jam(friction: float, wedge: float) -> AccuracyError:
-    """The error of a scene that cannot go on, as friction jams or no forces fit."""
+    """The error of a scene that cannot go on: friction jams it or, without friction, no forces
+    satisfy its contacts; `wedge` as from `_worst_wedge`.
+    """
     if friction == 0:
         return AccuracyError(
             "no contact forces fit where a contact goes on; take a smaller tol, or more modes."

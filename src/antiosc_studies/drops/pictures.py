@@ -15,9 +15,9 @@ from antiosc.plot.surfaces import LIGHT
 from antiosc_studies.drops.free_body import FreeBody, State
 
 #: Number of times at which heights are drawn.
-DRAWN = 500
+HEIGHT_TIMES = 500
 #: Largest number of triangles of a surface that is drawn.
-TRIANGLES = 6000
+MOST_TRIANGLES = 6000
 #: Colour of the triangles (red, green, blue).
 COLOUR = (0.35, 0.55, 0.8)
 
@@ -32,7 +32,7 @@ def overview(fall: Any, path: str | os.PathLike[str] | None) -> Figure | Path:
     axes.set_title("at the first touch", fontsize=10)
     height = figure.add_subplot(grid[0, 1])
     touches = [episode.start.time for episode in fall.episodes]
-    times = np.union1d(np.linspace(0.0, fall.end.time, DRAWN), touches)
+    times = np.union1d(np.linspace(0.0, fall.end.time, HEIGHT_TIMES), touches)
     states = [at(fall, t) for t in times.tolist()]
     height.plot(times, [state.centre[2] for state in states], label="centre of mass")
     lowest = [state.heights(fall.body).min() for state in states]
@@ -58,7 +58,7 @@ def surface_of(body: FreeBody) -> tuple[Array, IntArray]:
     from scipy.spatial import ConvexHull, QhullError
 
     skin = body.skin
-    if skin is not None and 0 < len(skin.triangles) < TRIANGLES:
+    if skin is not None and 0 < len(skin.triangles) < MOST_TRIANGLES:
         return skin.points - body.centre, skin.triangles
 
     points = body.points

@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 #: Array of `Matter`.
 Materials: TypeAlias = NDArray[np.object_]
 #: A vertex is sharp if the cosine between a facet and the mean normal there is below this.
-SMOOTH = float(np.cos(np.radians(35.0)))
+SMOOTH_COSINE = float(np.cos(np.radians(35.0)))
 #: Largest radius of curvature over the size of the part.
 FLATTEST = 10.0
 #: Least ratio of the principal curvatures of a place that counts as part of a ball.
-ROUND = 0.5
+LEAST_ROUNDNESS = 0.5
 #: Largest protrusion of a ball from the hull over its radius, in addition to the height of facets.
-REACH = 0.05
+MOST_PROTRUSION = 0.05
 #: Number of directions in which it is checked: neighbours are some 0.25 rad apart, √(4π/200).
-WAYS = 200
+DIRECTIONS = 200
 #: An extent below this share of the largest counts as zero.
 THIN = 1e-9
 
@@ -54,7 +54,7 @@ class Skin:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def radii(self, which: int, corner: float) -> tuple[float, float]:
-        """Principal radii [m] of a vertex; if sharp, half the thickness of a sheet, or `corner`."""
+        """Principal radii [m] of a vertex; if sharp half a sheet's thickness, or `corner`."""
         if self.sharp[which]:
             rounded = float(self.half[which]) or corner
             return rounded, rounded
@@ -69,7 +69,7 @@ class Skin:
     def balls(self) -> Array:
         """Radius (P,) [m] of the ball that fits the surface at each vertex; 0 if none fits."""
         low, high = self.curvatures.T
-        rounded = ~self.sharp & (low > ROUND * high) & (high * self.size > 1)
+        rounded = ~self.sharp & (low > LEAST_ROUNDNESS * high) & (high * self.size > 1)
         return np.where(rounded, 2 / np.where(rounded, low + high, 1.0), 0.0)
 
     def balls_within(self, vertices: IntArray) -> Array:
@@ -82,7 +82,7 @@ class Skin:
         points = self.points[vertices]
         sizes = self.sizes[vertices]
         centres = points - balls[:, None] * self.normals[vertices]
-        allowed = REACH * balls + sizes**2 / (4 * np.maximum(balls, np.finfo(float).tiny))
+        allowed = MOST_PROTRUSION * balls + sizes**2 / (4 * np.maximum(balls, np.finfo(float).tiny))
         for direction in _sphere_directions():
             protrusion = centres @ direction + balls - (points @ direction).max()
             balls = np.where(protrusion > allowed, 0.0, balls)
@@ -91,9 +91,9 @@ class Skin:
 
 
 def _sphere_directions() -> Array:
-    """Directions (WAYS, 3) distributed evenly on a spiral."""
-    k = np.arange(WAYS)
-    z = 1 - (2 * k + 1) / WAYS
+    """Directions (DIRECTIONS, 3) distributed evenly on a spiral."""
+    k = np.arange(DIRECTIONS)
+    z = 1 - (2 * k + 1) / DIRECTIONS
     angle = k * np.pi * (3 - np.sqrt(5))
     horizontal = np.sqrt(1 - z * z)
     return np.column_stack([horizontal * np.cos(angle), horizontal * np.sin(angle), z])
@@ -169,7 +169,7 @@ def mesh_skin(part: MeshedStructure) -> Skin:
 
 
 def _materials(part: MeshedStructure) -> tuple[Materials, Array]:
-    """Materials (P,) and half thicknesses (P,)."""
+    """Materials (P,) of the vertices, and half thicknesses (P,) [m] of sheets."""
     faces = part.faces
     numbers = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
     vertices, index = np.unique(numbers, return_inverse=True)
@@ -195,7 +195,7 @@ def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
     cosine = np.abs(np.einsum("td,tvd->tv", raw_normals, normals[triangles]))
     smallest_cosine = np.ones(len(x))
     np.minimum.at(smallest_cosine, triangles, cosine)
-    return smallest_cosine < SMOOTH
+    return smallest_cosine < SMOOTH_COSINE
 
 
 def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Array, Array]:

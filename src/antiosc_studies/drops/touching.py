@@ -33,7 +33,7 @@ FLOOR = "floor"
 #: Directions of the columns of a site: normal to the floor, and along it.
 AXES = np.eye(3)[[2, 0, 1]]
 #: Duration over which friction springs of an ongoing contact are extended, over the contact time.
-DRAWN = 1e-5
+EXTENSION_TIME = 1e-5
 #: Replaces 0 in denominators.
 TINY = float(np.finfo(float).tiny)
 
@@ -65,7 +65,10 @@ class OngoingContact(NamedTuple):
 def scene_of(
     touch: Touch, setting: Setting, which: IntArray, held: dict[int, OngoingContact]
 ) -> Assembly:
-    """The scene of body and floor from a state, ready to run."""
+    """The scene of the body at a touch and the floor, ready to run.
+
+    which : numbers of the points that may touch; held : number of a point -> contact that goes on.
+    """
     body, start, modes, _ = touch
     floor = setting.floor
     sites = body.sites(which)
@@ -113,7 +116,7 @@ def scene_of(
     if extension.any():
         system = replace(
             system,
-            breaks=np.array([0.0, DRAWN * assembly.contact_time_estimate]),
+            breaks=np.array([0.0, EXTENSION_TIME * assembly.contact_time_estimate]),
             loads=np.repeat(system.loads[:1], 2, axis=0),
             offsets=system.offsets[:1] - [np.zeros(len(extension)), extension],
         )

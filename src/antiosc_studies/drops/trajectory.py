@@ -9,26 +9,26 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc_studies.drops.episode import Episode, episode
-from antiosc_studies.drops.flight import SIDES, Flight
+from antiosc_studies.drops.flight import SIDE_HEIGHT, Flight
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.touching import AXES, TINY, OngoingContact
 
-#: A part is at rest if its speed would lift it by at most REST times the height, …
-REST = 1e-3
-#: … and points within CARRIES times the extent over the floor …
-CARRIES = 0.01
-#: … surround its centre of mass up to AROUND times the extent.
-AROUND = 1e-3
+#: A part is at rest if its speed would lift it by at most REST_ENERGY times the height, …
+REST_ENERGY = 1e-3
+#: … and points within CARRYING_HEIGHT times the extent over the floor …
+CARRYING_HEIGHT = 0.01
+#: … surround its centre of mass up to SUPPORT_MARGIN times the extent.
+SUPPORT_MARGIN = 1e-3
 #: Rigid motions whose singular value is below this share of the largest are free of contact forces.
-STILL = 1e-6
+FREE_MOTION = 1e-6
 #: A point may lie deeper below the floor than contacts press in by this share of the extent.
-SUNK = 2e-3
+MOST_SUNK = 2e-3
 #: Number of impacts after which a fall without rest is ended.
 MOST_IMPACTS = 200
 #: Largest number of contacts over that of impacts: on a soft floor without losses successive ones
 #: merge into one.
-CONTACTS = 3
+CONTACTS_PER_IMPACT = 3
 
 
 def initial_state(
@@ -48,7 +48,12 @@ def trajectory(
     setting: Setting,
     report: Callable[[int, int, float], None] = lambda *_: None,
 ) -> tuple[State, list[Episode], list[Flight], list[list[int]], str]:
-    """Follow a fall to its end: last state, contacts, flights, contacts of each impact, why."""
+    """Follow a fall to its end.
+
+    report : called with the numbers of the impact and of its contact, from 1, and the time [s].
+    Returns the last state, the episodes, the flights, the numbers of the episodes of each impact,
+    and why the fall ended.
+    """
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []
@@ -57,7 +62,7 @@ def trajectory(
     reason = ""
     deepest = 0.0
 
-    contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
+    contacts = CONTACTS_PER_IMPACT * max(setting.impacts, MOST_IMPACTS)
     while not reason:
         flight = Flight(body, state, setting.gravity)
         remaining = setting.duration - state.time
@@ -107,7 +112,7 @@ def trajectory(
 def _check_sides(body: FreeBody, state: State) -> None:
     """Raise InputError if no point that may touch is below the centre of mass."""
     low = float((body.points @ state.R[2] - body.balls).min())
-    if low > SIDES * body.extent:
+    if low > SIDE_HEIGHT * body.extent:
         raise InputError(
             f"the part would fall through the floor: {state.time:.4g} s after its start the lowest "
             f"point that may touch is {low:.3g} m above the centre of mass; give the RigidBody "
@@ -116,9 +121,9 @@ def _check_sides(body: FreeBody, state: State) -> None:
 
 
 def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting) -> None:
-    """Raise AccuracyError if a point is further below the floor than contacts press in [m]."""
+    """AccuracyError if a point is deeper below the floor than contacts press in, `pressed` [m]."""
     depth = -float(state.heights(body).min())
-    if depth > pressed + SUNK * body.extent:
+    if depth > pressed + MOST_SUNK * body.extent:
         raise AccuracyError(
             f"the part sank through the floor at {state.time:.4g} s: a point is {depth:.3g} m "
             f"below it, and contacts press it in by {pressed:.3g} m at most; give a smaller "
@@ -132,25 +137,24 @@ def _rests(
     """Whether the body rests on points around its centre of mass, with negligible motion."""
     arms = state.arms(body)
     heights = arms[:, 2]
-    if state.centre[2] + heights.min() > CARRIES * body.extent:
+    if state.centre[2] + heights.min() > CARRYING_HEIGHT * body.extent:
         return False
 
-    carrying = arms[heights < heights.min() + CARRIES * body.extent]
+    carrying = arms[heights < heights.min() + CARRYING_HEIGHT * body.extent]
     W = body.rigid_modes(state.R)[0]
     energy = _stoppable_energy(body, state, W, carrying, setting.floor.friction > 0)
     pressed = {i: contact for i, contact in ongoing.items() if contact.force[0] > 0}
     if pressed:
         weight = body.mass * setting.gravity
         energy += _excess_energy(W, arms[list(pressed)], [*pressed.values()], weight)
-    if energy > REST * body.mass * setting.gravity * setting.height:
+    if energy > REST_ENERGY * body.mass * setting.gravity * setting.height:
         return False
 
-    return _contains_origin(carrying[:, :2], AROUND * body.extent)
+    return _contains_origin(carrying[:, :2], SUPPORT_MARGIN * body.extent)
 
 
 def _stoppable_energy(body: FreeBody, state: State, W: Array, arms: Array, sticking: bool) -> float:
-    """Kinetic energy [J] of rigid motion that forces at the contact points, at arms (n, 3), could
-    stop.
+    """Kinetic energy [J] of the rigid motion that forces at points with arms (n, 3) can take.
 
     The forces act upward, or if `sticking` in any direction: rolling of a ball, and sliding without
     friction, do not count. W : (6, 6) rigid modes.
@@ -159,7 +163,7 @@ def _stoppable_energy(body: FreeBody, state: State, W: Array, arms: Array, stick
     U, singular_values, _ = np.linalg.svd(
         velocities.reshape(6, -1) if sticking else velocities[:, :, 2]
     )
-    directions = U[:, : singular_values.size][:, singular_values > STILL * singular_values[0]]
+    directions = U[:, : singular_values.size][:, singular_values > FREE_MOTION * singular_values[0]]
     momentum = directions.T @ W @ np.append(body.mass * state.velocity, state.momentum)
     return float(momentum @ momentum / 2)
 
@@ -172,7 +176,7 @@ def _excess_energy(W: Array, arms: Array, pressed: list[OngoingContact], weight:
     lift a point that sticks: the magnitude of its approach counts. `weight` [N] of the body.
     """
     compliances = np.array([abs(h.height) / h.force[0] for h in pressed])
-    compliances = np.maximum(compliances, STILL * compliances.max() + TINY)
+    compliances = np.maximum(compliances, FREE_MOTION * compliances.max() + TINY)
 
     forces = np.array([AXES[: h.force.size].T @ h.force for h in pressed])
     wrench = np.append(forces.sum(axis=0), np.cross(arms, forces).sum(axis=0))
@@ -181,7 +185,7 @@ def _excess_energy(W: Array, arms: Array, pressed: list[OngoingContact], weight:
 
     # with up' their product is the stiffness against rigid motions
     up = vertical / np.sqrt(compliances)
-    impulses = np.linalg.lstsq(up, W @ wrench, rcond=STILL)[0]
+    impulses = np.linalg.lstsq(up, W @ wrench, rcond=FREE_MOTION)[0]
     return float(impulses @ impulses)
 
 

@@ -23,15 +23,15 @@ from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.peak_error import error_of_peak, largest_strain
 from antiosc.engine.contact.surfaces import Matter, crack_note
 from antiosc.extension import ContactZone
-from antiosc_studies.drops.crushed import ERROR, PRESSURE
+from antiosc_studies.drops.crushed import FORCE_ERROR, PRESSURE
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.floor import Floor, choice_of, law_at
 from antiosc_studies.drops.free_body import FreeBody
 
 #: Share of the largest force below which the error of a contact does not count.
-COUNTS = 0.1
+COUNTED_SHARE = 0.1
 #: Stiffness of a given law over that of the surfaces from which it is one of these.
-SOFTER = 0.9
+SOFT_RATIO = 0.9
 
 
 class PointContact(NamedTuple):
@@ -67,15 +67,17 @@ class PointContact(NamedTuple):
     @property
     def yields(self) -> bool:
         """Whether it yields, by its law or by that of its surfaces."""
-        return self.dent is not None or self._exceeds > 1
+        return self.dent is not None or self._overload > 1
 
     @property
-    def _exceeds(self) -> float:
-        """Force over that of first yield, for a law that neither yields nor is softer; else 0."""
+    def _overload(self) -> float:
+        """Force over that of first yield of the surfaces, if the given law does not yield and is
+        not softer than they are; else 0.
+        """
         law = None if self.choice is None else self.choice.law
         if isinstance(self.law, ElasticPlastic) or not isinstance(law, ElasticPlastic):
             return 0.0
-        is_softer = getattr(self.law, "stiffness", 0.0) < SOFTER * law.stiffness
+        is_softer = getattr(self.law, "stiffness", 0.0) < SOFT_RATIO * law.stiffness
         return 0.0 if is_softer else self.force / law.yield_force
 
     @property
@@ -89,7 +91,7 @@ class PointContact(NamedTuple):
 
     @property
     def zone(self) -> ContactZone:
-        """The zone outside the margin, in the axes of the mesh."""
+        """The surroundings that a margin leaves out, in the axes of the mesh."""
         return ContactZone(self.place, self.radius, inf, self.force, self.matter.nu)
 
     @property
@@ -99,10 +101,10 @@ class PointContact(NamedTuple):
         if self.no_bar or choice is None:
             return None
         if self.crushed:
-            return ERROR
+            return FORCE_ERROR
 
         of_ball = error_of_peak(choice, self.force, self.contact_time)
-        return max(of_ball or 0.0, ERROR) if self.sharp else of_ball
+        return max(of_ball or 0.0, FORCE_ERROR) if self.sharp else of_ball
 
     @property
     def sharp(self) -> bool:
@@ -156,25 +158,25 @@ class PointContact(NamedTuple):
                 if soft is not None and matter == soft
             ]
             where = " and ".join(names) or "the part"
-            return f"the contact yields: {self.dent.text}, in {where}; {self.off}"
+            return f"the contact yields: {self.dent.text}, in {where}; {self.error_text}"
 
-        if self._exceeds > 1:
+        if self._overload > 1:
             return (
-                f"the contact yields: its force is {self._exceeds:.3g} times that of first yield, "
+                f"the contact yields: its force is {self._overload:.3g} times that of first yield, "
                 "and the force of this law is too high"
             )
 
         return ""
 
     @property
-    def off(self) -> str:
-        """Words on the error of the force."""
+    def error_text(self) -> str:
+        """Text: the error of the force, or why it is unknown."""
         bar = self.error
         return self.no_bar if bar is None else f"that force may be off by {percent(bar)}"
 
 
 def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointContact]:
-    """Yields the contacts at points whose law is one of surfaces."""
+    """Yield each contact by a law of Hertz, Gonthier or `ElasticPlastic`, and its largest force."""
     for episode in episodes:
         body = episode.body
         time, forces = episode.forces()
@@ -206,11 +208,11 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
 #: Least number of vertices of a face.
 LEAST_OF_FACE = 3
 #: Spread of the vertices that touch over that of a ball's contact, from which a face lies flat.
-FLAT = 2.0
+FLAT_SPREAD = 2.0
 
 
-class Landed:
-    """What the contacts at points of some episodes tell."""
+class PointContacts:
+    """The contacts at points in some episodes: errors of their forces, yield and dents."""
 
     def __init__(self, floor: Floor, episodes: Sequence[Episode]) -> None:
         self.floor = floor
@@ -218,7 +220,7 @@ class Landed:
         self.contacts = list(point_contacts(floor, episodes))
         self.hardest = max(self.contacts, key=lambda one: one.force, default=None)
         largest = 0.0 if self.hardest is None else self.hardest.force
-        self.hard = [one for one in self.contacts if one.force >= COUNTS * largest]
+        self.hard = [one for one in self.contacts if one.force >= COUNTED_SHARE * largest]
 
     @cached_property
     def law_error(self) -> float | None:
@@ -259,17 +261,17 @@ class Landed:
 
     @property
     def notes(self) -> tuple[str, str]:
-        """Sentences on an elastic hardest contact, and that cracks are not computed; or ""."""
+        """Two sentences, or "": the hardest contact is elastic; cracks are not computed."""
         one = self.hardest
         if one is None:
             return "", ""
         known = self.floor.law is not None or one.dent is not None or one.error == 0
-        elastic = "" if known else f"the hardest contact is elastic: {one.off}"
+        elastic = "" if known else f"the hardest contact is elastic: {one.error_text}"
         return elastic, crack_note(one.body.matters).rstrip(".")
 
     @cached_property
     def flat(self) -> bool:
-        """Whether a face lies flat on a stiff floor: its vertices span more than a ball would."""
+        """Whether a face lands flat on a stiff floor, by the span of the vertices that touch."""
         if self.floor.law is not None or self.floor.layer is not None:
             return False
 
@@ -286,7 +288,7 @@ class Landed:
             if len(low) < LEAST_OF_FACE:
                 continue
             spread = np.linalg.svd(low - low.mean(axis=0), compute_uv=False)[1] / sqrt(len(low))
-            if spread > FLAT * sqrt(2 * radius * depth):
+            if spread > FLAT_SPREAD * sqrt(2 * radius * depth):
                 return True
 
         return False

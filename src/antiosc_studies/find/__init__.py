@@ -31,9 +31,9 @@ from antiosc.models.free_modes import residual
 from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, Where, free_sites
-from antiosc_studies.find.forward import MapSurface, Struck, has_stiffness
+from antiosc_studies.find.forward import MapSurface, Model, has_stiffness
 from antiosc_studies.find.recording import Recording, Sensor, recording, sensor_shapes
-from antiosc_studies.find.search import POOR, ProbableImpact, Scan, most_probable, scan
+from antiosc_studies.find.search import POOR_CHI2, ProbableImpact, Scan, most_probable, scan
 
 #: Values of `FoundImpact.status`.
 FOUND = 0
@@ -180,14 +180,14 @@ HALF_WIDTH = {0: 1.96, 1: 1.96, 2: 2.45}
 INTERPOLATION = 0.01
 #: Relative error common to all modes, over `shape_error`: it scales the force, and no signal shows
 #: it. Chosen by 64 blows on two meshes (benchmarks/find_impact.py).
-COMMON = 0.25
+COMMON_ERROR = 0.25
 #: Two blows are equally probable if their costs differ by less than this times chi².
 AS_PROBABLE = 9.0
 
 
 @dataclass(frozen=True, eq=False)
 class Monitored:
-    """A structure with sensors: the data that many impacts share."""
+    """A structure with sensors, prepared once for many searches."""
 
     seen: FreeSites  # its sites in free modes
     #: rows, orders: (m, J) mode shapes at the sensors; (m,) orders of their time derivatives
@@ -369,7 +369,10 @@ def found_in(
     damping: Damping | None,
     expected: tuple[float, float],
 ) -> FoundImpact:
-    """The impact that explains a recording best, with its uncertainty."""
+    """The impact that explains a recording best, with its uncertainty.
+
+    expected : relative standard deviations of natural frequencies, and of modes' shares.
+    """
     seen = monitored.seen
     sites = monitored.seen.map_sites.sites
     if "place" not in unknown and len(sites) > 1:
@@ -377,7 +380,7 @@ def found_in(
     omega = seen.omega
     decay = np.zeros(len(omega)) if damping is None else damping.decay(omega)
     elements = seen.map_sites.elements if "place" in unknown else seen.map_sites.elements[:0]
-    model = Struck(
+    model = Model(
         data,
         MapSurface(sites.points, sites.directions, elements),
         omega,
@@ -394,7 +397,7 @@ def found_in(
     known_values = {name: value for name, value in known_values.items() if name not in unknown}
     scanned = scan(model, expected[0])
     fits = most_probable(model, scanned, unknown, known_values, monitored.mass, *expected)
-    scale = COMMON * expected[1] if {"mass", "velocity"} & set(unknown) else 0.0
+    scale = COMMON_ERROR * expected[1] if {"mass", "velocity"} & set(unknown) else 0.0
     return _result(model, scanned, fits, unknown, scale)
 
 
@@ -402,9 +405,16 @@ def found_in(
 
 
 def _result(
-    model: Struck, scanned: Scan, fits: list[ProbableImpact], unknown: Sequence[str], scale: float
+    model: Model,
+    scanned: Scan,
+    fits: list[ProbableImpact],
+    unknown: Sequence[str],
+    scale: float,
 ) -> FoundImpact:
-    """The result from the best fits; `scale` is the relative error common to all modes."""
+    """The result from the best fits, the most probable first.
+
+    scale : relative error that is common to all modes.
+    """
     best = fits[0]
     data = model.data
     blow = best.blow
@@ -494,9 +504,13 @@ def _bars(fit: ProbableImpact, scale: float) -> dict[str, float]:
 def _verdict(
     fit: ProbableImpact, rank: int, limits: Array, others: list[Array], data: Recording
 ) -> tuple[int, str]:
-    """(status, message) of a search."""
+    """(status, message) of a search.
+
+    rank : number of unknowns that are determined; limits : (U,) largest standard deviations of
+    determined unknowns; others : other places as probable.
+    """
     count = len(limits)
-    if fit.chi2 > POOR:
+    if fit.chi2 > POOR_CHI2:
         return UNEXPLAINED, (
             f"cannot tell: no blow explains the signals, chi² = {fit.chi2:.3g} where 1 is expected:"
             " free E, give the damping, allow for a larger frequency_error, or compare a lower"

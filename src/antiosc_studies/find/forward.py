@@ -19,7 +19,7 @@ NEIGHBOURS = {1: 7, 2: 24}
 #: Least cosine between the directions of two sites on one smooth surface.
 SAME_SIDE = 0.7
 #: Weight of the sum of barycentric coordinates over that of the distance.
-FIRM = 1e4
+WEIGHT = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,28 +127,28 @@ def _feet(x: Array, corners: Array) -> Array:
     """Points (T, 3) of triangles (T, 3, 3) or segments (T, 2, 3) that are nearest to x (3,)."""
     offsets = corners - x
     size = float(np.linalg.norm(offsets, axis=2).max())
-    ones = np.full((*offsets.shape[:2], 1), FIRM * size)  # the weights of the corners add up to 1
+    ones = np.full((*offsets.shape[:2], 1), WEIGHT * size)  # the weights of the corners add up to 1
     rows = np.concatenate((offsets, ones), axis=2).transpose(0, 2, 1)
-    weights = np.array([nnls(A, [0.0, 0.0, 0.0, FIRM * size])[0] for A in rows])
+    weights = np.array([nnls(A, [0.0, 0.0, 0.0, WEIGHT * size])[0] for A in rows])
     weights /= weights.sum(axis=1, keepdims=True)
 
     return x + np.asarray(np.einsum("tc,tcd->td", weights, offsets))
 
 
 def has_stiffness(law: ContactLaw) -> bool:
-    """Whether the stiffness of a law is free; for an elastic-plastic ball it follows from E*."""
+    """Whether a law has a free stiffness; that of an elastic-plastic ball follows from E*."""
     return hasattr(law, "stiffness") and not isinstance(law, ElasticPlastic)
 
 
 #: Number of steps in the expected contact time.
-STEPS = 150
+STEPS_PER_CONTACT = 150
 #: Largest number of contacts of a blow.
-CONTACTS = 1000
+MOST_CONTACTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class Blow:
-    """A candidate impact."""
+    """A candidate impact: the values of all unknowns."""
 
     place: Array  # (3,) [m]
     site: int  # the nearest site of the map
@@ -165,8 +165,8 @@ class Blow:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """The computed signals of an impact, filtered and divided by the noise."""
+class Signals:
+    """Computed signals of an impact, filtered and divided by their noise, of m sensors."""
 
     parts: Array  # (n', m, J) contribution of each mode, without `Blow.share`
     signals: Array  # (n', m) the sum
@@ -174,7 +174,7 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
-class Struck:
+class Model:
     """The model of all candidate impacts: free modes, sites, sensors."""
 
     data: Recording
@@ -213,11 +213,11 @@ class Struck:
             law = replace(law, stiffness=blow.stiffness)  # type: ignore[type-var]
 
         end = len(self.data.values) * self.data.dt - blow.start
-        step = min(blow.contact_time_estimate / STEPS, end / 20)
+        step = min(blow.contact_time_estimate / STEPS_PER_CONTACT, end / 20)
         scene = Impact(body, RigidMass(blow.mass, blow.velocity), law, end)
-        return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))
+        return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=MOST_CONTACTS))
 
-    def seen(self, blow: Blow, site_data: Array) -> Seen:
+    def seen(self, blow: Blow, site_data: Array) -> Signals:
         """Computed signals of an impact at a place with the data `site_data` (J + 2,)."""
         hit = self.hit(blow, site_data)
         t = self.data.time - blow.start
@@ -234,4 +234,4 @@ class Struck:
         motions = {order: filter_columns @ (q, v, a)[order] for order in set(self.orders.tolist())}
         rows = self.rows / self.data.sigma[:, None]
         parts = np.stack([motions[k] * row for k, row in zip(self.orders, rows, strict=True)], 1)
-        return Seen(parts, np.sum(parts * (1 + blow.share), axis=2), hit)
+        return Signals(parts, np.sum(parts * (1 + blow.share), axis=2), hit)

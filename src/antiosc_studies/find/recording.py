@@ -116,13 +116,13 @@ UNITS = {
 #: Least number of samples.
 FEWEST = 32
 #: Largest number of values of all signals.
-MOST = 200_000
+MOST_VALUES = 200_000
 #: Share of a signal's power above the noise that its band contains.
 IN_BAND = 0.995
 #: Largest relative deviation of a table's time steps.
 UNEVEN = 0.01
 #: Least highest frequency of the band over the inverse of the record's length.
-LINES = 4
+PERIODS = 4
 #: Width of the filter's transition over its band.
 TRANSITION = 0.3
 #: Attenuation of the filter [dB]: to 0.1 %, the least noise of a signal.
@@ -180,19 +180,19 @@ def recording(
             f"signals must have one column for each of the {count} sensors; got shape"
             f" {values.shape}."
         )
-    if len(values) < FEWEST or values.size > MOST:
+    if len(values) < FEWEST or values.size > MOST_VALUES:
         raise InputError(
-            f"signals need {FEWEST} samples or more, and at most {MOST} values; got"
+            f"signals need {FEWEST} samples or more, and at most {MOST_VALUES} values; got"
             f" {len(values)} of {count} sensors: cut them to the time of the blow."
         )
 
     size = np.sqrt(np.mean(values**2, axis=0))
     if np.any(size == 0):
         raise InputError(f"the signal of sensor {int(np.argmin(size))} is zero throughout.")
-    lowest = LINES * rate / len(values)
+    lowest = PERIODS * rate / len(values)
     if band is not None and not lowest <= band / (2 * np.pi) <= rate / 2:
         raise InputError(
-            f"band must hold {LINES} periods of the record, {lowest:.4g} Hz, and end at half the"
+            f"band must hold {PERIODS} periods of the record, {lowest:.4g} Hz, and end at half the"
             f" rate, {rate / 2:.4g} Hz; got {band / (2 * np.pi):.4g} Hz."
         )
 
@@ -263,7 +263,7 @@ def _band(values: Array, rate: float) -> float:
     floor = np.median(power[-len(w) // 4 :], axis=0) / np.log(2)
     excess_power = np.cumsum(power - floor, axis=0)
     ends = [w[np.argmax(spectrum > IN_BAND * spectrum.max())] for spectrum in excess_power.T]
-    return float(max(max(ends), w[LINES]))
+    return float(max(max(ends), w[PERIODS]))
 
 
 def _noise(values: Array, rate: float, band: float) -> Array:

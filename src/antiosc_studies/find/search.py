@@ -20,7 +20,7 @@ from scipy import fft
 from antiosc import History
 from antiosc.base._types import Array
 from antiosc.base.progress import counting
-from antiosc_studies.find.forward import Blow, Chart, Seen, Struck
+from antiosc_studies.find.forward import Blow, Chart, Model, Signals
 from antiosc_studies.measured.fit import covariance, lowered
 
 #: Shortest duration of a trial pulse over the period of the band's top.
@@ -32,7 +32,7 @@ PULSES = 9
 #: Windows at which the energy of signals that the record's end cuts is known.
 WINDOWS = 9
 #: Frequency that stands for a rigid-body mode, over one over the record.
-SLOW = 1e-3
+RIGID_FREQUENCY = 1e-3
 #: Sites at a time.
 AT_ONCE = 512
 
@@ -48,7 +48,7 @@ class Scan:
     amplitude: Array
 
 
-def scan(model: Struck, spread: float) -> Scan:
+def scan(model: Model, spread: float) -> Scan:
     """The best pulses of all sites; `spread`: relative standard deviation of the frequencies."""
     data = model.data
     omega = model.omega
@@ -59,7 +59,7 @@ def scan(model: Struck, spread: float) -> Scan:
     size = fft.next_fast_len(2 * n, real=True)
     D = fft.rfft(data.values / data.sigma, size, axis=0)
     power = float(np.sum((data.values / data.sigma) ** 2))
-    slow = SLOW / T
+    slow = RIGID_FREQUENCY / T
     lam = -decay + 1j * np.sqrt(np.maximum(omega**2 - decay**2, slow**2))
     ends = np.linspace(0, n, WINDOWS + 1).astype(int)[1:]
     longest = max(LONGEST_PULSE * T, 2 * data.dt)
@@ -148,7 +148,7 @@ ENOUGH = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ProbableImpact:
-    """The most probable impact near a start."""
+    """The most probable impact near a start, with its uncertainty."""
 
     blow: Blow
     chart: Chart
@@ -164,9 +164,12 @@ class ProbableImpact:
 
 
 class Search:
-    """Gauss–Newton iteration on the unknowns of a model, of which it finds the logarithms."""
+    """Gauss–Newton iteration on the place and the logarithms of the other unknowns of a model.
 
-    def __init__(self, model: Struck, unknown: Sequence[str], spread: float, doubt: float) -> None:
+    spread, doubt : relative standard deviations of natural frequencies, and of modes' shares.
+    """
+
+    def __init__(self, model: Model, unknown: Sequence[str], spread: float, doubt: float) -> None:
         self.model = model
         self.logs = [name for name in unknown if name != "place"]
         self.spread = spread
@@ -178,12 +181,12 @@ class Search:
         self.unshared = np.linalg.inv(np.linalg.cholesky(share_covariance))
 
     def residuals(self, blow: Blow, signals: Array) -> Array:
-        """Residuals of the signals, then model errors, all over their expected sizes."""
+        """Residuals of the signals, then errors of the model, each over its standard deviation."""
         signal_errors = signals - self.model.data.compared
         shares = self.unshared @ blow.share
         return np.concatenate([signal_errors.ravel(), blow.frequency / self.spread, shares.ravel()])
 
-    def at(self, blow: Blow) -> tuple[Chart, Array, Seen]:
+    def at(self, blow: Blow) -> tuple[Chart, Array, Signals]:
         """(chart at the place, modal data there, computed signals)."""
         chart = self.model.surface.chart(blow.place, blow.site)
         site_data = self.model.modes_at(chart, np.zeros(len(chart.axes)))
@@ -261,9 +264,9 @@ class Search:
         )
 
     def _slopes(
-        self, blow: Blow, chart: Chart, site_data: Array, computed: Seen
+        self, blow: Blow, chart: Chart, site_data: Array, computed: Signals
     ) -> tuple[Array, Array]:
-        """Derivatives of all residuals by all unknowns, and `gains` in the units of the steps."""
+        """Derivatives of all residuals, and of peak force and impulse (gains), by the unknowns."""
         model = self.model
         columns = []
         gains = []
@@ -303,7 +306,13 @@ class Search:
         return jacobian, np.transpose(gains)
 
     def _finished(
-        self, blow: Blow, chart: Chart, computed: Seen, residual: Array, J: Array, gains: Array
+        self,
+        blow: Blow,
+        chart: Chart,
+        computed: Signals,
+        residual: Array,
+        J: Array,
+        gains: Array,
     ) -> ProbableImpact:
         """The most probable impact with its uncertainty, from the state at the end of a search."""
         d = len(chart.axes)
@@ -339,7 +348,7 @@ def strength(hit: History) -> Array:
 #: Number of places at which searches start.
 PLACES = 8
 #: Their least distance over the spacing of sites.
-APART = 2.5
+PLACE_DISTANCE = 2.5
 #: Initial masses of the impactor, over that of the structure.
 MASSES = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
 #: Number of searches that begin, …
@@ -350,7 +359,7 @@ FIRST_STEPS, LAST_STEPS = 5, 25  # of searches that begin, that go on
 #: A second search is not continued if its cost exceeds this times the first's.
 HOPELESS = 10.0
 #: chi² above which the best blow does not explain the signals.
-POOR = 2.0
+POOR_CHI2 = 2.0
 #: Factors on the mass of the impactor that are tried then: heavier ones may touch a second time,
 #: which no small step from a lighter one does.
 HEAVIER = (1.3, 2.0)
@@ -362,7 +371,7 @@ REBOUND = 1.6
 
 
 def most_probable(
-    model: Struck,
+    model: Model,
     scanned: Scan,
     unknown: Sequence[str],
     known: Mapping[str, float],
@@ -370,12 +379,16 @@ def most_probable(
     spread: float,
     doubt: float,
 ) -> list[ProbableImpact]:
-    """Impacts of least cost, the best first, at different places if there are several."""
+    """The most probable impacts, the best first; a second one at another place if there is one.
+
+    known : values of known quantities; weight : mass [kg] of the structure; spread, doubt : as for
+    `Search`.
+    """
     search = Search(model, unknown, spread, doubt)
     masses = [share * weight for share in MASSES] if "mass" in unknown else [known["mass"]]
     starts = [
-        _scaled(search, _blow(model, scanned, i, mass, known))
-        for i in _places(model, scanned)
+        _scaled(search, _first_blow(model, scanned, i, mass, known))
+        for i in _starting_places(model, scanned)
         for mass in masses
     ]
     starts.sort(key=lambda pair: pair[0])
@@ -391,7 +404,7 @@ def most_probable(
             fits.append(search.refined(fit.blow, LAST_STEPS))
             ready(MOST_STARTS + len(fits))
         best = min(fits, key=lambda fit: fit.cost)
-        if best.chi2 > POOR and {"mass", "velocity"} <= set(unknown):
+        if best.chi2 > POOR_CHI2 and {"mass", "velocity"} <= set(unknown):
             for by in HEAVIER:  # of the same momentum, which may touch a second time
                 mass, velocity = by * best.blow.mass, best.blow.velocity / by
                 heavier = replace(best.blow, mass=mass, velocity=velocity)
@@ -400,10 +413,10 @@ def most_probable(
     return sorted(fits, key=lambda fit: fit.cost)
 
 
-def _fits_to_continue(model: Struck, fits: list[ProbableImpact]) -> list[ProbableImpact]:
+def _fits_to_continue(model: Model, fits: list[ProbableImpact]) -> list[ProbableImpact]:
     """The fits to continue: the best one, and the best at another place or else the second best."""
     first, *others = fits
-    least_distance = APART * model.surface.spacing(first.blow.site)
+    least_distance = PLACE_DISTANCE * model.surface.spacing(first.blow.site)
     lines = [fit.blow.place - first.blow.place for fit in others]
     apart = [np.linalg.norm(line) > least_distance for line in lines]
     elsewhere = [fit for fit, is_apart in zip(others, apart, strict=True) if is_apart]
@@ -412,12 +425,12 @@ def _fits_to_continue(model: Struck, fits: list[ProbableImpact]) -> list[Probabl
     return [first, *promising][:MOST_FITS]
 
 
-def _places(model: Struck, scanned: Scan) -> list[int]:
+def _starting_places(model: Model, scanned: Scan) -> list[int]:
     """The sites whose pulses fit best, at a distance from one another."""
     site_numbers: list[int] = []
     points = model.surface.points
     for i in np.argsort(-scanned.explained, kind="stable").tolist():
-        least_distance = APART * model.surface.spacing(i)
+        least_distance = PLACE_DISTANCE * model.surface.spacing(i)
         if all(np.linalg.norm(points[i] - points[k]) > least_distance for k in site_numbers):
             site_numbers.append(i)
         if len(site_numbers) == PLACES:
@@ -426,7 +439,9 @@ def _places(model: Struck, scanned: Scan) -> list[int]:
     return site_numbers
 
 
-def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str, float]) -> Blow:
+def _first_blow(
+    model: Model, scanned: Scan, i: int, mass: float, known: Mapping[str, float]
+) -> Blow:
     """An impact whose pulse on a rigid wall is that of the scan at site i."""
     T = float(scanned.duration[i])
     impulse = 2 / np.pi * T * float(scanned.amplitude[i])
@@ -450,7 +465,7 @@ def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str,
 
 
 def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:
-    """(cost, impact) with the amplitude that fits best."""
+    """(cost, impact) after its strength is scaled to fit the signals best."""
     model = search.model
     signals = search.at(blow)[2].signals.ravel()
     data = model.data.compared.ravel()

@@ -19,7 +19,7 @@ from antiosc.impact.states import forces, locate
 #: Relative error of the forces in a step of the runs that are differenced.
 TOL = 1e-9
 #: Two peaks that differ by less than this share may change places within a step.
-NEAR = 1e-3
+EQUAL_PEAKS = 1e-3
 #: Times at which the largest displacement is sought, and the refinements of its time, by 8 each.
 TIMES, REFINED = 1025, 4
 OF_CONTACT = ("peak_force", "impulse", "contact_time", "restitution")
@@ -29,7 +29,7 @@ GOALS = (*OF_CONTACT, "peak_displacement", *TIMED)
 
 
 class Goal(NamedTuple):
-    """A goal: its name, how long runs for it go on [s], and how it is read of a run."""
+    """A goal: its name, the time [s] up to which runs go on, and the function that reads it."""
 
     name: str
     until: float
@@ -37,21 +37,21 @@ class Goal(NamedTuple):
 
 
 class Values(NamedTuple):
-    """What was read of a run, and the number of touches of each contact in it."""
+    """The value of the goal in a run, and the number of touches of each contact."""
 
     goal: float
     touches: tuple[int, ...]
 
 
 def values_of(goal: Goal, assembly: Assembly, tol: float) -> Values:
-    """Run an assembly once and read the goal of it."""
-    hit = _run(assembly, goal.until, tol)
+    """Run an assembly once, with a relative error `tol` of the forces, and read the goal."""
+    hit = _history(assembly, goal.until, tol)
     events = hit.run.events
     touched = events[events[:, 2] != library.APART, 1].astype(int)
     return Values(goal.read(hit), tuple(np.bincount(touched, minlength=1).tolist()))
 
 
-def _run(assembly: Assembly, until: float, tol: float) -> History:
+def _history(assembly: Assembly, until: float, tol: float) -> History:
     fine = assembly.contact_time_estimate / FINE
     options = library.COptions(until, tol, 0.0, 0.0, fine, 10_000, 1_000_000, 1)
     run, solution = solve(assembly.system, options)
@@ -70,7 +70,11 @@ def goal_of(
     contact: tuple[str, str] | None,
     time: float | None,
 ) -> Goal:
-    """The goal that is asked for; `base`: the given run's assembly, or another that is compared."""
+    """The goal of this name, or of this function of a history.
+
+    base : assembly whose run shows when the peak ends, that of `hit` or of a changed model;
+    contact, time : as for `gradient`.
+    """
     until = float(hit.run.time[-1])
     if callable(goal) and not isinstance(goal, type):
         name = str(getattr(goal, "__name__", "goal"))
@@ -89,7 +93,7 @@ def goal_of(
         raise NotDifferentiableError("the contact did not touch: this goal has no gradient.")
 
     if name == "peak_force":
-        until = _end_of_peak(_run(base, until, TOL), c)
+        until = _end_of_peak(_history(base, until, TOL), c)
     if name in OF_CONTACT:
         return Goal(name, until, lambda run: _of_contact(run, c, name))
     if name == "peak_displacement":
@@ -127,11 +131,11 @@ def _of_contact(hit: History, c: int, name: str) -> float:
 
 
 def _end_of_peak(hit: History, c: int) -> float:
-    """The release [s] after the largest force, which no other peak may equal."""
+    """Time [s] of the release after the largest force; NotDifferentiableError for two of them."""
     run = hit.run
     steps = np.arange(run.time.size // 2)
     tops = library.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
-    near = np.flatnonzero(tops >= (1 - NEAR) * tops.max())
+    near = np.flatnonzero(tops >= (1 - EQUAL_PEAKS) * tops.max())
 
     if near[-1] - near[0] >= near.size:
         raise NotDifferentiableError(

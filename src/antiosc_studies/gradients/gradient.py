@@ -24,21 +24,28 @@ from antiosc.extension import SAFETY, TRUNCATION_SAFETY, softest_model
 from antiosc.impact.assembly import Assembly
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc_studies.gradients.goals import TOL, Goal, Values, goal_of, values_of
-from antiosc_studies.gradients.numbers import Number, Struck, Turn, mapped, of_body, of_contact
+from antiosc_studies.gradients.numbers import (
+    ModelChange,
+    Number,
+    VariableImpact,
+    mapped,
+    of_body,
+    of_contact,
+)
 
 #: Relative step of a number, and what it becomes where a touch appears or vanishes within it.
 STEPS = (1e-4, 1e-5)
 #: Of the second difference, whose distance is the error: its step and tolerance over those of the
 #: first. Without changes of the order of steps runs are smooth to 1e-14; to 1e-7 their derivatives
 #: are within some 1e-5, to 1e-9 within some 1e-6 of the goal over the number.
-WIDER, COARSER = 2.0, 100.0
+STEP_FACTOR, TOL_FACTOR = 2.0, 100.0
 #: Steps of a difference, and its weights there and in the given run; on one side where the other is
 #: out of range.
 SCHEMES = ((-1, 1), (-0.5, 0.5, 0.0)), ((1, 2), (2.0, -0.5, -1.5))
 #: Least error of a derivative, over the goal by the number.
 FLOOR = 2e-6
 #: Share of the anti-oscillators that the comparison run for the truncation error omits.
-FEWER = 0.25
+LEFT_OUT_SHARE = 0.25
 
 Tree = dict[str, Any]
 
@@ -188,8 +195,8 @@ def gradient(
     if x is not None and (part is None or not callable(part)):
         raise InputError("x is for a part that is a function of x: give part=, or leave out x.")
 
-    turns = [None, *(_turns(hit) if error is not None else [])]
-    all_struck = [Struck(hit, turn) for turn in turns]
+    turns = [None, *(_model_changes(hit) if error is not None else [])]
+    all_struck = [VariableImpact(hit, turn) for turn in turns]
     models = None
     if part is not None:
         from antiosc_studies.gradients.of_part import Models  # loads dolfinx
@@ -197,21 +204,21 @@ def gradient(
         models = Models(part, x, hit)
 
     goals = [goal_of(goal, hit, struck.base, contact, time) for struck in all_struck]
-    slopes = [_derivatives(*pair, models) for pair in zip(all_struck, goals, strict=True)]
+    slopes = [_slopes(*pair, models) for pair in zip(all_struck, goals, strict=True)]
     bodies, contacts = zip(*slopes, strict=True)
 
     asked = goals[0]
     value = asked.read(hit)
     off = abs(values_of(asked, all_struck[0].base, TOL).goal - value) + TOL * abs(value)
-    bars = Gradient(asked.name, off, mapped(_bar, *bodies), mapped(_bar, *contacts))
+    bars = Gradient(asked.name, off, mapped(_error_bar, *bodies), mapped(_error_bar, *contacts))
     bodies, contacts = (
         mapped(lambda slope, *_: slope.value, *trees) for trees in (bodies, contacts)
     )
     return Gradient(asked.name, value, bodies, contacts, bars)
 
 
-def _turns(hit: History) -> list[Turn]:
-    """Changes of the model whose effects are its errors of truncation and of the mesh."""
+def _model_changes(hit: History) -> list[ModelChange]:
+    """Functions that change the model; the effects of the changes estimate its errors."""
     model = hit.assembly.scene.bodies.get("structure") if hit.rerun is not None else None
     if not isinstance(model, AntiOscillators) or not model.n:
         raise InputError(
@@ -219,8 +226,8 @@ def _turns(hit: History) -> list[Turn]:
             " error= out."
         )
 
-    left_out = max(1, round(FEWER * model.n))
-    turns: list[Turn] = [lambda one: one.truncated(one.n - left_out), softest_model]
+    left_out = max(1, round(LEFT_OUT_SHARE * model.n))
+    turns: list[ModelChange] = [lambda one: one.truncated(one.n - left_out), softest_model]
     return turns + ([AntiOscillators.corrected] if model.strain_error is not None else [])
 
 
@@ -231,12 +238,15 @@ class Slope(NamedTuple):
     error: float
 
 
-def _derivatives(struck: Struck, goal: Goal, models: Any) -> tuple[Tree, dict[Any, Tree]]:
-    """The slopes of a goal by the numbers of bodies and of contacts."""
-    derive = _differences(goal, struck.base)
+def _slopes(struck: VariableImpact, goal: Goal, models: Any) -> tuple[Tree, dict[Any, Tree]]:
+    """Slopes of a goal: (body -> {parameter: slope}, ends of a contact -> {parameter: slope}).
+
+    models : the extracted models of `gradients.of_part`, or None.
+    """
+    derive = _slope_function(goal, struck.base)
     bodies = {name: mapped(derive, of_body(struck, name)) for name in struck.scene.bodies}
     if models is not None:
-        again = _differences(goal, models.posed(struck))
+        again = _slope_function(goal, models.posed(struck))
         bodies[models.name] |= mapped(again, models.numbers(struck))
 
     contacts = {
@@ -246,18 +256,18 @@ def _derivatives(struck: Struck, goal: Goal, models: Any) -> tuple[Tree, dict[An
     return {name: tree for name, tree in bodies.items() if tree}, contacts
 
 
-def _differences(goal: Goal, base: Assembly) -> Callable[[Number], Slope]:
-    """A function of a number that gives the slope of the goal by it."""
-    fine, coarse = (values_of(goal, base, tol) for tol in (TOL, COARSER * TOL))
+def _slope_function(goal: Goal, base: Assembly) -> Callable[[Number], Slope]:
+    """A function that returns the slope of the goal by a `Number`."""
+    fine, coarse = (values_of(goal, base, tol) for tol in (TOL, TOL_FACTOR * TOL))
 
     def derive(number: Number) -> Slope:
         for step in STEPS:
             h = step * number.size
-            slope = _difference(number, h, goal, fine, TOL)
-            other = _difference(number, WIDER * h, goal, coarse, COARSER * TOL)
+            slope = _quotient(number, h, goal, fine, TOL)
+            other = _quotient(number, STEP_FACTOR * h, goal, coarse, TOL_FACTOR * TOL)
             if slope is not None and other is not None:
                 least = FLOOR * abs(fine.goal) / number.size
-                richardson = (slope - other) / (WIDER**2 - 1) if number.wide else 0.0
+                richardson = (slope - other) / (STEP_FACTOR**2 - 1) if number.wide else 0.0
                 return Slope(slope + richardson, abs(slope - other) + least)
 
         raise NotDifferentiableError(
@@ -268,8 +278,11 @@ def _differences(goal: Goal, base: Assembly) -> Callable[[Number], Slope]:
     return derive
 
 
-def _difference(number: Number, h: float, goal: Goal, base: Values, tol: float) -> float | None:
-    """Slope of a goal by a number; None where a touch appears or vanishes."""
+def _quotient(number: Number, h: float, goal: Goal, base: Values, tol: float) -> float | None:
+    """Difference quotient of a goal with the step `h`; None where a touch appears or vanishes.
+
+    base : values of the unchanged run; tol : relative error of the forces in all runs.
+    """
     refused: InputError | None = None
     for points, weights in SCHEMES:
         for side in (h, -h):
@@ -287,8 +300,11 @@ def _difference(number: Number, h: float, goal: Goal, base: Values, tol: float) 
     raise refused
 
 
-def _bar(slope: Slope, *others: Slope) -> float:
-    """The error of a derivative by its differences, and those of the changed models."""
+def _error_bar(slope: Slope, *others: Slope) -> float:
+    """Error bar of a derivative, by its differences and by the changed models.
+
+    others : its slopes on the models of `_model_changes`, None where a model has none.
+    """
     changes = [abs(one.value - slope.value) for one in others if one is not None]
     truncation = TRUNCATION_SAFETY * max(changes[:2], default=0.0)
     return slope.error + truncation + SAFETY * sum(changes[2:])

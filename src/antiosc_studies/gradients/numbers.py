@@ -27,14 +27,14 @@ from antiosc.extension import Impact, assemble_pair
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.models.stretch import refuse_stretch
 
-Turn = Callable[[AntiOscillators], AntiOscillators]
+ModelChange = Callable[[AntiOscillators], AntiOscillators]
 #: Numbers by name: one, a list of them, a dict of them, or None of one that cannot decrease.
 Numbers = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number of an impact."""
+    """A number that an impact depends on."""
 
     value: float  # its value
     size: float  # what steps of it are relative to, > 0
@@ -43,7 +43,7 @@ class Number:
 
 
 def mapped(pick: Callable[..., Any], first: Any, *others: Any) -> Any:
-    """A tree of what `pick` makes of the leaves at the same place of some trees."""
+    """Apply `pick` to the leaves at each place of several trees (nested dicts and lists)."""
     if isinstance(first, dict):
         return {
             name: mapped(pick, value, *(tree[name] for tree in others))
@@ -56,17 +56,17 @@ def mapped(pick: Callable[..., Any], first: Any, *others: Any) -> Any:
 
 
 def number(value: float, posed: Callable[[float], Assembly]) -> Number:
-    """A number whose steps are relative to itself."""
+    """A number whose steps are relative to its own value."""
     return Number(value, abs(value), posed)
 
 
-class Struck:
+class VariableImpact:
     """The bodies and contacts of a run, which can be exchanged.
 
-    turn : function of the model "structure", applied to it wherever it comes from.
+    turn : function that changes the model "structure" before every run; None: it stays.
     """
 
-    def __init__(self, hit: History, turn: Turn | None = None) -> None:
+    def __init__(self, hit: History, turn: ModelChange | None = None) -> None:
         checks.instance("hit", hit, History, "a History of simulate or Scene.run")
         if hit.assembly.stretched:
             raise InputError(
@@ -122,7 +122,7 @@ class Struck:
         return start if isinstance(start, int | float) else 0.0
 
 
-def of_body(struck: Struck, name: str) -> Numbers:
+def of_body(struck: VariableImpact, name: str) -> Numbers:
     """The numbers of a body with one site."""
     body: Any = struck.scene.bodies[name]
     is_impactor = isinstance(body, Impactor)
@@ -185,7 +185,7 @@ def _of_model(model: AntiOscillators, posed: Callable[[AntiOscillators], Assembl
     return numbers
 
 
-def of_contact(struck: Struck, i: int) -> Numbers:
+def of_contact(struck: VariableImpact, i: int) -> Numbers:
     """The numbers of a contact: of its law, its gap, its friction."""
     contact = struck.scene.contacts[i]
     law: Any = contact.law

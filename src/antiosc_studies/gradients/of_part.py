@@ -15,17 +15,17 @@ from antiosc.base import checks
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.extension import refuse_prestress
 from antiosc.impact.assembly import Assembly
-from antiosc_studies.gradients.numbers import Number, Numbers, Struck, mapped
+from antiosc_studies.gradients.numbers import Number, Numbers, VariableImpact, mapped
 
 #: Size of a number over its value, for steps of a hundredth: where a site excites some modes by
 #: rounding alone, the highest anti-oscillators of two extractions differ by 1e-4.
-COARSE = 100.0
+STEP_SIZE = 100.0
 #: The same of an input that is 0.
-OF_ZERO = 10.0
+ZERO_SIZE = 10.0
 #: Largest relative difference of the static masses of the run's model and that extracted again.
-SAME_MODEL = 1e-3
+SAME_MASS_TOL = 1e-3
 #: Numbers of materials on which K and M do not depend.
-IDLE = {"loss", "yield_strength", "tensile", "rate"}
+UNUSED = {"loss", "yield_strength", "tensile", "rate"}
 
 #: A value, the size of its steps, and the model for another value.
 Varied = tuple[float, float, Callable[[float], AntiOscillators]]
@@ -51,17 +51,17 @@ class Models:
 
         self._middle: AntiOscillators = self._extracted(built)
         off = np.abs(self._middle.m_st - self._model.m_st).max()
-        if off > SAME_MODEL * np.abs(self._model.m_st).max():
+        if off > SAME_MASS_TOL * np.abs(self._model.m_st).max():
             raise InputError(
                 "part must give the model of this run: the mass at its site is another."
             )
 
-    def posed(self, struck: Struck) -> Assembly:
+    def posed(self, struck: VariableImpact) -> Assembly:
         """The impact on the model that is extracted again."""
         return struck.posed({self.name: self._middle})
 
-    def numbers(self, struck: Struck) -> Numbers:
-        """The numbers of the part, each with the impact on the part with another value."""
+    def numbers(self, struck: VariableImpact) -> Numbers:
+        """The numbers of the part by name, each with the impact on the part that it changes."""
 
         def posed(one: Varied) -> Number:
             value, size, model = one
@@ -71,14 +71,17 @@ class Models:
         return mapped(posed, self._tree)  # type: ignore[no-any-return]
 
     def _of_function(self, part: Callable[..., object], x: Any, fine: bool) -> list[Varied]:
-        """The entries of the argument of a function; `fine`: it gives models, without rounding."""
+        """The entries of the argument x of a function.
+
+        fine : whether it returns models, so that no extraction limits how small steps may be.
+        """
 
         def model(i: int, value: float) -> AntiOscillators:
             return self._extracted(part(np.where(np.arange(x.size) == i, value, x)))
 
-        coarse = 1.0 if fine else COARSE
+        coarse = 1.0 if fine else STEP_SIZE
         return [
-            (value, coarse * abs(value) or OF_ZERO, cache(partial(model, i)))
+            (value, coarse * abs(value) or ZERO_SIZE, cache(partial(model, i)))
             for i, value in enumerate(x.tolist())
         ]
 
@@ -98,7 +101,7 @@ class Models:
         tree: Numbers = {}
         for group, material in groups.items():
             for name, value in values_of(material).items():
-                varied = (value, COARSE * abs(value), cache(partial(model, group, name)))
+                varied = (value, STEP_SIZE * abs(value), cache(partial(model, group, name)))
                 if several:
                     tree.setdefault(name, {})[group] = varied
                 else:
@@ -142,7 +145,7 @@ def model_name(hit: History) -> str:
 
 def values_of(material: Any) -> dict[str, float]:
     """The numbers of a material on which K and M depend, by name."""
-    unused_names = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
+    unused_names = UNUSED if getattr(material, "plane", "") is not None else UNUSED | {"thickness"}
     names = {item.name for item in fields(material) if item.init} - unused_names
     values = {name: getattr(material, name) for name in sorted(names)}
     return {name: value for name, value in values.items() if value and isinstance(value, float)}

@@ -29,7 +29,7 @@ from antiosc_studies.gradients.gradient import gradient
 from antiosc_studies.gradients.of_part import model_name, values_of
 
 #: Relative step of a thickness for the change of K and M.
-CHANGE = 1e-3
+THICKNESS_STEP = 1e-3
 #: Largest ratios of stiffness and of mass of a part and a model that belong to each other.
 SAME_PART = 1 + 1e-4, 1 + 1e-4
 #: Parameters of a design map, and their units.
@@ -158,7 +158,7 @@ def design_map(
     if not np.isfinite(by_cell).any():
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
     relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
-    changes = _relative(part, meshed, by)
+    changes = _derivative_forms(part, meshed, by)
     size = np.sqrt(np.append(model.m_st, model.m))  # so that all shapes count alike
     for change, matrix in zip(changes, by_matrices(model, by_model), strict=True):
         if change:
@@ -171,10 +171,10 @@ def design_map(
     return DesignMap(g.goal, g.value, by, relative / value, per_mass, meshed)
 
 
-def _relative(
+def _derivative_forms(
     part: Structure, meshed: MeshedStructure, by: str
 ) -> tuple[Sequence[ufl.Form], Sequence[ufl.Form]]:
-    """UFL forms of the changes of K and M by a relative change of a parameter."""
+    """UFL forms of the derivatives of K and M by a relative change of the parameter `by`."""
     if by != "thickness":  # to which they are proportional
         if by == "E":
             return (meshed.form.stiffness, [])
@@ -187,10 +187,10 @@ def _relative(
         changed_parts: list[Any] = []
         for material, cells in meshed.parts:
             value = values_of(material).get(by)
-            scaled = {} if value is None else {by: value * (1 + sign * CHANGE)}
+            scaled = {} if value is None else {by: value * (1 + sign * THICKNESS_STEP)}
             changed_parts.append((replace(material, **scaled), cells))
         form = changed_parts[0][0].weak_form(meshed.mesh, changed_parts, part.made_of[2]["order"])
-        factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
+        factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * THICKNESS_STEP))
         K += [factor * part_form for part_form in form.stiffness]
         M += [factor * part_form for part_form in form.mass]
 

@@ -15,7 +15,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import percent
 from antiosc.models.body import MeasuredBand, ModelInfo
-from antiosc_studies.measured.fit import Fit, Measured, fitted, unclear, with_other_noise
+from antiosc_studies.measured.fit import Fit, Measured, fitted, support_is_unclear, with_other_noise
 from antiosc_studies.measured.frf import FRF, POWER, FittedModes, Pairs
 
 DampingForm = Literal["viscous", "hysteretic"]
@@ -24,11 +24,11 @@ MOST_FITTED = 100_000
 #: chi^2 over the degrees of freedom above which a poor fit is reported, …
 POOR = 2.0
 #: … unless its median error is below this: for data without noise the noise level is unknown.
-SLIGHT = 0.005
+SMALL_ERROR = 0.005
 #: Median |H - fit| over |H| above which a measurement is refused, …
-UNFITTED = 0.5
+MOST_MISFIT = 0.5
 #: … and above which it is reported.
-ROUGH = 0.15
+ROUGH_MISFIT = 0.15
 #: Rigid-body modes that move the sites by less than this share of the largest are dropped.
 LEAST_RIGID = 0.05
 #: Least eigenvalue of a residual compliance over the largest.
@@ -39,7 +39,7 @@ SHIFT = 0.1
 #: measurement is reversed, …
 WRONG_SIGN = 0.8
 #: … and above which the sensor is not at the driving point.
-BESIDE = 0.2
+MISPLACED_SHARE = 0.2
 
 
 @checks.within_range
@@ -88,7 +88,7 @@ def from_frf(
     data = _with_equal_directions(_data(frf.within(band).without_sensor(sensor_mass)))
     best = fitted(data, free, None if damping is None else damping == "hysteretic")
     _check(data, best)
-    if free is None and unclear(data, best.modes):
+    if free is None and support_is_unclear(data, best.modes):
         _warn_unclear(data, best.modes)
 
     info = ModelInfo(
@@ -130,8 +130,8 @@ def _data(frf: FRF) -> Measured:
 
 
 def _with_equal_directions(data: Measured) -> Measured:
-    """The measurement with equal directions at driving points: -w Im H is not negative."""
-    if not np.any(_power(data)):
+    """The measurement with the sign for which power flows into the part at driving points."""
+    if not np.any(_driving_power(data)):
         raise InputError(
             "the FRF at the driving point has no imaginary part: magnitudes and real parts do not"
             " tell damping or masses; give complex values, with their phase."
@@ -149,12 +149,12 @@ def _with_equal_directions(data: Measured) -> Measured:
 
 
 def _outflow(data: Measured) -> float:
-    """Share of the power at driving points that leaves the part, for equal forces."""
-    power = _power(data)
+    """Power that leaves the part over all |power|, of equal forces at its driving points."""
+    power = _driving_power(data)
     return float(-np.sum(np.minimum(power, 0.0)) / np.sum(np.abs(power)))
 
 
-def _power(data: Measured) -> Array:
+def _driving_power(data: Measured) -> Array:
     """Power (W, p) into the part at the driving points, over half of the squared force."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
     return np.asarray(-data.w[:, None] * data.H[:, driving].imag)
@@ -165,27 +165,27 @@ def _check(data: Measured, fit: Fit) -> None:
     H = fit.modes.receptance(data.w, data.pairs)
     misfit = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
 
-    if (outflow := _outflow(data)) > BESIDE:
+    if (outflow := _outflow(data)) > MISPLACED_SHARE:
         warn(
             f"at the driving point {percent(outflow)} of the power flows out of the part, which has"
             " none: the sensor lies beside the struck point, where modes may have another sign, or"
             " its phase is wrong; measure both at one place."
         )
 
-    if misfit > UNFITTED:
+    if misfit > MOST_MISFIT:
         raise AccuracyError(
             f"no passive body explains the measurement: the best one is off by {percent(misfit)} "
             "in the median; check that it is a driving point, its quantity and its units."
         )
 
-    if misfit > ROUGH or (fit.chi2 > POOR and misfit > SLIGHT):
+    if misfit > ROUGH_MISFIT or (fit.chi2 > POOR and misfit > SMALL_ERROR):
         warn(
             f"the model differs from the measurement by {percent(misfit)} in the median, chi^2 ="
             f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",
             AccuracyWarning,
         )
 
-    if not fit.modes.seen:
+    if not fit.modes.n_band:
         warn(
             f"no mode lies in the band up to {data.w[-1] / (2 * np.pi):.4g} Hz: what the model does"
             " above it is a guess, and its bars are too small; measure to a higher frequency.",
@@ -205,7 +205,7 @@ def _warn_unclear(data: Measured, modes: FittedModes) -> None:
 
 
 def _consistent_bodies(data: Measured, fit: Fit) -> MeasuredBand:
-    """Bodies, in free modes, that are equally consistent with the measurement."""
+    """Other bodies, in free modes, that explain the measurement as well as the fit."""
     noisy = with_other_noise(data, fit)
     rows = (_free_modes(modes) for modes in (*noisy, *fit.tails))
     omega, decay, b, r = map(list, zip(*rows, strict=True))
@@ -213,7 +213,7 @@ def _consistent_bodies(data: Measured, fit: Fit) -> MeasuredBand:
 
 
 def _free_modes(modes: FittedModes) -> tuple[list[float], list[float], list[float], float]:
-    """(omega, decay, b, r) of one site; the rigid-body mode is the first."""
+    """Free modes (omega, decay, b, r) of a fitted body with one site, a rigid-body mode first."""
     zero = [] if modes.rigid is None else [0.0]
     rigid_b = [] if modes.rigid is None else [float(modes.rigid[0, 0])]
     omega = modes.omega.tolist()
@@ -239,7 +239,7 @@ def anti_oscillators(
         omega = np.append(np.zeros(len(rigid)), omega)
     shift = SHIFT * float(omega[omega > 0][0]) ** 2 if modes.rigid is not None else 0.0
     if sites:
-        model = _several(omega, b, r, sites)
+        model = _model_of_sites(omega, b, r, sites)
     else:
         compliance = float(np.sum(b[:, 0] ** 2 / (omega**2 + shift)) + r[0, 0])
         model = from_free_modes(omega, b[:, 0], compliance, shift=shift)
@@ -251,7 +251,7 @@ def anti_oscillators(
         return replace(model, damping=Damping(ratio=ratios), info=info)
 
 
-def _several(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) -> AntiOscillators:
+def _model_of_sites(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) -> AntiOscillators:
     """Anti-oscillators of several sites from free modes and a residual compliance r.
 
     With u = b'q + r f and the sites fixed at u, statics gives q = S u, S = (X + b r^-1 b')^-1 b

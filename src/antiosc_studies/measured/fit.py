@@ -27,8 +27,8 @@ from scipy.signal import find_peaks, savgol_filter
 
 from antiosc.base._types import Array, BoolArray, ComplexArray
 from antiosc_studies.measured.frf import (
-    BEYOND,
-    TYPICAL,
+    TAIL_DAMPING,
+    TAIL_GAP,
     FittedModes,
     Pairs,
     Tail,
@@ -72,7 +72,10 @@ def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
 
 
 def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
-    """Frequencies [rad/s] and damping ratios of the complex poles of H (W, M)."""
+    """Frequencies [rad/s] and damping ratios of the poles of H (W, M), by vector fitting.
+
+    w : (W,) circular frequencies; weight : (W, M).
+    """
     top = float(w[-1])
     starts = starting_poles(w, H) / top
     for _ in range(RELOCATED):
@@ -84,7 +87,7 @@ def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
 
 
 def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray) -> ComplexArray:
-    """The zeros of sigma in the left half-plane; of conjugate pairs only the upper one."""
+    """Better poles from poles `a`: the zeros of sigma in the left half-plane, one of a pair."""
     is_real = a.imag == 0
     first = 1 / (s[:, None] - a)
     second = 1 / (s[:, None] - a.conj())
@@ -214,7 +217,12 @@ def lowered(
     moved: Callable[[Array], tuple[T, Array]],
     limits: tuple[Array, Array] = UNLIMITED,
 ) -> tuple[tuple[T, Array] | None, float]:
-    """One damped Gauss-Newton step to a lower cost, None if none lowers it; next damping."""
+    """One Gauss-Newton step to a lower cost, with as much damping as it takes.
+
+    normal, slope : J'J and J' residual; moved : (body, residual) after a step; limits : lowest and
+    highest step. Returns `moved` of the step, or None if no step lowers the cost, and the damping
+    to begin the next one with.
+    """
     cost = float(residual @ residual)
     diagonal = np.diag(normal)
     size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))
@@ -234,22 +242,22 @@ def lowered(
 
 
 def _limits(modes: FittedModes, top: float) -> tuple[Array, Array]:
-    """Lowest and highest step of `values`: peaks move by at most a few of their widths."""
-    in_band = modes.seen
+    """Lowest and highest step of each of `values`; frequencies move by a few widths of peaks."""
+    in_band = modes.n_band
     count = len(modes.omega)
     damping = modes.zeta[:in_band]
     peaks = np.minimum(LONGEST[0] * np.maximum(damping, 1e-4), LONGEST[1])
-    lowest_tail = np.minimum(np.log((1 + BEYOND) * top / modes.omega[in_band:]), 0.0)
+    lowest_tail = np.minimum(np.log((1 + TAIL_GAP) * top / modes.omega[in_band:]), 0.0)
     highest_tail = np.full(count - in_band, 2 * LONGEST[1])
     most_damping = np.minimum(LONGEST[2], np.log(MOST_DAMPED / damping))
     least_damping = np.full(in_band, -LONGEST[2])
-    sizes = LARGEST_CHANGE * _sizes(modes)
+    sizes = LARGEST_CHANGE * _parameter_scales(modes)
     low = np.concatenate((-peaks, lowest_tail, least_damping, -sizes))
     high = np.concatenate((peaks, highest_tail, most_damping, sizes))
     return low, high
 
 
-def _sizes(modes: FittedModes) -> Array:
+def _parameter_scales(modes: FittedModes) -> Array:
     """The scale of each parameter: the norm of its mode's displacements, of a, or of l."""
     of_modes = np.linalg.norm(modes.b, axis=1)
     sizes = [np.repeat(of_modes, modes.b.shape[1])]
@@ -259,8 +267,8 @@ def _sizes(modes: FittedModes) -> Array:
 
 
 def _bounded(matrix: Array, right: Array, limits: tuple[Array, Array]) -> Array:
-    """The solution within limits: components beyond a limit are fixed at it, the others solved
-    again.
+    """Solve `matrix` x = `right` within limits: components beyond one are fixed at it, and the
+    others solved again.
 
     Clipping alone would not adapt the other components: in its narrow valleys the cost would then
     rise, and the search would end far from the minimum.
@@ -329,13 +337,13 @@ def covariance(normal: Array) -> Array:
     return np.asarray(half @ half.T / size / size[:, None])
 
 
-def lifted(data: Measured, modes: FittedModes) -> FittedModes:
-    """The body with small values for zero residual terms, where the cost has no gradient."""
+def without_zeros(data: Measured, modes: FittedModes) -> FittedModes:
+    """The body with small values in place of vanishing terms, where the cost has no gradient."""
     low = slice(len(data.w) // 8 + 1)
     size = LIFTED * float(np.median(np.abs(data.H)))
     mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
     rigid = modes.rigid
-    in_band = modes.seen
+    in_band = modes.n_band
     b = modes.b.copy()
     smallest = np.sqrt(LIFTED * modes.tail.b2)
     b[in_band:] = np.where(np.abs(b[in_band:]) < smallest, smallest, b[in_band:])
@@ -343,12 +351,12 @@ def lifted(data: Measured, modes: FittedModes) -> FittedModes:
     return replace(
         modes,
         b=b,
-        rigid=None if rigid is None else _not_zero(rigid, mass),
-        root=_not_zero(modes.root, size),
+        rigid=None if rigid is None else _with_least_diagonal(rigid, mass),
+        root=_with_least_diagonal(modes.root, size),
     )
 
 
-def _not_zero(root: Array, least: float) -> Array:
+def _with_least_diagonal(root: Array, least: float) -> Array:
     """The triangular matrix with diagonal entries of at least sqrt(least)."""
     diagonal = np.diag(root)
     small = diagonal**2 < least
@@ -389,7 +397,7 @@ def _variances(squares: Array, kinds: Array, start: tuple[float, float]) -> Arra
 #: Standard deviations by which a mode's displacement must exceed 0 for the mode to be kept.
 SIGNIFICANCE = 6.0
 #: Standard deviations by which a mode's part in the residual must exceed 0 for it to be added.
-ADDED = 5.5
+ADD_SIGNIFICANCE = 5.5
 #: Rounds of adding and dropping modes.
 ROUNDS = 10
 #: Largest number of modes added in one round.
@@ -412,12 +420,12 @@ FEW_BODIES = 3
 #: noise spurious motions of 1e-11 to 1e-3 appear in the fit (measured).
 LEAST_MOTION = 0.01
 #: Share of the lowest line that may be neither mass nor spring if the line shows which of the two.
-NEITHER = 0.5
+AMBIGUOUS_SHARE = 0.5
 #: Number of the lowest lines that tell a free body from a supported one: at higher lines a
 #: rigid-body motion may merely compensate a poor tail.
 LOWEST = 5
 #: Largest misfit at the lowest lines of a free body over that of a supported one.
-SEEN = 2.0
+MISFIT_RATIO = 2.0
 #: Ratio of the weights after and before a round below which the noise level has converged.
 SETTLED = 1.05
 
@@ -437,16 +445,16 @@ class Fit:
 def fitted(data: Measured, free: bool | None, hysteretic: bool | None) -> Fit:
     """The most probable body among forms of damping and of support."""
     weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
-    modes = _first(data, weight, free, bool(hysteretic))
+    modes = _initial(data, weight, free, bool(hysteretic))
     best_round = (modes, weight, np.zeros(0))
     lowest = np.inf
 
     count = AT_ONCE
     for _ in range(ROUNDS):
-        modes, normal, _ = refined(data, weight, lifted(data, modes), STEPS)
+        modes, normal, _ = refined(data, weight, without_zeros(data, modes), STEPS)
         if data.sigma is None:
             weight = 1 / noise(data, modes)
-        score = _cost(data, weight, modes) + SIGNIFICANCE**2 * modes.seen
+        score = _cost(data, weight, modes) + SIGNIFICANCE**2 * modes.n_band
         if score < lowest:
             best_round = (modes, weight, normal)
             lowest = score
@@ -454,10 +462,10 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None) -> Fit:
             modes, weight, normal = best_round
             count //= 4
         significant = _significant(modes, covariance(normal))
-        modes = modes.with_seen(
-            *(values[: modes.seen][significant] for values in _mode_parameters(modes))
+        modes = modes.with_band_modes(
+            *(values[: modes.n_band][significant] for values in _mode_parameters(modes))
         )
-        extended = _added(data, weight, modes, count)
+        extended = _with_more(data, weight, modes, count)
         if extended is None and significant.all():
             break
         modes = modes if extended is None else extended
@@ -469,17 +477,19 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None) -> Fit:
     if free is None:  # rigid-body motion must stand above the misfit
         supported = _finished(data, weight, replace(modes, rigid=None))
         clear = supported.cost - best.cost >= SIGNIFICANCE**2 * max(best.chi2, 1.0)
-        has_rigid_motion = _low_misfit(data, best.modes) < SEEN * _low_misfit(data, supported.modes)
-        if _slight(data, best.modes) or not (clear and has_rigid_motion):
+        has_rigid_motion = _low_misfit(data, best.modes) < MISFIT_RATIO * _low_misfit(
+            data, supported.modes
+        )
+        if _rigid_is_small(data, best.modes) or not (clear and has_rigid_motion):
             best = supported
 
     bodies = [best.modes, *_other_tails(data, best)]
-    fits = [_finished(data, best.weight, body) for body in _best(data, best, bodies)[:2]]
+    fits = [_finished(data, best.weight, body) for body in _ranked(data, best, bodies)[:2]]
     best = min(fits, key=attrgetter("cost"))
     if hysteretic is None:
         hysteretic_fit = _finished(data, best.weight, replace(best.modes, hysteretic=True))
         best = min(best, hysteretic_fit, key=attrgetter("cost"))
-    return replace(best, tails=tuple(_best(data, best, [*bodies[1:], *_other_tails(data, best)])))
+    return replace(best, tails=tuple(_ranked(data, best, [*bodies[1:], *_other_tails(data, best)])))
 
 
 def _low_misfit(data: Measured, modes: FittedModes) -> float:
@@ -489,16 +499,16 @@ def _low_misfit(data: Measured, modes: FittedModes) -> float:
     return float(np.mean(np.abs(fit / data.H[low] - 1)))
 
 
-def _slight(data: Measured, modes: FittedModes) -> bool:
-    """Whether the rigid-body motion is too small for that of a free part."""
+def _rigid_is_small(data: Measured, modes: FittedModes) -> bool:
+    """Whether the fitted rigid-body motion is too small to be that of a free part."""
     if modes.rigid is None:
         return True
-    mean = np.mean(modes.b[: modes.seen] ** 2, axis=0) if modes.seen else 0.0
+    mean = np.mean(modes.b[: modes.n_band] ** 2, axis=0) if modes.n_band else 0.0
     small = np.all(np.sum(modes.rigid**2, axis=1) < LEAST_MOTION * mean)
-    return bool(small) and unclear(data, modes)
+    return bool(small) and support_is_unclear(data, modes)
 
 
-def unclear(data: Measured, modes: FittedModes) -> bool:
+def support_is_unclear(data: Measured, modes: FittedModes) -> bool:
     """Whether the lowest frequency shows neither mass nor stiffness at the most mobile point."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
     H = modes.receptance(data.w[:1], data.pairs)[0]
@@ -510,13 +520,13 @@ def unclear(data: Measured, modes: FittedModes) -> bool:
     else:
         dominant = -np.sum(modes.rigid[m] ** 2) / data.w[0] ** 2
 
-    return bool(abs(H[column] - dominant) > NEITHER * abs(H[column]))
+    return bool(abs(H[column] - dominant) > AMBIGUOUS_SHARE * abs(H[column]))
 
 
 def _finished(data: Measured, weight: Array, modes: FittedModes) -> Fit:
     """The converged fit that starts from these modes."""
     for _ in range(ROUNDS):
-        modes, _, chi2 = refined(data, weight, lifted(data, modes), LAST_STEPS)
+        modes, _, chi2 = refined(data, weight, without_zeros(data, modes), LAST_STEPS)
         if data.sigma is not None:
             break
         old_weight = weight
@@ -533,8 +543,8 @@ def _cost(data: Measured, weight: Array, modes: FittedModes) -> float:
     return float(residual @ residual - 4 * np.sum(np.log(weight)))
 
 
-def _best(data: Measured, fit: Fit, bodies: list[FittedModes]) -> list[FittedModes]:
-    """The most probable bodies in order: those near the best, and at least FEW_BODIES."""
+def _ranked(data: Measured, fit: Fit, bodies: list[FittedModes]) -> list[FittedModes]:
+    """Those of `bodies` that are nearly as probable as the fit, in order; at least FEW_BODIES."""
     costs = [_cost(data, fit.weight, body) for body in bodies]
     order = np.argsort(costs)
     lowest = min(costs)
@@ -546,17 +556,20 @@ def _best(data: Measured, fit: Fit, bodies: list[FittedModes]) -> list[FittedMod
 # -- the initial body
 
 
-def _first(data: Measured, weight: Array, free: bool | None, hysteretic: bool) -> FittedModes:
+def _initial(data: Measured, weight: Array, free: bool | None, hysteretic: bool) -> FittedModes:
     """Initial modes: poles of vector fitting with residues by least squares."""
     omega, zeta = poles(data.w, data.H, weight)
-    low = data.w[0] * (1 - BEYOND)
-    top = data.w[-1] * (1 + BEYOND)
+    low = data.w[0] * (1 - TAIL_GAP)
+    top = data.w[-1] * (1 + TAIL_GAP)
     in_band = (omega > low) & (omega < top) & (zeta < MOST_DAMPED) & (zeta > LEAST_DAMPED)
     omega = omega[in_band]
     zeta = zeta[in_band]
     high_poles = data.w[-1] * np.array([1.2, 1.6, 2.5])
     D = factors(
-        data.w, np.append(omega, high_poles), np.append(zeta, np.full(3, TYPICAL)), hysteretic
+        data.w,
+        np.append(omega, high_poles),
+        np.append(zeta, np.full(3, TAIL_DAMPING)),
+        hysteretic,
     )
     basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
     basis = basis[:, : -1 if free is False else None]
@@ -574,7 +587,7 @@ def _first(data: Measured, weight: Array, free: bool | None, hysteretic: bool) -
     no_tail = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
     rigid = None if free is False else _root(residues[-1])
     modes = FittedModes(omega, zeta, b, no_tail, _root(residues[-2]), rigid, hysteretic)
-    modes = modes.with_seen(*_mode_parameters(modes))
+    modes = modes.with_band_modes(*_mode_parameters(modes))
     return with_tail(modes, expected_tail(modes, float(data.w[-1])))
 
 
@@ -614,19 +627,19 @@ def _mode_parameters(modes: FittedModes) -> tuple[Array, Array, Array]:
 
 def _significant(modes: FittedModes, spreads: Array) -> BoolArray:
     """Mask of the modes in the band that move some site significantly."""
-    displacement = modes.b[: modes.seen]
-    first = len(modes.omega) + modes.seen
+    displacement = modes.b[: modes.n_band]
+    first = len(modes.omega) + modes.n_band
     sigma = np.sqrt(np.diag(spreads)[first : first + displacement.size]).reshape(displacement.shape)
     return np.asarray(np.any(np.abs(displacement) > SIGNIFICANCE * sigma, axis=1))
 
 
-def _added(data: Measured, weight: Array, modes: FittedModes, most: int) -> FittedModes | None:
-    """The body with further modes at peaks of the residual; None if there are none."""
+def _with_more(data: Measured, weight: Array, modes: FittedModes, most: int) -> FittedModes | None:
+    """The body with at most `most` further modes at peaks of the residual; None without any."""
     misfit = weight * (data.H - modes.receptance(data.w, data.pairs))
     J = np.empty((*data.H.shape, sum(modes.sizes)), dtype=complex)
     for rows in _blocks(len(data.w)):
         J[rows] = _derivatives(data, weight, modes, rows)
-    typical = float(np.median(modes.zeta[: modes.seen])) if modes.seen else TYPICAL
+    typical = float(np.median(modes.zeta[: modes.n_band])) if modes.n_band else TAIL_DAMPING
     smooth = np.convolve(np.sum(np.abs(misfit) ** 2, axis=1), np.ones(5) / 5, mode="same")
     peaks = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
     peaks = peaks[np.argsort(-smooth[peaks])][:PLACES]
@@ -649,7 +662,7 @@ def _added(data: Measured, weight: Array, modes: FittedModes, most: int) -> Fitt
 
     peak_lines: list[int] = []
     for i in np.argsort(-score):
-        if score[i] < ADDED or len(peak_lines) == most:
+        if score[i] < ADD_SIGNIFICANCE or len(peak_lines) == most:
             break
         if all(abs(omega[i] - omega[k]) > 3 * typical * omega[i] for k in peak_lines):
             peak_lines.append(int(i))
@@ -657,10 +670,10 @@ def _added(data: Measured, weight: Array, modes: FittedModes, most: int) -> Fitt
     if not peak_lines:
         return None
     parts = _completed(compliance[peak_lines], data.pairs)
-    in_band = modes.seen
+    in_band = modes.n_band
     b = np.array([rank_one(part) for part in parts])
 
-    return modes.with_seen(
+    return modes.with_band_modes(
         np.append(modes.omega[:in_band], omega[peak_lines]),
         np.append(modes.zeta[:in_band], zeta[peak_lines]),
         np.vstack((modes.b[:in_band], b)),
@@ -679,7 +692,7 @@ def with_other_noise(data: Measured, fit: Fit) -> list[FittedModes]:
     for _ in range(DRAWS):
         shift = np.zeros(lines + len(fit.modes.expected()))
         shift[:lines] = random.standard_normal(lines) * max(fit.chi2, 1.0) ** 0.5
-        start = lifted(data, fit.modes)
+        start = without_zeros(data, fit.modes)
         models.append(refined(data, fit.weight, start, FEW_STEPS, shift)[0])
 
     return models
@@ -687,11 +700,11 @@ def with_other_noise(data: Measured, fit: Fit) -> list[FittedModes]:
 
 def _other_tails(data: Measured, fit: Fit) -> list[FittedModes]:
     """Bodies with other, equally probable tails (seeded by the number of modes)."""
-    random = np.random.default_rng(fit.modes.seen)
+    random = np.random.default_rng(fit.modes.n_band)
     models = []
     for _ in range(max(STARTS // data.sites, 1)):
         tail = random_tail(fit.modes.tail, float(data.w[-1]), random)
-        start = lifted(data, with_tail(fit.modes, tail))
+        start = without_zeros(data, with_tail(fit.modes, tail))
         models.append(refined(data, fit.weight, start, LAST_STEPS)[0])
 
     return models

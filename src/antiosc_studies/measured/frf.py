@@ -30,9 +30,9 @@ Pairs = list[tuple[int, int]]
 # In parentheses: largest relative change of |Z| in the band for half and twice the value, models
 # from 500 values of a supported and of a free part with four modes and 2 % noise.
 #: The lowest mode above the band lies above the band's top by at least this share (8e-4, 1e-4).
-BEYOND = 0.02
+TAIL_GAP = 0.02
 #: Damping ratio of the tail if no mode is seen (none here).
-TYPICAL = 0.01
+TAIL_DAMPING = 0.01
 #: Least squared displacement of a mode of the tail over the expected one.
 LEAST_SQUARE = 1e-3
 #: Highest frequency of the modes above the band over the band's top (5e-4, 4e-3).
@@ -40,15 +40,15 @@ TAIL_END = 5.0
 #: Least spacing of these modes over their frequency (3e-4, 1e-3).
 TAIL_STEP = 0.15
 #: Number of modes in the band whose mean spacing and mean square they continue (5e-4, 1e-6).
-GOING_ON = 6
+CONTINUED_MODES = 6
 #: Standard deviation of the frequency of such a mode over the spacing (8e-4, 3e-4).
 SPREAD = 0.5
 #: Standard deviation of its squared displacement over the mean (1e-4, 5e-5).
 DOUBT = 1.0
 #: Variance of the relative mean square times the number of averaged modes.
-FEW = 2.0
+MEAN_VARIANCE = 2.0
 #: Standard deviation of the logarithm of a common factor on all spacings (2e-4, 2e-3).
-STRETCH = 0.3
+SPACING_SIGMA = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class FittedModes:
     hysteretic: bool = False  # the form of the damping
 
     @property
-    def seen(self) -> int:
+    def n_band(self) -> int:
         """Number of modes in the band."""
         return len(self.omega) - len(self.tail.omega)
 
@@ -100,7 +100,7 @@ class FittedModes:
         square = D * D
         by_zeta = -2j * loss * square
         by_omega = -2 * self.omega**2 * square + by_zeta * (2 if self.hysteretic else 1)
-        band = slice(self.seen)
+        band = slice(self.n_band)
         blocks = [by_omega[:, None, :] * weight, by_zeta[:, None, band] * weight[:, band]]
 
         # d(b_m b_n)/db_s = [m = s] b_n + [n = s] b_m, of every mode and site
@@ -116,16 +116,16 @@ class FittedModes:
         return np.concatenate(blocks, axis=2)
 
     def expected(self) -> Array:
-        """Deviation (E,) of the tail from its expectation in standard deviations."""
-        omega = self.omega[self.seen :]
-        b = self.b[self.seen :]
+        """Deviations (E,) of the tail from its expected values, in standard deviations."""
+        omega = self.omega[self.n_band :]
+        b = self.b[self.n_band :]
         tail = self.tail
         deviation = (b**2 - tail.b2) / (tail.doubt[:, None] * tail.b2)
         return np.append(np.log(omega / tail.omega) / tail.spread, deviation)
 
     def expected_jacobian(self) -> Array:
         """Derivatives (E, n) of `expected` by `values`."""
-        in_band = self.seen
+        in_band = self.n_band
         p = self.b.shape[1]
         U = len(self.tail.omega)
         J = np.zeros((U + U * p, sum(self.sizes)))
@@ -140,13 +140,13 @@ class FittedModes:
         """Numbers of omega, zeta, b, rigid and root among `values`, in this order."""
         triangle = len(self.root) * (len(self.root) + 1) // 2
         rigid = 0 if self.rigid is None else triangle
-        return [len(self.omega), self.seen, self.b.size, rigid, triangle]
+        return [len(self.omega), self.n_band, self.b.size, rigid, triangle]
 
     @property
     def values(self) -> Array:
         """All parameters: ln omega, ln zeta of modes in the band, b, a and l."""
         lower = _lower(len(self.root))
-        parts = [np.log(self.omega), np.log(self.zeta[: self.seen]), self.b.ravel()]
+        parts = [np.log(self.omega), np.log(self.zeta[: self.n_band]), self.b.ravel()]
         return np.concatenate(parts + [L[lower] for L in (self.rigid, self.root) if L is not None])
 
     def at(self, values: Array) -> FittedModes:
@@ -156,16 +156,16 @@ class FittedModes:
         return replace(
             self,
             omega=np.exp(omega),
-            zeta=np.append(np.exp(zeta), self.zeta[self.seen :]),
+            zeta=np.append(np.exp(zeta), self.zeta[self.n_band :]),
             b=b.reshape(self.b.shape),
             root=_triangle(root, p),
             rigid=None if self.rigid is None else _triangle(rigid, p),
         )
 
-    def with_seen(self, omega: Array, zeta: Array, b: Array) -> FittedModes:
-        """The body with the modes in the band replaced by those of omega, zeta, b."""
+    def with_band_modes(self, omega: Array, zeta: Array, b: Array) -> FittedModes:
+        """The body with other modes in the band, in any order: omega (n,), zeta (n,), b (n, p)."""
         order = np.argsort(omega)
-        in_band = self.seen
+        in_band = self.n_band
         return replace(
             self,
             omega=np.append(omega[order], self.omega[in_band:]),
@@ -216,10 +216,10 @@ def _lower(size: int) -> tuple[Index, Index]:
 
 def expected_tail(modes: FittedModes, top: float) -> Tail:
     """Expected modes above `top` [rad/s], whose spacings grow from those of the last modes."""
-    in_band = modes.seen
+    in_band = modes.n_band
     omega = modes.omega[:in_band]
-    last = slice(max(in_band - GOING_ON, 0), in_band)
-    last_frequencies = np.append(0.0, omega)[-GOING_ON - 1 :]
+    last = slice(max(in_band - CONTINUED_MODES, 0), in_band)
+    last_frequencies = np.append(0.0, omega)[-CONTINUED_MODES - 1 :]
     spacing = (
         max(
             float(last_frequencies[-1] - last_frequencies[0]) / max(len(last_frequencies) - 1, 1),
@@ -230,9 +230,9 @@ def expected_tail(modes: FittedModes, top: float) -> Tail:
     )
     rigid = modes.root if modes.rigid is None else modes.rigid
     smallest_squares = np.sum(rigid**2, axis=1) * (top**2 if modes.rigid is None else 0.5)
-    mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(in_band, GOING_ON), 1)
+    mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(in_band, CONTINUED_MODES), 1)
     b2 = np.maximum(mean, smallest_squares) + np.finfo(float).tiny
-    frequencies = [max((float(omega[-1]) if in_band else 0.0) + spacing, (1 + 2 * BEYOND) * top)]
+    frequencies = [max((float(omega[-1]) if in_band else 0.0) + spacing, (1 + 2 * TAIL_GAP) * top)]
     steps = []
     while frequencies[-1] < TAIL_END * top or len(frequencies) < 3:
         steps.append(max(spacing, TAIL_STEP * frequencies[-1]))
@@ -240,7 +240,7 @@ def expected_tail(modes: FittedModes, top: float) -> Tail:
 
     step = np.array([*steps, steps[-1]])
     merged = np.maximum(step / spacing, 1.0)
-    doubt = np.sqrt(DOUBT**2 / merged + FEW / max(in_band, 0.5))
+    doubt = np.sqrt(DOUBT**2 / merged + MEAN_VARIANCE / max(in_band, 0.5))
 
     return Tail(
         np.array(frequencies), SPREAD * step / np.array(frequencies), merged[:, None] * b2, doubt
@@ -249,9 +249,9 @@ def expected_tail(modes: FittedModes, top: float) -> Tail:
 
 def with_tail(modes: FittedModes, tail: Tail) -> FittedModes:
     """The body with a tail of expected size; the displacements of its modes have random signs."""
-    in_band = modes.seen
+    in_band = modes.n_band
     U = len(tail.omega)
-    typical = float(np.median(modes.zeta[:in_band])) if in_band else TYPICAL
+    typical = float(np.median(modes.zeta[:in_band])) if in_band else TAIL_DAMPING
     signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.b2.shape)
     signs[:, 0] = 1.0
 
@@ -265,13 +265,13 @@ def with_tail(modes: FittedModes, tail: Tail) -> FittedModes:
 
 
 def random_tail(tail: Tail, top: float, random: np.random.Generator) -> Tail:
-    """A random tail: one common factor on the spacings, then one for each mode."""
+    """Another tail above `top` [rad/s], drawn at random, with a factor common to all spacings."""
     U = len(tail.omega)
-    stretch = np.exp(STRETCH * random.standard_normal())
+    stretch = np.exp(SPACING_SIGMA * random.standard_normal())
     omega = top + stretch * (tail.omega - top)
     omega = omega * np.exp(tail.spread * random.standard_normal(U))
     b2 = stretch * tail.b2 * np.abs(1 + tail.doubt[:, None] * random.standard_normal(tail.b2.shape))
-    omega = np.maximum(np.sort(omega), (1 + BEYOND) * top)
+    omega = np.maximum(np.sort(omega), (1 + TAIL_GAP) * top)
     return replace(tail, omega=omega, b2=np.maximum(b2, LEAST_SQUARE * tail.b2))
 
 

@@ -153,8 +153,8 @@ def _end(data_set: DataSet, side: str) -> tuple[End, int]:
 # -- selection of functions
 
 
-def _in_words(end: End) -> str:
-    """An end as text."""
+def _end_text(end: End) -> str:
+    """An end as text: node and axis."""
     name, node, axis = end
     return f"{name or node}{AXES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
 
@@ -164,7 +164,7 @@ def _driving(measured: list[Function]) -> End:
     ends = {function.response for function in measured if function.response == function.reference}
     if len(ends) == 1:
         return ends.pop()
-    names = {_in_words(e) for function in measured for e in (function.response, function.reference)}
+    names = {_end_text(e) for function in measured for e in (function.response, function.reference)}
     raise InputError(
         f"the file has {len(ends) or 'no'} driving points; give site= one of"
         f" {checks.shown(', '.join(sorted(names)))}."
@@ -172,17 +172,17 @@ def _driving(measured: list[Function]) -> End:
 
 
 def _end_of(measured: list[Function], name: str | int) -> End:
-    """The end that a name, a node, or "node axis" refers to."""
+    """The end in a file that `name` refers to: an entity, a node, or node and axis ("12z")."""
     wanted_name = str(name).strip().lower()
     ends = {end for function in measured for end in (function.response, function.reference)}
     fits = []
     for end in ends:
-        if wanted_name in (end[0].lower(), str(end[1]), _in_words(("", *end[1:]))):
+        if wanted_name in (end[0].lower(), str(end[1]), _end_text(("", *end[1:]))):
             fits.append(end)
 
     if len(fits) == 1:
         return fits[0]
-    end_names = ", ".join(sorted(map(_in_words, fits or ends)))
+    end_names = ", ".join(sorted(map(_end_text, fits or ends)))
     reason = "is ambiguous" if fits else "is no site of the file"
     raise InputError(f"site {checks.shown(name)} {reason}; choose one of {end_names[:200]}.")
 
@@ -194,7 +194,10 @@ def selected_responses(
     unit: float | None,
     averages: int,
 ) -> FRF:
-    """The responses of the sites to forces at those for which all were measured."""
+    """The responses of the sites to forces on those sites for which all of them were measured.
+
+    Arguments as for `read_frf`.
+    """
     measured = [function for function in functions if not function.coherence]
 
     if site is None:
@@ -215,8 +218,8 @@ def selected_responses(
         key = (function.response, function.reference, function.coherence)
         if key in pairs and function.response in places and function.reference in places:
             raise InputError(
-                f"the file has the response {_in_words(function.response)} per force at"
-                f" {_in_words(function.reference)} twice: leave one measurement in it."
+                f"the file has the response {_end_text(function.response)} per force at"
+                f" {_end_text(function.reference)} twice: leave one measurement in it."
             )
         pairs[key] = function
 
@@ -224,7 +227,7 @@ def selected_responses(
     if not forced:
         raise InputError(
             "the file has no force whose responses at all of the sites were measured: "
-            f"{checks.shown(', '.join(map(_in_words, places)))}."
+            f"{checks.shown(', '.join(map(_end_text, places)))}."
         )
 
     cells = [pairs[m, ends[n], False] for m in places for n in forced]
