@@ -21,6 +21,7 @@ peak of the memory is that of the largest rank.
 from __future__ import annotations
 
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -151,7 +152,8 @@ def run(case: str, kind: str, ranks: int = 0) -> dict[str, Any]:
     command = [sys.executable, __file__, case, kind]
     if ranks:
         command = ["mpirun", "-n", str(ranks), *command, "clock"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    environment = dict(os.environ)  # without what MPI has set here for itself
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         return {"failed": done.stderr.strip().splitlines()[-1][:90]}
     return dict(json.loads(done.stdout.splitlines()[-1]))
