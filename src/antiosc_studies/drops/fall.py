@@ -378,12 +378,13 @@ class Fall(Result):
         """
         if self.body.structure is None:
             raise InputError("a rigid part has no stress: drop a Structure.")
+        if impacts is not None:
+            impacts = [int(k) for k in checks.column("impacts", impacts)]
+            if not impacts:
+                raise InputError("impacts must have at least one number; got none.")
         if tol is not None:
             return self._to_tolerance(quantity, impacts, checks.tolerance(tol), finer, options)
-        numbers = range(max(len(self.groups), 1))
-        impact_numbers = list(
-            numbers if impacts is None else map(int, checks.column("impacts", impacts))
-        )
+        impact_numbers = list(range(max(len(self.groups), 1)) if impacts is None else impacts)
         periods = self.body.omega.max(initial=0.0) / (2 * np.pi)
 
         parts = []
@@ -429,7 +430,7 @@ class Fall(Result):
     def _to_tolerance(
         self,
         quantity: str,
-        impacts: Sequence[int] | None,
+        impacts: list[int] | None,
         tol: float,
         finer: Callable[[Sequence[Refinement]], Structure] | None,
         options: dict[str, Any],
@@ -440,10 +441,12 @@ class Fall(Result):
         structure: Any = self.body.structure
         if self.hardest is None:
             raise InputError(NO_IMPACT)
-        chosen = [self.hardest] if impacts is None else list(impacts)
+        chosen = [self.hardest] if impacts is None else impacts
 
         def again(part: Structure) -> Fall:
-            return self.again(part, max(chosen) + 1)
+            body = free_body(part, len(self.body.omega), None, self.body.corner)
+            body = replace(body, decay=self.body.decay)
+            return fall_of(body, self.start, replace(self.setting, impacts=max(chosen) + 1))
 
         def fields(_: Structure, fall: Fall) -> dict[str, PeakField]:
             return {quantity: fall.worst(quantity, chosen, **options)}
@@ -451,12 +454,6 @@ class Fall(Result):
         finer = finer or partial(divided, structure)
         field = closed(self, structure, tol, finer, again, fields).fields[quantity]
         return checks.instance("worst", field, WorstField, "a field of a fall")
-
-    def again(self, structure: Structure, impacts: int) -> Fall:
-        """The same fall of a part in other cells, until a number of impacts."""
-        body = free_body(structure, len(self.body.omega), None, self.body.corner)
-        body = replace(body, decay=self.body.decay)
-        return fall_of(body, self.start, replace(self.setting, impacts=impacts))
 
     @property
     def notes(self) -> list[str]:
