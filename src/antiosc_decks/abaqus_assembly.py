@@ -9,7 +9,14 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Deck, IntArray
-from antiosc_decks.abaqus_cards import OTHER, Card, Row, Scope, account_for, cards as read_cards
+from antiosc_decks.abaqus_cards import (
+    FIRST_OTHER,
+    Card,
+    Row,
+    Scope,
+    account_for,
+    cards as read_cards,
+)
 from antiosc_decks.abaqus_mesh import NO_ROWS, AbaqusMesh, mesh_of
 from antiosc_decks.constraints import lever
 from antiosc_decks.entries import DeckPlace, Numbering
@@ -35,7 +42,7 @@ class Instance(Scope):
             return rows + self.first_node
         extra_rows = rows - self.mesh.cells
         return np.where(
-            extra_rows < 0, rows + self.first_element, extra_rows + self.first_other + OTHER
+            extra_rows < 0, rows + self.first_element, extra_rows + self.first_other + FIRST_OTHER
         )
 
     def spelled(self, name: str) -> str:
@@ -108,7 +115,7 @@ class AbaqusDeck:
     def elements_of(self, card: Card) -> Iterator[tuple[str, list[int]]]:
         """Yield (type, rows of nodes) of each element in a card's set that is not a cell."""
         rows = card.within.rows("ELSET", card.needed("ELSET"), card.place)
-        for k in rows[rows >= OTHER] - OTHER:
+        for k in rows[rows >= FIRST_OTHER] - FIRST_OTHER:
             kind, row, members = self.others[k]
             yield kind, [members.node(word, row.place) for word in row.fields[1:]]
 
@@ -152,7 +159,7 @@ class AbaqusDeck:
         instance = self.instances[scope.name.upper()]
         if of := card.option("INSTANCE"):
             none = f"there is no instance {of!r}."
-            instance = card.place.found(self.instances, of.upper(), none)
+            instance = card.place.look_up(self.instances, of.upper(), none)
         members: list[IntArray] = []
         if keyword == "NSET" and (elements := card.option("ELSET")):
             cells = instance.find("ELSET", elements)
@@ -234,7 +241,7 @@ def read(sources: Sources) -> AbaqusDeck:
         assembled.read_set(card)
     sets_by_keyword = {"NSET": assembled.deck.node_sets, "ELSET": assembled.deck.element_sets}
     for (keyword, label), rows in assembled.sets.items():  # without elements that are not cells
-        cells = rows[rows < OTHER]
+        cells = rows[rows < FIRST_OTHER]
         if len(cells) or not len(rows):
             sets_by_keyword[keyword][assembled.spelling[label]] = cells
 
@@ -290,7 +297,7 @@ def _instance_of(
     name = card.needed("NAME")
     part_name = card.option("PART")
     message = f"the instance {name!r} is of the part {part_name!r}, which the deck does not define."
-    spelled, cards = card.place.found(parts, part_name.upper(), message)
+    spelled, cards = card.place.look_up(parts, part_name.upper(), message)
     cards = [*cards, *instance_cards]
     if any(c.keyword in ("NODE", "ELEMENT") for c in instance_cards):
         mesh = mesh_of(cards, name)

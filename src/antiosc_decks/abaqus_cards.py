@@ -15,7 +15,7 @@ from antiosc_decks.entries import DeckPlace, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, Account, Fate, Sources, table
 
 #: Element rows from this number on stand for elements that are not cells (masses, springs).
-OTHER = 2**40
+FIRST_OTHER = 2**40
 #: Cards whose data may be in a separate file (INPUT=).
 WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
 #: Cards of loads, whose data may be in a file that is not there.
@@ -96,7 +96,7 @@ class Scope(ABC):
     def elements(self, word: str, place: DeckPlace) -> IntArray:
         """Rows of the cell numbered `word`, or of the cells of the element set so named."""
         rows = self.rows("ELSET", word, place)
-        return rows[rows < OTHER]
+        return rows[rows < FIRST_OTHER]
 
 
 @dataclass

@@ -260,7 +260,7 @@ class _JointReader:
     def _surface(self, name: str, place: DeckPlace) -> DeckFaces:
         """The surface with this name."""
         message = f"there is no surface {name!r} (*SURFACE, NAME=)."
-        return place.found(self.surfaces, name.upper(), message)
+        return place.look_up(self.surfaces, name.upper(), message)
 
     def tie(self, card: Card) -> None:
         """*TIE: slave and master surfaces."""

@@ -255,7 +255,7 @@ class Sections:
     def _material(self, name: str, place: DeckPlace) -> Material:
         """The material of this name."""
         message = f"there is no material {name!r} (*MATERIAL, NAME=)."
-        return place.found(self.materials, name.upper(), message)
+        return place.look_up(self.materials, name.upper(), message)
 
     def _isotropic(self, card: Card, what: str) -> Json:
         """Family arguments of the card's material, which must be isotropic."""

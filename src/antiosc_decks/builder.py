@@ -223,7 +223,7 @@ class ModelBuilder:
         """Report an ignored property once: the cards `of` of all calls stand in place of "{}"."""
         self._told.setdefault(ignored, {})[of] = None
 
-    def told(self) -> list[str]:
+    def ignored_texts(self) -> list[str]:
         """Texts of all that is ignored."""
         once = [text.replace("{}", cards_text([*of])) for text, of in self._told.items()]
         return [*self.ignored, *once]
@@ -235,7 +235,11 @@ class ModelBuilder:
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
 
     def hold(self) -> None:
-        """Turn motions fixed along local axes into supports along x, y, z, or into constraints."""
+        """Turn motions fixed along local axes into supports or constraints; tie copies.
+
+        Axes near x, y, z are taken for these. The nodes of repeated elements follow the original
+        ones.
+        """
         for node, frame in self.joints.frames.items():
             self.fixed[node] = self.joints.fixed_along(node, self.fixed[node], frame)
         for copy, node in self.copies:

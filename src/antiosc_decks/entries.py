@@ -40,7 +40,7 @@ class DeckPlace:
         if not holds:
             raise self.error(text)
 
-    def found(self, known: Mapping[K, V], key: K, text: str) -> V:
+    def look_up(self, known: Mapping[K, V], key: K, text: str) -> V:
         """`known[key]`; MeshError with this file, line and the sentence `text` if it is unknown."""
         self.needs(key in known, text)
         return known[key]

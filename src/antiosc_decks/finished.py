@@ -155,7 +155,7 @@ def finished(builder: ModelBuilder) -> Model:
         "supports": _supports(builder, count),
         "masses": [(_point(builder, n), mass, inertia) for n, _, mass, inertia in builder.masses],
         "springs": springs,
-        "ignored": builder.told(),
+        "ignored": builder.ignored_texts(),
         "gdim": 2 if count == 2 else 3,
         "halve": "beam" in roles and not stiffened,
         "joined": is_assembly,

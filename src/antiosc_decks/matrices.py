@@ -343,7 +343,7 @@ class _Text:
         return self._lines[self._at - 1].decode("ascii", "replace")
 
     def whole(self, count: int) -> list[int]:
-        """The integers of the next line."""
+        """The first `count` integers of the next line."""
         line = self._line()
         fields = [line[8 * k : 8 * k + 8] for k in range(count)]
         if len(line.rstrip()) > 8 * count:  # |I16, or fields divided by blanks
@@ -364,7 +364,7 @@ class _Text:
         return _fields(self._source, self._lines, first, form, count)
 
     def bad(self, text: str) -> InputError:
-        """The error of the current line."""
+        """The error of the current line, with the sentence `text`."""
         line = self._lines[self._at - 1].decode("ascii", "replace").strip()[:60]
         return self._source.error(self._at, f"{text}; got {line!r}.")
 
@@ -451,15 +451,15 @@ class _Binary:
         return np.frombuffer(self._record, kind, count, offset)
 
     def whole(self, count: int) -> list[int]:
-        """The next integers of the record."""
+        """The next `count` integers of the record."""
         return list(map(int, self._values(np.dtype(f"{self._order}i{self._size}"), count)))
 
     def numbers(self, count: int) -> Array:
-        """The next real numbers of the record."""
+        """The next `count` real numbers of the record."""
         return np.asarray(self._values(self._real, count))
 
     def bad(self, text: str) -> InputError:
-        """The error of the current record."""
+        """The error of the current record, with the sentence `text`."""
         return self._source.at_byte(self._start, f"{text}.")
 
 

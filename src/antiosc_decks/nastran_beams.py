@@ -25,7 +25,7 @@ LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
 #: A second moment of 0 is replaced by this share of the other one.
 SLIGHT = 1e-6
 #: Property -> fields of A, I1, I2, I12, J, NSM; field of K1 (-1: none, or after the sections).
-FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEAM": ((2, 3, 4, 5, 6, 7), -1)}
+CONSTANT_FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEAM": ((2, 3, 4, 5, 6, 7), -1)}
 #: Shear coefficient of a plane that is rigid in shear, of a beam that deforms in the other one: its
 #: shear deflection is below 1e-4 of that of bending where the beam is as long as its height.
 RIGID_IN_SHEAR = 1e4
@@ -107,7 +107,7 @@ class BeamProfiles:
         """Stations of PBAR and PBEAM, which give areas and moments."""
         entry = self.entry
         label = f"{entry.name} {entry.text(0)}"
-        fields, start = FIELDS[entry.name]
+        fields, start = CONSTANT_FIELDS[entry.name]
         values = [entry.real(k) if k > 0 else 0.0 for k in fields]
         values[0] = entry.real(2, None)
         rows = {0.0: values}
@@ -223,23 +223,23 @@ def _pair(low: float, high: float, left: float, right: float) -> Walls:
 
 
 def _i(h: float, low: float, top: float, web: float, t_low: float, t_top: float) -> Walls:
-    """Walls of an I section."""
+    """Walls of an I section: height, widths of both flanges, thicknesses of web and flanges."""
     middle = (t_low, h - t_top, -web / 2, web / 2)
     return [(0, t_low, -low / 2, low / 2), middle, (h - t_top, h, -top / 2, top / 2)]
 
 
 def _t(width: float, h: float, flange: float, web: float) -> Walls:
-    """Walls of a T section."""
+    """Walls of a T section: width, height, thicknesses of flange and web."""
     return [(h - flange, h, -width / 2, width / 2), (0, h - flange, -web / 2, web / 2)]
 
 
 def _chan(width: float, h: float, web: float, flange: float) -> Walls:
-    """Walls of a channel section."""
+    """Walls of a channel section: width, height, thicknesses of web and flanges."""
     return [(0, flange, 0, width), (flange, h - flange, 0, web), (h - flange, h, 0, width)]
 
 
 def _angle(width: float, h: float, base: float, leg: float) -> Walls:
-    """Walls of an L section."""
+    """Walls of an L section: width, height, thicknesses of the base and the upright leg."""
     return [(0, base, 0, width), (base, h, 0, leg)]
 
 
@@ -331,7 +331,7 @@ def own_ends(deck: NastranDeck) -> list[End]:
     return ends
 
 
-def join(builder: ModelBuilder, ends: list[End]) -> None:
+def join_ends(builder: ModelBuilder, ends: list[End]) -> None:
     """Let the end nodes of offset and released beams follow the grid points."""
     for end in ends:
         builder.apart.append(end.row)
@@ -379,7 +379,7 @@ def offsets_of(deck: NastranDeck, entry: Entry) -> Array:
     of_nodes = not kind.isalpha() or not set(kind[1:]) & set("OE")
     fault = f"{entry.name}: give offsets in the displacement system, not OFFT = {kind}."
     entry.needs(of_nodes, fault)
-    frames = [deck.frame(deck.at(entry, k), entry.place) for k in (2, 3)]
+    frames = [deck.frame(deck.node_in(entry, k), entry.place) for k in (2, 3)]
     return np.stack([w @ frame for w, frame in zip(offsets, frames, strict=True)])
 
 
@@ -395,9 +395,9 @@ def orientation(deck: NastranDeck, entry: Entry, tangent: Array) -> Array:
 
 def _vector(deck: NastranDeck, entry: Entry) -> Array:
     """Orientation vector of an element: fields 5 to 7, or to the node in field 5."""
-    a = deck.at(entry, 2)
+    a = deck.node_in(entry, 2)
     if entry.text(4) and not entry.text(5) and not entry.text(6) and "." not in entry.text(4):
-        return np.asarray(deck.deck.points[deck.at(entry, 4)] - deck.deck.points[a])
+        return np.asarray(deck.deck.points[deck.node_in(entry, 4)] - deck.deck.points[a])
     v = np.array(entry.reals(4, 7))
     if entry.text(7).upper()[:1] == "B":
         return v

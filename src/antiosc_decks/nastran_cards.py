@@ -72,7 +72,7 @@ class Entry(Placed):
     def its_property(self, name: str, known: dict[int, Entry]) -> Entry:
         """The property entry of an element, among those of the card `name`."""
         number = self.property_number()
-        return self.place.found(known, number, f"{self.name} has no {name} {number}.")
+        return self.place.look_up(known, number, f"{self.name} has no {name} {number}.")
 
     def real(self, k: int, default: float | None = 0.0) -> float:
         """Field `k` as a number; MeshError if it is none, or blank without a default."""
@@ -104,7 +104,7 @@ class Continuations:
         #: continuations that were joined to the entry before them, which has no mark
         self._by_order: list[tuple[Entry, MeshError]] = []
 
-    def ends(self, entry: Entry, mark: str) -> None:
+    def note_end(self, entry: Entry, mark: str) -> None:
         """Note that the last line of the last entry, `entry`, ends with `mark`."""
         self._last = entry
         label = mark.strip().upper()
@@ -249,7 +249,7 @@ class Bulk:
                 entry.fields += [""] * filled
             entry.fields += fields
             entry.fault = entry.fault or fault
-            self._continuations.ends(entry, mark)
+            self._continuations.note_end(entry, mark)
         elif name[0].isalpha():
             self._begin(Entry(name.rstrip("*").strip().upper(), place, fields, fault), mark)
         else:
@@ -261,7 +261,7 @@ class Bulk:
     def _begin(self, entry: Entry, mark: str = "") -> None:
         """Begin an entry."""
         self.entries.append(entry)
-        self._continuations.ends(entry, mark)
+        self._continuations.note_end(entry, mark)
 
     def _copy(self, name: str, fields: list[str], place: DeckPlace) -> None:
         """Copy the last entry: = repeats a field, == the remaining ones, *(2) adds 2."""
@@ -485,7 +485,7 @@ def separated(entries: Sequence[Entry]) -> list[Entry]:
     return separate
 
 
-def fill(entries: Sequence[Entry]) -> None:
+def fill_defaults(entries: Sequence[Entry]) -> None:
     """Fill blank fields with the defaults (BAROR, GRDSET, …)."""
     names = {name for name, _ in DEFAULTS.values()}
     defaults = {entry.name: entry for entry in entries if entry.name in names}

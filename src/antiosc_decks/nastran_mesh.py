@@ -84,7 +84,7 @@ class Systems:
         if not number:
             return BASIC
         if number not in self._placed:
-            entry = place.found(self._given, number, f"there is no coordinate system {number}.")
+            entry = place.look_up(self._given, number, f"there is no coordinate system {number}.")
             closed = number not in self._open and len(self._open) <= 200
             place.needs(closed, f"the coordinate system {number} depends on itself.")
             self._open.add(number)
@@ -144,7 +144,7 @@ class NastranDeck:
         numbers = {entry.whole(0) for entry in self.named(*SETS[what])}
         if self.bulk.selected is None:
             if len(numbers) > 1:
-                tell(f"{name} has no case control: its {what} {_sets(numbers)} are all taken.")
+                tell(f"{name} has no case control: its {what} {_sets_text(numbers)} are all taken.")
             return numbers
         first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
         sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
@@ -160,9 +160,9 @@ class NastranDeck:
         if missing and missing == selected and what == "SPC":
             raise MeshError(f"the case control of {name} selects SPC = {first}, not there.")
         if missing:
-            tell(f"{what} = {first} of {name} needs the {_sets(missing)}, not there.")
+            tell(f"{what} = {first} of {name} needs the {_sets_text(missing)}, not there.")
         if unselected:
-            told = f"not used of {name}: {what} {_sets(unselected)}"
+            told = f"not used of {name}: {what} {_sets_text(unselected)}"
             tell(f"{told}, which the first subcase does not select.")
         return selected & numbers
 
@@ -172,7 +172,7 @@ class NastranDeck:
         place.needs(row >= 0, f"there is no GRID {label}.")
         return row
 
-    def at(self, entry: Entry, k: int) -> int:
+    def node_in(self, entry: Entry, k: int) -> int:
         """Row of the node in field `k` of an entry."""
         return self.row(entry.whole(k), entry.place)
 
@@ -201,7 +201,7 @@ class NastranDeck:
                 continue
             for k in (1, 4) if entry.name == "SPC" else ():
                 if entry.text(k):
-                    yield np.array([self.at(entry, k)]), entry.text(k + 1), entry
+                    yield np.array([self.node_in(entry, k)]), entry.text(k + 1), entry
             fields = entry.fields[2:] if entry.name == "SPC1" else []
             for first, last in through(fields, entry.place):
                 yield self.nodes.between(first, last), entry.text(1), entry
@@ -212,7 +212,7 @@ class NastranDeck:
         ends = []
         for k in (2, 4) if has_components else (2, 3):
             if entry.whole(k, 0):
-                row = self.at(entry, k)
+                row = self.node_in(entry, k)
                 motion = entry.whole(k + 1, 0) - 1 if has_components else -1
                 exists = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
                 entry.needs(exists, f"{entry.name} acts on a component from 1 to 6, or an SPOINT.")
@@ -241,7 +241,7 @@ def read(sources: Sources) -> NastranDeck:
         if entry.fault and cards.fate_of(entry.name).kind == "read":
             raise entry.fault
     bulk.entries = cards.separated(bulk.entries)
-    cards.fill(bulk.entries)
+    cards.fill_defaults(bulk.entries)
     deck = _nodes(bulk, sources.name)
     deck.deck.remarks += bulk.remarks
     _rods_of_bars(deck)
@@ -252,8 +252,8 @@ def read(sources: Sources) -> NastranDeck:
     return deck
 
 
-def _sets(numbers: set[int]) -> str:
-    """Text that names some sets."""
+def _sets_text(numbers: set[int]) -> str:
+    """Text that names sets by their numbers."""
     numbers_text = ", ".join(map(str, sorted(numbers)[:8])) + ", …" * (len(numbers) > 8)
     return f"set{'s' * (len(numbers) > 1)} {numbers_text}"
 

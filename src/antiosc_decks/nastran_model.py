@@ -92,12 +92,12 @@ class NastranJoints:
         words = entry.words(3)
         if words and "." in words[-1]:
             words.pop()  # the coefficient of thermal expansion
-        self._follow(self._nodes(entry, words), self.nastran.at(entry, 1), motions, entry)
+        self._follow(self._nodes(entry, words), self.nastran.node_in(entry, 1), motions, entry)
 
     def _rbar(self, entry: Entry) -> None:
         """RBAR: one node follows another."""
-        first = self.nastran.at(entry, 1)
-        second = self.nastran.at(entry, 2)
+        first = self.nastran.node_in(entry, 1)
+        second = self.nastran.node_in(entry, 2)
         masters, dependents, dependent = (entry.text(k) for k in (3, 4, 6))
         if not masters and dependents:
             first, second, masters, dependents = second, first, dependents, masters
@@ -109,7 +109,7 @@ class NastranJoints:
 
     def _rbe3(self, entry: Entry) -> None:
         """RBE3: a node follows the weighted mean motion of others."""
-        reference = self.nastran.at(entry, 2)
+        reference = self.nastran.node_in(entry, 2)
         motions = _motions(entry, entry.text(3))
         rows: list[int] = []
         weights: list[float] = []
@@ -149,7 +149,7 @@ class NastranJoints:
         for start in range(1, len(entry.fields), 8):
             for k in (start, start + 3):
                 if entry.text(k):
-                    row = self.nastran.at(entry, k)
+                    row = self.nastran.node_in(entry, k)
                     motion = 0 if row in self.nastran.scalar else entry.whole(k + 1, 1) - 1
                     entry.needs(0 <= motion < 6, "MPC acts on components from 1 to 6.")
                     terms.append((row, motion, entry.real(k + 2)))
@@ -193,7 +193,7 @@ class NastranJoints:
             fields = [*entry.fields[:4], "", "", "", entry.text(4)]
             entry = Entry(entry.name, entry.place, fields)
         is_active = [bool(k or c) for k, c in zip(*constants, strict=True)]
-        rows = [self.nastran.at(entry, k) for k in (2, 3) if entry.text(k)]
+        rows = [self.nastran.node_in(entry, k) for k in (2, 3) if entry.text(k)]
         entry.needs(rows, f"{entry.name} acts on no node.")
 
         x = self.nastran.deck.points[rows]
@@ -268,7 +268,7 @@ class NastranJoints:
 
     def _conm2(self, entry: Entry) -> None:
         """CONM2: a rigid body whose centre of mass may be offset from its node."""
-        row = self.nastran.at(entry, 1)
+        row = self.nastran.node_in(entry, 1)
         mass = entry.real(3) * self.factor
         offset = np.array(entry.reals(4, 7))
         J = symmetric(np.array(entry.reals(8, 14)) * self.factor)
@@ -322,7 +322,7 @@ def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
 
     joints = NastranJoints(deck, builder, factor)
     joints.read()
-    beams.join(builder, ends)
+    beams.join_ends(builder, ends)
     joints.read_masses()
 
     autospc = deck.parameter("AUTOSPC")

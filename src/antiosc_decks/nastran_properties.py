@@ -113,7 +113,7 @@ class Properties:
         """The material whose number is in field `k` (from 0)."""
         number = entry.whole(k)
         message = f"there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number {number}."
-        return entry.place.found(self._materials, number, message)
+        return entry.place.look_up(self._materials, number, message)
 
     def _extra_density(self, extra: float, size: float) -> float:
         """Density [kg/m³] to add for nonstructural mass `extra` per area or length.
@@ -378,7 +378,7 @@ class Properties:
             told = f"x of the system {word} (MCID) where it is normal to elements"
             self.builder.tell_once(f"{told}, its y is taken")
             return np.asarray(y)
-        nodes = [self.nastran.at(entry, k) for k in (2, 3)]
+        nodes = [self.nastran.node_in(entry, k) for k in (2, 3)]
         side = np.diff(self.nastran.deck.points[nodes], axis=0)[0]
         side -= (side @ normal) * normal
         rotated = geometry.rotated(side, normal, entry.real(theta_field))

@@ -25,7 +25,7 @@ from paths import ROOT
 def place(tmp_path, monkeypatch):
     """The folder of compiled forms, at first empty."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    return compiled_forms.place()
+    return compiled_forms.cache_folder()
 
 
 def length() -> float:

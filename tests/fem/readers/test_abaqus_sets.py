@@ -7,7 +7,7 @@ import pytest
 
 from antiosc.base.errors import MeshError
 from antiosc_decks import abaqus_assembly
-from antiosc_decks.abaqus_assembly import OTHER
+from antiosc_decks.abaqus_assembly import FIRST_OTHER
 from antiosc_decks.sources import Sources
 from refusals import refused
 
@@ -74,7 +74,8 @@ def test_sets_of_elements_and_of_those_that_are_no_cells(read):
     others = [(kind, row.fields) for kind, row, _ in whole.others]
     assert others == [("SPRINGA", [*"713"]), ("SPRINGA", [*"835"]), ("MASS", [*"91"])]
     beside = {
-        name: (rows[rows >= OTHER] - OTHER).tolist() for (_, name), rows in whole.sets.items()
+        name: (rows[rows >= FIRST_OTHER] - FIRST_OTHER).tolist()
+        for (_, name), rows in whole.sets.items()
     }
     assert (beside["K"], beside["A"]) == ([0, 1], [0, 1, 2])
 

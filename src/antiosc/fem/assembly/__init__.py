@@ -15,7 +15,7 @@ MeshedParts: TypeAlias = "PartsMatrices"
 
 
 def with_parts(structure: Structure, otherwise: str = NO_MESH) -> MeshedParts:
-    """The matrices of meshed parts; InputError with `otherwise` for those without mesh."""
+    """Matrices of a structure of meshed parts; InputError with `otherwise` if it has no mesh."""
     if not (structure.matrices.meshed or structure.matrices.assembled):
         raise InputError(otherwise)
     return cast("MeshedParts", structure.matrices)

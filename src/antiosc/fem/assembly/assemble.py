@@ -48,7 +48,7 @@ from antiosc.fem.assembly.layout import (
     checked_parts,
     checked_places,
     checked_points,
-    largest,
+    row_maxima,
     row_numbers,
 )
 from antiosc.fem.linalg.solver import checked_choice
@@ -165,7 +165,8 @@ def _significant_entries(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
     C.sum_duplicates()
     size = np.where(fixed[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
     row = row_numbers(C)
-    C.data = np.where(size > LEAST_COEFFICIENT * largest(size, row, C.shape[0])[row], C.data, 0.0)
+    largest = row_maxima(size, row, C.shape[0])[row]
+    C.data = np.where(size > LEAST_COEFFICIENT * largest, C.data, 0.0)
     C.eliminate_zeros()
     return C
 
@@ -200,7 +201,7 @@ def _triangular_rounds(system: _System) -> tuple[list[tuple[IntArray, IntArray]]
         row = row_numbers(C)
         size = np.abs(C.data) * system.scale[C.indices]
         preferred = system.pivot[remaining][row]
-        large = size >= PIVOT * largest(size, row, len(remaining))[row]
+        large = size >= PIVOT * row_maxima(size, row, len(remaining))[row]
         is_single = np.bincount(C.indices, minlength=C.shape[1])[C.indices] == 1
         fits = np.flatnonzero(is_single & np.where(preferred < 0, large, preferred == C.indices))
         if not len(fits):

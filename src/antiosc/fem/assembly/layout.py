@@ -162,7 +162,7 @@ def row_numbers(matrix: Sparse) -> IntArray:
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
 
 
-def largest(size: Array, row: IntArray, count: int) -> Array:
+def row_maxima(size: Array, row: IntArray, count: int) -> Array:
     """Largest `size` in each of `count` rows; `row`: the row of each entry."""
     result = np.zeros(count)
     np.maximum.at(result, row, size)
@@ -404,7 +404,7 @@ def rounded(matrix: Sparse) -> Sparse:
     matrix = matrix.tocsr()
     size = np.abs(matrix.data)
     row = row_numbers(matrix)
-    matrix.data[size < ROUNDED_COEFFICIENT * largest(size, row, matrix.shape[0])[row]] = 0.0
+    matrix.data[size < ROUNDED_COEFFICIENT * row_maxima(size, row, matrix.shape[0])[row]] = 0.0
     matrix.eliminate_zeros()
     return matrix
 

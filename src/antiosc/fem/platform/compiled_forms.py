@@ -41,7 +41,7 @@ SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
 @contextmanager
 def user_folder() -> Iterator[None]:
     """Context in which dolfinx compiles into, and loads from, the user's folder; or OSError."""
-    folder = place()
+    folder = cache_folder()
     options = {"cache_dir": folder, "timeout": PATIENCE}
 
     with (
@@ -94,7 +94,7 @@ def _replaced(module: ModuleType, function: Callable[..., object]) -> Iterator[N
 # -- where it is
 
 
-def place() -> Path:
+def cache_folder() -> Path:
     """The cache folder, created if missing; PermissionError for that of somebody else."""
     cache_home = os.environ.get("XDG_CACHE_HOME", "")
     users = Path(cache_home) if os.path.isabs(cache_home) else Path.home() / ".cache"
@@ -135,7 +135,7 @@ def compiler() -> Iterator[None]:
     except (TimeoutError, FileExistsError, ImportError) as error:
         raise InputError(
             f"a compiled finite element is not complete, or another process has compiled it for "
-            f"{PATIENCE} s: delete {place()}, and run again."
+            f"{PATIENCE} s: delete {cache_folder()}, and run again."
         ) from error
     except VerificationError as error:
         reason = shorten(str(error), 90)
