@@ -28,7 +28,7 @@ STRAIGHT = 1e-9
 
 
 class CellGeometry:
-    """Nodes (cells, k, 3) [m] and shape functions of cells of a shape, of order 1 or 2."""
+    """Nodes (cells, k, 3) [m] and shape functions of cells, all of one shape and order (1 or 2)."""
 
     def __init__(self, nodes: Array, cell: str, order: int) -> None:
         kind = getattr(basix.CellType, cell)
@@ -45,7 +45,7 @@ class CellGeometry:
         return np.asarray(self._element.points)
 
     def at(self, cell: IntArray, X: Array) -> tuple[Array, Array]:
-        """Points (n, 3) [m] and derivatives (n, 3, tdim) at X (n, tdim) in cells (n,)."""
+        """(points x (n, 3) [m], dx/dX (n, 3, tdim)) at X (n, tdim) of cells (n,)."""
         if not len(X):  # Basix 0.5 aborts
             return np.zeros((0, 3)), np.zeros((0, 3, len(self.corners[0])))
         tables = self._element.tabulate(1, X)[..., 0]
@@ -54,7 +54,7 @@ class CellGeometry:
         return products[:, 0], np.swapaxes(products[:, 1:], 1, 2)
 
     def slopes(self, X: Array) -> Array:
-        """Derivatives (n, nodes, tdim) of the map's shape functions at X (n, tdim)."""
+        """Derivatives (n, nodes, tdim) of the shape functions at reference points (n, tdim)."""
         tables = self._element.tabulate(1, X)[1:, :, :, 0]
         return np.asarray(np.moveaxis(tables, 0, 2))
 
@@ -69,7 +69,7 @@ class CellGeometry:
 
     @cached_property
     def straight(self) -> BoolArray:
-        """Mask (cells,) of the cells whose further nodes lie on straight edges and flat faces."""
+        """Mask (cells,) of the cells with straight edges and flat faces."""
         linear = basix.create_element(basix.ElementFamily.P, self._element.cell_type, 1)
         corners = self.nodes[:, : len(self.corners)]
         off = self.nodes - linear.tabulate(0, self.reference_nodes)[0, :, :, 0] @ corners
@@ -77,7 +77,10 @@ class CellGeometry:
         return np.asarray(np.linalg.norm(off, axis=2).max(axis=1) <= STRAIGHT * size)
 
     def entities(self, dim: int) -> tuple[Array, Array]:
-        """Origins (n, tdim), axes (n, tdim, dim) of entities: X = origin + axes ξ."""
+        """(origins (n, tdim), axes (n, tdim, dim)) of a cell's entities of dimension `dim`.
+
+        Their points are X = origin + axes ξ in reference coordinates.
+        """
         vertices = np.array(self._topology[dim])
         neighbours = [1, 2, 3] if self.simplex else [1, 2, 4]
         origin = self.corners[vertices[:, 0]]
@@ -86,7 +89,7 @@ class CellGeometry:
 
 
 class CellEntities:
-    """Entities of one dimension of cells (n,), with X = origin + axes ξ in the reference cell."""
+    """n entities of one dimension, each in a cell, with X = origin + axes ξ in its reference."""
 
     def __init__(self, geometry: CellGeometry, cells: IntArray, origin: Array, axes: Array) -> None:
         dim = axes.shape[2]
@@ -204,7 +207,10 @@ class Mesh(ReprMixin):
         return np.asarray(np.isin(node_numbers, np.asarray(nodes, dtype=np.int64)))
 
     def node(self, number: int) -> Array | None:
-        """Coordinates (3,) [m] of a node by its file number, or None; InputError for several."""
+        """Coordinates (3,) [m] of the node with this number in the file; None if it has none.
+
+        InputError if several nodes have it.
+        """
         coordinates = np.array(self.dolfinx.geometry.x)[self.numbered([number])]
         x = np.unique(np.vstack(self.comm.allgather(coordinates)), axis=0)
         if len(x) > 1:
@@ -248,7 +254,7 @@ class Mesh(ReprMixin):
 
 
 def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
-    """The dolfinx mesh of arrays and groups, which every rank holds whole."""
+    """Distribute a mesh, which every rank holds whole as `raw`, over the ranks of `comm`."""
     kind = raw.kind
     here = slice(None if comm.rank == 0 else 0)
     cells = raw.cells[here, compat.node_order(kind.shape, kind.nodes, "vtk")]
@@ -260,7 +266,10 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
 def local_groups(
     mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
 ) -> dict[str, dict[int, IntArray]]:
-    """The entities of this rank in each group, given by vertices; one dimension after the other."""
+    """{group: {dimension: entities of this rank}}.
+
+    `wanted`: {group: {dimension: vertices (entities, k) of all its entities}}.
+    """
     groups: dict[str, dict[int, IntArray]] = {name: {} for name in wanted}
     numbers = np.asarray(mesh.geometry.input_global_indices)
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):

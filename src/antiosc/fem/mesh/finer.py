@@ -46,7 +46,7 @@ ROUNDING = 1e-9
 
 
 class Scheme(NamedTuple):
-    """The halving of a shape, in dolfinx's order of nodes."""
+    """How a cell of one shape is halved, in dolfinx's order of nodes."""
 
     #: corners between which each middle lies: of edges, of faces of four corners, of all
     members: list[list[int]]
@@ -161,7 +161,10 @@ def halved(raw: RawMesh) -> RawMesh:
 
 
 def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, IntArray]:
-    """(new nodes (cells, middles) of cells, numbered from `start` on, the first place of each)."""
+    """(numbers (cells, middles) of new nodes, from `start` on, flat index of each one's first use).
+
+    `corners` (cells, corners): nodes of the cells; `shape`: their halving.
+    """
     rows = np.full((len(corners), len(shape.members), MOST_CORNERS), -1, dtype=np.int64)
     for k, vertices in enumerate(shape.members):
         rows[:, k, : len(vertices)] = corners[:, vertices]
@@ -172,9 +175,10 @@ def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, In
 
 
 def _followed(groups: Groups, support: IntArray, entities_of: Callable[[int], IntArray]) -> Groups:
-    """The groups among new entities, by the old points (n, k) between which new ones lie; -1: none.
+    """The groups of a divided mesh: new entities that lie in entities of the old `groups`.
 
-    `entities_of` a dimension: vertices (entities, corners) of all new ones.
+    `support` (n, k): the old points between which each new point lies, filled up by -1;
+    `entities_of`: dimension -> vertices (entities, corners) of all new entities.
     """
     result: Groups = {name: {} for name in groups}
     for dim in sorted({dim for parts in groups.values() for dim in parts}):
@@ -201,7 +205,7 @@ MOST_DIVISIONS = 6
 
 
 def near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
-    """The mesh of straight simplices, divided to the sizes of `refine`; MeshError for others."""
+    """The mesh with cells bisected to the sizes of `refine`; MeshError unless it is `divisible`."""
     if refine and not divisible(mesh):
         raise MeshError(
             f"{mesh.name}: refine divides straight triangles and tetrahedra, not {mesh.cell} cells"
@@ -218,7 +222,7 @@ def near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
 
 
 def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
-    """Sizes [m] of the cells of this rank near the points of `refine`, as gmsh is given them."""
+    """Wanted sizes (cells,) [m] of the cells of this rank, as gmsh grades them around `refine`."""
     nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
     centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
 
@@ -263,7 +267,7 @@ def refined(mesh: Mesh, ratio: Array) -> Mesh:
 
 
 def _straight(raw: RawMesh) -> RawMesh:
-    """The mesh of simplices by their corners alone."""
+    """The mesh of simplices without mid-side nodes."""
     used, cells = np.unique(raw.cells[:, : raw.kind.vertices], return_inverse=True)
     groups: Groups = {
         name: {dim: np.searchsorted(used, rows) for dim, rows in parts.items()}
@@ -307,9 +311,10 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
 
 
 def divided(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
-    """The mesh with all edges halved of the cells that have small values, once.
+    """The mesh after one bisection of cells with small `values` (cells,), and its new values.
 
-    The new values are those of the parents times the old size over the new one.
+    A value is the wanted size over the present one; all edges of a cell with a value below
+    `DIVIDED` are halved, and its parts inherit the value times the old size over the new one.
     """
     arguments = np.ascontiguousarray(raw.cells), raw.points, raw.kind.shape, 1
     old_mesh = compat.create_mesh(MPI.COMM_SELF, *arguments)
@@ -336,7 +341,7 @@ def _normals(corners: Array) -> Array:
 
 
 def _supports(raw: RawMesh, x: Array) -> IntArray:
-    """The two old points (n, 2) between which each new point lies; of an old one itself, twice."""
+    """The two old points (n, 2) between which each point of `x` lies, equal for an old point."""
     first, second = np.triu_indices(raw.kind.vertices, 1)
     edges = np.stack([raw.cells[:, first].ravel(), raw.cells[:, second].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -347,7 +352,7 @@ def _supports(raw: RawMesh, x: Array) -> IntArray:
 
 
 def _old_points_under(support: IntArray, entities: IntArray) -> IntArray:
-    """Old points (n, k) under each new entity (n, k); -1 of those of a larger dimension."""
+    """Vertices (n, k) of the old entity in which each new one (n, k) lies; -1 if it is larger."""
     k = entities.shape[1]
     rows = np.sort(support[entities].reshape(len(entities), -1), axis=1)
     first = rows >= 0

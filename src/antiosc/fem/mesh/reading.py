@@ -60,7 +60,7 @@ BY_PIECE = "piece 1 is the largest; or cells, its group"
 
 
 def misfits(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
-    """(cells that share two sides or more with another, cells with a side of three or more)."""
+    """(cells that share two or more sides with another, cells with a side that three share)."""
     sides = FACETS[kind.shape]
     facets = np.vstack([cells[:, list(side)] for side in sides])
     owner = np.tile(np.arange(len(cells)), len(sides))
@@ -76,7 +76,9 @@ def misfits(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
 def sound(
     raw: RawMesh, name: str, made_here: bool, pieces: bool = False, by: str = 'cells="its group"'
 ) -> RawMesh:
-    """The mesh after its checks; folded cells are straightened if gmsh made it here, else told.
+    """The mesh after its checks.
+
+    Folded cells are straightened if gmsh made the mesh here (`made_here`), else a warning tells.
 
     `name`: name of the file; `pieces`: whether unconnected pieces are allowed, since constraints
     join them; `by`: arguments that choose a piece, for the message.
@@ -185,7 +187,11 @@ SIMPLICES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 def _failing(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
-    """Cells (nodes in dolfinx's order) whose Jacobian determinants (cells, q) fail."""
+    """Numbers of cells for which `fails` is true.
+
+    `fails` maps Jacobian determinants (cells, q) at q points to a mask (cells,); `cells` has nodes
+    in dolfinx's order.
+    """
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), BLOCK):
@@ -206,7 +212,10 @@ def folded(points: Array, cells: IntArray, shape: str, order: int, least: float 
 
 
 def _along_mean_normal(J: Array) -> Array:
-    """Signed areas (cells, q) of faces in space, projected along the mean normal of each."""
+    """Areas (cells, q) by Jacobians of faces in space, negative where a face turns back.
+
+    They are projected along the mean normal of each face.
+    """
     normals = np.cross(J[:, :, 0], J[:, :, 1])
     mean = normals.sum(axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
@@ -258,7 +267,10 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
-    """`points` with the mid-side nodes of folded cells, and then of their neighbours, halfway."""
+    """`points` with mid-side nodes of folded cells moved to the middle of their edges.
+
+    This is repeated for neighbours that fold over thereby.
+    """
     points = points.copy()
     edges = np.array(SIMPLICES[shape])
     first = int(edges.max()) + 1
@@ -439,12 +451,12 @@ def read_mesh(
 
 
 def usual_size(points: Array) -> float:
-    """Size [m] of the cells of a geometry between points (n, 3): `CELLS` along its longest side."""
+    """Cell size [m] of a geometry with points (n, 3) [m]: `CELLS` along its longest side."""
     return float(f"{np.ptp(points, axis=0).max() / CELLS:.1g}")
 
 
 def default_size(mesh: Mesh, size: float) -> float:
-    """Size [m] of the cells of a geometry whose mesh of cells of `size` is known.
+    """Default cell size [m] of a geometry, from its mesh with cells of `size` [m].
 
     There are 20 along its longest side, and of a solid none is longer than twice the mean thickness
     of its walls, as long as there are at most 30 000 (150 000 dofs).
@@ -483,7 +495,7 @@ def _check_selection(cells: object) -> None:
 
 
 def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
-    """The mesh with points of shape (n, gdim)."""
+    """The mesh with points (n, gdim); `gdim` None: 2 for a plane mesh of faces, else 3."""
     *_, depth = spans = np.ptp(raw.points, axis=0)
     flat = depth <= 1e-9 * spans.max()
     if gdim is None:
@@ -497,7 +509,7 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
 
 
 def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
-    """A user's dolfinx mesh with the names of its tags as groups."""
+    """A dolfinx mesh as `Mesh`; `groups`: name -> (tags, value) of its entities."""
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():
         if not isinstance(pair, tuple | list) or len(pair) != 2 or not hasattr(pair[0], "indices"):

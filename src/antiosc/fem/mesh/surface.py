@@ -76,7 +76,7 @@ def projected(
 
 
 def _gauss_newton(J: Array, gap: Array) -> Array:
-    """Steps (n, t) that lessen the gaps (n, 3) of points with derivatives J (n, 3, t) most."""
+    """Steps (n, t) of ξ that make |gap − J step| smallest, for gaps (n, 3) and J (n, 3, t)."""
     normal = np.einsum("ndt,nds->nts", J, J)
     size = np.einsum("ntt->n", normal)[:, None, None] + np.finfo(float).tiny
     # A direction in which the surface does not extend stays where it is.
@@ -100,7 +100,10 @@ def clamped(xi: Array, simplex: bool) -> Array:
 
 
 def pairs_within(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
-    """Pairs (item, point) of numbers with |centre of item − point| <= reach of item: two arrays."""
+    """(numbers of items, numbers of points) of pairs whose distance is at most the item's reach.
+
+    `centres` (n, 3), `reach` (n,): balls of the items; `points` (P, 3).
+    """
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
 
@@ -194,7 +197,10 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(first cell, reference coordinates, distance or inf) of points in cells of this rank."""
+    """(cell (P,), reference coordinates, distance [m]) of points (P, 3) inside cells.
+
+    The distance of a point outside of all cells of this rank is inf.
+    """
     cell = np.zeros(len(points), dtype=int)
     distance = np.full(len(points), np.inf)
     X = np.zeros((len(points), mesh.tdim))
@@ -254,7 +260,7 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
 
 
 def feet(entities: CellEntities, item: IntArray, points: Array) -> Array:
-    """Coordinates ξ (n, dim) in entities (n,) of their places nearest to points (n, 3)."""
+    """ξ (n, dim) of the place on each entity `item` (n,) nearest to its point (n, 3)."""
     start = entities.middle[item]
     xi = projected(lambda k, xi: entities.at(item[k], xi), points, start, affine=entities.affine)
     return clamped(xi, entities.simplex)
@@ -289,13 +295,13 @@ def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
 
 
 def owned(mesh: Mesh, dim: int, entities: IntArray) -> IntArray:
-    """Those of some entities that this rank owns."""
+    """The entities among `entities` that this rank owns."""
     mesh.dolfinx.topology.create_entities(dim)
     return entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
 
 
 def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArray]:
-    """(a cell at each entity, local number of the entity in that cell)."""
+    """(a cell (n,) at each entity, number (n,) of the entity within that cell)."""
     topology = mesh.dolfinx.topology
     if dim == mesh.tdim:
         return np.asarray(entities), np.zeros(len(entities), dtype=int)
@@ -309,7 +315,7 @@ def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArr
 
 
 class Entities(CellEntities):
-    """F entities of one dimension of a mesh, each in a cell at it."""
+    """F entities of one dimension of a mesh, each with one of the cells that it bounds."""
 
     def __init__(self, mesh: Mesh, dim: int, entities: IntArray) -> None:
         cells, number = cells_at(mesh, dim, entities)

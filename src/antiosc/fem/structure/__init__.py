@@ -61,7 +61,7 @@ def checked_axis(name: str, value: object) -> tuple[float, ...]:
 
 
 def _checked_angle(name: str, value: object) -> float:
-    """An angle in rad of at most one turn; a larger one would be in degrees."""
+    """`value` as an angle [rad]; InputError beyond one turn, which would be in degrees."""
     angle = number(name, value, "rad")
     if abs(angle) > 2 * np.pi * (1 + 1e-9):
         raise InputError(
@@ -127,7 +127,7 @@ def skew(a: Array) -> Array:
 
 
 def across(units: Array) -> Array:
-    """Two unit vectors each (n, 2, 3) perpendicular to unit vectors (n, 3) and to each other."""
+    """Two perpendicular unit vectors (n, 2, 3) normal to each unit vector (n, 3)."""
     first = np.cross(units, np.eye(3)[np.abs(units).argmin(axis=1)])
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return np.stack([first, np.cross(units, first)], axis=1)
@@ -183,7 +183,10 @@ class DofPlaces:
         return result
 
     def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
-        """Fields (dofs, k) of second order at most in (x − centre)/size; half their curl turns."""
+        """Displacement fields (dofs, k) of degree 2 at most in (x − centre)/size.
+
+        Rotational dofs have half their curl.
+        """
         s = (self.nodes - centre) / size
         axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
@@ -240,7 +243,7 @@ class Dissipation:
     owner: tuple[str, int | str] | None = None
 
     def projected(self, comm: MPI.Comm, V: Array) -> Array:
-        """L (r, k) with L'L = Vᵀ C V, for V (rows of this rank, k)."""
+        """L (r, k) with LᵀL = Vᵀ C V for motions V (rows of this rank, k); C: this term."""
         if self.matrix is None:
             assert self.c is not None
             return np.asarray(_root(self.c) @ comm.allreduce(np.asarray(self.G @ V)))
@@ -248,7 +251,7 @@ class Dissipation:
 
 
 def _root(matrix: Array) -> Array:
-    """L with L'L = the semidefinite matrix."""
+    """L with LᵀL = `matrix`, which is positive semidefinite."""
     symmetric = (matrix + matrix.T) / 2
     ends = np.linalg.eigvalsh(symmetric)
     if ends.min(initial=0.0) < -NEGATIVE * ends.max(initial=0.0):
@@ -349,7 +352,7 @@ def modes_and_shift(
 
 
 def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
-    """A solver of K; None if K is singular, which a failing factor or a soft solve shows."""
+    """A solver of K; None if K is singular, as a failing factor or a large solution shows."""
     n = algebra.rows(K)
 
     try:
@@ -365,7 +368,7 @@ def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid(K: Matrix) -> float:
-    """Limit of `softness` of a rigid motion; smaller where K is applied by strains."""
+    """Largest `softness` of a rigid motion; it is smaller if K is multiplied by its strains."""
     return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
 
 
@@ -384,7 +387,10 @@ def _solver(A: Matrix) -> Solver:
 
 
 def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
-    """M-orthonormal basis of the independent columns (rows, k), by Gram–Schmidt, in `into`."""
+    """M-orthonormal basis (rows, r) of the independent columns of `block` (rows, k).
+
+    By Gram–Schmidt; `into`: array for the result.
+    """
     basis = np.empty(block.shape, order="F") if into is None else into
     count = 0
     for column in block.T:
@@ -402,7 +408,10 @@ def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = No
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
-    """A shift [rad²/s²] near slender members' first elastic ω², by block inverse iteration."""
+    """A shift [rad²/s²] near the first elastic ω², by inverse iteration with `factor`.
+
+    It matters for slender members; `motions` (rows, r): the rigid ones.
+    """
     comm = factor.comm
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
 
@@ -440,7 +449,7 @@ CLOSER = 6
 
 
 class Plausibility(TypedDict, total=False):
-    """`doubts` in words, largest speed of waves in bars [m/s], least `thickness` [m] of a part."""
+    """Sentences of doubt, largest wave speed in bars [m/s], least thickness [m] of a part."""
 
     doubts: list[str]
     wave_speed: float
@@ -479,7 +488,7 @@ class StructureMatrices:
 
     @property
     def plausibility(self) -> Plausibility:
-        """The data that an extraction stores to judge impacts."""
+        """Data that models keep, to judge whether an impact is plausible."""
         return {}
 
     @property
@@ -515,7 +524,7 @@ class StructureMatrices:
         return factor, shift
 
     def solver_of(self, shift: float, columns: float) -> Solver:
-        """A solver of K + sM, of so many right-hand sides at once."""
+        """A solver of K + shift·M [rad²/s²] for `columns` right-hand sides at once."""
         A = algebra.sum_of(self.K, shift, self.M)
         algebra.free_when_dropped(A)
         return solver_for(A, self.solver, lambda: self.rigid_motions, self.coarser, columns)
@@ -537,7 +546,7 @@ class StructureMatrices:
         raise InputError("matrices have no material: give E, nu and rho.")
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """M e of a uniform unit motion e along `direction` (3,); None for matrices alone."""
+        """M e (rows,) of a unit translation e along `direction` (3,); None without coordinates."""
         floats("direction", direction, (3,))
         return None
 
@@ -556,7 +565,7 @@ class StructureMatrices:
 
     @property
     def loads_told(self) -> str:
-        """The prestress as text for descriptions; empty without one."""
+        """Text on the prestress for descriptions; "" without one."""
         return "" if self.preload is None else f", {self.preload.words}"
 
     def describe(self, dofs: int) -> str:
@@ -606,7 +615,7 @@ class NodalMatrices(StructureMatrices):
 
     @cached_property
     def _motions(self) -> tuple[Array, Array] | None:
-        """(reference point (3,), six rigid motions (rows, 6)); None: no null vectors of K."""
+        """(reference point (3,), rigid motions (rows, 6)); None if they do not annul K."""
         component = self.map.component
         points = self.map.points
         is_motion = (component >= 1) & (component <= 6)

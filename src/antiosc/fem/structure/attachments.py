@@ -203,7 +203,7 @@ class ElasticTerm:
 
     @property
     def strains(self) -> Array:
-        """Unit combinations (r, functionals) that vanish in strain-free motions."""
+        """Orthonormal combinations (r, functionals) of G u that are 0 in motions without strain."""
         if self.rigid is not None:
             basis, _ = np.linalg.qr(self.rigid, mode="complete")
             return np.asarray(basis[:, self.rigid.shape[1] :].T)
@@ -216,7 +216,7 @@ class ElasticTerm:
         return strains
 
     def dampers(self, G: Sparse) -> list[Dissipation]:
-        """Dashpots and Maxwell branches on functionals `G`, those of this term or their like."""
+        """Dashpots and Maxwell branches of this term, with `G` in place of its functionals."""
         constants = [] if self.c is None else [(self.c, None)]
         return [Dissipation(G, c, tau) for c, tau in [*constants, *self.branches]]
 
@@ -236,7 +236,10 @@ def terms_of(
     plane: bool,
     places: Callable[[str | Sequence[float]], Sequence[PointMotion]],
 ) -> list[ElasticTerm]:
-    """The terms of an attachment at each of its `places`; in a `plane` along x, y and about z."""
+    """The terms of an attachment; `places`: maps its `where` to motions of points.
+
+    `plane`: the structure moves along x and y, and turns about z, only.
+    """
     values = _values(attached)
     names = list(values)
     if isinstance(attached, PointMass):
@@ -280,7 +283,7 @@ def terms_of(
 
 
 def add(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
-    """Add Gᵀ diag(values) G to the entries of a matrix over ranks. Collective."""
+    """Add Gᵀ diag(values) G to the entries of a distributed matrix. Collective."""
     if not values.any():
         return
     comm = matrix.getComm().tompi4py()
@@ -354,7 +357,7 @@ class Stiffener:
     inertia: Array
 
     def rows_of(self, columns: Array) -> Array:
-        """Motions (beam rows of this rank, k) of the beams' dofs, for those of the sheet."""
+        """Motions (rows of the beams, k) of the beams for `columns` (rows of the sheet, k)."""
         return multiply(self.shared, columns)
 
 

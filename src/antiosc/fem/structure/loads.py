@@ -47,7 +47,7 @@ class Points:
 
     @classmethod
     def joined(cls, parts: Sequence[Points]) -> Points:
-        """All points of several sets."""
+        """The points of several sets as one."""
         columns = [[p.site, p.cell, p.X, p.weight] for p in parts]
         return cls(*(np.concatenate(arrays) for arrays in zip(*columns, strict=True)))
 
@@ -98,13 +98,16 @@ def loads(comm: MPI.Comm, form: WeakForm, points: Points, directions: Array) -> 
 
 
 def stacked(displacements: Sparse, rotations: Sparse) -> Sparse:
-    """Functionals of displacements, then of rotations."""
+    """Rows of `displacements` above those of `rotations`."""
     return scipy.sparse.vstack([displacements, rotations]).tocsr()
 
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """Displacement and rotation of a point: six functionals of u, and which of them it has."""
+    """Motion of a point as six rows of a matrix on u: displacements x, y, z, then rotations.
+
+    `space` (6, 6): projection on those that the point has.
+    """
 
     six: Sparse  # (6, n) functionals of the displacement, then of the rotation
     #: (6, 6) projection on those that the point has: one of a solid has no rotation, a site of a
@@ -123,7 +126,7 @@ class PointMotion:
         return self.six[3:]
 
     def placed(self, at: Placement) -> PointMotion:
-        """The same in the axes of an assembly, in which the part is placed."""
+        """This motion in the axes of an assembly, in which the part is placed."""
         R = scipy.linalg.block_diag(at.rotation, at.rotation)
         point = at.placed(self.point[None])[0]
         return PointMotion((Sparse(R) @ self.six).tocsr(), R @ self.space @ R.T, point)
@@ -158,12 +161,12 @@ class PointMotion:
 
 
 def motions_of(form: WeakForm) -> Array:
-    """Projection (6, 6) on the displacements and rotations that the nodes of a form have."""
+    """Projection (6, 6) on the displacements and rotations that nodes of this form have."""
     return np.diag([float(name in form.components) for name in COMPONENTS])
 
 
 def motion_at(comm: MPI.Comm, form: WeakForm, at: ClosestPoint) -> PointMotion:
-    """The motion of a place of a mesh, of the rows of this rank; fixed dofs are included."""
+    """The motion of the place `at` of a mesh, on the rows of this rank, with fixed dofs."""
     count = 6 * int(comm.rank == at.rank)
     sites, weights = np.arange(count), np.ones(count)
     points = Points(sites, np.full(count, at.cell), np.tile(at.X, (count, 1)), weights)

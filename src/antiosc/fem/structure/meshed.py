@@ -162,7 +162,11 @@ class Member:
 
 @dataclass(eq=False)
 class PartsMatrices(StructureMatrices):
-    """K = Tᵀ K_b T and M of parts with meshes, u = T q; of one part T = 1 but for fixed dofs."""
+    """K and M of one or several parts with meshes.
+
+    Motions of all parts are u = T q, and K = Tᵀ K_b T for their block-diagonal K_b. Of a single
+    part T is the identity but for fixed dofs.
+    """
 
     @property
     def comm(self) -> MPI.Comm:
@@ -183,21 +187,21 @@ class PartsMatrices(StructureMatrices):
         raise NotImplementedError
 
     def joined(self, loads: T, rows: slice = slice(None)) -> T:
-        """Loads on some rows of u as loads on q: 0 on fixed dofs."""
+        """Tᵀ `loads`: loads on the `rows` of u as loads on q, 0 on fixed dofs."""
         raise NotImplementedError
 
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
-        """[(part, `shapes` on its dofs (rows, k))] of all parts, or of the one of this name."""
+        """[(part, its motions (rows, k))] for `shapes`, of all parts or of the part `name`."""
         members = self.members(name)
         u = self.expanded(shapes)
         return [(member, u[member.rows]) for member in members]
 
     def dashpots(self) -> list[Dissipation]:
-        """Dashpots and Maxwell branches on q."""
+        """Damping terms on q of dashpots and Maxwell branches."""
         raise NotImplementedError
 
     def on_q(self, member: Member, matrix: PETSc.Mat) -> PETSc.Mat:
-        """Tᵀ A T for the matrix A of a part."""
+        """Tᵀ A T for the `matrix` A on the dofs of one part."""
         raise NotImplementedError
 
     def dissipation(self) -> list[Dissipation]:
@@ -205,7 +209,7 @@ class PartsMatrices(StructureMatrices):
 
     @cached_property
     def _layers(self) -> list[Dissipation]:
-        """Relaxing layers of all parts on q."""
+        """Damping terms on q of relaxing materials of all parts."""
         terms = []
         for member in self.members():
             for owner, material, stiffness in member.part.stiffnesses("prony"):
@@ -378,7 +382,10 @@ class MeshedStructure(PartsMatrices):
         return loads
 
     def surface_below(self, points: Array, directions: Array, radii: Array) -> SurfaceAtSites:
-        """The surface of a solid at points (P, 3); `radii` (P,) of patches, NaN of points."""
+        """The surface of a solid at sites (P, 3) struck along `directions` (P, 3).
+
+        `radii` (P,) [m] of patches, NaN for a site that is a point.
+        """
         reach = np.where(np.isfinite(radii), radii, ON_SURFACE * self.mesh.extent())
         return self.faces.contact(points, directions, reach, np.zeros(len(self.faces), dtype=int))
 
@@ -426,7 +433,7 @@ class MeshedStructure(PartsMatrices):
         return self.stiffnesses("loss")
 
     def stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
-        """[(owner, material, its K)] of the materials that have the property `name`."""
+        """[(owner, material, K of its cells)] of the materials whose property `name` is set."""
         result: list[tuple[int | str, Material, PETSc.Mat]] = []
         for number, (material, cells) in enumerate(self.parts):
             if getattr(material, name, None):
@@ -476,7 +483,7 @@ ON_LINE = 1e-6
 
 
 def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam, IntArray]]]:
-    """(materials of the cells, beams on edges of a sheet as (group, beam, edges))."""
+    """(materials of cells, [(group, beam, edges)] of beams on edges of a sheet)."""
     if not isinstance(material, Mapping) or mesh.tdim != 2:
         return material, []
 
@@ -505,7 +512,7 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
 
 
 def parts_of(mesh: Mesh, material: object) -> Parts:
-    """[(material, cells of this rank)]; every cell appears once."""
+    """[(material, cells of this rank)], in which every cell appears once, else InputError."""
     imap = compat.cell_map(mesh.dolfinx)
     n_cells = imap.size_local + imap.num_ghosts
     if not isinstance(material, Mapping):
@@ -682,7 +689,7 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: In
 def _stretched(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> tuple[float | None, bool]:
-    """(thickness [m] of a sheet or thin solid, or None; whether one line alone holds it)."""
+    """(thickness [m] of a sheet or thin solid, or None; whether its supports lie on a line)."""
     sheet = materials[0].kind.sheet
     if sheet:
         thickness = float(min(material.section.thickness for material in materials))

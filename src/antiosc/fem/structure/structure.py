@@ -182,7 +182,9 @@ def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
 
 
 def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
-    """K and M, and the dofs of this rank that penalties fix, which become supports."""
+    """(K, M, dofs of this rank that penalties on K's diagonal fix), with supports in place of
+    the penalties.
+    """
     comm = communicator(K)
     same_rows = algebra.size(K) == algebra.size(M) and alike(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
@@ -210,7 +212,7 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
 
 
 def _checked_diagonal(name: str, matrix: Matrix) -> Array:
-    """The diagonal (n,) on every rank of a matrix that is symmetric and not zero."""
+    """The whole diagonal (n,), on every rank; InputError unless the matrix is symmetric, not 0."""
     comm = communicator(matrix)
     diagonal = np.concatenate(comm.allgather(algebra.diagonal(matrix)))
     if not diagonal.any():
@@ -242,7 +244,7 @@ def _entries(matrix: Matrix) -> Entries:
 
 
 def _forbid(comm: MPI.Comm, bad: BoolArray, entries: Entries, text: str) -> None:
-    """InputError on all ranks if entries are `bad`; `text` formats row, column and size."""
+    """Raise InputError on all ranks if an entry is `bad`, with row, column, size in `text`."""
     error = None
     if bad.any():
         row, column, value = (part[bad][0] for part in entries)
@@ -251,7 +253,7 @@ def _forbid(comm: MPI.Comm, bad: BoolArray, entries: Entries, text: str) -> None
 
 
 def _penalised(K: Matrix, diagonal: Array) -> IntArray:
-    """Dofs fixed by penalties on the diagonal; InputError for one that drowns two dofs."""
+    """Dofs that penalties on K's `diagonal` fix; InputError for a penalty that couples two dofs."""
     comm = communicator(K)
     row, column, value = _entries(K)
     size = np.abs(value)
@@ -507,7 +509,7 @@ class Structure(ReprMixin):
         return self
 
     def _hold(self, matrices: StructureMatrices, start_time: float) -> None:
-        """Set the attributes from matrices whose assembly began at the time `start_time`."""
+        """Set the attributes from matrices; `start_time` [s]: when their assembly began."""
         self.matrices = matrices
         self.K = matrices.K
         self.M = matrices.M
@@ -573,7 +575,7 @@ class Structure(ReprMixin):
 
     @property
     def shift(self) -> float:
-        """s of the factor of K + sM, rad²/s²; factorizes if rigid-body modes remain."""
+        """s [rad²/s²] of the factored matrix K + sM; factorizes if rigid-body modes remain."""
         if not self.rigid_modes.shape[1]:
             return 0.0
         self.factorize()
@@ -620,7 +622,7 @@ NO_MESH = "matrices have no mesh: build the Structure from a mesh for this."
 
 
 def holding(matrices: StructureMatrices, start_time: float) -> Structure:
-    """The structure of matrices whose assembly began at the time `start_time`."""
+    """A `Structure` with these matrices; `start_time` [s]: when their assembly began."""
     self = object.__new__(Structure)
     self._hold(matrices, start_time)
     return self
@@ -636,7 +638,7 @@ def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
 
 
 def refuse_prestress(structure: Structure, what: str) -> None:
-    """InputError for a prestressed structure, which the function `what` does not support."""
+    """Raise InputError for a prestressed structure; `what` names the function that refuses it."""
     if structure.matrices.preload is not None:
         raise InputError(
             f"{what} does not take a structure with a prestress: leave prestress out of it."
@@ -644,7 +646,7 @@ def refuse_prestress(structure: Structure, what: str) -> None:
 
 
 def refuse_dampers(structure: Structure, what: str) -> None:
-    """InputError for a structure with dampers, which the function `what` does not support."""
+    """Raise InputError for a structure with dampers; `what` names what refuses it."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
         raise InputError(
             f"{what} does not take dampers, nor materials with loss or prony: leave them out;"

@@ -139,7 +139,7 @@ class Support(FieldsRepr):
 def fixed_dofs(
     mesh: Mesh, form: WeakForm, supports: Sequence[Support]
 ) -> dict[tuple[int, ...], IntArray]:
-    """Subspace path of each component -> its fixed dofs on this rank, ghosts included."""
+    """Path of a component in the function space -> its fixed dofs of this rank and ghosts."""
     fixed: dict[tuple[int, ...], IntArray] = {}
     for support in supports:
         count = 0
@@ -204,7 +204,7 @@ class NumberedNodes:
         return f"on nodes {shown_first}{', …' * (len(self.numbers) > 6)}"
 
     def __call__(self, x: Array) -> BoolArray:
-        """InputError: node numbers belong to a mesh, not to points x (3, n)."""
+        """Raise InputError, as points x (3, n) have no node numbers."""
         raise InputError("nodes needs a mesh whose file has numbers of nodes.")
 
     def entities(self, mesh: Mesh) -> dict[int, IntArray]:
@@ -326,7 +326,7 @@ def mesh_modes(
 
 
 def motions(form: WeakForm, K: PETSc.Mat) -> Array:
-    """Rigid-body motions of the unsupported body (rows of this rank, r), of one size each."""
+    """Rigid-body motions (rows of this rank, r) of the unsupported body, scaled to like size."""
     low, high = bounds(K.getComm().tompi4py(), form.space.tabulate_dof_coordinates())
     rigid = places_of(form).rigid_motions((low + high) / 2)
     rigid[:, 3:] /= float((high - low).max())
@@ -344,7 +344,7 @@ def places_of(form: WeakForm) -> DofPlaces:
 
 
 def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
-    """Combinations of the fields (rows, k) that vanish at fixed dofs and in springs."""
+    """Combinations of `fields` (rows, k) that are 0 at `fixed` dofs and do not strain springs."""
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
     if not scale.all():
         fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
@@ -366,7 +366,10 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
 def first_elastic(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
-    """Rayleigh–Ritz estimate of the lowest elastic ω² [rad²/s²]; the fields are overwritten."""
+    """Rayleigh–Ritz estimate of the lowest elastic ω² [rad²/s²] by trial `fields` (rows, k).
+
+    `motions`: rigid ones, M-orthonormal. The fields are overwritten.
+    """
     shares = dot(comm, multiply(M, motions), fields)
     count = 0
     for column, share in zip(fields.T, shares.T, strict=True):
