@@ -300,7 +300,7 @@ class PlateSection:
 
     @property
     def has_sides(self) -> bool:
-        """Whether a flip about the 0° direction changes the section: the normal's sign matters."""
+        """Whether the sign of the normal matters: a flip about the 0° axis changes the section."""
         changed = [  # by a flip their signs change
             *((M[:2, 2], np.abs(M).max()) for M in (self.A, self.D)),
             (self.S[0, 1], np.abs(self.S).max()),
@@ -311,7 +311,7 @@ class PlateSection:
 
 
 def _over_angles(stiffness: Array) -> float:
-    """Mean of the entry (3, 3) of a plane stiffness over all rotations; G of an isotropic one."""
+    """Mean of the shear entry of a plane stiffness (3, 3) over all rotations about the normal."""
     m = stiffness
     return float(m[0, 0] + m[1, 1] - 2 * m[0, 1] + 4 * m[2, 2]) / 8
 
@@ -366,7 +366,10 @@ def _transverse_shear(
 
 
 def shear_stresses(layers: Sequence[Layer], which: int, z: float) -> Array:
-    """f (2, 2) [1/m] at height z in layer `which`: (τ13, τ23) = f · shear forces (Q1, Q2)."""
+    """f (2, 2) [1/m] with (τ13, τ23) = f · shear forces (Q1, Q2) [N/m] at height z [m].
+
+    `which`: the layer at z.
+    """
     levels, powers, Q = _levels(layers)
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     return _equilibrium(levels, Q, A, B, D)(which, z)

@@ -125,7 +125,7 @@ class Beam(Isotropic):
 
 
 def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
-    """√stiffness of each cell's beam, as a cell-wise constant."""
+    """√`stiffness(beam)` of each cell's beam, as a cell-wise constant (UFL)."""
     return coefficient(mesh, parts, lambda beam: math.sqrt(stiffness(beam)))
 
 

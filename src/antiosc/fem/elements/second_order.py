@@ -62,7 +62,7 @@ def tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
 
 
 class SecondOrderStrain(NamedTuple):
-    """ε(u), η(a, b) and forces N, linear in the strain, of a family with ε(u) + η(u, u)/2."""
+    """Functions (UFL) of a family with the strain ε(u) + η(u, u)/2: ε, η, and forces N(strain)."""
 
     strain: Callable[[Expr], Expr]
     eta: Callable[[Expr, Expr], Expr]
@@ -188,7 +188,9 @@ SHARE_DEGREE = 6
 
 
 def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> float:
-    """Relative change [1/m] of the force on a sheet per metre; 0 of a flat one without prestress.
+    """Relative change [1/m] of a sheet's secant stiffness per metre of deflection.
+
+    It is 0 for a flat sheet without prestress.
 
     The energy of q × shape is k q²/2 + g q³/2, with k its `stiffness` [N/m], g = ∫ N : η and N the
     membrane forces of the shape: the force is k q (1 + 3 g q/(2 k)), negative if it softens.
@@ -204,7 +206,7 @@ def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> fl
 
 
 def _whole(part: MeshedStructure, motion: Array) -> Array:
-    """A motion (dofs of this rank,) with the values of the ghosts."""
+    """The motion (dofs of this rank,) followed by the values of the ghosts."""
     return compat.with_ghosts(part.form.space, motion[:, None])[:, 0]
 
 
@@ -258,7 +260,7 @@ class PartPoints:
         self._turned = self.gradient.T.tocsr()
 
     def about(self, state: Array) -> PartPoints:
-        """The same points for motions about a static state (dofs,)."""
+        """These points for motions about the static state (dofs,)."""
         return replace(self, base=self.slopes(state))
 
     def slopes(self, motion: Array) -> Array:
@@ -308,7 +310,7 @@ class PartPoints:
 
 
 class _Local(NamedTuple):
-    """What a family has at n points."""
+    """Strain operators of an element family at n points."""
 
     along: Array  # (n, d, 3) directions of the derivatives
     strain: Array  # T
@@ -324,7 +326,7 @@ def points_of(part: MeshedStructure) -> PartPoints:
 
 
 def _points(part: MeshedStructure, degree: int) -> PartPoints:
-    """The points of a rule in the cells of this rank."""
+    """The points of the quadrature of this degree in the cells of this rank."""
     mesh, space = part.mesh, part.form.space
     X, weights = compat.quadrature(mesh.cell, degree)
     count = compat.cell_map(mesh.dolfinx).size_local
@@ -375,7 +377,7 @@ def _points(part: MeshedStructure, degree: int) -> PartPoints:
 
 
 def _of_sheet(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
-    """Sheets: along the frame of `frames`."""
+    """Operators of sheets, with derivatives along the frame of `frames`; `J`: Jacobians."""
     axis, side = part.axes_and_sides
     n = np.cross(J[:, :, 0], J[:, :, 1])
     n *= (side[cells] / np.linalg.norm(n, axis=1))[:, None]
@@ -401,7 +403,7 @@ def _of_sheet(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
 
 
 def _of_solid(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
-    """Solids: along the axes."""
+    """Operators of solids, with derivatives along x, y, z; `J`: Jacobians of the points."""
     d = part.mesh.gdim
     pairs = VOIGT if d == 3 else IN_PLANE
     strain = np.zeros((1, len(pairs), d, d))
@@ -412,7 +414,7 @@ def _of_solid(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
 
 
 def _of_beam(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
-    """Beams without offset: along the axis."""
+    """Operators of beams without offset, with derivatives along the axis; `J`: Jacobians."""
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch does not take beams with an offset.")
     t = J[:, :, 0] / np.linalg.norm(J[:, :, 0], axis=1)[:, None]

@@ -178,7 +178,11 @@ def _engineering(e: Expr) -> Expr:
 def energies(
     section: SectionFields, a: SurfaceStrains, b: SurfaceStrains
 ) -> tuple[Expr, Expr, Expr]:
-    """(membrane and drilling, shear, bending) energy densities, non-negative each (ε + A⁻¹Bκ)."""
+    """(membrane and drilling, shear, bending) parts of the bilinear energy density (UFL).
+
+    Membrane strains are those of the neutral surface, ε + A⁻¹Bκ, so that each part is
+    non-negative for a = b.
+    """
 
     def stretch(e: SurfaceStrains) -> Expr:
         if section.coupling is None:
@@ -255,7 +259,10 @@ QUADRATIC = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of lower d
 
 
 def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
-    """(1 − R)(θ×n), which the shear strain omits, along two tangents (UFL), n taken as constant."""
+    """(1 − R)(θ×n) along two tangents (UFL), which the shear strain omits.
+
+    R projects cubics to quadratics with the same moments along edges; n is taken as constant.
+    """
     J = ufl.Jacobian(mesh.dolfinx)
     inverse = ufl.JacobianInverse(mesh.dolfinx)
     zeros = [0] * (3 - mesh.gdim)

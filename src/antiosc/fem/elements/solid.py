@@ -127,7 +127,7 @@ def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
 
 
 def _check_cells(mesh: Mesh, order: int) -> None:
-    """InputError unless the cells fill the space, of at most the displacements' order."""
+    """Raise InputError unless cells have the dimension of space, and at most this order."""
     if mesh.tdim != mesh.gdim:
         raise InputError(
             f"Solid needs cells of the dimension of the space; {mesh.name} has {mesh.cell} "
@@ -141,7 +141,7 @@ def _check_cells(mesh: Mesh, order: int) -> None:
 
 
 def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-    """Weak form of solids, some of which may have directions."""
+    """Weak form of isotropic and anisotropic solids, also mixed."""
     directed = any(isinstance(material, AnisotropicSolid) for material, _ in parts)
     if directed and mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
@@ -183,7 +183,10 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
 
 def _is_thin(mesh: Mesh) -> bool:
-    """Whether rounding of K's entries spoils bending: 3e-6 of a plate of 300 × 30 × 1."""
+    """Whether the mesh is so thin that rounding of K's entries spoils its bending stiffness.
+
+    The error is 3e-6 for a plate of 300 × 30 × 1.
+    """
     if mesh.gdim != 3 or mesh.n_cells > MOST_THIN_CELLS:
         return False
 
@@ -206,7 +209,10 @@ def voigt_strain(e: Expr) -> Expr:
 
 
 def voigt_in(material: Any, dim: int) -> Array:
-    """`voigt`, or in the plane forces per width (σ11, σ22, σ12) t of (ε11, ε22, γ12)."""
+    """Stiffness of a material in Voigt order: (6, 6) [Pa], or (3, 3) [N/m] for `dim` 2.
+
+    In the plane it gives forces per width (σ11, σ22, σ12) t.
+    """
     C = np.asarray(material.voigt)
     if dim == 3:
         return C

@@ -44,7 +44,7 @@ Rule = tuple[Array, Array, Array]
 
 
 class Cells(ABC):
-    """Cells of one kind.
+    """Cells of one kind, with products by a kernel of the C library.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ class Cells(ABC):
 
     @abstractmethod
     def _argument(self, nodes: int, arrays: Sequence[int]) -> Structure:
-        """The C structure of nodes and arrays at these addresses."""
+        """The argument of the C kernel; `nodes`, `arrays`: addresses of the arrays."""
 
     @property
     @abstractmethod
     def _arrays(self) -> Sequence[Array]:
-        """The arrays of the C structure in double precision."""
+        """The arrays that the argument of the C kernel points to, in double precision."""
 
     def add(self, k: float, m: float, u: Array, out: Array) -> None:
         """Add (k K + m M) u to `out`, both on all dofs of this rank, single or double."""
@@ -196,7 +196,11 @@ class CurvedCells(Cells):
 
 
 def _blocks(lame: Array, shear: Array, inertia: Array) -> Array:
-    """Blocks (n, 3, 3) of a node, from ∫ λ grad N ⊗ grad N, ∫ μ grad N ⊗ grad N and ∫ ρ N²."""
+    """Diagonal blocks (n, 3, 3) of k K + m M at one node of n cells.
+
+    `lame`, `shear`: ∫ λ grad N ⊗ grad N and ∫ μ grad N ⊗ grad N (n, 3, 3), times k; `inertia`:
+    ∫ ρ N² (n,), times m.
+    """
     result = lame + shear
     diagonal = np.trace(shear, axis1=1, axis2=2) + inertia
     for a in range(3):
@@ -206,7 +210,10 @@ def _blocks(lame: Array, shear: Array, inertia: Array) -> Array:
 
 
 def _squares(slopes: Array, ends: Sequence[int]) -> Array:
-    """Integral (n, 3, 3) of grad N ⊗ grad N per volume; `slopes` are the gradients of λ."""
+    """Mean (n, 3, 3) of grad N ⊗ grad N in a cell: its integral divided by the volume.
+
+    `slopes` (n, 4, 3): gradients of the barycentric coordinates; `ends`: of `ENDS`.
+    """
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
@@ -220,7 +227,7 @@ def _squares(slopes: Array, ends: Sequence[int]) -> Array:
 
 
 def constants(parts: Parts, count: int) -> Array:
-    """Lamé's constants and the density (count, 3) of the first cells of a part of `Solid`."""
+    """(λ [Pa], μ [Pa], ρ [kg/m³]) (count, 3) of the first `count` cells of this rank."""
     result = np.empty((count, 3))
     for material, cells in parts:
         lame = material.E * material.nu / ((1 + material.nu) * (1 - 2 * material.nu))
@@ -266,7 +273,7 @@ for _cells in (StraightCells, CurvedCells):
 def cell_by_cell(
     mesh: Mesh, form: WeakForm, parts: Parts, conditions: Mapping[tuple[int, ...], IntArray]
 ) -> Tetrahedra | None:
-    """The cells of a large part of quadratic tetrahedra; None for other parts."""
+    """`Tetrahedra` of a large part of quadratic isotropic tetrahedra; None for other parts."""
     imap = form.space.dofmap.index_map
     is_large = imap.size_global * form.space.dofmap.index_map_bs >= FEWEST_DOFS
     tetrahedra = mesh.cell == "tetrahedron" and mesh.order <= 2
@@ -313,7 +320,7 @@ class Tetrahedra:
 
     @cached_property
     def products(self) -> Products:
-        """What the forecasts take from the kernels, by the share of curved cells."""
+        """Cost of products for forecasts, by the share of curved cells."""
         of_rank = sum(len(cells.nodes) for cells in self._kinds[1:])
         curved = self.comm.allreduce(of_rank) / self._mesh.n_cells
 
@@ -365,7 +372,7 @@ class Tetrahedra:
         return result
 
     def _matrices(self, k: float, m: float) -> Iterator[tuple[float, PETSc.Mat]]:
-        """(factor, matrix) of what is added at points in k K + m M."""
+        """(factor, matrix) of the attachments' terms in k K + m M."""
         if self.carries:
             yield from ((x, A) for x, A in zip((k, m), self.added, strict=True) if x)
 

@@ -53,7 +53,7 @@ CORNERS_IN_TURN = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 
 
 class _Later:
-    """A module in waiting; MissingDependencyError where it is not installed."""
+    """A module that is imported at its first use; MissingDependencyError if it is missing."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -85,7 +85,7 @@ DIRECTION = checked_by(checked)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
-    """(projected 0° direction of a sheet, sign ±1 of the normal toward its top) of cells."""
+    """(0° direction in the sheet, ±1: side of the normal on which the top is) of each cell."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     normals = _normals(mesh, x)
     axes = compat.cellwise(mesh.dolfinx, 3)
@@ -135,7 +135,10 @@ def _directions_at(name: str, direction: Direction, x: Array) -> Array:
 
 
 def _refuse(sine: Array, x: Array, what: str) -> None:
-    """InputError that names a cell where a sine (cells, points) is too small, if there is one."""
+    """Raise InputError for a cell with a sine (cells, points) below LEAST_SINE.
+
+    `x`: nodes of the cells; `what`: which directions are parallel there.
+    """
     bad = sine.min(axis=1) < LEAST_SINE
     if bad.any():
         raise InputError(
@@ -150,7 +153,10 @@ def shown_direction(direction: Direction) -> str:
 
 
 def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -> None:
-    """InputError if neighbours of unsymmetric stacks without `top` have opposite normals."""
+    """Raise InputError if neighbouring cells have opposite normals (`side` ±1).
+
+    It concerns unsymmetric stacks without a top, `has_sides`.
+    """
     owned = compat.cell_map(mesh.dolfinx).size_local
     in_turn = CORNERS_IN_TURN[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
@@ -260,11 +266,17 @@ class Family(Protocol):
         ...
 
     def half_space_compliance(self, cosine: float) -> float:
-        """Compliance times radius [m²/N] of a patch, by the cosine of load and normal; or 0."""
+        """Compliance times radius [m²/N] of a patch on a half-space; 0 if the family has none.
+
+        `cosine`: of the angle between load and surface normal.
+        """
         ...
 
     def dimensions(self, box: Box, materials: Sequence[Material]) -> Box:
-        """Length, width, thickness [m] of a part in a box; the thickness is that of bending."""
+        """(length, width, thickness) [m] of a part of these materials in a box.
+
+        The thickness is that across which it bends.
+        """
         ...
 
     def bar_speed(self) -> float:

@@ -1,4 +1,4 @@
-"""The solver of a symmetric positive definite matrix: the door to those of SciPy and of PETSc."""
+"""Solvers of symmetric positive definite matrices of SciPy and of PETSc."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ def solver_for(
     coarser: Callable[[], Matrix | None] = lambda: None,
     columns: float = 1.0,
 ) -> Solver:
-    """The solver of A named by `choice`; `columns`: loads of one call, inf: a direct factor."""
+    """The solver of A named by `choice`.
+
+    `motions`, `coarser`: as in `Levels`, for multigrid; `columns`: number of loads in one call,
+    where inf requires a direct factor.
+    """
     if by_scipy(A):
         return SuperLU(A)
     from antiosc.fem.linalg import iterative, solver_choice  # need PETSc

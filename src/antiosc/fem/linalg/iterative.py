@@ -179,7 +179,7 @@ class Multigrid(PetscSolver):
 
 
 def aggregate(pc: PETSc.PC) -> None:
-    """Make a preconditioner with a prefix of its own one of smoothed aggregation."""
+    """Set a preconditioner, which has its own options prefix, to smoothed aggregation."""
     options = PETSc.Options(pc.getOptionsPrefix())
     options["pc_gamg_threshold"] = WEAK
     pc.setType(PETSc.PC.Type.GAMG)
@@ -375,7 +375,7 @@ def vertices(P: PETSc.Mat) -> BoolArray:
 
 
 def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
-    """Values (coarse rows, r) at the coarse dofs of motions (rows, r) of the fine dofs."""
+    """`motions` (rows, r) of the fine dofs, taken at the coarse dofs: (coarse rows, r)."""
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
 
@@ -389,7 +389,10 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
 
 
 def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
-    """P, changed in place, with zeros for fixed fine dofs and coarse ones that move them."""
+    """P with zero rows of `fixed` fine dofs, and zero columns of coarse dofs that move them.
+
+    P is changed in place.
+    """
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)

@@ -305,7 +305,7 @@ def free(comm: MPI.Comm) -> None:
 
 
 def becomes(handle: PETSc.Mat | PETSc.PC, type_name: str) -> None:
-    """Set a python-type PETSc object's type at exit, since PETSc ends after Python."""
+    """Change the type of a PETSc object of type python at exit, as PETSc ends after Python."""
     weakref.finalize(handle, _become, weakref.ref(handle), type_name)
 
 

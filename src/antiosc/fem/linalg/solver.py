@@ -100,17 +100,23 @@ class Cost:
 
 
 def of_factor(entries: float, columns: float) -> Cost:
-    """Cost of a factor of `entries` entries and the solves of a model, `columns` at once."""
+    """Cost of a factor with this number of entries, and of the solves of a model.
+
+    `columns`: right-hand sides solved for at once.
+    """
     return Cost(BYTES * entries, seconds_of_factor(entries, columns))
 
 
 def seconds_of_factor(entries: float, columns: float) -> float:
-    """Seconds for a factor of `entries` entries and the solves of a model, `columns` at once."""
+    """Time [s] of a factor with this number of entries and of a model's solves.
+
+    `columns`: right-hand sides solved for at once.
+    """
     return _factored(entries) + SOLVES * SUBSTITUTED * entries * columns**AT_ONCE
 
 
 def seconds_of_steps(entries: float, steps: int) -> float:
-    """Seconds of a factor of `entries` entries and of `steps` solves, one after the other."""
+    """Time [s] of a factor with this number of entries and of `steps` single solves."""
     return _factored(entries) + steps * SUBSTITUTED * entries
 
 
@@ -129,7 +135,7 @@ OF_SHELLS = 2700.0
 
 
 def of_sheet(dofs: float, n: int) -> float:
-    """Bytes of a model of `n` anti-oscillators beside a structure of shells that is made."""
+    """Memory [bytes] of factor and shapes of a model of shells with `n` anti-oscillators."""
     coefficient, power = FILL
     return BYTES * coefficient * dofs**power + EACH_SHAPE * n * dofs
 
@@ -224,7 +230,7 @@ class Solver(ABC):
         return self.solve_block(r[:, None])[:, 0]
 
     def solve_checked(self, r: Array) -> Array:
-        """A⁻¹r (a vector or a block), whose residual shows a singular matrix."""
+        """A⁻¹r (a vector or a block); raises an error if its residual shows that A is singular."""
         R = r[:, None] if r.ndim == 1 else r
         X = self.solve_block(R)
         root = roots(self.A)[:, None]
@@ -255,7 +261,7 @@ class Solver(ABC):
         return "factor" if self.cost is None else f"factor; {self.cost}"
 
     def force_sizes(self, R: Array) -> Array:
-        """Norms (k,) of loads R (rows, k), relative to which residuals are measured."""
+        """Norms (k,) of loads R (rows, k), to which residuals are relative."""
         return norms(self.comm, R)
 
 

@@ -141,7 +141,7 @@ class Refined(Solver):
             self._inner = self._make(stiffer)
 
     def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k); AccuracyError too far from its entries."""
+        """A⁻¹R for a block of vectors (rows, k); AccuracyError if the steps do not converge."""
         for X, residual_energy, energy in conjugate_gradients(
             R,
             lambda x: multiply(self.A, x),
@@ -163,7 +163,7 @@ class Refined(Solver):
         return X
 
     def force_sizes(self, R: Array) -> Array:
-        """√(rᵀA⁻¹r) of loads r: in the Euclidean norm rounding of x would fail the check."""
+        """√(rᵀA⁻¹r) (k,) of loads R; in the Euclidean norm rounding of x would fail the check."""
         return np.asarray(np.sqrt(np.maximum(self._inner_products(R, self.solve_block(R)), 0.0)))
 
     def _inner_products(self, x: Array, y: Array) -> Array:
@@ -384,7 +384,7 @@ class Forecast:
     analysis: Cholesky | None = None  # of that matrix, on one rank
 
     def taken(self, matrix: PETSc.Mat) -> Cholesky | None:
-        """The analysis of `matrix`, handed over, since a factor consumes it; None without one."""
+        """Hand over the analysis of `matrix`, which a factor consumes; None without one."""
         if matrix is not self.matrix:
             return None
         analysis, self.analysis = self.analysis, None
@@ -392,7 +392,7 @@ class Forecast:
 
 
 def forecast_of(A: PETSc.Mat, coarser: PETSc.Mat | None = None) -> Forecast:
-    """The forecast of the factor of A; by that of linear elements with their interpolation."""
+    """The forecast of the factor of A, from that of PᵀAP if the interpolation P is given."""
     matrix = A if coarser is None else coarse_of(A, coarser)
     finer = 1.0 if coarser is None else FINER
     comm = A.getComm().tompi4py()
@@ -417,7 +417,7 @@ def cholmod_refused(comm: MPI.Comm) -> bool:
 
 
 class Factored(Protocol):
-    """What compliances need of a `Structure`: K, M, communicator, factor of K + sM."""
+    """The attributes of a `Structure` that compliances need."""
 
     K: Matrix
     M: Matrix
@@ -454,7 +454,7 @@ def deflections(
 def _twice(
     structure: Factored, solver: Factorization, loads: scipy.sparse.csr_matrix, step: float
 ) -> tuple[Array, Array]:
-    """bᵀ(K + sM)⁻¹b (loads,) of every load b: for the structure's shift s, and for s + `step`."""
+    """bᵀ(K + sM)⁻¹b (P,) of every load b at the structure's shift s, and at s + `step`."""
     A = sum_of(structure.K, structure.shift + step, structure.M)
     if isinstance(solver, OnOneRank):
         first = solver.cholesky
@@ -480,7 +480,7 @@ def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Arr
 
 
 def _solved(solver: Solver, loads: scipy.sparse.csr_matrix) -> Iterator[tuple[slice, Array, Array]]:
-    """Yield (numbers of some loads, these as columns, A⁻¹ times these)."""
+    """Yield (slice of loads, these loads B as dense columns, A⁻¹B), block by block."""
     count = loads.shape[1]
 
     with counting("sites of the map", count, solver.comm.rank) as report:
