@@ -103,7 +103,7 @@ def make(part: ao.Structure, kind: str) -> Solver:
     """The solver of a kind, which `extract` then uses."""
     if kind == PEER:
         with_entries(part.M)
-        return solver_choice.Distributed(with_entries(part.K))
+        return solver_choice.MumpsFactor(with_entries(part.K))
 
     levels = Levels(lambda: part.matrices.rigid_motions, part.matrices.coarser)
     solver = solver_choice.solver_for(part.K, KINDS[kind], levels)

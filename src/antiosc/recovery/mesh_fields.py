@@ -22,7 +22,7 @@ from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.mesh.surface import kind_of_cells, measures
 from antiosc.fem.platform import agreed, compat
 from antiosc.fem.prestress.state import initial_strain
-from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
+from antiosc.fem.structure.meshed import Member, MeshedStructure, beams_alone
 from antiosc.fem.structure.place import places_at
 from antiosc.fem.structure.structure import Structure
 from antiosc.recovery.place import (
@@ -274,7 +274,7 @@ def relaxes(structure: Structure) -> bool:
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
     """The beams of stiffener `name` on the sheets of some parts, with the shapes on their dofs."""
     beams = [
-        (replace(member, part=alone(lines)), lines.rows_of(shapes_of_part))
+        (replace(member, part=beams_alone(lines)), lines.rows_of(shapes_of_part))
         for member, shapes_of_part in parts
         for group, lines in member.part.stiffeners.items()
         if group == name

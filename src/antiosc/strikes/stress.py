@@ -19,7 +19,7 @@ import numpy as np
 
 from antiosc.base.errors import AntioscError, InputError, MeshError, without_warnings
 from antiosc.base.texts import engineering, percent, plain, point_text
-from antiosc.fem.mesh.finer import near
+from antiosc.fem.mesh.finer import refined_near
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.margin import UNRESOLVED, criteria_of, sizes_at_nodes
@@ -121,7 +121,7 @@ def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
             " (refine or size) to its part there"
         )
     mesh, material, options = structure.made_of
-    return Structure(near(mesh, refine), material, structure.supports, **options)
+    return Structure(refined_near(mesh, refine), material, structure.supports, **options)
 
 
 def struck_again(hit: History, structure: Structure, model: AntiOscillators) -> History:

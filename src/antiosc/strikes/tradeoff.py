@@ -28,7 +28,7 @@ from antiosc.base.progress import doing
 from antiosc.base.texts import Result, engineering, percent, plain
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.petsc_algebra import by_cells
-from antiosc.fem.linalg.solver import of_factor
+from antiosc.fem.linalg.solver import cost_of_factor
 from antiosc.fem.linalg.solver_choice import stored
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
@@ -492,7 +492,7 @@ def member_of(answer: Answer) -> TradeoffMember:
     matrices = cast("MeshedStructure", structure.matrices)
     mesh = matrices.mesh
     solver = structure.factorize()
-    cost = solver.cost or of_factor(getattr(solver, "entries", 0.0), 1.0)
+    cost = solver.cost or cost_of_factor(getattr(solver, "entries", 0.0), 1.0)
     integrand = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(integrand, mesh.dolfinx)
     seconds = structure.seconds["assembly"] + answer.seconds

@@ -1,7 +1,7 @@
 // The chart of the force over time on a canvas: the computed case, the present one and its bar.
 
 class Chart {
-  // the one of a canvas
+  // The chart of a canvas, which is made once.
   static on(canvas) { return canvas.chart ??= new Chart(canvas); }
 
   constructor(canvas) {
@@ -11,7 +11,8 @@ class Chart {
     DARK_MODE.addEventListener("change", () => this.draw());
   }
 
-  // content: until [s], now and computed {time, force}, bar (share), at [s] or null
+  // content: until (end of the axis [s]); now, computed: {time [s], force [N]}; bar: relative error of the
+  // computed force; at: marked time [s] or null.
   show(content) {
     this.content = content;
     this.draw();
@@ -70,7 +71,7 @@ class Chart {
   }
 }
 
-const MOST_BESIDE = 3; // times the present curve up to which the one beside it sets the scale
+const MOST_BESIDE = 3; // the computed curve sets the scale up to this multiple of the present one
 const highest = (curve) => (curve && curve.force ? curve.force.reduce((a, b) => Math.max(a, b), 0) : 0);
 const points = (curve, x, y, factor) => Array.from(curve.time, (t, i) => [x(t), y(factor * curve.force[i])]);
 
@@ -80,14 +81,14 @@ function line(pen, through) {
   pen.stroke();
 }
 
-// Round numbers up to the largest.
+// About `count` round numbers from 0 to `most`.
 function ticks(most, count) {
   const raw = most / count, ten = 10 ** Math.floor(Math.log10(raw));
   const step = ten * [1, 2, 5, 10].find((each) => each * ten >= 0.999 * raw);
   return [...Array(Math.floor(most / step) + 1).keys()].map((k) => k * step);
 }
 
-// A tick with the prefix of the largest.
+// Text of a tick, with the prefix that suits the largest value `most`.
 function shown(value, most, unit) {
   const power = Math.min(Math.max(Math.floor(Math.log10(most) / 3 - 0.1), -5), 4);
   return `${Number((value / 10 ** (3 * power)).toPrecision(4))} ${PREFIXES[power + 5]}${unit}`;

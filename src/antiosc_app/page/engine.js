@@ -1,4 +1,4 @@
-// The march in WebAssembly: an impact of two bodies, posed as antiosc.impact.two_bodies does.
+// The C library in WebAssembly: an impact of two bodies, as antiosc.impact.two_bodies computes it.
 
 // csrc/antiosc_march.h; antiosc.engine.contact.base.TAKEN
 const LINEAR = 0, HERTZ = 2, ELASTIC_PLASTIC = 6, TAKEN = 0.7;
@@ -24,8 +24,8 @@ class Engine {
     return at;
   }
 
-  // The numbers of an impact, and its nodes: time, force. One that is asked for again is not marched
-  // again: the stages of a blow (bars, motion, stress) show the same, of which one took 8 s.
+  // The numbers of an impact, and its time (n) [s] and force (n) [N]. The last one is kept: the steps
+  // of an answer (bars, motion, stress) ask for the same impact, and one took 8 s.
   strike(posed, duration, tol) {
     const asked = JSON.stringify([posed, duration, tol], (_, x) => (ArrayBuffer.isView(x) ? [...x] : x));
     if (asked !== this.asked) [this.asked, this.last] = [asked, this.march(posed, duration, tol)];
@@ -47,7 +47,7 @@ class Engine {
     return hit;
   }
 
-  // Of the last impact at a time: modal displacements, and the force.
+  // Modal displacements q and contact force [N] of the last impact at the time t [s].
   state(hit, t) {
     this.wasm.page_state(t, this.out);
     const read = this.view(this.out, 2 * hit.modes + 1);
@@ -82,7 +82,7 @@ function pose(body, blow, set) {
   };
 }
 
-// The amplitudes of second-order displacements: products of the modes that stretch, in pairs.
+// The amplitudes of second-order displacements: products of the amplitudes of two stretching modes.
 function pairs(stretch, q) {
   if (!stretch) return [];
   const n = q.length, a = [];
@@ -92,8 +92,8 @@ function pairs(stretch, q) {
   return a.flatMap((x, i) => a.slice(i).map((y, k) => (k ? 2 : 1) * x * y));
 }
 
-// The parameters of a law with another stiffness, without the compliance of a patch. That of a sphere
-// that yields is another modulus.
+// The parameters of a law with the stiffness k (null: its own), less the local compliance c [m/N] of the
+// body's modes. For a sphere that yields, another stiffness means another modulus.
 function parameters(law, c, k) {
   const old = law.params;
   if (k === null) return [...old.slice(0, -1), c];

@@ -2,7 +2,7 @@
 
 const VIEWS = [["near", "the part"], ["whole", "the whole fall"]];
 const SHOCK = "CFC1000"; // filter of the acceleration of the centre of mass
-const PATH = 0.008, DOT = 0.04; // radii of the path and of an impact over half of what is framed
+const PATH_RADIUS = 0.008, DOT_RADIUS = 0.04; // radii of the path and of an impact over half of what is framed
 
 class FallPage {
   constructor(data, view) {
@@ -34,15 +34,15 @@ class FallPage {
     Object.assign(find("third"), { hidden: false, textContent: `shock (${SHOCK})` });
     find("numbers").replaceChildren();
     this.rows = this.data.impacts.map((one, k) => {
-      const row = made("tr", find("numbers")), head = made("th", row);
-      for (const text of one.shown) made("td", row, text);
-      return made("button", head, `impact ${k + 1}`, { type: "button", onclick: () => this.choose(k) });
+      const row = new_element("tr", find("numbers")), head = new_element("th", row);
+      for (const text of one.shown) new_element("td", row, text);
+      return new_element("button", head, `impact ${k + 1}`, { type: "button", onclick: () => this.choose(k) });
     });
   }
 
   make_views() {
     find("kind").replaceChildren();
-    for (const [kind, label] of VIEWS) made("option", find("kind"), label, { value: kind });
+    for (const [kind, label] of VIEWS) new_element("option", find("kind"), label, { value: kind });
     find("kind").onchange = () => { this.kind = find("kind").value; this.picture(); };
     find("play").hidden = find("frame").hidden = false;
     find("play").onclick = () => this.play(!this.playing);
@@ -74,7 +74,7 @@ class FallPage {
     if (k >= 0) this.choose(k);
   }
 
-  // The impact that is drawn next to a place of the canvas; or -1.
+  // Number of the impact drawn nearest to the pixel (x, y) of the canvas; -1 if none is near.
   near(x, y) {
     let best = -1, least = 20;
     this.data.impacts.forEach(({ place }, k) => {
@@ -84,7 +84,7 @@ class FallPage {
     return best;
   }
 
-  // A point and a direction over the floor, in the axes of the part as it is drawn.
+  // [point, direction] in the axes of the floor -> the same in the axes of the drawn part.
   into([point, direction]) {
     const { centre } = this.data, [c, R] = this.pose();
     const back = (v) => [0, 1, 2].map((j) => R[j] * v[0] + R[3 + j] * v[1] + R[6 + j] * v[2]);
@@ -114,16 +114,16 @@ class FallPage {
     view.draw();
   }
 
-  // The floor, the way of the centre of mass, and the impacts.
+  // Draw the floor, the path of the centre of mass, and the impacts.
   floor() {
     const { places, impacts, part } = this.data, n = places.length / 3, near = this.kind === "near";
     const half = near ? part.half : 0.5 * Math.max(spread(places, 2), part.half), way = { points: [], faces: [], values: [] };
     for (let k = 0; k + 1 < n; k++) {
       const [a, b] = [k, k + 1].map((i) => Array.from(places.subarray(3 * i, 3 * i + 3))), step = less(b, a);
-      const length = Math.hypot(...step), r = PATH * half;
+      const length = Math.hypot(...step), r = PATH_RADIUS * half;
       if (length) add(way, turned(a, unit(step), [[0, r], [length, r]], 6), DARK);
     }
-    impacts.forEach(({ place }, k) => add(way, ball(before(place, [0, 0, -1], -DOT * half), [0, 0, -1], DOT * half * (k === this.impact ? 1.6 : 1)), MARK));
+    impacts.forEach(({ place }, k) => add(way, ball(before(place, [0, 0, -1], -DOT_RADIUS * half), [0, 0, -1], DOT_RADIUS * half * (k === this.impact ? 1.6 : 1)), MARK));
     this.view.put("way", Float32Array.from(way.points), Float32Array.from(way.values), Uint32Array.from(way.faces));
     const ends = [0, 1].map((i) => [Math.min(...every(places, i)) - 2 * part.half, Math.max(...every(places, i)) + 2 * part.half]);
     const [[x, X], [y, Y]] = ends, corners = [x, y, 0, X, y, 0, X, Y, 0, x, Y, 0];

@@ -1,6 +1,6 @@
-// The sites of a map, each with its own model: struck all at once for the colours, one for a click.
+// The sites of a map, each with its own model: all are struck for the colours, one at a click.
 
-const WIDE = 20; // largest over least value from which a scale is logarithmic
+const LOGARITHMIC_RATIO = 20; // largest over least value from which a scale is logarithmic
 
 class Sites {
   constructor(data, view) {
@@ -21,7 +21,7 @@ class Sites {
     return { omega, b: part("b"), decay: none, v: none, load: none, r: data.r[i], mobility: data.mobility[i], local: data.local[i], law };
   }
 
-  // Strike every site; without settings it is the computed case, which the data hold.
+  // Strike every site with the sliders' values `set`; null shows the computed case of the data.
   strike(engine, set, blow) {
     if (!set) return void (this.values = {});
     const force = new Float64Array(this.count), time = new Float64Array(this.count);
@@ -34,13 +34,13 @@ class Sites {
 
   quantity(kind) { return this.values[kind] || this.data.quantities[kind]; }
 
-  // Whether no site is free of doubts: then these have the colours.
+  // Whether all sites are doubtful; they are then coloured and not hatched.
   all_doubtful() { return this.data.doubtful.every(Boolean); }
 
-  // Which sites are hatched.
+  // For each site whether it is hatched.
   hatched() { return this.all_doubtful() ? this.data.doubtful.map(() => false) : this.data.doubtful; }
 
-  // Whether sites that are not hatched have no value, as where no stress was sought.
+  // Whether a site that is not hatched has no value, as without a computed stress.
   lacks(kind) {
     const hatched = this.hatched();
     return Boolean(kind) && Array.from(this.quantity(kind)).some((v, i) => !hatched[i] && !Number.isFinite(v));
@@ -55,7 +55,7 @@ class Sites {
   // Whether colours follow the logarithm: on a linear scale most values would have one colour.
   logarithmic(kind) {
     const [low, high] = this.range(kind);
-    return low > 0 && high > WIDE * low;
+    return low > 0 && high > LOGARITHMIC_RATIO * low;
   }
 
   show(kind, chosen) {
@@ -72,7 +72,7 @@ class Sites {
     view.draw();
   }
 
-  // The sites that are drawn as dots: those of no triangle, and those with a colour that no triangle shows.
+  // The sites drawn as dots: those of no triangle, and those whose colour no triangle shows.
   bare(shade) {
     const { faces, alone } = this.data, shown = new Set(), single = new Set(alone);
     for (let f = 0; f < faces.length; f += 3) {
@@ -82,7 +82,7 @@ class Sites {
     return [...shade.keys()].filter((i) => single.has(i) || shade[i] >= 0 && !shown.has(i));
   }
 
-  // The triangles between the sites, each with points of its own: one is hatched where a site of it is.
+  // Draw the triangles between sites; one is hatched if any of its sites is.
   surface(shade) {
     const { faces, points } = this.data, values = new Float32Array(faces.length);
     this.corners ??= Float32Array.from({ length: 3 * faces.length }, (_, i) => points[3 * faces[Math.floor(i / 3)] + i % 3]);
@@ -97,7 +97,7 @@ class Sites {
 
   along(i) { return Array.from(this.data.directions.subarray(3 * i, 3 * i + 3)); }
 
-  // The site that is seen at a place of the picture, those that face the viewer first; or -1.
+  // Number of the site at the pixel (x, y), one that faces the viewer if possible; -1 if none is near.
   near(x, y) {
     const out = this.view.axes()[2];
     let best = -1, least = 30;

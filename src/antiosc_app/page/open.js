@@ -18,12 +18,12 @@ const FIELDS = [
   ["extract.n", "oscillators", "", "site-more"], ["simulate.duration", "duration", "ms", "site-more"], ["extract.damping", "damping", "", "site-more"],
 ];
 // Fields that are shown though the scene says nothing: the run chooses them, or they stay out.
-const OPEN = ["sites.radius", "extract.n", "simulate.duration", "extract.damping", "drop.corner_radius", "drop.damping", "drop.toward",
+const SHOWN_EMPTY = ["sites.radius", "extract.n", "simulate.duration", "extract.damping", "drop.corner_radius", "drop.damping", "drop.toward",
   "deck.size", "geometry.size", "deck.yield_strength"];
-const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 };
+const SI_FACTORS = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 };
 const OWN = "own material", KINDS = { Sphere: "ball", RigidMass: "mass", named_impactor: "hammer" };
 const STRIKERS = { ball: "a ball", mass: "a mass with a round tip", hammer: "an IK hammer", floor: "the floor: it falls" };
-const SEE_THROUGH = 0.6, LASTS = 2, POLL = 500; // cover of a face; s; ms
+const SEE_THROUGH = 0.6, LONG_CALL = 2, POLL_INTERVAL = 500; // cover of a face; s; ms
 const DIGITS = 6;
 
 class Bench {
@@ -57,7 +57,7 @@ class Bench {
   busy(change) {
     if (!this.pending && change > 0) {
       this.began = performance.now();
-      this.poll = setInterval(() => this.tell_progress(), POLL);
+      this.poll = setInterval(() => this.tell_progress(), POLL_INTERVAL);
     }
     this.pending += change;
     if (!this.pending) clearInterval(this.poll);
@@ -69,8 +69,8 @@ class Bench {
     const found = await this.ask_server("progress", {}).catch(() => null);
     if (!found || !this.pending) return;
     const seconds = Math.floor((performance.now() - this.began) / 1e3), counted = /(\d+) of (\d+)/.exec(found.doing);
-    find("doing").textContent = `${found.doing || "computing"}${seconds < LASTS ? "" : ` (${seconds} s)`}`;
-    find("stop").hidden = seconds < LASTS || ["look", "take", "write"].includes(this.called);
+    find("doing").textContent = `${found.doing || "computing"}${seconds < LONG_CALL ? "" : ` (${seconds} s)`}`;
+    find("stop").hidden = seconds < LONG_CALL || ["look", "take", "write"].includes(this.called);
     if (counted) find("bar").value = counted[1] / counted[2];
     else find("bar").removeAttribute("value");
   }
@@ -107,11 +107,11 @@ class Bench {
   warn(cautions, more = []) {
     find("wrong").hidden = !cautions.length;
     find("wrong").replaceChildren();
-    for (const text of cautions) made("p", find("wrong"), text);
+    for (const text of cautions) new_element("p", find("wrong"), text);
     if (!more.length) return;
-    const folded = made("details", find("wrong"));
-    made("summary", folded, `${more.length} more`);
-    for (const text of more) made("p", folded, text);
+    const folded = new_element("details", find("wrong"));
+    new_element("summary", folded, `${more.length} more`);
+    for (const text of more) new_element("p", folded, text);
   }
 
   // -- the part
@@ -231,7 +231,7 @@ class Bench {
     const { facts } = this, on = (id, work) => { find(id).onclick = work; };
     this.shown = [];
     find("notes").before(find("rows"));
-    for (const text of facts.told) made("p", find("file"), text);
+    for (const text of facts.told) new_element("p", find("file"), text);
     this.anew("piece", facts.pieces, facts.piece, Number);
     this.anew("contact", Object.entries(facts.contacts), facts.contact, String);
     this.list("part", "material", facts.materials, () => this.scene.material.name || OWN, () => this.scene.material);
@@ -258,17 +258,17 @@ class Bench {
   // A button with the name of a face, which holds it or frees it.
   face_button(where, name, text = name) {
     const [on, off] = [() => this.preview(name), () => this.preview("")];
-    const button = made("button", where, text, { type: "button", value: name, title: `hold or free ${name}`, onclick: () => this.edit({ hold: name }),
+    const button = new_element("button", where, text, { type: "button", value: name, title: `hold or free ${name}`, onclick: () => this.edit({ hold: name }),
       onmouseenter: on, onfocus: on, onmouseleave: off, onblur: off });
-    if (this.facts.places[name]) made("small", button, this.facts.places[name]);
+    if (this.facts.places[name]) new_element("small", button, this.facts.places[name]);
     return button;
   }
 
   // A list of choices.
   list(where, label, options, value, counts, change = (name) => this.edit({ [label]: name }), texts = {}) {
     if (!options.length) return;
-    const row = made("label", find(where), label), select = made("select", row, "", { name: label });
-    for (const one of options) made("option", select, texts[one] || one || "none", { value: one });
+    const row = new_element("label", find(where), label), select = new_element("select", row, "", { name: label });
+    for (const one of options) new_element("option", select, texts[one] || one || "none", { value: one });
     select.onchange = () => change(select.value);
     this.shown.push(() => { row.hidden = !counts(); if (!row.hidden) select.value = value(); });
   }
@@ -276,8 +276,8 @@ class Bench {
   // A list of which another entry opens the file as a new part.
   anew(name, entries, chosen, as) {
     if (!entries.length) return;
-    const row = made("label", find("part"), name), select = made("select", row, "", { name });
-    for (const [value, text] of entries) made("option", select, text, { value });
+    const row = new_element("label", find("part"), name), select = new_element("select", row, "", { name });
+    for (const [value, text] of entries) new_element("option", select, text, { value });
     select.value = chosen;
     select.onchange = async () => {
       try {
@@ -293,11 +293,11 @@ class Bench {
 
   // Fields of one value of the scene; an empty one leaves it to the run.
   field(place, label, unit, where, count = 1) {
-    const row = made("label", find(where), label, { className: count > 1 ? "many" : "one" }), size = SIZES[unit] || 1;
-    const inputs = Array.from({ length: count }, (_, i) => made("input", row, "", { type: "number", step: "any", name: place,
+    const row = new_element("label", find(where), label, { className: count > 1 ? "many" : "one" }), size = SI_FACTORS[unit] || 1;
+    const inputs = Array.from({ length: count }, (_, i) => new_element("input", row, "", { type: "number", step: "any", name: place,
       ariaLabel: `${label}${count > 1 ? ` ${i + 1}` : ""} in ${unit || "1"}` }));
-    made("span", row, unit);
-    const note = made("small", row, "", { className: "rule", hidden: true });
+    new_element("span", row, unit);
+    const note = new_element("small", row, "", { className: "rule", hidden: true });
     const change = async () => {
       const values = inputs.map(({ value, validity }) => (value === "" && !validity.badInput ? null : Number(value)));
       const empty = values.every((x) => x === null), whole = values.every((x) => x !== null);
@@ -327,7 +327,7 @@ class Bench {
   opens(place) {
     if (place === "sites.radius") return this.facts.family === "Solid";
     if (place === "deck.yield_range") return Boolean(this.scene.deck.yield_strength);
-    return OPEN.includes(place) || place === "material.yield_strength" && !this.scene.material.name;
+    return SHOWN_EMPTY.includes(place) || place === "material.yield_strength" && !this.scene.material.name;
   }
 
   show_form() {
@@ -338,7 +338,7 @@ class Bench {
     for (const one of document.querySelectorAll(".of-impact")) one.hidden = this.falls;
     find("held-list").replaceChildren();
     for (const name of this.held) this.face_button(find("held-list"), name, `${name} ×`);
-    if (!this.held.length && !this.facts.of_deck) made("small", find("held-list"), "free: no face is held");
+    if (!this.held.length && !this.facts.of_deck) new_element("small", find("held-list"), "free: no face is held");
     this.name_map();
   }
 
@@ -404,18 +404,18 @@ class Bench {
   tell({ cards, rows, sentences, cautions = [], more = [], text = "" }) {
     find("cards").replaceChildren();
     for (const [name, told, tone = ""] of cards) {
-      const card = made("div", find("cards"), "", { className: `card ${tone}` });
-      made("dt", card, name);
-      made("dd", card, told);
+      const card = new_element("div", find("cards"), "", { className: `card ${tone}` });
+      new_element("dt", card, name);
+      new_element("dd", card, told);
     }
     find("rows").replaceChildren();
     for (const [name, told] of rows) {
-      const row = made("tr", find("rows"));
-      made("th", row, name);
-      made("td", row, told);
+      const row = new_element("tr", find("rows"));
+      new_element("th", row, name);
+      new_element("td", row, told);
     }
     find("sentences").replaceChildren();
-    for (const one of sentences) made("p", find("sentences"), one);
+    for (const one of sentences) new_element("p", find("sentences"), one);
     this.warn(cautions, more);
     find("text").textContent = text;
   }
@@ -460,7 +460,7 @@ class Bench {
       const found = await this.step("write", { agreed: names });
       if (!found) return this.wrote("");
       this.wrote(`Written into ${found.folder}: ${found.written.join(" and ")}. The same numbers again: ${found.again} `);
-      made("a", find("written"), "Open the report", { href: found.report, target: "_blank", rel: "noopener" });
+      new_element("a", find("written"), "Open the report", { href: found.report, target: "_blank", rel: "noopener" });
       find("written").scrollIntoView({ block: "nearest" });
     };
     find("ask").showModal();

@@ -1,19 +1,19 @@
-// The page of one impact: sliders, numbers, the chart and the picture. The sentences and bars are the
-// program's, of the computed case; the numbers follow the sliders.
+// The page of one impact: sliders, numbers, chart and picture. Sentences and error bars are those of the
+// case that antiosc computed; the numbers follow the sliders.
 
 const QUANTITIES = [["peak_force", "peak force", "N"], ["contact_time", "contact time", "s"],
   ["impulse", "impulse", "N s"], ["restitution", "restitution", ""], ["contacts", "contacts", ""]];
 const MORE = [["dent", "dent", "m"], ["site_deflection", "deflection at the site", "m"], ["stress", "largest stress", "Pa"]];
 const SLIDERS = [["mass", "mass of the striker", "kg"], ["speed", "closing speed", "m/s"],
   ["stiffness", "contact stiffness", ""], ["gap", "gap", "m"], ["damping", "damping ratio", ""]];
-const RANGE = 10, STEPS = 200; // of the sliders of mass, speed and stiffness: a tenth to tenfold
-const MOST_DAMPING = 0.1, LONGER = 8, REST = 150; // ms until the picture follows the sliders
-const MANY = 20000; // steps times modes
-const SHORT = 0.8; // share of a run up to which the chart shows the contacts alone
+const SLIDER_RANGE = 10, SLIDER_STEPS = 200; // sliders of mass, speed and stiffness go from a tenth to tenfold, in this number of steps
+const MOST_DAMPING = 0.1, LONGEST_RUN = 8, REST_TIME = 150; // longest run over the usual one; ms until the picture follows the sliders
+const MANY_STEPS = 20000; // steps times modes of a run whose last digits are computed later
+const SHORT_SHARE = 0.8; // share of a run up to which the chart shows the contacts alone
 
 const find = (id) => document.getElementById(id);
 
-function made(kind, parent, text = "", attributes = {}) {
+function new_element(kind, parent, text = "", attributes = {}) {
   const element = document.createElement(kind);
   element.textContent = text;
   Object.assign(element, attributes);
@@ -51,7 +51,7 @@ class Page {
     document.documentElement.dataset.ready = performance.now().toFixed(0);
   }
 
-  // Whether a number of the computed case is known.
+  // Whether the computed case has this number.
   known(name) { return name === "stress" ? this.part && this.data.stress != null : Boolean(this.computed[name]); }
 
 
@@ -67,26 +67,27 @@ class Page {
     find("back").onclick = () => { this.set = { ...this.start }; this.change(); };
     for (const [name, label, unit] of SLIDERS) {
       if (this.start[name] === null) continue;
-      const row = made("label", find("sliders"), label), input = made("input", row, "", { type: "range", min: 0, max: STEPS, step: "any", name });
+      const row = new_element("label", find("sliders"), label), input = new_element("input", row, "", { type: "range", min: 0, max: SLIDER_STEPS, step: "any", name });
       input.oninput = () => { this.set[name] = this.value(name, Number(input.value)); this.change(); };
-      this.inputs[name] = { input, output: made("output", row), unit: name === "stiffness" ? this.blow.law.unit : unit };
+      this.inputs[name] = { input, output: new_element("output", row), unit: name === "stiffness" ? this.blow.law.unit : unit };
     }
   }
 
-  // Sliders of mass, speed and stiffness are logarithmic; that of the gap goes over the way of the run.
+  // Value of a slider at a place. Mass, speed and stiffness are logarithmic; the gap goes up to the
+  // distance that the striker moves in the run.
   value(name, place) {
-    const share = place / STEPS, start = this.start[name];
+    const share = place / SLIDER_STEPS, start = this.start[name];
     if (name === "gap") return share * Math.max(4 * start, 0.3 * (this.start.speed || 0) * this.blow.duration);
     if (name === "damping") return share * MOST_DAMPING;
-    return start / RANGE * (RANGE * RANGE) ** share;
+    return start / SLIDER_RANGE * (SLIDER_RANGE * SLIDER_RANGE) ** share;
   }
 
   place(name, value) {
-    if (name === "gap" || name === "damping") return value / (this.value(name, STEPS) || 1) * STEPS;
-    return (Math.log(value / this.start[name]) / Math.log(RANGE) + 1) / 2 * STEPS;
+    if (name === "gap" || name === "damping") return value / (this.value(name, SLIDER_STEPS) || 1) * SLIDER_STEPS;
+    return (Math.log(value / this.start[name]) / Math.log(SLIDER_RANGE) + 1) / 2 * SLIDER_STEPS;
   }
 
-  // Below the pictures of `antiosc open` the program's own rows stand.
+  // Make the table of numbers; `antiosc open` has the rows of the answer in its place.
   make_numbers() {
     this.cells = {};
     find("numbers").replaceChildren();
@@ -95,9 +96,9 @@ class Page {
     if (this.data.fixed && !this.sites) return;
     [find("now").textContent, find("compared").textContent] = ["now", "computed"];
     for (const [name, label] of this.rows) {
-      const row = made("tr", find("numbers"));
-      made("th", row, label);
-      this.cells[name] = [made("td", row), made("td", row, "", { className: "computed" })];
+      const row = new_element("tr", find("numbers"));
+      new_element("th", row, label);
+      this.cells[name] = [new_element("td", row), new_element("td", row, "", { className: "computed" })];
     }
   }
 
@@ -106,7 +107,7 @@ class Page {
       : [...(this.part && this.data.part.stress ? [["stress", "von Mises stress"]] : []),
         ...(this.part && this.data.part.motion ? [["motion", "displacement"]] : []), ["", "set-up"]];
     find("kind").replaceChildren();
-    for (const [kind, label] of kinds) made("option", find("kind"), label, { value: kind });
+    for (const [kind, label] of kinds) new_element("option", find("kind"), label, { value: kind });
     find("kind").value = this.kind;
     find("kind").onchange = () => {
       this.kind = find("kind").value;
@@ -143,17 +144,17 @@ class Page {
     let duration = lasts;
     const strike = (tol) => engine.strike(pose(this.body(), blow, this.set), duration, tol);
     let hit = strike(known ? blow.coarse : rough);
-    while (hit.touching && !at_start && duration < LONGER * lasts) {
+    while (hit.touching && !at_start && duration < LONGEST_RUN * lasts) {
       duration *= 2;
       hit = strike(rough);
     }
-    this.rough = !resting && !at_start && hit.n_nodes * hit.modes > MANY;
+    this.rough = !resting && !at_start && hit.n_nodes * hit.modes > MANY_STEPS;
     if (!known && !this.rough) hit = strike(blow.tol);
     if (known) Object.assign(hit, this.computed, { answer: 0 });
     else if (hit.answer) for (const [name] of [...QUANTITIES, ...MORE]) hit[name] = NaN;
     this.hit = hit;
     this.used = Math.min(hit.last ? Math.max(1.25 * hit.last, 0.02 * duration) : duration, duration);
-    this.until = this.used < SHORT * duration ? this.used : duration;
+    this.until = this.used < SHORT_SHARE * duration ? this.used : duration;
     if (!known) hit.stress = hit.site_deflection = NaN; // until the picture follows
     else hit.stress = this.data.stress;
     this.bar = known ? this.computed.bar || 0 : 0;
@@ -161,7 +162,7 @@ class Page {
     this.draw_chart();
     document.documentElement.dataset.took = (performance.now() - began).toFixed(3);
     clearTimeout(this.later);
-    if (!resting) this.later = setTimeout(() => this.rest(), REST);
+    if (!resting) this.later = setTimeout(() => this.rest(), REST_TIME);
   }
 
   // A number as text: the program's, of the computed case with its bar, or that of the sliders.
@@ -208,7 +209,7 @@ class Page {
     }
   }
 
-  // Nothing more of this impact: another takes its place.
+  // End timers and the animation of this impact, which another replaces.
   stop() {
     clearTimeout(this.later);
     this.playing = false;
@@ -233,10 +234,10 @@ class Page {
     this.picture();
   }
 
-  // The time of the picture.
+  // The time [s] of the picture.
   time() { return this.part && this.part.times ? this.part.times[this.frame] : 0; }
 
-  // Largest stress and deflection: those of the computed case, as the picture's largest grows.
+  // Largest stress and deflection: those of the computed case times the ratio by which the drawn ones grew.
   follow_picture() {
     const { data, part, hit } = this, stress = part.fields.stress ? part.most("stress") : NaN, moved = part.moved_at_site(this.body());
     this.drawn ??= { stress, moved }; // the first impact is the computed one

@@ -1,16 +1,16 @@
 // The part of the report: its points, its motion and stress from a few fields, the striker.
 
-const ENLARGED = 0.08, FRAMES = 60, CLOSE = 42; // of the size of the part; of a run, and of its part that is followed closely
-const USUAL = 0.995, SPIKE = 1.5; // quantile of the points that ends the colours where the largest value exceeds it so many times
-const GLASS = 0.15; // cover of each side of the striker over colours of the part, which it hides otherwise
-const HIDES = 0.25; // radius of the striker over half the size of the part from which on it is seen through at rest too
-const ARROW = 0.5; // length of the arrow over half the size of the part
-const LEAVES = 1; // largest way of the striker off the part over the same: with it the view grows
+const ENLARGED = 0.08, FRAMES = 60, CLOSE_FRAMES = 42; // largest drawn displacement over the part's size; pictures of a run; those of its first part
+const USUAL_QUANTILE = 0.995, SPIKE_RATIO = 1.5; // the colours end at this quantile of the points if the largest value exceeds it by this factor
+const STRIKER_COVER = 0.15; // opacity of the striker, so that colours of the part behind it are seen
+const LARGE_STRIKER = 0.25; // radius over half the part's size, from which the striker is transparent at rest, too
+const ARROW_LENGTH = 0.5; // length of the arrow over half the size of the part
+const MOST_DISTANCE = 1; // largest drawn distance of the striker from the part over half the part's size
 const PLAIN = -1, DARK = -2, LINE = -2.4, BALL = -3, MARK = -4, FLOOR = -5, DOUBTFUL = -6; // colours of view.js
 const NAMES = { motion: ["displacement", "m"], stress: ["von Mises stress", "Pa"] };
 
 class Part {
-  // `awaited`: whether the numbers of this site are still to come.
+  // place: point, direction and radius of the striker; awaited: whether results are still to come.
   constructor(data, blow, view, place, awaited = false) {
     Object.assign(this, { data, blow, view, place, awaited, count: data.points.length / 3 });
     this.rest = Float32Array.from(data.points, (x, i) => data.middle[i % 3] + x * data.half / 32767);
@@ -19,9 +19,9 @@ class Part {
     this.outside = place && outward(this.rest, data.faces, place.point, place.direction);
   }
 
-  // What a run looked like, at even times closely until a time, and then to the end.
+  // Store the states of a run: CLOSE_FRAMES of them until the time `until` [s], others to the `end`.
   follow(engine, hit, until, end) {
-    const data = this.data, close = until < end ? CLOSE : FRAMES, rest = (k) => (k - close) * (end - until) / (FRAMES - close);
+    const data = this.data, close = until < end ? CLOSE_FRAMES : FRAMES, rest = (k) => (k - close) * (end - until) / (FRAMES - close);
     this.times = [...Array(FRAMES + 1).keys()].map((k) => (k > close ? until + rest(k) : k * until / close));
     const body = this.blow.body.omega.length;
     this.states = this.times.map((t) => {
@@ -35,13 +35,13 @@ class Part {
     if (data.motion) this.factor = Number((ENLARGED * 2 * data.half / (this.most("motion") || 1)).toPrecision(1));
   }
 
-  // The largest value of a kind in a run; also the value that all points but a few never exceed.
+  // The largest value of a kind ("motion", "stress") in a run; sets also the usual largest value.
   most(kind) {
     if (!(kind in this.largest)) {
       const most = new Float32Array(this.count);
       this.states.forEach(({ x }) => this.sizes(kind, x).forEach((size, p) => { most[p] = Math.max(most[p], size); }));
       most.sort();
-      [this.largest[kind], this.usual[kind]] = [most[this.count - 1], most[Math.floor(USUAL * (this.count - 1))]];
+      [this.largest[kind], this.usual[kind]] = [most[this.count - 1], most[Math.floor(USUAL_QUANTILE * (this.count - 1))]];
     }
     return this.largest[kind];
   }
@@ -52,22 +52,22 @@ class Part {
     return Math.max(...this.states.map(moved));
   }
 
-  // The frame with the largest value.
+  // Number of the frame with the largest value of a kind.
   peak(kind) {
     const sizes = this.states.map(({ x }) => this.sizes(kind, x).reduce((a, b) => Math.max(a, b), 0));
     return sizes.indexOf(Math.max(...sizes));
   }
 
-  // The largest value, be it drawn or between the drawn points and times.
+  // The largest value of a kind: the drawn one, or a larger one known between points and times.
   largest_of(kind) { return Math.max(this.most(kind), this.known && this.known[kind] || 0); }
 
-  // The end of the scale of colours: the largest value, or what it exceeds in a few points alone.
+  // The end of the scale of colours: the largest value, or without its few peaks the usual largest.
   top(kind) {
     const largest = this.largest_of(kind), usual = this.usual[kind];
-    return usual > 0 && largest > SPIKE * usual ? usual : largest;
+    return usual > 0 && largest > SPIKE_RATIO * usual ? usual : largest;
   }
 
-  // A field at one state: components of all points.
+  // Components of a field at all points for the coordinates x.
   field({ fields, scale, factors }, x) {
     const size = fields.length / scale.length, sum = new Float32Array(size), n = x.length;
     for (let k = 0; k < scale.length; k++) {
@@ -91,7 +91,7 @@ class Part {
     return sizes;
   }
 
-  // Draw the set-up (kind ""), or a kind of values at a frame.
+  // Draw the part at rest (kind ""), or deformed and coloured by a kind of values at a frame.
   show(kind, frame) {
     const { data, rest, place } = this, values = new Float32Array(this.count);
     let at = rest, way = [0, 0, 0];
@@ -108,33 +108,33 @@ class Part {
     this.view.draw();
   }
 
-  // Where the striker has moved on the picture: with the surface that it touches, or behind it; the
-  // depth to which it indents the surface is not enlarged.
+  // Drawn displacement of the striker: that of the surface that it touches, or less once it is off.
+  // Indentation is not enlarged. u: displacements of the points; moved: that of the striker [m].
   touching(u, moved) {
     const { point, direction } = this.place, d = unit(direction);
     this.nearest ??= nearest(this.rest, point);
     const own = [0, 1, 2].map((i) => u[3 * this.nearest + i]), behind = Math.max(dot(own, d) - moved, 0);
-    const off = Math.min(this.factor * behind, LEAVES * this.data.half);
+    const off = Math.min(this.factor * behind, MOST_DISTANCE * this.data.half);
     return own.map((x, i) => this.factor * x - off * d[i]);
   }
 
-  // How far the direction of impact leads through the ball at rest on the surface.
+  // Length of the chord of the resting ball along the direction of impact.
   through() { return -2 * dot(this.outside, unit(this.place.direction)) * (this.place.radius || 0); }
 
   striker(way, resting) {
     const { point, direction, radius } = this.place, d = unit(direction);
     const to = point.map((x, i) => x + way[i]), into = this.outside.map((x) => -x);
     const mesh = radius ? ball(to, into, radius) : { points: new Float32Array(3), faces: new Uint32Array(3) };
-    this.view.put("ball", mesh.points, new Float32Array(mesh.points.length / 3).fill(BALL), mesh.faces, resting && radius < HIDES * this.data.half ? 1 : GLASS);
+    this.view.put("ball", mesh.points, new Float32Array(mesh.points.length / 3).fill(BALL), mesh.faces, resting && radius < LARGE_STRIKER * this.data.half ? 1 : STRIKER_COVER);
     // the arrow begins behind the ball, whose surface is left along d at twice its cosine
     const tip = point.map((x, i) => x - 1.05 * this.through() * d[i]);
-    const shaft = resting ? arrow(tip, d, ARROW * this.data.half) : { points: new Float32Array(3), faces: new Uint32Array(3) };
+    const shaft = resting ? arrow(tip, d, ARROW_LENGTH * this.data.half) : { points: new Float32Array(3), faces: new Uint32Array(3) };
     this.view.put("arrow", shaft.points, new Float32Array(shaft.points.length / 3).fill(this.awaited ? BALL : MARK), shaft.faces);
   }
 }
 
-// Colours of points some of which are held: triangles whose corners all are become dark to their sides
-// alone; beside held points and lines, which have none, a band of the cells does.
+// Colour codes of points. Triangles with three held corners are dark up to their sides; at held points
+// and lines, which have no such triangle, a band of the neighbouring cells is.
 function held_shades(held, faces) {
   const shades = Float32Array.from(held, (one) => (one ? LINE : PLAIN));
   for (let k = 0; k < faces.length; k += 3) {
@@ -144,7 +144,7 @@ function held_shades(held, faces) {
   return shades;
 }
 
-// The normal of the surface where a line along a direction through a point crosses it next to the point.
+// Outward normal of the surface at its crossing, nearest to the point, with the line of impact.
 function outward(points, faces, point, direction) {
   const d = unit(direction), found = crossings(points, faces, point, d);
   if (!found.length) return d.map((x) => -x);

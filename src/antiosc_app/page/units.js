@@ -1,6 +1,6 @@
-// Numbers as engineers write them: antiosc.base.texts does the same.
+// Texts of numbers with units and prefixes, as by antiosc.base.texts.
 
-const PREFIXED = ["m", "s", "J", "Pa", "Hz", "g"]; // and what begins with newtons
+const PREFIXED = ["m", "s", "J", "Pa", "Hz", "g"]; // units with prefixes, as well as those that begin with N
 const PREFIXES = ["f", "p", "n", "µ", "m", "", "k", "M", "G", "T"];
 
 function engineering(value, unit = "", digits = 3) {

@@ -51,7 +51,7 @@ class View {
     DARK_MODE.addEventListener("change", () => this.draw());
   }
 
-  // Look at a place that is struck along d from its outside.
+  // Turn the view so that a face struck along d is seen from outside.
   face(d) {
     let best = -Infinity;
     for (const lift of [0.42, -0.42]) {
@@ -63,8 +63,8 @@ class View {
     }
   }
 
-  // A mesh by name: points (3 n), values (n), and faces where they change; below a cover of 1 what
-  // is behind is seen through it.
+  // Set the mesh `name`: points (3 n), values (n), which colour them, and corners of faces; null keeps
+  // those. With a cover (opacity) below 1 the mesh is transparent.
   put(name, points, values, faces, cover = 1) {
     const gl = this.gl;
     let mesh = this.meshes.get(name);
@@ -87,13 +87,13 @@ class View {
     mesh.count = faces.length;
   }
 
-  // Right, up and out of the picture.
+  // Unit vectors to the right, up and out of the picture.
   axes() {
     const [s, c, sl, cl] = [Math.sin(this.turn), Math.cos(this.turn), Math.sin(this.lift), Math.cos(this.lift)];
     return [[-s, c, 0], [-sl * c, -sl * s, cl], [cl * c, cl * s, sl]];
   }
 
-  // Half the width, height and depth of all that is drawn, seen along the axes, and its middle.
+  // Half the width, height and depth of all meshes along these axes, and their middle.
   box() {
     const axes = this.axes(), low = [Infinity, Infinity, Infinity], high = low.map((x) => -x);
     for (const [name, { points }] of this.meshes) {
@@ -109,7 +109,7 @@ class View {
     return { half: low.map((x, i) => (high[i] - x) / 2), middle: low.map((x, i) => (x + high[i]) / 2) };
   }
 
-  // Let all that is drawn fill the frame.
+  // Scale and move the view so that all meshes fill it.
   fit() {
     const { half, middle } = this.box(), axes = this.axes();
     if (!Number.isFinite(half[0])) return;
@@ -117,7 +117,7 @@ class View {
     Object.assign(this, { reach: half.slice(0, 2), zoom: 1 });
   }
 
-  // Pixels of the page per metre: the fitted ones, fewer while a turn would cut what is drawn.
+  // Scale [pixels/m]: the fitted one, or less while a turned mesh would not fit.
   scale() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const share = this.framed ? 0.43 : 0.47; // beside a part stand marks of impacts
@@ -166,13 +166,13 @@ class View {
     gl.depthMask(true); // else nothing clears the depths
   }
 
-  // Where points are seen: in pixels of the page, and how far towards the viewer.
+  // [x, y, depth] of a point: pixels of the page, and depth towards the viewer.
   seen(point) {
     const m = this.camera(), box = this.canvas, p = [0, 1, 2].map((i) => m[i] * point[0] + m[4 + i] * point[1] + m[8 + i] * point[2] + m[12 + i]);
     return [(p[0] + 1) / 2 * box.clientWidth, (1 - p[1]) / 2 * box.clientHeight, -p[2]];
   }
 
-  // The line of sight through a place of the canvas: a point of it in front of all, and its direction.
+  // Line of sight through the pixel (x, y): a point in front of all meshes, and its direction.
   sight(x, y) {
     const { canvas, centre } = this, scale = this.scale(), [right, up, out] = this.axes(), deep = this.box().half[2] * 4;
     const across = (x - canvas.clientWidth / 2) / scale, high = (canvas.clientHeight / 2 - y) / scale;
@@ -236,7 +236,7 @@ const DARK_MODE = matchMedia("(prefers-color-scheme: dark)");
 const less = (a, b) => a.map((x, i) => x - b[i]);
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
-// Where a line through a point along a direction of length 1 crosses triangles: at, face, normal.
+// Crossings of triangles with the line from a point along d, of length 1: [{at: distance, face, normal}].
 function crossings(points, faces, from, d) {
   const found = [], corner = (k) => [points[3 * k], points[3 * k + 1], points[3 * k + 2]];
   for (let f = 0; f < faces.length; f += 3) {
@@ -250,7 +250,7 @@ function crossings(points, faces, from, d) {
   return found;
 }
 
-// Two directions across a third, all of length 1.
+// Two unit vectors normal to d and to each other.
 function across(d) {
   const least = d.map(Math.abs).indexOf(Math.min(...d.map(Math.abs))), e = [0, 1, 2].map((i) => (i === least ? 1 : 0));
   const a = unit(cross(d, e));
@@ -260,7 +260,7 @@ function across(d) {
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = (a) => a.map((x) => x / (Math.hypot(...a) || 1));
 
-// A body of revolution: rings [distance along d, radius] from a point; points and faces.
+// {points, faces} of a body of revolution about d; rings: [distance along d from the point, radius].
 function turned(point, d, rings, sides = 24) {
   const [a, b] = across(d), points = [], faces = [];
   rings.forEach(([along, radius], r) => {
@@ -276,13 +276,13 @@ function turned(point, d, rings, sides = 24) {
   return { points: new Float32Array(points), faces: new Uint32Array(faces) };
 }
 
-// A sphere before a point, which it touches when it moves along d.
+// A sphere that touches the point, from which it lies in the direction -d.
 function ball(point, d, radius) {
   const rings = [...Array(17).keys()].map((k) => [-radius * (1 + Math.cos(Math.PI * k / 16)), radius * Math.sin(Math.PI * k / 16)]);
   return turned(point, d, rings);
 }
 
-// An arrow of a length whose tip stands before a point.
+// An arrow along d whose tip is at the point.
 function arrow(point, d, length) {
   const rings = [[-1, 0], [-1, 0.025], [-0.32, 0.025], [-0.32, 0.08], [0, 0]];
   return turned(point, d, rings.map((ring) => ring.map((x) => x * length)));

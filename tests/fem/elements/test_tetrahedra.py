@@ -15,7 +15,7 @@ from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.tetrahedra import Tetrahedra
 from antiosc.fem.linalg.iterative import coarse_of
 from antiosc.fem.linalg.petsc_algebra import (
-    CELLS,
+    CELLS_KEY,
     csr,
     multiply,
     sum_of,
@@ -64,11 +64,11 @@ def skewed(order: int = 1) -> ao.Mesh:
 def test_products_are_those_of_the_entries(order):
     part = ao.Structure(skewed(order), {"soft": RUBBER, "hard": STEEL}, HELD)
     K, M = part.K, part.M
-    cells = K.getAttr(CELLS).cells
+    cells = K.getAttr(CELLS_KEY).cells
     assert type(cells) is Tetrahedra
     assert all(len(kind.nodes) for kind in cells._kinds)
     assert len(cells._kinds) == order
-    assert M.getAttr(CELLS) is not None
+    assert M.getAttr(CELLS_KEY) is not None
     A = sum_of(K, 3e9, M)
     vector, result = A.createVecs()
     for x in np.random.default_rng(0).standard_normal((3, part.rows)):
@@ -106,7 +106,7 @@ def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(order, atta
         np.testing.assert_allclose(
             matrix.getDiagonal().array, whole.diagonal(), rtol=0, atol=1e-12 * most
         )
-        product = matrix.getAttr(CELLS)
+        product = matrix.getAttr(CELLS_KEY)
         blocks = product.cells.blocks(product.k, product.m)
         rows = np.arange(part.rows)[:, None]
         exact = whole.toarray()[rows, rows // 3 * 3 + np.arange(3)]

@@ -75,10 +75,10 @@ def test_instead_of_a_library_that_factors_wrongly_mumps_factors(
 ):
     """The same models as with the direct calls, and `antiosc info` says why."""
     kind, direct = called_directly
-    assert kind is solver_choice.OnOneRank
+    assert kind is solver_choice.CholmodFactor
     monkeypatch.setattr(Cholesky, "solve", lambda _self, B: 1.001 * B)
     kind, through = results()
-    assert kind is solver_choice.Distributed
+    assert kind is solver_choice.MumpsFactor
     np.testing.assert_allclose(through, direct, rtol=1e-7)
     assert "factors wrongly" in cholmod.refusal()
     assert "factors wrongly" in info.report()

@@ -38,9 +38,9 @@ def check(solver, part, R) -> None:
 
 @BY_CHOLMOD
 def test_mumps_and_its_forecast(part, loads):
-    factor = solver_choice.Distributed(part.K)
+    factor = solver_choice.MumpsFactor(part.K)
     check(factor, part, loads)
-    direct = solver_choice.OnOneRank(part.K)
+    direct = solver_choice.CholmodFactor(part.K)
     assert 0.5 * direct.entries < factor.entries < 3 * direct.entries
     assert 0.3 * factor.entries < solver_choice.entries_by_mumps(part.K) < 3 * factor.entries
 
@@ -69,7 +69,7 @@ def test_forecast_against_the_factor_itself():
     # CHOLMOD's, with an ordering of its own, and supernodes that are held as full rectangles
     entries = part.factorize().cholesky.supernodes.values.size
     assert 0.7 < solver_choice.entries_by_mumps(part.K) / entries < 2.0
-    assert entries < solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
+    assert entries < solver_choice.COMPACT_FILL * part.K.getSize()[0] ** (4 / 3)
 
 
 @pytest.mark.slow
@@ -130,7 +130,7 @@ print(json.dumps(found))
 def test_over_ranks():
     for text in run_ranks(3, START + SOLVES):
         found = json.loads(text)
-        assert found["kind"] == "Distributed"
+        assert found["kind"] == "MumpsFactor"
         assert found["left"] < 1e-9
         assert found["vector"] < 1e-12
         said = "NotConvergedError: the stiffness matrix cannot be factored"

@@ -207,7 +207,7 @@ def test_what_needs_a_factor_has_one(factors_are_slow):
     first = ao.extract(part, TIP, n=6)
     assert "two levels" in first.info["solver"]
     omega = part.natural_modes(9).omega
-    assert type(part.factorize()) is solver_choice.OnOneRank
+    assert type(part.factorize()) is solver_choice.CholmodFactor
     np.testing.assert_allclose(omega[6:], exact.natural_modes(9).omega[6:], rtol=1e-8)
     found = [ao.impact_map(one, "+z", *BLOW, 2e-4, n=6, radius=0.03) for one in (exact, part)]
     np.testing.assert_allclose(found[1].peak_force, found[0].peak_force, rtol=1e-6)

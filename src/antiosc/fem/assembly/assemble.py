@@ -59,7 +59,7 @@ from antiosc.fem.structure.attachments import Attachment, ElasticTerm, attachmen
 from antiosc.fem.structure.loads import PointMotion
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.place import places_at
-from antiosc.fem.structure.structure import Structure, holding
+from antiosc.fem.structure.structure import Structure, structure_with
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -419,7 +419,7 @@ def assemble(
         added=joined.added,
         constraints=joined.constraints,
     )
-    self = holding(matrices, start_time)
+    self = structure_with(matrices, start_time)
     self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
     return self
 

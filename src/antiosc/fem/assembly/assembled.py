@@ -25,7 +25,7 @@ from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.joint import Constraints, Eliminated, group_end, motion_without_mesh
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded
 from antiosc.fem.linalg.algebra import by_strains, dot, force_ratios, multiply
-from antiosc.fem.linalg.petsc_algebra import PRODUCT, from_csr, with_entries
+from antiosc.fem.linalg.petsc_algebra import PRODUCT_KEY, from_csr, with_entries
 from antiosc.fem.mesh.surface import centre
 from antiosc.fem.structure import (
     SHIFT,
@@ -389,7 +389,7 @@ def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc
     M = as_petsc("M", _projected(T, blocks, added.M), layout)
 
     if any(by_strains(part.K) for part in parts.values()):
-        K.setAttr(PRODUCT, _stiffness_operator(layout, T, small.tocsr()))
+        K.setAttr(PRODUCT_KEY, _stiffness_operator(layout, T, small.tocsr()))
     return K, M
 
 

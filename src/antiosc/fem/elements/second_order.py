@@ -199,13 +199,13 @@ def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> fl
         return 0.0
     points = _points(part, SHARE_DEGREE)
     if part.preload is not None:
-        points = points.about(_whole(part, part.preload.q))
-    slopes = points.slopes(_whole(part, shape))
+        points = points.about(_with_ghosts(part, part.preload.q))
+    slopes = points.slopes(_with_ghosts(part, shape))
     of_rank = np.sum(points.stress(slopes) * points.second(slopes, slopes))
     return 1.5 * float(part.comm.allreduce(of_rank)) / stiffness
 
 
-def _whole(part: MeshedStructure, motion: Array) -> Array:
+def _with_ghosts(part: MeshedStructure, motion: Array) -> Array:
     """The motion (dofs of this rank,) followed by the values of the ghosts."""
     return compat.with_ghosts(part.form.space, motion[:, None])[:, 0]
 
@@ -235,7 +235,7 @@ def _out_of_plane(points: list[Array]) -> float:
 #: Degrees of the rules: the quartic energy of cubic triangles and of straight quadratic simplices
 #: exactly, full Gauss rules elsewhere.
 DEGREES = {"triangle": 8, "tetrahedron": 4}
-OTHERS = 5  # full Gauss rules
+OTHER_DEGREE = 5  # full Gauss rules
 #: Pairs of directions of the components of η in a plane: 11, 22, 12 + 21.
 IN_PLANE = ((0, 0), (1, 1), (0, 1))
 
@@ -309,7 +309,7 @@ class PartPoints:
         return result
 
 
-class _Local(NamedTuple):
+class _FamilyAtPoints(NamedTuple):
     """Strain operators of an element family at n points."""
 
     along: Array  # (n, d, 3) directions of the derivatives
@@ -322,7 +322,7 @@ def points_of(part: MeshedStructure) -> PartPoints:
     """The Gauss points of a part; InputError for a family without second-order strain."""
     if part.stiffeners:
         raise InputError("stretch does not take a sheet with stiffeners on its edges.")
-    return _points(part, DEGREES.get(part.mesh.cell, OTHERS))
+    return _points(part, DEGREES.get(part.mesh.cell, OTHER_DEGREE))
 
 
 def _points(part: MeshedStructure, degree: int) -> PartPoints:
@@ -338,7 +338,7 @@ def _points(part: MeshedStructure, degree: int) -> PartPoints:
     number = part.part_of_cells()[cells]
     for family, local_of in _FAMILIES:
         if isinstance(material, family):
-            local: _Local = local_of(part, cells, J)
+            local: _FamilyAtPoints = local_of(part, cells, J)
             break
     else:
         raise InputError(
@@ -376,7 +376,7 @@ def _points(part: MeshedStructure, degree: int) -> PartPoints:
     )
 
 
-def _of_sheet(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
+def _of_sheet(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
     """Operators of sheets, with derivatives along the frame of `frames`; `J`: Jacobians."""
     axis, side = part.axes_and_sides
     n = np.cross(J[:, :, 0], J[:, :, 1])
@@ -399,10 +399,12 @@ def _of_sheet(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
     coupling = np.array([np.linalg.solve(section.A, section.B) for section in sections])
     of_points = coupling[part.part_of_cells()[cells]]
     strain = stretch + np.einsum("nst,ntdb->nsdb", of_points, bending)
-    return _Local(np.stack([e1, e2], axis=1), strain, IN_PLANE, lambda sheet: sheet.section.A)
+    return _FamilyAtPoints(
+        np.stack([e1, e2], axis=1), strain, IN_PLANE, lambda sheet: sheet.section.A
+    )
 
 
-def _of_solid(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
+def _of_solid(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
     """Operators of solids, with derivatives along x, y, z; `J`: Jacobians of the points."""
     d = part.mesh.gdim
     pairs = VOIGT if d == 3 else IN_PLANE
@@ -410,20 +412,20 @@ def _of_solid(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
     for s, (i, j) in enumerate(pairs):
         strain[0, s, i, j] = strain[0, s, j, i] = 1.0
     along = np.broadcast_to(np.eye(3)[:d], (len(cells), d, 3))
-    return _Local(along, strain, pairs, lambda solid: voigt_in(solid, d))
+    return _FamilyAtPoints(along, strain, pairs, lambda solid: voigt_in(solid, d))
 
 
-def _of_beam(part: MeshedStructure, cells: IntArray, J: Array) -> _Local:
+def _of_beam(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
     """Operators of beams without offset, with derivatives along the axis; `J`: Jacobians."""
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch does not take beams with an offset.")
     t = J[:, :, 0] / np.linalg.norm(J[:, :, 0], axis=1)[:, None]
     axial = np.zeros((len(cells), 1, 1, part.block))
     axial[:, 0, 0, : part.mesh.gdim] = t[:, : part.mesh.gdim]
-    return _Local(t[:, None], axial, ((0, 0),), lambda beam: [[beam.E * beam.section.A]])
+    return _FamilyAtPoints(t[:, None], axial, ((0, 0),), lambda beam: [[beam.E * beam.section.A]])
 
 
-_FAMILIES: tuple[tuple[Any, Callable[..., _Local]], ...] = (
+_FAMILIES: tuple[tuple[Any, Callable[..., _FamilyAtPoints]], ...] = (
     (Sheet, _of_sheet),
     ((Solid, AnisotropicSolid), _of_solid),
     (Beam, _of_beam),

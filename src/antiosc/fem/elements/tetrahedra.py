@@ -127,9 +127,9 @@ class StraightCells(Cells):
 
         result = np.empty((len(data), len(ENDS), 3, 3))
         for node, ends in enumerate(ENDS):
-            squares = _squares(slopes, ends)
+            squares = _mean_gradient_products(slopes, ends)
             inertia = (6 if len(ends) == 1 else 32) * density
-            result[:, node] = _blocks(lame * squares, shear * squares, inertia)
+            result[:, node] = _diagonal_blocks(lame * squares, shear * squares, inertia)
 
         return result
 
@@ -190,12 +190,12 @@ class CurvedCells(Cells):
                 for constant in (points[:, :, 9], points[:, :, 10])
             )
             inertia = m * masses @ self._values[:, node] ** 2
-            result[:, node] = _blocks(lame, shear, inertia)
+            result[:, node] = _diagonal_blocks(lame, shear, inertia)
 
         return result
 
 
-def _blocks(lame: Array, shear: Array, inertia: Array) -> Array:
+def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
     """Diagonal blocks (n, 3, 3) of k K + m M at one node of n cells.
 
     `lame`, `shear`: ∫ λ grad N ⊗ grad N and ∫ μ grad N ⊗ grad N (n, 3, 3), times k; `inertia`:
@@ -209,7 +209,7 @@ def _blocks(lame: Array, shear: Array, inertia: Array) -> Array:
     return np.asarray(result)
 
 
-def _squares(slopes: Array, ends: Sequence[int]) -> Array:
+def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
     """Mean (n, 3, 3) of grad N ⊗ grad N in a cell: its integral divided by the volume.
 
     `slopes` (n, 4, 3): gradients of the barycentric coordinates; `ends`: of `ENDS`.

@@ -52,7 +52,7 @@ LEAST_SINE = 0.05
 CORNERS_IN_TURN = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 
 
-class _Later:
+class _LazyModule:
     """A module that is imported at its first use; MissingDependencyError if it is missing."""
 
     def __init__(self, name: str) -> None:
@@ -68,8 +68,8 @@ if TYPE_CHECKING:
 
     from antiosc.fem.platform import compat as compat
 else:
-    ufl = _Later("ufl")
-    compat = _Later("antiosc.fem.platform.compat")
+    ufl = _LazyModule("ufl")
+    compat = _LazyModule("antiosc.fem.platform.compat")
 
 
 def checked(name: str, direction: object) -> Direction:
@@ -102,12 +102,12 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function
             if material.axis is not None:
                 axis[cells] = d = _directions_at("axis", material.axis, x[cells])
                 sine = np.linalg.norm(np.cross(d[:, None], n), axis=2)
-                _refuse(sine, x[cells], "the axis is normal to the sheet")
+                _refuse_parallel(sine, x[cells], "the axis is normal to the sheet")
             top = (0.0, 0.0, 1.0) if material.top is None and mesh.gdim == 2 else material.top
             if top is not None:
                 cosine = np.einsum("ci,cqi->cq", _directions_at("top", top, x[cells]), n)
                 side[cells] = np.sign(cosine[:, 0])
-                _refuse(cosine * side[cells, None], x[cells], "top lies along the sheet")
+                _refuse_parallel(cosine * side[cells, None], x[cells], "top lies along the sheet")
             has_sides[cells] = material.section.has_sides and material.top is None
 
     agreed(mesh.comm, work)
@@ -130,11 +130,11 @@ def _directions_at(name: str, direction: Direction, x: Array) -> Array:
     vectors = floats(f"{name}, as a function of x (3, n),", at_cells, (3, None)).T
     vectors = np.broadcast_to(vectors, (len(x), 3))
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    _refuse(lengths, x, f"{name} has no length")
+    _refuse_parallel(lengths, x, f"{name} has no length")
     return np.asarray(vectors / lengths)
 
 
-def _refuse(sine: Array, x: Array, what: str) -> None:
+def _refuse_parallel(sine: Array, x: Array, what: str) -> None:
     """Raise InputError for a cell with a sine (cells, points) below LEAST_SINE.
 
     `x`: nodes of the cells; `what`: which directions are parallel there.

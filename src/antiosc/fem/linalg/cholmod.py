@@ -4,7 +4,7 @@ that of the wheel sparsax beside a PETSc without it.
 PETSc links CHOLMOD but does not give access to the factor. With direct access, the cost of a sparse
 load is that of its own branch of the elimination tree (`antiosc.fem.linalg.solver_choice`), and the
 ordering is computed on the graph of the nodes. If the library cannot be called directly
-(`refusal`), MUMPS factors (`antiosc.fem.linalg.solver_choice.Distributed`).
+(`refusal`), MUMPS factors (`antiosc.fem.linalg.solver_choice.MumpsFactor`).
 
 Compared with MUMPS, whole maps are 1.6 times (43 263 dofs) and 2.6 times (119 523) as fast, with
 5 to 7 times less for each site.
@@ -36,7 +36,7 @@ from antiosc.base.errors import AntioscError, MissingDependencyError, NotConverg
 from antiosc.base.process import MEMORY_REMEDY, allocation_failed, blas_threads, one_thread
 
 #: Bytes for `cholmod_common`, of which the library uses less than a tenth.
-COMMON = 1 << 16
+COMMON_BYTES = 1 << 16
 #: CHOLMOD's numbers: 64-bit integers, real numbers, the upper triangle, A x = b, supernodal only.
 LONG = 2
 REAL = 1
@@ -87,7 +87,7 @@ class Common(ctypes.Structure):
         *((name, c_void_p) for name in ("Flag", "Head", "Xwork", "Iwork")),
         *((name, c_int) for name in ("itype", "dtype", "no_workspace_reallocate", "status")),
         *((name, c_double) for name in ("fl", "lnz")),
-        ("rest", ctypes.c_char * COMMON),
+        ("rest", ctypes.c_char * COMMON_BYTES),
     ]
 
 

@@ -38,7 +38,14 @@ from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import NotConvergedError
 from antiosc.base.process import allocation_failed
 from antiosc.fem.linalg.algebra import diagonal
-from antiosc.fem.linalg.petsc_algebra import CELLS, becomes, by_cells, free, multiply, watch
+from antiosc.fem.linalg.petsc_algebra import (
+    CELLS_KEY,
+    by_cells,
+    free,
+    multiply,
+    set_type_at_exit,
+    watch,
+)
 from antiosc.fem.linalg.solver import SINGULAR, Solver
 
 #: PETSC_ERR_MEM
@@ -46,7 +53,7 @@ PETSC_NO_MEMORY = 55
 #: Couplings of nodes below this share of their diagonal entries do not aggregate them: of the
 #: bracket with 1.65 million dofs a solve takes 14 iterations in place of 49; 0.005 and 0.05 do as
 #: well.
-WEAK = 0.02
+WEAK_COUPLING = 0.02
 #: Relative error of an iterative solve, and the most iterations for it. It takes 9 iterations to
 #: 1e-6 and 11 to 1e-7; Z between the first antiresonances then misses 2e-6 or 2e-7.
 ITERATION_RESIDUAL, ITERATIONS = 1e-7, 2000
@@ -181,7 +188,7 @@ class Multigrid(PetscSolver):
 def aggregate(pc: PETSc.PC) -> None:
     """Set a preconditioner, which has its own options prefix, to smoothed aggregation."""
     options = PETSc.Options(pc.getOptionsPrefix())
-    options["pc_gamg_threshold"] = WEAK
+    options["pc_gamg_threshold"] = WEAK_COUPLING
     pc.setType(PETSc.PC.Type.GAMG)
     pc.setFromOptions()
     del options["pc_gamg_threshold"]
@@ -204,7 +211,7 @@ def set_near_null_space(A: PETSc.Mat, motions: Array) -> None:
 
 
 #: Rows of the coarse level up to which it is factored.
-FACTORED = 150_000
+MOST_FACTORED = 150_000
 #: Steps of Chebyshev's iteration before the coarse level and after it, where that is factored, and
 #: where its cycle leaves most of the error (2.25 million dofs: 4.7 s a solve in place of 6.0); the
 #: share of the largest eigenvalue down to which it acts.
@@ -242,7 +249,7 @@ class TwoLevels(Multigrid):
         coarse = coarse_of(self.A, self._P) if self._known is None else self._known
         self._known = None
 
-        if coarse.getSize()[0] <= FACTORED:
+        if coarse.getSize()[0] <= MOST_FACTORED:
             solve, steps = self._inverse(coarse), STEPS
         else:
             set_near_null_space(coarse, at_vertices(self._P, self._motions()))
@@ -253,7 +260,7 @@ class TwoLevels(Multigrid):
         self._cycle = pc  # what becomes another type stays as long as the solver
         self._cycle.setType(PETSc.PC.Type.PYTHON)
         self._cycle.setPythonContext(Cycle(self.A, self._P, solve, steps))
-        becomes(self._cycle, PETSc.PC.Type.NONE)
+        set_type_at_exit(self._cycle, PETSc.PC.Type.NONE)
 
 
 class Cycle:
@@ -349,7 +356,7 @@ def inverse_blocks(A: PETSc.Mat) -> scipy.sparse.bsr_matrix:
     size = A.getBlockSize()
 
     if by_cells(A):
-        product = A.getAttr(CELLS)
+        product = A.getAttr(CELLS_KEY)
         blocks = product.cells.blocks(product.k, product.m).reshape(-1, size, size)
         blocks = np.linalg.inv(blocks)
     else:
@@ -388,7 +395,7 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
     return result
 
 
-def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
+def without_fixed(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
     """P with zero rows of `fixed` fine dofs, and zero columns of coarse dofs that move them.
 
     P is changed in place.
@@ -404,7 +411,7 @@ def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
 
 def coarse_of(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     """The coarse matrix PᵀAP, with 1 on the diagonal where a column of P is empty."""
-    product = A.getAttr(CELLS)
+    product = A.getAttr(CELLS_KEY)
     coarse = product.cells.coarse(product.k, product.m, P) if by_cells(A) else A.ptap(P)
     watch(coarse)
     coarse.setBlockSize(P.getBlockSizes()[1])

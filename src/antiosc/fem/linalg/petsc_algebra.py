@@ -19,9 +19,9 @@ from antiosc.fem.platform import alike
 #: Vectors from which a product of matrices is faster than one by one.
 BLOCK_PRODUCT_FROM = 4
 #: PETSc attribute of a matrix: a product that is more accurate than its entries give (callable).
-PRODUCT = "antiosc_product"
+PRODUCT_KEY = "antiosc_product"
 #: PETSc attribute of a matrix: its `CellProduct`.
-CELLS = "antiosc_cells"
+CELLS_KEY = "antiosc_cells"
 
 
 class Cells(Protocol):
@@ -63,7 +63,7 @@ class CellProduct:
 
 
 #: Dofs of a node of a solid.
-NODE = 3
+DOFS_OF_NODE = 3
 
 
 def of_cells(cells: Cells, k: float, m: float) -> PETSc.Mat:
@@ -71,13 +71,13 @@ def of_cells(cells: Cells, k: float, m: float) -> PETSc.Mat:
     product = CellProduct(cells, k, m)
     rows = (cells.rows, None)
     result = PETSc.Mat().create(cells.comm)
-    result.setSizes((rows, rows), NODE)
+    result.setSizes((rows, rows), DOFS_OF_NODE)
     result.setType(PETSc.Mat.Type.PYTHON)
     result.setPythonContext(product)
     result.setUp()
-    result.setAttr(CELLS, product)
+    result.setAttr(CELLS_KEY, product)
     watch(result)
-    becomes(result, PETSc.Mat.Type.AIJ)
+    set_type_at_exit(result, PETSc.Mat.Type.AIJ)
     return result
 
 
@@ -85,7 +85,7 @@ def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
     """The matrix with stored entries: itself, or assembled if it is multiplied cell by cell."""
     if not by_cells(matrix):
         return matrix
-    product = matrix.getAttr(CELLS)
+    product = matrix.getAttr(CELLS_KEY)
     result = product.cells.entries(product.k, product.m)
     watch(result)
     return result
@@ -130,7 +130,7 @@ def copied(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
             "accessible: give one of type aij."
         ) from error
 
-    copy.setAttr(PRODUCT, matrix.getAttr(PRODUCT))
+    copy.setAttr(PRODUCT_KEY, matrix.getAttr(PRODUCT_KEY))
     return copy
 
 
@@ -154,18 +154,18 @@ def hold(matrix: PETSc.Mat, rows: IntArray, value: float) -> PETSc.Mat:
 
     `rows` are global numbers of rows of this rank; products are then those of the entries.
     """
-    matrix.setAttr(PRODUCT, None)
+    matrix.setAttr(PRODUCT_KEY, None)
     matrix.zeroRowsColumns(rows.astype(PETSc.IntType), diag=value)
     return matrix
 
 
 def multiply(matrix: PETSc.Mat, x: Array) -> Array:
     """matrix · x for a vector or a block of vectors."""
-    accurate = matrix.getAttr(PRODUCT)
+    accurate = matrix.getAttr(PRODUCT_KEY)
     if accurate is not None:
         return np.asarray(accurate(x))
     if by_cells(matrix):
-        return np.asarray(matrix.getAttr(CELLS)(x))
+        return np.asarray(matrix.getAttr(CELLS_KEY)(x))
 
     if x.ndim == 2 and x.shape[1] >= BLOCK_PRODUCT_FROM:
         block = dense(matrix, x)
@@ -192,12 +192,12 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
 
 def by_strains(matrix: PETSc.Mat) -> bool:
     """Whether the matrix is multiplied through its strains (`solver_choice`)."""
-    return matrix.getAttr(PRODUCT) is not None
+    return matrix.getAttr(PRODUCT_KEY) is not None
 
 
 def by_cells(matrix: PETSc.Mat) -> bool:
     """Whether the matrix is multiplied cell by cell (`CellProduct`)."""
-    return matrix.getAttr(CELLS) is not None
+    return matrix.getAttr(CELLS_KEY) is not None
 
 
 def dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
@@ -252,14 +252,14 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
     if shift == 0.0:
         return K
     if by_cells(K) and by_cells(M):
-        return of_cells(K.getAttr(CELLS).cells, 1.0, shift)
+        return of_cells(K.getAttr(CELLS_KEY).cells, 1.0, shift)
 
     A = with_entries(K).copy()
     pattern = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
     A.axpy(shift, with_entries(M), structure=pattern)
-    accurate = K.getAttr(PRODUCT)
+    accurate = K.getAttr(PRODUCT_KEY)
     if accurate is not None:
-        A.setAttr(PRODUCT, lambda x: accurate(x) + shift * multiply(M, x))
+        A.setAttr(PRODUCT_KEY, lambda x: accurate(x) + shift * multiply(M, x))
 
     return A
 
@@ -304,7 +304,7 @@ def free(comm: MPI.Comm) -> None:
             _free(entry[1])
 
 
-def becomes(handle: PETSc.Mat | PETSc.PC, type_name: str) -> None:
+def set_type_at_exit(handle: PETSc.Mat | PETSc.PC, type_name: str) -> None:
     """Change the type of a PETSc object of type python at exit, as PETSc ends after Python."""
     weakref.finalize(handle, _become, weakref.ref(handle), type_name)
 

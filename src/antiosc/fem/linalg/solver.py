@@ -31,9 +31,9 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import multiply, norms, roots
 
 #: Solves in turn that a model of twenty anti-oscillators needs.
-SOLVES = 22
+SOLVES_OF_MODEL = 22
 #: Bytes per entry of a factor, and of the matrices and work arrays beside it.
-BYTES = 8 * 1.3
+FACTOR_BYTES = 8 * 1.3
 #: Bytes of two levels for each entry of the coarse factor, which may need double precision.
 COARSE_BYTES = 10.0
 #: Seconds of a factor for each of its entries, and for entries^1.5, by which operations grow.
@@ -41,9 +41,9 @@ ASSEMBLED, FACTORED = 2.2e-8, 3.5e-12
 #: Seconds of a solve for each entry; k right-hand sides at once take k^0.4 times as long.
 SUBSTITUTED, AT_ONCE = 1e-9, 0.4
 #: Seconds of an iteration of two levels for each entry of the factor of the coarse level.
-COARSE = 0.5e-9
+COARSE_SECONDS = 0.5e-9
 #: Fewest iterations of a solve by two levels: compact blocks of hexahedra take 8, tetrahedra 10.
-FEWEST = 8
+FEWEST_ITERATIONS = 8
 #: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
 SOLUTION_GROWTH = 1e14
 #: Message for a matrix without a Cholesky factor.
@@ -82,7 +82,7 @@ TETRAHEDRA = Products(80.0, 4.5, 8.0, 1.1e-9)
 CURVED = Products(80.0, 5.5, 5.5, 2e-9)
 #: Entries of a factor of quadratic elements over those of linear ones on the same cells: 12 to 19
 #: from plates to compact blocks of tetrahedra, 43 000 to 340 000 dofs; 10 to 13 of hexahedra.
-FINER = 15.0
+QUADRATIC_OVER_LINEAR = 15.0
 #: Seconds of the set-up of two levels for each entry, beside the factor of the coarse level.
 SET_UP = 4e-8
 
@@ -99,12 +99,12 @@ class Cost:
         return f"forecast {time}{self.bytes / 1e9:.2g} GB"
 
 
-def of_factor(entries: float, columns: float) -> Cost:
+def cost_of_factor(entries: float, columns: float) -> Cost:
     """Cost of a factor with this number of entries, and of the solves of a model.
 
     `columns`: right-hand sides solved for at once.
     """
-    return Cost(BYTES * entries, seconds_of_factor(entries, columns))
+    return Cost(FACTOR_BYTES * entries, seconds_of_factor(entries, columns))
 
 
 def seconds_of_factor(entries: float, columns: float) -> float:
@@ -112,7 +112,7 @@ def seconds_of_factor(entries: float, columns: float) -> float:
 
     `columns`: right-hand sides solved for at once.
     """
-    return _factored(entries) + SOLVES * SUBSTITUTED * entries * columns**AT_ONCE
+    return _factored(entries) + SOLVES_OF_MODEL * SUBSTITUTED * entries * columns**AT_ONCE
 
 
 def seconds_of_steps(entries: float, steps: int) -> float:
@@ -128,16 +128,16 @@ def _factored(entries: float) -> float:
 #: 198 000 dofs has c = 52 to 54.
 FILL = 53.0, 1.15
 #: Bytes for each dof and anti-oscillator: the bottle took 6 GB with 792 000 dofs.
-EACH_SHAPE = 16.0
+SHAPE_BYTES = 16.0
 #: Bytes for each dof of a structure of shells: K, M and their assembly. A printed carriage of
 #: 142 000 dofs took 0.38 GB before, and 0.94 GB with 20 anti-oscillators (1.09 GB with 150).
-OF_SHELLS = 2700.0
+SHELL_BYTES = 2700.0
 
 
-def of_sheet(dofs: float, n: int) -> float:
+def bytes_of_shells(dofs: float, n: int) -> float:
     """Memory [bytes] of factor and shapes of a model of shells with `n` anti-oscillators."""
     coefficient, power = FILL
-    return BYTES * coefficient * dofs**power + EACH_SHAPE * n * dofs
+    return FACTOR_BYTES * coefficient * dofs**power + SHAPE_BYTES * n * dofs
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ class LevelSizes:
     @property
     def coarse(self) -> float:
         """Number of entries in the factor of the coarse level."""
-        return self.factor / FINER
+        return self.factor / QUADRATIC_OVER_LINEAR
 
     @property
     def bytes(self) -> float:
@@ -173,16 +173,16 @@ class LevelSizes:
     @property
     def iteration(self) -> float:
         """Seconds of one iteration."""
-        return self.products.seconds * self.stored + COARSE * self.coarse
+        return self.products.seconds * self.stored + COARSE_SECONDS * self.coarse
 
     def cost(self, iterations: float, columns: float) -> Cost:
         """Cost of a model whose solves take `iterations` iterations each."""
-        solves = SOLVES * columns * iterations * self.iteration
+        solves = SOLVES_OF_MODEL * columns * iterations * self.iteration
         return Cost(self.bytes, self.set_up + solves)
 
     def iterations_within(self, seconds: float, columns: float) -> int:
         """Most iterations per solve for which the model's total time is at most `seconds`."""
-        return max(0, int((seconds - self.set_up) / (SOLVES * columns * self.iteration)))
+        return max(0, int((seconds - self.set_up) / (SOLVES_OF_MODEL * columns * self.iteration)))
 
 
 def checked_choice(choice: SolverChoice) -> SolverChoice:
@@ -278,7 +278,7 @@ class Factorization(Solver):
 
 
 #: Remedy for matrices that are too large.
-REDUCE = "reduce the matrices, take a coarser mesh, or a machine with more memory"
+REDUCE_REMEDY = "reduce the matrices, take a coarser mesh, or a machine with more memory"
 
 #: How SuperLU orders, for symmetric matrices with pivots on the diagonal.
 SYMMETRIC_ORDER: dict[str, object] = {
@@ -302,7 +302,7 @@ class SuperLU(Factorization):
             raise NotConvergedError(SINGULAR.format(f"SuperLU: {error}")) from error
         except MemoryError as error:
             raise process.allocation_failed(
-                f"the factor of {self.A.shape[0]} dofs", error, REDUCE
+                f"the factor of {self.A.shape[0]} dofs", error, REDUCE_REMEDY
             ) from error
 
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):

@@ -53,7 +53,7 @@ from antiosc.fem.linalg import algebra, cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.iterative import (
-    FACTORED,
+    MOST_FACTORED,
     Levels,
     Multigrid,
     PetscSolver,
@@ -61,8 +61,8 @@ from antiosc.fem.linalg.iterative import (
     coarse_of,
 )
 from antiosc.fem.linalg.petsc_algebra import (
-    CELLS,
-    PRODUCT,
+    CELLS_KEY,
+    PRODUCT_KEY,
     by_cells,
     csr,
     dense,
@@ -71,23 +71,23 @@ from antiosc.fem.linalg.petsc_algebra import (
     with_entries,
 )
 from antiosc.fem.linalg.solver import (
-    BYTES,
     ENTRIES,
-    FEWEST,
-    FINER,
+    FACTOR_BYTES,
+    FEWEST_ITERATIONS,
+    QUADRATIC_OVER_LINEAR,
     SINGULAR,
     Cost,
     Factorization,
     LevelSizes,
     Products,
     Solver,
-    of_factor,
+    cost_of_factor,
     seconds_of_factor,
 )
 from antiosc.fem.platform import on_root, warn
 
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
-ENERGY = 1e-11
+ENERGY_ERROR = 1e-11
 #: Largest error accepted if rounding, or the largest number of steps, ends the solve.
 STALLED, MOST_CG_STEPS = 1e-6, 60
 #: Share of its own diagonal by which a matrix is made stiffer that rounding keeps from a factor.
@@ -97,9 +97,9 @@ SOLUTION_GROWTH_BY_STRAINS = 1e24
 #: Loads that go through the tree together: few enough that they share their branch.
 LOADS_PER_WALK = 64
 #: Columns of L that are solved for at a time; the triangle of so many is copied.
-PANEL = 128
+PANEL_COLUMNS = 128
 #: Right-hand sides of a block where all is solved for.
-SOLVED = 64
+LOADS_PER_SOLVE = 64
 #: σ over the last known ω² + s: the secant is off by about this share, rounding by 1e-12 over it.
 SHIFT_STEP = 1e-3
 
@@ -114,10 +114,10 @@ def attach(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None:
     def product(x: Array) -> Array:
         return np.asarray(multiply(transposed, multiply(S, x)) + multiply(remainder, x))
 
-    K.setAttr(PRODUCT, product)
+    K.setAttr(PRODUCT_KEY, product)
 
 
-class Refined(Solver):
+class SolverByStrains(Solver):
     """Conjugate gradients on A's product by strains, preconditioned by a solver of its entries."""
 
     growth = SOLUTION_GROWTH_BY_STRAINS
@@ -149,7 +149,7 @@ class Refined(Solver):
             self._inner_products,
             MOST_CG_STEPS,
         ):
-            if (residual_energy <= ENERGY**2 * energy).all():
+            if (residual_energy <= ENERGY_ERROR**2 * energy).all():
                 return X
 
         relative_error = float(np.max(np.sqrt(np.abs(quotient(residual_energy, energy)))))
@@ -175,7 +175,7 @@ class Refined(Solver):
 WORKSPACE = 60
 
 
-class OnOneRank(Factorization):
+class CholmodFactor(Factorization):
     """Cholesky factor of a matrix on one rank, by CHOLMOD, from an `analysis` of it."""
 
     def __init__(self, A: PETSc.Mat, analysis: Cholesky | None = None) -> None:
@@ -205,7 +205,7 @@ def analysed(A: PETSc.Mat) -> Cholesky:
     return Cholesky(lower(csr(A)), A.getBlockSize())
 
 
-class Distributed(PetscSolver, Factorization):
+class MumpsFactor(PetscSolver, Factorization):
     """Cholesky factor distributed over the ranks by MUMPS, with an ordering of its choice."""
 
     def _set_up(self) -> None:
@@ -257,15 +257,15 @@ def entries_by_mumps(A: PETSc.Mat) -> float:
     A = with_entries(A)
     first, last = A.getOwnershipRange()
     rows = PETSc.IS().createStride((last - first) // block, first, block, comm=A.getComm())
-    return block**2 * Distributed(A.createSubMatrix(rows, rows)).entries
+    return block**2 * MumpsFactor(A.createSubMatrix(rows, rows)).entries
 
 
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
-ANALYSIS = 20.0
+ANALYSIS_BYTES = 20.0
 #: Remedy where neither fits.
 SMALLER_MESH = "use a coarser mesh or elements of order 1, or a machine with more memory"
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
-COMPACT = 35.0
+COMPACT_FILL = 35.0
 #: Dofs from which times are compared too. Below, a factor takes less than a second.
 LARGE = 30_000
 
@@ -274,7 +274,7 @@ def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: floa
     """The solver of A named by `choice`; "auto": by forecasts of memory and time."""
     levels = replace(levels, coarser=cache(levels.coarser))
     if by_strains(A):
-        return Refined(A, lambda matrix: _chosen(matrix, choice, levels, columns))
+        return SolverByStrains(A, lambda matrix: _chosen(matrix, choice, levels, columns))
     return _chosen(A, choice, levels, columns)
 
 
@@ -285,14 +285,14 @@ def _chosen(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) 
     rows = A.getSize()[0]
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     direct_only = choice == "direct" or columns == math.inf
-    fits = BYTES * COMPACT * rows ** (4 / 3) <= process.MEMORY_SHARE * free
+    fits = FACTOR_BYTES * COMPACT_FILL * rows ** (4 / 3) <= process.MEMORY_SHARE * free
     if fits and (direct_only or rows < LARGE):
         return factorize(A)
 
-    analysis = 0.0 if by_cells(A) else ANALYSIS * stored(A)
+    analysis = 0.0 if by_cells(A) else ANALYSIS_BYTES * stored(A)
     process.require(analysis, f"any solver of {rows} dofs", SMALLER_MESH, free)
     forecast = forecast_of(A, levels.coarser() if by_cells(A) else None)
-    need = BYTES * forecast.entries
+    need = FACTOR_BYTES * forecast.entries
     if need <= process.MEMORY_SHARE * free:
         faster = None if direct_only else _faster(A, forecast, levels, columns)
         return faster or factorize(A, forecast.taken(A))
@@ -317,7 +317,7 @@ def _faster(A: PETSc.Mat, forecast: Forecast, levels: Levels, columns: float) ->
     sizes = _sizes_of(A, forecast.entries)
     seconds = seconds_of_factor(forecast.entries, columns)
     iteration_limit = sizes.iterations_within(seconds, columns)
-    if iteration_limit < FEWEST or levels.coarser() is None:
+    if iteration_limit < FEWEST_ITERATIONS or levels.coarser() is None:
         return None
 
     try:
@@ -333,7 +333,7 @@ def _iterative(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -
     """The iterative solver; OutOfMemoryError before its matrices are made."""
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     coarser = levels.coarser()
-    factored = coarser is not None and coarser.getSize()[1] <= FACTORED
+    factored = coarser is not None and coarser.getSize()[1] <= MOST_FACTORED
     if forecast is None and factored and by_cells(A) and A.getComm().getSize() == 1:
         forecast = forecast_of(A, coarser)
 
@@ -364,7 +364,7 @@ def _sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
 
 def _products_of(A: PETSc.Mat) -> Products:
     """Cost of products with A per entry: by stored entries, or cell by cell."""
-    cost: Products = A.getAttr(CELLS).cells.products if by_cells(A) else ENTRIES
+    cost: Products = A.getAttr(CELLS_KEY).cells.products if by_cells(A) else ENTRIES
     return cost
 
 
@@ -394,7 +394,7 @@ class Forecast:
 def forecast_of(A: PETSc.Mat, coarser: PETSc.Mat | None = None) -> Forecast:
     """The forecast of the factor of A, from that of PᵀAP if the interpolation P is given."""
     matrix = A if coarser is None else coarse_of(A, coarser)
-    finer = 1.0 if coarser is None else FINER
+    finer = 1.0 if coarser is None else QUADRATIC_OVER_LINEAR
     comm = A.getComm().tompi4py()
     if comm.size > 1 or cholmod_refused(comm):
         return Forecast(finer * entries_by_mumps(matrix), matrix)
@@ -406,8 +406,8 @@ def factorize(A: PETSc.Mat, analysis: Cholesky | None = None) -> Factorization:
     """The Cholesky factor of A: by CHOLMOD on one rank, from an `analysis`, by MUMPS on several."""
     comm = A.getComm().tompi4py()
     by_mumps = comm.size > 1 or cholmod_refused(comm)
-    result: Factorization = Distributed(with_entries(A)) if by_mumps else OnOneRank(A, analysis)
-    result.cost = of_factor(result.entries, 1.0)
+    result: Factorization = MumpsFactor(with_entries(A)) if by_mumps else CholmodFactor(A, analysis)
+    result.cost = cost_of_factor(result.entries, 1.0)
     return result
 
 
@@ -442,7 +442,7 @@ def deflections(
 
     x = omega**2 + structure.shift
     step = SHIFT_STEP * x[-1]
-    C, shifted = _twice(structure, solver, loads, step)
+    C, shifted = _compliances_at_two_shifts(structure, solver, loads, step)
 
     # what the known modes leave of both; as one mode of compliance `rest` and frequency² 1/slow
     truncated = C - b**2 @ (1 / x)
@@ -451,19 +451,19 @@ def deflections(
     return C, b**2 @ (1 / x**2) + np.maximum(truncated, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
 
 
-def _twice(
+def _compliances_at_two_shifts(
     structure: Factored, solver: Factorization, loads: scipy.sparse.csr_matrix, step: float
 ) -> tuple[Array, Array]:
     """bᵀ(K + sM)⁻¹b (P,) of every load b at the structure's shift s, and at s + `step`."""
     A = sum_of(structure.K, structure.shift + step, structure.M)
-    if isinstance(solver, OnOneRank):
+    if isinstance(solver, CholmodFactor):
         first = solver.cholesky
         second = Cholesky(lower(csr(A)), permutation=first.permutation).factorized()
         return compliances(first, loads), compliances(second, loads)
 
     results = np.zeros((2, loads.shape[1]))
     for result, factor in zip(results, (solver, factorize(A)), strict=True):
-        for part, B, Y in _solved(factor, loads):
+        for part, B, Y in _blocks_of_solutions(factor, loads):
             result[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
     return results[0], results[1]
 
@@ -471,7 +471,7 @@ def _twice(
 def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
     """(bᵀy, yᵀMy) of every load, with one solve for each."""
     C, G = np.zeros((2, loads.shape[1]))
-    for part, B, Y in _solved(structure.factorize(), loads):
+    for part, B, Y in _blocks_of_solutions(structure.factorize(), loads):
         C[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
         G[part] = structure.comm.allreduce(
             np.einsum("ij,ij->j", Y, algebra.multiply(structure.M, Y))
@@ -479,17 +479,19 @@ def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Arr
     return C, G
 
 
-def _solved(solver: Solver, loads: scipy.sparse.csr_matrix) -> Iterator[tuple[slice, Array, Array]]:
+def _blocks_of_solutions(
+    solver: Solver, loads: scipy.sparse.csr_matrix
+) -> Iterator[tuple[slice, Array, Array]]:
     """Yield (slice of loads, these loads B as dense columns, A⁻¹B), block by block."""
     count = loads.shape[1]
 
     with counting("sites of the map", count, solver.comm.rank) as report:
-        for first in range(0, count, SOLVED):
-            part = slice(first, first + SOLVED)
+        for first in range(0, count, LOADS_PER_SOLVE):
+            part = slice(first, first + LOADS_PER_SOLVE)
             B = loads[:, part].toarray()
             yield part, B, solver.solve_block(B)
-            report(min(first + SOLVED, count))
-            log.info("%d of %d sites solved for", min(first + SOLVED, count), count)
+            report(min(first + LOADS_PER_SOLVE, count))
+            log.info("%d of %d sites solved for", min(first + LOADS_PER_SOLVE, count), count)
 
 
 def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
@@ -526,8 +528,8 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
                 width = columns[s]
                 block = L.values[L.value[s] : L.value[s] + height * width].reshape(width, height).T
                 z = Z[row_numbers]
-                for c in range(0, width, PANEL):
-                    d = min(c + PANEL, width)
+                for c in range(0, width, PANEL_COLUMNS):
+                    d = min(c + PANEL_COLUMNS, width)
                     z[c:d] = scipy.linalg.blas.dtrsm(1.0, block[c:d, c:d], z[c:d], lower=1)
                     z[d:] -= block[d:, c:d] @ z[c:d]
                 result[sites] += np.einsum("ij,ij->j", z[:width], z[:width])

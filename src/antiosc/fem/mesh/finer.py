@@ -154,7 +154,7 @@ def halved(raw: RawMesh) -> RawMesh:
         raw,
         points=points,
         cells=cells[:, np.argsort(order)].astype(np.int64),
-        groups=_followed(raw.groups, support, entities),
+        groups=_groups_of_division(raw.groups, support, entities),
         numbers=np.zeros(0, dtype=np.int64),
         labels=np.concatenate([raw.labels, without]),
     )
@@ -174,7 +174,9 @@ def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, In
     return start + index.reshape(len(corners), -1), first
 
 
-def _followed(groups: Groups, support: IntArray, entities_of: Callable[[int], IntArray]) -> Groups:
+def _groups_of_division(
+    groups: Groups, support: IntArray, entities_of: Callable[[int], IntArray]
+) -> Groups:
     """The groups of a divided mesh: new entities that lie in entities of the old `groups`.
 
     `support` (n, k): the old points between which each new point lies, filled up by -1;
@@ -204,7 +206,7 @@ KIND_OF = {"triangle": "triangle", "tetrahedron": "tetra"}
 MOST_DIVISIONS = 6
 
 
-def near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
+def refined_near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
     """The mesh with cells bisected to the sizes of `refine`; MeshError unless it is `divisible`."""
     if refine and not divisible(mesh):
         raise MeshError(
@@ -257,16 +259,16 @@ def refined(mesh: Mesh, ratio: Array) -> Mesh:
     whole = gathered(mesh, ratio)
     raw = None
     if whole is not None:
-        raw, values = _straight(whole[0]), whole[1]
+        raw, values = _without_midside_nodes(whole[0]), whole[1]
         for _ in range(ROUNDS):
             if not np.any(values < DIVIDED):
                 break
-            raw, values = divided(raw, values)
+            raw, values = bisected_once(raw, values)
 
     return distributed(mesh.comm.bcast(raw), mesh.name, mesh.comm)
 
 
-def _straight(raw: RawMesh) -> RawMesh:
+def _without_midside_nodes(raw: RawMesh) -> RawMesh:
     """The mesh of simplices without mid-side nodes."""
     used, cells = np.unique(raw.cells[:, : raw.kind.vertices], return_inverse=True)
     groups: Groups = {
@@ -310,7 +312,7 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
     return raw, np.concatenate(all_values)
 
 
-def divided(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
+def bisected_once(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
     """The mesh after one bisection of cells with small `values` (cells,), and its new values.
 
     A value is the wanted size over the present one; all edges of a cell with a value below
@@ -331,7 +333,7 @@ def divided(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
         turned = np.einsum("ci,ci->c", _normals(x[cells]), _normals(old_corners[parent])) < 0
         cells[turned] = cells[turned][:, [0, 2, 1]]
     sizes = _mean_edges(old_corners)[parent] / _mean_edges(x[cells])
-    groups = _followed(raw.groups, support, lambda dim: compat.entity_vertices(new, dim))
+    groups = _groups_of_division(raw.groups, support, lambda dim: compat.entity_vertices(new, dim))
     return replace(raw, points=x, cells=cells, groups=groups), values[parent] * sizes
 
 

@@ -40,7 +40,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.texts import engineering, printable, rounded_up
 from antiosc.fem.mesh import Mesh, distributed
-from antiosc.fem.mesh.finer import near, with_cells_of
+from antiosc.fem.mesh.finer import refined_near, with_cells_of
 from antiosc.fem.mesh.surface import mean_thickness
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, STATES_UNIT
@@ -184,7 +184,7 @@ POINT = 1e-12
 SIMPLICES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 
 
-def _failing(
+def _cells_where(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
     """Numbers of cells for which `fails` is true.
@@ -208,7 +208,7 @@ def folded(points: Array, cells: IntArray, shape: str, order: int, least: float 
     def fails(det: Array) -> BoolArray:
         return np.asarray(det.min(axis=1) <= least * det.max(axis=1))
 
-    return _failing(points, cells, shape, order, fails)
+    return _cells_where(points, cells, shape, order, fails)
 
 
 def _along_mean_normal(J: Array) -> Array:
@@ -243,7 +243,7 @@ def crossed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
     def fails(det: Array) -> BoolArray:
         return np.asarray(det.sum(axis=1) <= CROSSED * np.abs(det).sum(axis=1))
 
-    return _failing(points, cells if shape != "interval" else cells[:0], shape, order, fails)
+    return _cells_where(points, cells if shape != "interval" else cells[:0], shape, order, fails)
 
 
 def refuse_degenerate(mesh: Mesh) -> None:
@@ -409,7 +409,7 @@ def read_mesh(
     if isinstance(source, dolfinx.mesh.Mesh):
         if unit is not None or merge is not None:
             raise InputError("unit and merge apply to files; a dolfinx mesh is in metres.")
-        return _adopted(source, groups or {})
+        return _of_dolfinx(source, groups or {})
     if groups:
         raise InputError("groups names the tags of a dolfinx mesh; a file brings its own groups.")
     if not isinstance(source, str | Path):
@@ -447,7 +447,7 @@ def read_mesh(
         warn(comm, sentence, ChoiceWarning if made else AntioscWarning)
     unit_stated = unit is not None or file.suffix.lower() in STATES_UNIT
     mesh = distributed(raw, name, comm)
-    return replace(mesh if made_here else near(mesh, refine), stated=unit_stated)
+    return replace(mesh if made_here else refined_near(mesh, refine), stated=unit_stated)
 
 
 def usual_size(points: Array) -> float:
@@ -508,7 +508,7 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     return replace(raw, points=np.ascontiguousarray(raw.points[:, :gdim]))
 
 
-def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
+def _of_dolfinx(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
     """A dolfinx mesh as `Mesh`; `groups`: name -> (tags, value) of its entities."""
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():

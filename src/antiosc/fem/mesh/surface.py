@@ -508,13 +508,13 @@ class Faces(Entities):
 
     def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
         """(face, point, unit normal, distance) of the nearest places within the radii."""
-        face, point = self._within(points, radii)
+        face, point = self._pairs_within_radii(points, radii)
         x, normal = self.across(face, feet(self, face, points[point]))
         gap = np.linalg.norm(x - points[point], axis=1)
         near = gap <= radii[point]
         return face[near], point[near], normal[near], gap[near]
 
-    def _within(self, points: Array, radii: Array) -> tuple[IntArray, IntArray]:
+    def _pairs_within_radii(self, points: Array, radii: Array) -> tuple[IntArray, IntArray]:
         """Pairs (face, point) that may be within the point's radius, by octaves of the radii."""
         octave = np.frexp(radii)[1]
         pairs = [np.zeros((2, 0), dtype=int)]
@@ -532,7 +532,7 @@ class Faces(Entities):
         face = np.zeros(len(points), dtype=int)
         distance = np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
-        item, point = self._crossed(points, normals, rise)
+        item, point = self._pairs_on_lines(points, normals, rise)
         on_plane = projected(
             lambda k, xi: self.at(item[k], xi),
             points[point],
@@ -554,7 +554,9 @@ class Faces(Entities):
         face[point[hit]], xi[point[hit]], distance[point[hit]] = item[hit], on_plane[hit], gap[hit]
         return face, xi, distance
 
-    def _crossed(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, IntArray]:
+    def _pairs_on_lines(
+        self, points: Array, normals: Array, rise: float
+    ) -> tuple[IntArray, IntArray]:
         """Pairs (face, point) where the line through the point may cross the face."""
         face, point = pairs_within(self.centres, self.radii + rise, points)
         gap = self.centres[face] - points[point]

@@ -246,11 +246,11 @@ class Dissipation:
         """L (r, k) with LᵀL = Vᵀ C V for motions V (rows of this rank, k); C: this term."""
         if self.matrix is None:
             assert self.c is not None
-            return np.asarray(_root(self.c) @ comm.allreduce(np.asarray(self.G @ V)))
-        return _root(self.factor * dot(comm, V, multiply(self.matrix, V)))
+            return np.asarray(_square_root(self.c) @ comm.allreduce(np.asarray(self.G @ V)))
+        return _square_root(self.factor * dot(comm, V, multiply(self.matrix, V)))
 
 
-def _root(matrix: Array) -> Array:
+def _square_root(matrix: Array) -> Array:
     """L with LᵀL = `matrix`, which is positive semidefinite."""
     symmetric = (matrix + matrix.T) / 2
     ends = np.linalg.eigvalsh(symmetric)
@@ -305,7 +305,7 @@ def modes_and_shift(
     """(M-orthonormal null vectors of K (rows, r), shift in rad²/s², solver of a regular K)."""
     comm = communicator(K)
     n = algebra.rows(K)
-    regular = _regular(comm, K) if null_vectors is None else None
+    regular = _solver_unless_singular(comm, K) if null_vectors is None else None
     if regular is not None:
         return np.zeros((n, 0)), 0.0, regular
 
@@ -321,14 +321,14 @@ def modes_and_shift(
 
     values = np.zeros(0)
     for _ in range(2):
-        factor = _positive(K, shift, M)
+        factor = _solver_if_definite(K, shift, M)
         for _ in range(8):
             block = orthonormal(comm, M, block)
             block = np.column_stack([factor.solve(c) for c in multiply(M, block).T])
         block = orthonormal(comm, M, block)
         values, rotation = np.linalg.eigh(dot(comm, block, multiply(K, block)))
         block = block @ rotation
-        zero = np.abs(softness(K, block, multiply(K, block))) < _rigid(K)
+        zero = np.abs(softness(K, block, multiply(K, block))) < _rigid_softness(K)
         if zero.all():
             raise InputError(
                 f"K has {len(values)} or more null vectors: the matrices hold several loose bodies."
@@ -351,7 +351,7 @@ def modes_and_shift(
     return orthonormal(comm, M, null_space), shift, None
 
 
-def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
+def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
     """A solver of K; None if K is singular, as a failing factor or a large solution shows."""
     n = algebra.rows(K)
 
@@ -364,15 +364,15 @@ def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
         return None
 
     X = x[:, None]
-    return None if softness(K, X, multiply(K, X))[0] < _rigid(K) * 1e-3 else factor
+    return None if softness(K, X, multiply(K, X))[0] < _rigid_softness(K) * 1e-3 else factor
 
 
-def _rigid(K: Matrix) -> float:
+def _rigid_softness(K: Matrix) -> float:
     """Largest `softness` of a rigid motion; it is smaller if K is multiplied by its strains."""
     return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
 
 
-def _positive(K: Matrix, shift: float, M: Matrix) -> Solver:
+def _solver_if_definite(K: Matrix, shift: float, M: Matrix) -> Solver:
     """A solver of K + shift M; InputError where that is not positive definite."""
     try:
         return _solver(sum_of(K, shift, M))

@@ -221,7 +221,7 @@ class ElasticTerm:
         return [Dissipation(G, c, tau) for c, tau in [*constants, *self.branches]]
 
 
-def _values(attached: Attachment) -> dict[str, float]:
+def _values_by_component(attached: Attachment) -> dict[str, float]:
     """Component -> mass, moment of inertia, stiffness or damping."""
     if isinstance(attached, Spring):
         return dict(attached.stiffness)
@@ -240,7 +240,7 @@ def terms_of(
 
     `plane`: the structure moves along x and y, and turns about z, only.
     """
-    values = _values(attached)
+    values = _values_by_component(attached)
     names = list(values)
     if isinstance(attached, PointMass):
         names = [name for name in (("x", "y", "rz") if plane else COMPONENTS) if values[name]]

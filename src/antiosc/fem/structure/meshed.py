@@ -31,8 +31,8 @@ from antiosc.fem.elements.weak_form import (
     restricted,
 )
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.linalg.iterative import without
-from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
+from antiosc.fem.linalg.iterative import without_fixed
+from antiosc.fem.linalg.petsc_algebra import CELLS_KEY, by_cells, of_cells
 from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.mesh import Mesh
@@ -205,10 +205,10 @@ class PartsMatrices(StructureMatrices):
         raise NotImplementedError
 
     def dissipation(self) -> list[Dissipation]:
-        return [*self.dashpots(), *self._layers]
+        return [*self.dashpots(), *self._relaxing_terms]
 
     @cached_property
-    def _layers(self) -> list[Dissipation]:
+    def _relaxing_terms(self) -> list[Dissipation]:
         """Damping terms on q of relaxing materials of all parts."""
         terms = []
         for member in self.members():
@@ -321,8 +321,8 @@ class MeshedStructure(PartsMatrices):
             return None
         rows = compat.local_size(self.form.space)
         fixed = np.isin(np.arange(rows), self.fixed)
-        linear = self.K.getAttr(CELLS).cells.linear.space if by_cells(self.K) else None
-        return without(compat.from_linear(self.form.space, linear), fixed)
+        linear = self.K.getAttr(CELLS_KEY).cells.linear.space if by_cells(self.K) else None
+        return without_fixed(compat.from_linear(self.form.space, linear), fixed)
 
     @property
     def mass(self) -> float:
@@ -456,7 +456,7 @@ class MeshedStructure(PartsMatrices):
         )
 
 
-def alone(stiffener: Stiffener) -> MeshedStructure:
+def beams_alone(stiffener: Stiffener) -> MeshedStructure:
     """The beams of a stiffener as a separate structure, for results at its cells."""
     rows = compat.local_size(stiffener.form.space)
     return MeshedStructure(
@@ -471,7 +471,7 @@ def alone(stiffener: Stiffener) -> MeshedStructure:
         parts=stiffener.parts,
         total_mass=0.0,
         attached_inertia=np.zeros((rows, 3)),
-        again=lambda _: alone(stiffener),
+        again=lambda _: beams_alone(stiffener),
     )
 
 
@@ -482,7 +482,9 @@ THIN = 0.1
 ON_LINE = 1e-6
 
 
-def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam, IntArray]]]:
+def cells_and_stiffeners(
+    mesh: Mesh, material: object
+) -> tuple[object, list[tuple[str, Beam, IntArray]]]:
     """(materials of cells, [(group, beam, edges)] of beams on edges of a sheet)."""
     if not isinstance(material, Mapping) or mesh.tdim != 2:
         return material, []
@@ -576,7 +578,7 @@ def assembled(
     checked_supports = list_of("supports", supports, Support, "Support(where, fix)")
     attachments = attachments_of(attached)
 
-    cells, beams = divided(mesh, material)
+    cells, beams = cells_and_stiffeners(mesh, material)
     parts = parts_of(mesh, cells)
     materials = [*(entry for entry, _ in parts), *(beam for _, beam, _ in beams)]
     doubts = plausible.warn_each(

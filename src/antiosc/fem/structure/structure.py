@@ -231,7 +231,7 @@ def _checked_diagonal(name: str, matrix: Matrix) -> Array:
         f"{name} must be symmetric (to {MIRRORED:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
         "and ({1}, {0}) differ by {2:g}."
     )
-    _forbid(comm, bad, (row, column, value), text)
+    _refuse_entries(comm, bad, (row, column, value), text)
     return diagonal
 
 
@@ -243,7 +243,7 @@ def _entries(matrix: Matrix) -> Entries:
     return row[off_diagonal], column[off_diagonal], value[off_diagonal]
 
 
-def _forbid(comm: MPI.Comm, bad: BoolArray, entries: Entries, text: str) -> None:
+def _refuse_entries(comm: MPI.Comm, bad: BoolArray, entries: Entries, text: str) -> None:
     """Raise InputError on all ranks if an entry is `bad`, with row, column, size in `text`."""
     error = None
     if bad.any():
@@ -271,7 +271,7 @@ def _penalised(K: Matrix, diagonal: Array) -> IntArray:
         "K couples dofs {0} and {1} by a penalty of {2:g}, which leaves less than four digits of "
         "their own stiffness: take a penalty of at most 1e8 times the usual entries."
     )
-    _forbid(comm, drowns, (row, column, value), text)
+    _refuse_entries(comm, drowns, (row, column, value), text)
     return np.flatnonzero(is_fixed)
 
 
@@ -383,7 +383,7 @@ class Structure(ReprMixin):
         )
         if prestress is not None:
             matrices = with_prestress(matrices, prestress)
-        self._hold(matrices, start_time)
+        self._set_matrices(matrices, start_time)
         self.supports = tuple(matrices.supports)
         self.made_of = mesh, material, options
 
@@ -499,7 +499,7 @@ class Structure(ReprMixin):
         damping: Matrix | None = None,
     ) -> Structure:
         matrices, factor = matrices_of_pair(*pair, rows, supports, rigid_modes, damping)
-        self = holding(matrices, start_time)
+        self = structure_with(matrices, start_time)
 
         if factor is not None:  # it has shown that K is regular
             self._factored = factor, 0.0
@@ -508,7 +508,7 @@ class Structure(ReprMixin):
 
         return self
 
-    def _hold(self, matrices: StructureMatrices, start_time: float) -> None:
+    def _set_matrices(self, matrices: StructureMatrices, start_time: float) -> None:
         """Set the attributes from matrices; `start_time` [s]: when their assembly began."""
         self.matrices = matrices
         self.K = matrices.K
@@ -621,10 +621,10 @@ class Structure(ReprMixin):
 NO_MESH = "matrices have no mesh: build the Structure from a mesh for this."
 
 
-def holding(matrices: StructureMatrices, start_time: float) -> Structure:
+def structure_with(matrices: StructureMatrices, start_time: float) -> Structure:
     """A `Structure` with these matrices; `start_time` [s]: when their assembly began."""
     self = object.__new__(Structure)
-    self._hold(matrices, start_time)
+    self._set_matrices(matrices, start_time)
     return self
 
 

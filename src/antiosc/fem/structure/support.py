@@ -145,7 +145,7 @@ def fixed_dofs(
         count = 0
         for name in support.components(form.components):
             path = form.components[name]
-            dofs = _there(mesh, form, support, path)
+            dofs = _dofs_of_support(mesh, form, support, path)
             count += mesh.comm.allreduce(len(dofs))
             fixed[path] = np.union1d(fixed.get(path, NO_DOFS), dofs).astype(np.int32)
         if not count:
@@ -158,7 +158,9 @@ def fixed_dofs(
     return fixed
 
 
-def _there(mesh: Mesh, form: WeakForm, support: Support, path: tuple[int, ...]) -> IntArray:
+def _dofs_of_support(
+    mesh: Mesh, form: WeakForm, support: Support, path: tuple[int, ...]
+) -> IntArray:
     if isinstance(support.where, str):
         return dofs_of_entities(mesh, form, mesh.group(support.where), path)
     if isinstance(support.where, NumberedNodes):

@@ -51,15 +51,15 @@ from antiosc.fem.mesh.finer import (
     gathered,
     graded_sizes,
     halved,
-    near,
     refined,
+    refined_near,
     scheme,
 )
 from antiosc.fem.mesh.reading import flattened, read_mesh, sound
 from antiosc.fem.mesh.surface import mean_thickness, measures
 from antiosc.fem.platform import bounds, compat, on_root, warn
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import Structure, holding, on_mesh
+from antiosc.fem.structure.structure import Structure, on_mesh, structure_with
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.by_gmsh import CUT, GEOMETRY, SizeField
 from antiosc.io.isolation import GRADING as USUAL_GRADING, Refinement
@@ -167,7 +167,7 @@ def divided(matrices: MeshedParts) -> Structure:
             part = matrices.members()[0].part
             groups, supports = _without_numbers(part)
             fine = part.again(finer(replace(part.mesh, groups=groups)), supports)
-            _divided[matrices] = holding(fine, start_time)
+            _divided[matrices] = structure_with(fine, start_time)
 
     return _divided[matrices]
 
@@ -324,7 +324,7 @@ class OfMesh(MeshSource):
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """The given mesh, divided near the points of `refine`."""
-        return self.coarsest if self.fixed else near(self.coarsest, refine)
+        return self.coarsest if self.fixed else refined_near(self.coarsest, refine)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
         """The mesh with those cells bisected whose `ratio` requires it."""

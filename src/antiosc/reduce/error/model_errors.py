@@ -32,7 +32,7 @@ from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.elements.solid import voigt_in
 from antiosc.fem.linalg.algebra import conjugate_gradients, dot
-from antiosc.fem.linalg.solver import OF_SHELLS, of_sheet
+from antiosc.fem.linalg.solver import SHELL_BYTES, bytes_of_shells
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure
@@ -266,7 +266,7 @@ def _why_too_large(matrices: MeshedParts) -> str:
     part = matrices.members()[0].part
     name = part.mesh.name
     finer = 2.0**part.mesh.tdim * part.rows
-    need = (OF_SHELLS + EACH_ANSWER * FORESEEN) * finer + of_sheet(round(finer), 0)
+    need = (SHELL_BYTES + EACH_ANSWER * FORESEEN) * finer + bytes_of_shells(round(finer), 0)
     remedy = "compare with a mesh of larger cells"
     if finer > MOST_DOFS:
         return (

@@ -23,7 +23,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import engineering
-from antiosc.fem.linalg.solver import SOLVES, of_sheet
+from antiosc.fem.linalg.solver import SOLVES_OF_MODEL, bytes_of_shells
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -326,8 +326,8 @@ def extract(
 
     # a model has as many anti-oscillators, and a static shape of each site
     columns = [sum(target.B.shape[1] for target in group.values()) for group in groups]
-    solves = sum(1 + (count - 1) / SOLVES for count in columns)
-    solves += pairs_of(stretch) / SOLVES if stretch is not False else 0.0
+    solves = sum(1 + (count - 1) / SOLVES_OF_MODEL for count in columns)
+    solves += pairs_of(stretch) / SOLVES_OF_MODEL if stretch is not False else 0.0
     structure.factorize(max(solves, EQUIVALENT_SITES) if method == "modes" else solves)
     spent = time.perf_counter() - start_time
     if not factored:
@@ -382,7 +382,9 @@ def _checked_options(
         need = 16.0 * (n + 2) * structure.size
         mesh = getattr(structure, "mesh", None)
         if mesh is not None and mesh.tdim == 2:  # solids have solvers without a factor
-            need = of_sheet(structure.dofs, n) + of_sheet(structure.dofs, 0) * bool(expansion)
+            need = bytes_of_shells(structure.dofs, n) + bytes_of_shells(structure.dofs, 0) * bool(
+                expansion
+            )
         what = f"a model of {structure.dofs} dofs with n = {n} anti-oscillators"
         remedy = "reduce n, or take a coarser mesh"
         on_root(structure.comm, partial(process.require, need, what, remedy))
