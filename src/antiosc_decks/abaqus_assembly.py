@@ -22,6 +22,7 @@ from antiosc_decks.constraints import lever
 from antiosc_decks.entries import DeckPlace, Numbering
 from antiosc_decks.sources import Account, Sources
 
+#: Keyword of a set -> what its members are.
 NOUNS = {"NSET": "node", "ELSET": "element"}
 
 
@@ -148,6 +149,7 @@ class AbaqusDeck:
         self.cards += [card.of(instance) for card in instance.cards]
 
     def _extend(self, keyword: str, name: str, within: Scope, rows: list[IntArray]) -> None:
+        """Add rows of nodes (NSET) or elements (ELSET) to the set `name`, new or old."""
         key = keyword, within.spelled(name).upper()
         self.sets[key] = np.unique(np.concatenate([self.sets.get(key, NO_ROWS), *rows]))
 

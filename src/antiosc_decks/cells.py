@@ -92,6 +92,7 @@ class FixedEntities:
         return {d: entities for d, entities in by_dimension.items() if len(entities)}
 
     def _faces(self, face: tuple[int, ...], edges: np.ndarray) -> IntArray:
+        """Vertices of the faces at corners `face` of cells whose `edges` (a mask) are all fixed."""
         of_face = [k for k, edge in enumerate(EDGES[self.shape]) if set(edge) <= set(face)]
         return self.corners[edges[:, of_face].all(axis=1)][:, list(face)]
 

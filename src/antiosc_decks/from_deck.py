@@ -274,7 +274,7 @@ def read_model(
     if model["ignored"]:
         ignored = ", ".join(model["ignored"])
         warn(comm, f"of {file.name} are not taken: {ignored}.", NotTakenWarning)
-    if told := _told_of_strength(raws.values(), strength, file.name):
+    if told := _one_strength_text(raws.values(), strength, file.name):
         warn(comm, told)
 
     shared = MPI.COMM_SELF if model["joined"] else comm  # each rank has the whole of an assembly
@@ -460,7 +460,7 @@ class Strength(NamedTuple):
         return {"yield_strength": self.value, "yield_range": self.range, "rate": rate}
 
 
-def _told_of_strength(raws: Iterable[RawMesh], strength: Strength, name: str) -> str:
+def _one_strength_text(raws: Iterable[RawMesh], strength: Strength, name: str) -> str:
     """Sentence that several materials of a deck get the one strength given; else ""."""
     families: list[Any] = [one for raw in raws for one in _families(raw, strength).values()]
     strong = {(one.E, one.rho) for one in families if getattr(one, "yield_strength", None)}

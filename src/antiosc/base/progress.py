@@ -33,7 +33,7 @@ class _Lines(threading.local):
 
     def __init__(self) -> None:
         self.texts: list[str] = []
-        #: what is told of each change besides
+        #: function that is also called with the text of each change
         self.told: Callable[[str], None] | None = None
 
     @property

@@ -16,7 +16,7 @@ from antiosc.base.texts import engineering
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Anti-oscillators that are drawn; the others are told as a sum.
+#: Most anti-oscillators that are drawn; of the others the sum of masses is stated.
 DRAWN = 6
 #: Distance between neighbouring bodies on the residual mass.
 PITCH = 1.6

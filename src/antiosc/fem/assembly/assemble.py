@@ -599,6 +599,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
 
 
 def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
+    """[(part, its nodes)] that a support fixes."""
     if isinstance(support.where, str):
         member, group = group_end(layout, "where", support.where)
         return [(member, member.nodes_of(group))]
