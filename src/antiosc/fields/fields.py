@@ -56,30 +56,30 @@ from antiosc.io.neutral import CELLS, CORNERS, DIMENSION, FACES, outer_facets
 from antiosc.models.modal import superposed
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors
-from antiosc.recovery.series import listing, write_frames
+from antiosc.recovery.series import with_pvd, write_frames
 from antiosc.reduce.extraction import statics
 from antiosc.reduce.site.site import Site
 
 #: A warning is given if the shapes of a model represent less than this share of the mass that the
 #: ground shakes.
-LEAST_CARRIED = 0.5
+LEAST_MASS_SHARE = 0.5
 
 #: A model does not belong to a structure if the ratio of the stiffness or of the mass of the two,
 #: on the model's shapes, exceeds this. A model corrected for its mesh is softer, with the same
 #: mass.
-MISMATCH = 1.5, 1.01
+LARGEST_RATIOS = 1.5, 1.01
 
 
 def without_unused(
     blocks: Sequence[tuple[str, IntArray]],
 ) -> tuple[IntArray, list[tuple[str, IntArray]]]:
-    """(numbers of the nodes that cells have, these cells with nodes numbered among them)."""
+    """(numbers of the nodes that have cells, blocks of cells with nodes counted among these)."""
     used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
     return used, [(kind, np.searchsorted(used, cells)) for kind, cells in blocks]
 
 
 def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
-    """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
+    """Corners of the outer faces of cells: (F, 3 or 4); (F, 2) of lines, (F, 1) of lone nodes."""
     faces: list[IntArray] = []
     for kind, cells in blocks:
         shape = CELLS[kind][0]
@@ -133,7 +133,7 @@ def write_series(
         Path of the `.pvd` file. If the run is killed meanwhile, it is absent or lists a complete
         series.
     """
-    target = listing(path)
+    target = with_pvd(path)
     shapes_of_body = shapes_of(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
@@ -142,6 +142,7 @@ def write_series(
     factors = amplitudes(history, times_checked, body)
 
     def write() -> None:
+        """Write the files, on the first rank."""
         write_frames(target, points, cells, times_checked, (shapes @ a for a in factors))
 
     on_root(structure.comm, write)
@@ -153,7 +154,7 @@ def write_series(
 def skin(
     structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> tuple[Array, IntArray, Array]:
-    """Points (P, 3), corners (F, 3 or 4) of outer faces, displacements (P, 3) [m] at a time."""
+    """(points (P, 3) [m], outer faces (F, 3 or 4), displacements (P, 3) [m] at a `time` [s])."""
     points, cells, displacements = nodal_motion(structure, history, time, body=body)
     faces = outer_faces(cells)
     if faces.shape[1] < 3:
@@ -164,7 +165,7 @@ def skin(
 def nodal_motion(
     structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
-    """(nodes (P, 3) [m], cells, displacements (P, 3) [m] at one time), on all ranks."""
+    """(nodes (P, 3) [m], blocks of cells, displacements (P, 3) [m] at `time` [s]), on all ranks."""
     points, cells, shapes = source(structure).at_nodes(
         structure, shapes_of(structure, history, body)
     )
@@ -178,11 +179,11 @@ def nodal_motion(
 
 
 def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
-    """Blocks of shapes of the body on the rows of this rank.
+    """Shapes of the body as columns (rows of this rank, B).
 
     For a body that stretches, the second-order displacements of pairs of its modes follow.
     """
-    shapes = np.column_stack(checked_shapes(structure, history, body, MISMATCH))
+    shapes = np.column_stack(checked_shapes(structure, history, body, LARGEST_RATIOS))
     second = stretch_shapes(history, body)
     if second is not None:
         shapes = np.column_stack([shapes, second])
@@ -192,7 +193,7 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
 
 
 def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
-    """Warn if the ground shakes mass that the shapes of the model do not represent."""
+    """Warn if the ground shakes a mass that the model's shapes represent in small part only."""
     weight = modes_of(history, body).weight
     base = history.assembly.scene.base
     if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
@@ -211,7 +212,7 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
         inertia = dot(structure.comm, motions, multiply(structure.M, motions))
         moved = float(modal_loads @ np.linalg.lstsq(inertia, modal_loads, rcond=None)[0])
         represented = float(np.sum(weight[:, i] ** 2))
-        if represented < LEAST_CARRIED * moved:
+        if represented < LEAST_MASS_SHARE * moved:
             axis = "xyz"[i]
             message = (
                 f"the ground shakes {moved:.3g} kg along {axis}, and the model carries "
@@ -225,8 +226,9 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
 def checked_shapes(
     structure: Structure, history: AnyHistory, body: str, limits: tuple[float, float]
 ) -> tuple[Array, ...]:
-    """Blocks of the body's shapes; InputError unless their energies fit the structure within
-    `limits`.
+    """Blocks of the body's shapes; InputError if they do not belong to the structure.
+
+    `limits`: largest ratios of stiffness and of mass of the structure and the model on the shapes.
     """
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
@@ -270,7 +272,10 @@ Columns = Callable[[Array, bool], Array]
 
 
 def _state_strain(at: Columns, structure: Structure, shapes: Array) -> Array:
-    """Second-order strains η(q, s) (…, B) of the static state q with shapes s (rows, B)."""
+    """Second-order strains η(q, s) (…, B) of the static state q with each of `shapes` (rows, B).
+
+    `at`: function of (shapes, second_order) that gives their strains or stresses (…, columns).
+    """
     preload = structure.matrices.preload
     if preload is None or not structure.comm.allreduce(preload.q.any()):
         return np.zeros(shapes.shape[1])
@@ -285,7 +290,11 @@ def _state_strain(at: Columns, structure: Structure, shapes: Array) -> Array:
 def with_pairs(
     at: Columns, structure: Structure, history: AnyHistory, body: str, shapes: Array
 ) -> Array:
-    """Columns (…, B) of a body's shapes (rows, B), with η of its modes for the pairs."""
+    """Strains or stresses (…, B) of a body's `shapes`, second-order ones included.
+
+    The last columns of a body that stretches are those of pairs of its modes. `at`: as in
+    `_state_strain`.
+    """
     forces = stretch_in(history, body)
     if forces is None:
         linear = at(shapes, False)
@@ -309,10 +318,11 @@ def with_pairs(
 def tensors_at_nodes(
     structure: Structure, history: AnyHistory, body: str, shapes: Array, *selection: Any
 ) -> tuple[Any, Any, NodeTensors]:
-    """`mesh_fields.tensors_at_nodes` for the motion of a body."""
+    """`mesh_fields.tensors_at_nodes(…, *selection)` for a body's shapes; see `with_pairs`."""
     results: list[Any] = []
 
     def at(columns: Array, second_order: bool) -> Array:
+        """Components of the tensors of `columns`; all else of the result is stored."""
         result = source(structure).tensors_at_nodes(
             structure, columns, *selection, second_order=second_order
         )
@@ -461,7 +471,7 @@ def reactions(
 
 
 def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:
-    """The sites of an argument `site` as a list."""
+    """The sites in an argument `site`; InputError if there are none."""
     sites = list(site.values()) if isinstance(site, Mapping) else [site]
     if not sites:
         raise InputError("site must name at least one Site; got an empty dict.")

@@ -41,7 +41,7 @@ CRITERIA: dict[str, tuple[str, str]] = {
     "delamination": ("delaminate", "interlaminar shear"),
 }
 #: What happens for certain.
-CERTAINLY = {"bend for good": "bends for good", "break": "breaks", "delaminate": "delaminates"}
+WHAT_HAPPENS = {"bend for good": "bends for good", "break": "breaks", "delaminate": "delaminates"}
 #: The answer of a stress whose bounds lie below the strength.
 ELASTIC = "it stays elastic"
 #: Criterion of a largest stress that no strength judges.
@@ -57,7 +57,7 @@ UNRESOLVED = 0.5
 #: Largest size of cells over the radius of a contact that they resolve.
 RESOLVED = 2.0
 #: No points.
-NOWHERE = np.zeros((0, 3))
+NO_POINTS = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,7 +153,7 @@ class Margin(ReprMixin):
 
     @property
     def _strengths(self) -> tuple[float, float]:
-        """Least and largest strength: both are `strength` where no range is known."""
+        """(least, largest) strength of the range; both are `strength` if no range is known."""
         return self.strength_range or (self.strength, self.strength)
 
     @property
@@ -162,7 +162,7 @@ class Margin(ReprMixin):
         event = CRITERIA[self.criterion][0]
         least, largest = self.bounds
         if least >= 1:
-            return f"it {CERTAINLY[event]}"
+            return f"it {WHAT_HAPPENS[event]}"
         if not self.has_bar and not self.reached:
             return "cannot say"
         return f"it may {event}" if largest >= 1 else ELASTIC
@@ -190,7 +190,7 @@ class Margin(ReprMixin):
 
     @property
     def _verdict(self) -> str:
-        """The answer with the interval that leaves it open, and where it holds."""
+        """The answer and where it holds, with the interval of the stress if this leaves it open."""
         told = self.answer
         least, largest = self.bounds
         if least < 1 <= largest:
@@ -201,7 +201,7 @@ class Margin(ReprMixin):
 
     @property
     def _interval(self) -> str:
-        """The stress with its errors beside the strength with its range."""
+        """The stress with its bounds beside the strength with its range, in words."""
         if not self.has_bar:
             return "the stress has no bar"
         low, high = self.stresses
@@ -210,7 +210,7 @@ class Margin(ReprMixin):
         return f"stress {_range_of(low, high)} with its errors, strength {self._strength_text}"
 
     def _largest(self, place: str) -> str:
-        """The largest stress or exposure, and the margin of safety."""
+        """The largest stress or exposure at `place`, and the margin of safety, in words."""
         margins = f"margin of safety {self.margin:.3g}"
         if not self.is_stress:
             name = CRITERIA[self.criterion][1]
@@ -228,7 +228,7 @@ class Margin(ReprMixin):
 
     @property
     def _strength_text(self) -> str:
-        """The strength with its range."""
+        """The strength with its range, in words."""
         told = engineering(self.strength, "Pa")
         if self.strength_range is None:
             return f"{told} (taken as exact: no range was given)"
@@ -243,32 +243,40 @@ class Margin(ReprMixin):
 
 
 def _range_of(*ends: float) -> str:
-    """A range of stresses [Pa] as text, or the one stress that it is."""
+    """A range of stresses [Pa], or a single one if both ends are equal, as text."""
     return " to ".join(dict.fromkeys(engineering(end, "Pa") for end in ends))
 
 
 class Zones(NamedTuple):
-    """What a margin leaves out: about contacts, within `distance` [m] of edges and supports."""
+    """Places that a margin does not judge: at contacts, and within `distance` [m] of edges,
+    supports.
+
+    edges, supports : (n, 3) points [m] on sharp inner edges and on rigidly supported faces.
+    """
 
     contacts: Sequence[ContactZone] = ()
-    edges: Array = NOWHERE
-    supports: Array = NOWHERE
+    edges: Array = NO_POINTS
+    supports: Array = NO_POINTS
     distance: float = 0.0
 
     def at_contacts(self, points: Array) -> BoolArray:
-        """Whether points (P, 3) lie within three radii of a contact on a solid."""
+        """Mask (P,) of the points within three radii of a contact on a solid."""
         balls = [zone.ball for zone in self.contacts if not zone.thickness]
         return is_within(points, np.reshape(balls, (-1, 4)))
 
     def at_edges(self, points: Array) -> BoolArray:
-        """Whether points (P, 3) lie at sharp inner edges or rigid supports."""
+        """Mask (P,) of the points near sharp inner edges or rigid supports."""
         sharp = np.concatenate([self.edges, self.supports])
         if not len(sharp) or not self.distance:
             return np.zeros(len(points), dtype=bool)
         return np.asarray(cKDTree(sharp).query(points)[0] <= self.distance)
 
     def judged(self, points: Array, known: BoolArray) -> tuple[BoolArray, str]:
-        """(which points (P, 3) are judged, in words); one `known` point at least."""
+        """(mask (P,) of the points that are judged, the same in words).
+
+        `known`: mask of points with a value, of which one at least is judged: a zone that has all
+        is ignored.
+        """
         radii = sorted(zone.ball[3] for zone in self.contacts)
         ends = dict.fromkeys(engineering(radius, "m", 2) for radius in (*radii[:1], *radii[-1:]))
         of_contacts = f"{CONTACT_RADII:g} radii of the contact ({' to '.join(ends)})"
@@ -291,13 +299,13 @@ class Zones(NamedTuple):
 
     @property
     def of_edges(self) -> str:
-        """What the part has of sharp edges and rigid supports, in words."""
+        """Names of what the part has of sharp inner edges and rigidly held faces."""
         named = {"sharp inner edges": len(self.edges), "rigidly held faces": len(self.supports)}
         return " and ".join(name for name, count in named.items() if count)
 
 
 def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
-    """Whether points (P, 3) lie in one of the balls (n, 4): x, y, z, radius [m]."""
+    """Mask (P,) of the points in at least one of the balls (n, 4): centre and radius [m]."""
     in_zones = np.zeros(len(points), dtype=bool)
     for radius in np.unique(balls[:, 3]):
         centres = cKDTree(balls[balls[:, 3] == radius, :3])
@@ -305,11 +313,11 @@ def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
     return in_zones
 
 
-class Nodal(NamedTuple):
-    """The largest exposures of all nodes of a part, for `judged`.
+class NodalExposures(NamedTuple):
+    """Largest exposures of the P nodes of a part over a run, for `judged`.
 
-    points (P, 3) [m], exposure, strength [Pa or 1], time [s], relative error of the stress by the
-    mesh, and size [m] of the cells (P,).
+    points (P, 3) [m]; (P,) each: exposure, its strength [Pa or 1], its time [s], relative mesh
+    error of the stress, size of the cells [m].
     """
 
     points: Array
@@ -320,12 +328,11 @@ class Nodal(NamedTuple):
     sizes: Array
 
 
-def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
-    """The margin of the worst node; None if no exposure is above zero.
+def judged(criterion: str, nodes: NodalExposures, zones: Zones) -> Margin | None:
+    """The margin of the worst node outside the zones; None if no exposure is above zero.
 
-    There is no bar where the stress of the worst node, or of that with the largest upper bound by
-    the mesh, differs by half of it between cells, and of modes whose cells do not resolve a
-    contact.
+    There is no bar if the stress of the worst node, or of the one with the largest upper bound,
+    differs by half of itself between cells, or if the cells do not resolve a contact.
     """
     known = nodes.exposure > 0
     if not known.any():
@@ -337,7 +344,7 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     strength = float(nodes.strength[worst])
 
     # bounds of all places
-    stress, unresolved = _hidden(nodes, zones.contacts)
+    stress, unresolved = _hidden_stress(nodes, zones.contacts)
     hidden = np.divide(stress, nodes.strength, out=np.zeros_like(stress), where=counts)
     upper = exposure * (1 + nodes.error)
     lower = exposure * (1 - np.minimum(nodes.error, 1.0)) - hidden
@@ -370,8 +377,10 @@ def judged(criterion: str, nodes: Nodal, zones: Zones) -> Margin | None:
     )
 
 
-def _at_edges(criterion: str, nodes: Nodal, zones: Zones, left_out: BoolArray) -> list[str]:
-    """A sentence on the largest stress at sharp edges, where it has no limit; [] without edges."""
+def _at_edges(
+    criterion: str, nodes: NodalExposures, zones: Zones, left_out: BoolArray
+) -> list[str]:
+    """A sentence on the largest stress among nodes `left_out` at sharp edges; [] without edges."""
     sharp = left_out & zones.at_edges(nodes.points) & ~zones.at_contacts(nodes.points)
     exposure = np.where(sharp, nodes.exposure, 0.0)
     k = int(exposure.argmax())
@@ -386,8 +395,10 @@ def _at_edges(criterion: str, nodes: Nodal, zones: Zones, left_out: BoolArray) -
     ]
 
 
-def _hidden(nodes: Nodal, contacts: Sequence[ContactZone]) -> tuple[Array, ContactZone | None]:
-    """(stress [Pa] (P,) that patches or large cells hide, a contact that is not resolved)."""
+def _hidden_stress(
+    nodes: NodalExposures, contacts: Sequence[ContactZone]
+) -> tuple[Array, ContactZone | None]:
+    """(stress (P,) [Pa] that patches or cells may hide, an unresolved contact or None)."""
     hidden = np.zeros(len(nodes.points))
     unresolved = None
     for zone in contacts:
@@ -405,7 +416,7 @@ def _hidden(nodes: Nodal, contacts: Sequence[ContactZone]) -> tuple[Array, Conta
 
 
 def _remedy(cells: Refinement) -> str:
-    """The cells that would give a bar, in words."""
+    """The recommendation of smaller cells, in words."""
     point, size = cells
     told = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS})"
     return f"{told} at {point_text(point)} would give one"
@@ -426,7 +437,7 @@ STRENGTH_OF = {
     "delamination": "layers that have an interlaminar strength",
 }
 #: Quantity of a criterion that `criteria_of` names -> the criterion.
-JUDGED = {
+CRITERION_OF = {
     "von_mises": "yield",
     "tension": "tension",
     "tsai_wu": "tsai_wu",
@@ -435,7 +446,7 @@ JUDGED = {
 
 
 def plies(structure: Structure, quantity: str, part: str | None) -> list[Place | None]:
-    """Ply surfaces at which a ply criterion is evaluated; [None] for other quantities."""
+    """Places in the plies at which a ply criterion is evaluated; [None] for other quantities."""
     if quantity not in PLY_SURFACES:
         return [None]
     materials = source(structure).materials_of(structure, part)
@@ -447,9 +458,7 @@ def plies(structure: Structure, quantity: str, part: str | None) -> list[Place |
 
 
 def criteria_of(structure: Structure) -> list[str]:
-    """The quantities by which materials with strengths are judged; none where stresses are not
-    computed (prony).
-    """
+    """Quantities by which materials with strengths are judged; none if a material relaxes."""
     module = source(structure)
     if module.relaxes(structure):
         return []
@@ -460,13 +469,13 @@ def criteria_of(structure: Structure) -> list[str]:
 
     return [
         quantity
-        for quantity, criterion in JUDGED.items()
+        for quantity, criterion in CRITERION_OF.items()
         if any(has_strength(strength, criterion) for strength in strengths)
     ]
 
 
 def strength_range(structure: Structure, margin: Margin) -> tuple[float, float] | None:
-    """Range of the strength of the materials that have that of a margin [Pa]; None: not known."""
+    """(least, largest) strength [Pa] of the materials that have a margin's strength; or None."""
     materials = source(structure).materials_of(structure, None)
     strength = margin.strength
     if margin.criterion == "tension":
@@ -485,7 +494,7 @@ def strength_range(structure: Structure, margin: Margin) -> tuple[float, float] 
 
 
 def has_strength(strength: object, criterion: str) -> bool:
-    """Whether a strength is of the kind that a criterion needs."""
+    """Whether a material's `strength` is of the kind that the criterion needs."""
     if criterion == "delamination":
         return getattr(strength, "interlaminar", None) is not None
     kinds = {"yield": float, "tension": Tensile}
@@ -493,7 +502,7 @@ def has_strength(strength: object, criterion: str) -> bool:
 
 
 def sizes_at_nodes(points: Array, cells: Sequence[tuple[str, IntArray]]) -> Array:
-    """Largest extent (P,) [m] along an axis of the cells at each point."""
+    """Size (P,) [m] of the largest cell at each point: its extent along an axis."""
     sizes = np.zeros(len(points))
     for _, numbers in cells:
         extent = np.ptp(points[numbers], axis=1).max(axis=1)

@@ -39,21 +39,23 @@ Scalar = Callable[[Array], Array]
 Search = Callable[[Array, Scalar, BoolArray], tuple[Array, Array, float | None]]
 
 #: Share of a value that the samples may miss, of those from half of the largest one on.
-TIME_ERROR, HIGH = 0.01, 0.5
+TIME_ERROR, HIGH_SHARE = 0.01, 0.5
 #: Fewest steps over the run, and most, so that long runs of high modes end.
-FEWEST, MOST = 500, 40_000
+FEWEST_STEPS, MOST_STEPS = 500, 40_000
 #: Times whose motion is computed together, and bytes of the values of a block of nodes.
-AT_ONCE, BLOCK_BYTES = 1000, 2**26
+TIMES_AT_ONCE, BLOCK_BYTES = 1000, 2**26
 #: Two nodes of a history closer than this share of the run are one.
 SAME_TIME = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """Motion of a body over a run, in B coordinates of which each multiplies a column of a field.
+    """Motion of a body over a run, as B factors of the columns of a field.
 
-    nodes : (n,) times of the history [s]. factors : function, times (k,) -> coordinates (k, B).
-    omega : (J,) frequencies of the modes [rad/s]; shapes : (J, B) coordinates of each mode;
+    nodes : (n,) times of the history [s].
+    factors : function, times (k,) -> factors (k, B).
+    omega : (J,) frequencies of the modes [rad/s].
+    shapes : (J, B) factors of a unit amplitude of each mode.
     sizes : (J,) largest amplitudes of the modes.
     """
 
@@ -67,16 +69,21 @@ class BodyMotion:
 def search_of(
     history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
 ) -> Search:
-    """The search over a run, at the `given` times alone or between; `static`: one more column."""
+    """A function that finds the largest values over a run of a history; see `searched_maxima`.
+
+    `derivative`: of the motion; `given`: at `times` alone; `static`: one more column has the factor
+    1.
+    """
 
     def factors(at: Array) -> Array:
+        """Factors (k, B) of the columns at times (k,) [s]."""
         found = amplitudes(history, at, body, derivative)
         return np.pad(found, ((0, 0), (0, int(static))), constant_values=1.0)
 
     if given or isinstance(history, BodyHistory):
         return at_times(factors(times), times)
 
-    times = _evenly(times, MOST)
+    times = _evenly(times, MOST_STEPS)
     omega, modal, sizes = modal_amplitudes(history, times, body, derivative)
     columns = factors(times[:1]).shape[1]
     modal = np.pad(modal, ((0, 0), (0, columns - modal.shape[1])))
@@ -86,7 +93,7 @@ def search_of(
 
 
 def at_times(factors: Array, times: Array) -> Search:
-    """The search at times with known factors."""
+    """A function that finds the largest values at `times` (k,), with `factors` (k, B) there."""
 
     def search(columns: Array, scalar: Scalar, _: BoolArray) -> tuple[Array, Array, None]:
         return (*sampled_maxima(columns, factors, times, scalar), None)
@@ -97,27 +104,31 @@ def at_times(factors: Array, times: Array) -> Search:
 def searched_maxima(
     motion: BodyMotion, columns: Array, scalar: Scalar, counts: BoolArray, bounded: bool = True
 ) -> tuple[Array, Array, float | None]:
-    """(largest value (S,) of a scalar of components (S, c, B), its time, error bound)."""
+    """(largest value (S,) of a scalar, its time (S,) [s], bound on what is missed or None).
+
+    `columns`: components (S, c, B) for unit factors; `scalar`: function, components (S, n, c) ->
+    (S, n); `counts`: mask (S,) of the nodes whose values decide the time step.
+    """
     if not len(columns):  # they are those of another rank
         return np.zeros(0), np.zeros(0), 0.0
 
-    coarse = float(np.ptp(motion.nodes)) / FEWEST
+    coarse = float(np.ptp(motion.nodes)) / FEWEST_STEPS
     values, times = _maxima(motion, coarse, columns, scalar)
     top = float(values[counts].max(initial=0.0))
     if not top:
         return values, times, 0.0
 
-    high = np.flatnonzero(counts & (values >= HIGH * top))
-    step, missed = _step(motion, coarse, columns[high], values[high], scalar)
+    high = np.flatnonzero(counts & (values >= HIGH_SHARE * top))
+    step, missed = _time_step(motion, coarse, columns[high], values[high], scalar)
     if step < coarse:
         values[high], times[high] = _maxima(motion, step, columns[high], scalar)
     return values, times, missed * top if bounded else None
 
 
 def _maxima(motion: BodyMotion, step: float, columns: Array, scalar: Scalar) -> tuple[Array, Array]:
-    """(largest value (S,), its time) in steps of a run [s]; single precision finds the sample."""
+    """(largest value (S,), its time (S,)), by parabolas, with time steps of `step` [s]."""
     times = _sample_times(motion.nodes, step)
-    blocks = (times[k : k + AT_ONCE] for k in range(0, len(times), AT_ONCE))
+    blocks = (times[k : k + TIMES_AT_ONCE] for k in range(0, len(times), TIMES_AT_ONCE))
     factors = np.concatenate([motion.factors(block) for block in blocks])
     number = np.arange(1.0 * len(times))
     single = columns.astype(np.float32), factors.astype(np.float32)
@@ -134,7 +145,7 @@ def _maxima(motion: BodyMotion, step: float, columns: Array, scalar: Scalar) -> 
 def sampled_maxima(
     columns: Reals, factors: Reals, times: Array, scalar: Scalar
 ) -> tuple[Array, Array]:
-    """(largest value (S,) of a scalar of components (S, c, B) at these times, its time)."""
+    """(largest value (S,) of a scalar of `columns` (S, c, B) at `times`, its time (S,))."""
     values = np.zeros(len(columns))
     peak_times = np.zeros(len(columns))
     for block in _blocks(len(columns), columns.shape[1] * len(times)):
@@ -146,7 +157,7 @@ def sampled_maxima(
 
 
 def _parabola_tops(t: Array, y: Array) -> tuple[Array, Array]:
-    """(largest values (S,), their times) of parabolas through samples y (S, 3) at t (S, 3)."""
+    """(largest values (S,), their times (S,)) of parabolas through y (S, 3) at t (S, 3)."""
     before, after = t[:, 1] - t[:, 0], t[:, 2] - t[:, 1]
     inner = (before > 0) & (after > 0)
     before, after = np.where(inner, before, 1.0), np.where(inner, after, 1.0)
@@ -159,10 +170,10 @@ def _parabola_tops(t: Array, y: Array) -> tuple[Array, Array]:
     return y[:, 1] + slope * shift / 2, t[:, 1] + shift
 
 
-def _step(
+def _time_step(
     motion: BodyMotion, coarse: float, columns: Array, values: Array, scalar: Scalar
 ) -> tuple[float, float]:
-    """(time step [s], at most `coarse`, largest share of a value that it misses)."""
+    """(time step [s] <= `coarse`, largest share that it misses of one of `values` (S,))."""
     curved = 0.0
     weights = np.zeros(len(motion.omega))
     # of the node where the modes curve the value most, relative to it
@@ -175,18 +186,18 @@ def _step(
             weights = share[worst]
 
     def missed(h: float) -> float:
-        """Upper bound of the share that the step h misses."""
+        """Upper bound on the share of a value that steps of h [s] miss."""
         return float(weights @ np.minimum(2.0, (motion.omega * h) ** 2 / 8))
 
     step = coarse
-    least = coarse * FEWEST / MOST
+    least = coarse * FEWEST_STEPS / MOST_STEPS
     while missed(step) > TIME_ERROR and step > least:
         step = max(step / 1.5, least)
     return step, missed(step)
 
 
 def _sample_times(nodes: Array, step: float) -> Array:
-    """The history times, thinned to the number of steps, and others between distant ones."""
+    """Times at distances of about `step` [s]: those of the history, fewer or more of them."""
     nodes = np.unique(nodes)
     if not step:
         return nodes
@@ -203,19 +214,19 @@ def _sample_times(nodes: Array, step: float) -> Array:
 
 
 def _evenly(times: Array, most: int) -> Array:
-    """At most `most` of the times, with the first and the last."""
+    """At most `most` of the times, evenly chosen, the first and the last included."""
     if len(times) <= most:
         return times
     return times[np.linspace(0, len(times) - 1, most).astype(int)]
 
 
 def _values(columns: Reals, factors: Reals, scalar: Scalar) -> Array:
-    """Scalar (S, n) of components (S, c, B) at times with factors (n, B)."""
+    """Scalar (S, n) of components (S, c, B) at n times, with `factors` (n, B)."""
     rows = columns.reshape(-1, columns.shape[2]) @ factors.T  # one product is 5 times S products
     return scalar(np.moveaxis(rows.reshape(*columns.shape[:2], len(factors)), 1, -1))
 
 
 def _blocks(nodes: int, numbers: int) -> Iterator[slice]:
-    """Slices of nodes of which so many numbers each fit in `BLOCK_BYTES`."""
+    """Slices of nodes whose arrays, of `numbers` numbers a node, fit in `BLOCK_BYTES`."""
     size = max(1, BLOCK_BYTES // (8 * 3 * max(numbers, 1)))
     return (slice(first, first + size) for first in range(0, nodes, size))

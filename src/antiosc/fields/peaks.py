@@ -39,7 +39,7 @@ from antiosc.fields.fields import (
     tensors_at_nodes,
     without_unused,
 )
-from antiosc.fields.margin import Margin, Nodal, Zones
+from antiosc.fields.margin import Margin, NodalExposures, Zones
 from antiosc.fields.maxima import Scalar, Search, at_times, search_of
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory, amplitudes, times_of
@@ -67,7 +67,7 @@ PEAK_QUANTITIES = {
     **{name: ("stress", 0, "") for name in margin.PLY_SURFACES},
 }
 #: Distance between two places of `PeakField.largest`, over the size of the part.
-PLACES_APART = 0.05
+LEAST_DISTANCE = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,7 +131,7 @@ class PeakField(Completed):
 
     @property
     def worst_point(self) -> Margin | None:
-        """The margin; without a strength the largest von Mises stress there; None: neither."""
+        """The margin, without strengths the largest von Mises stress, or None: no stress."""
         return self._margin
 
     @property
@@ -151,7 +151,7 @@ class PeakField(Completed):
         """
         count = checks.whole("count", count)
         if apart is None:
-            apart = PLACES_APART * float(np.ptp(self.points, axis=0).max())
+            apart = LEAST_DISTANCE * float(np.ptp(self.points, axis=0).max())
         apart = checks.nonnegative("apart", apart, "m")
         open_to = np.ones(len(self.values), dtype=bool)
         largest_of_kind: list[tuple[float, Array, float]] = []
@@ -207,13 +207,13 @@ class PeakField(Completed):
 
     @property
     def label(self) -> str:
-        """The quantity with the unit in which it is drawn: MPa for Pa."""
+        """The quantity and the unit of its values in a picture: MPa for Pa."""
         unit = {"Pa": "MPa"}.get(self.unit, self.unit)
         name = self.quantity.replace("_", " ").replace("von mises", "von Mises stress")
         return name + (f" ({unit})" if unit else "")
 
     def surface(self, label: str, moved: Array) -> Deformed:
-        """The surface coloured by the values, displaced by magnified (P, 3) [m]."""
+        """The outer surface displaced by `moved` (P, 3) [m], coloured by the values."""
         from antiosc.plot.surfaces import Deformed, magnification
 
         label = checks.instance("label", label, str, "a text")
@@ -376,8 +376,10 @@ def peak_field(
 
 @dataclass
 class Maxima:
-    """Largest values (P,) of all points, with times and error bound; of stresses the largest
-    exposures with strengths [Pa or 1], times and numbers of the plies.
+    """Largest values (P,) at all points, their times, and a bound on the error by sampling.
+
+    Of stresses also the largest `exposure`, `strength` [Pa or 1], time (`exposed`) and number of
+    the ply.
     """
 
     values: Array
@@ -391,7 +393,7 @@ class Maxima:
 
     @classmethod
     def none(cls, count: int) -> Maxima:
-        """Those of `count` points at which nothing is known."""
+        """Maxima at `count` points, without any value yet."""
         values, times, exposure, exposed = np.zeros((4, count))
         strength, ply = np.full(count, np.inf), np.zeros(count, dtype=int)
         return cls(values, times, None, exposure, strength, exposed, ply)
@@ -399,7 +401,11 @@ class Maxima:
     def add(
         self, nodes: IntArray, found: tuple[Array, Array, float | None], strength: float, ply: int
     ) -> None:
-        """Take what is larger in the values (S,) at nodes (S,) of one strength [nan: unknown]."""
+        """Take over those of the values, times and error `found` at `nodes` (S,) that are larger.
+
+        `strength`: by which the values are judged, nan: unknown; `ply`: number of their place in
+        the ply.
+        """
         values, times, error = found
         if error is not None:
             self.error = max(self.error or 0.0, error)
@@ -412,7 +418,7 @@ class Maxima:
         self.strength[nodes[k]], self.ply[nodes[k]] = strength, ply
 
     def at(self, nodes: IntArray) -> Maxima:
-        """Those of some of the points."""
+        """The maxima at some of the points."""
         arrays = {k: v[nodes] for k, v in vars(self).items() if np.size(v) > 1}
         return replace(self, **arrays)
 
@@ -420,7 +426,7 @@ class Maxima:
 def _add_maxima(
     best: Maxima, quantity: str, tensors: NodeTensors, search: Search, counts: BoolArray, ply: int
 ) -> None:
-    """Add the largest values of tensors; those of equal strength are searched together."""
+    """Add to `best` the largest values of tensors, all of equal strength in one search."""
     strengths = [strength for strength, _ in tensors.origins]
     for strength in dict.fromkeys(strengths):
         if quantity in margin.CRITERIA and not margin.has_strength(strength, quantity):
@@ -436,7 +442,7 @@ def _add_maxima(
 
 
 def _scalar(quantity: str, strength: AnyStrength) -> tuple[Scalar, float]:
-    """(the scalar of a tensor, the strength by which it is judged; nan: it is not)."""
+    """(function that gives the scalar of a tensor, strength that judges it; nan: none)."""
     if quantity in margin.PLY_SURFACES:
         assert isinstance(strength, Strengths)
         return partial(exposure, quantity, strength), 1.0
@@ -451,7 +457,7 @@ def _scalar(quantity: str, strength: AnyStrength) -> tuple[Scalar, float]:
 def _peak_field_of(
     quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Maxima
 ) -> tuple[PeakField, Maxima]:
-    """(the field, its maxima) at the nodes of these cells, without nodes of other ranks."""
+    """(the field, its maxima) at the nodes that `cells` have."""
     used, numbered = without_unused(cells)
     best = best.at(used)
     exposures = best.exposure if best.exposure.any() else None
@@ -467,7 +473,7 @@ def _mesh_error(
     times: Array,
     body: str,
 ) -> Array | None:
-    """Estimated mesh errors (P,) [Pa] of the von Mises stress at each point's time, on rank 0."""
+    """Estimated mesh error (P,) [Pa] of von Mises stress at each point's time, on rank 0."""
     from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
 
     instants, number = np.unique(times, return_inverse=True)
@@ -482,7 +488,11 @@ def _zones(
     r0: float | None,
     held: Array,
 ) -> Zones:
-    """What is not judged: edges of solids alone, and no contacts on beams, which are exact."""
+    """Places that are not judged: edges on solids alone; contacts on solids and sheets, not on
+    beams.
+
+    `held` (n, 3): points [m] of rigid supports.
+    """
     module = source(structure)
     families = module.families(structure, part)
     if not families & {"solid", "sheet"}:
@@ -503,7 +513,7 @@ def _zones(
 
 
 def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zones) -> PeakField:
-    """The field with its worst point."""
+    """The field with the margin of its worst point, or the largest von Mises stress."""
     criterion = {"von_mises": "yield"}.get(field.quantity, field.quantity)
     exposures, strength, times = best.exposure, best.strength, best.exposed
     if field.exposure is None:
@@ -517,7 +527,7 @@ def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zo
     if field.mesh_error is not None:
         share = field.mesh_error / np.where(field.values > 0, field.values, 1.0)
     sizes = margin.sizes_at_nodes(field.points, field._cells)
-    nodes = Nodal(field.points, exposures, strength, times, share, sizes)
+    nodes = NodalExposures(field.points, exposures, strength, times, share, sizes)
     counts, _ = zones.judged(field.points, exposures > 0)
     worst = margin.judged(criterion, nodes, zones)
     if worst is not None:
@@ -527,7 +537,7 @@ def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zo
 
 
 def _places(surface: str | None, layer: int | None, fibre: Sequence[float] | None) -> list[Place]:
-    """Positions in the thickness or section where the quantity is evaluated; default both sides."""
+    """Positions in thickness or section for the quantity; default: top and bottom."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
     return [place(side, layer, fibre, "global") for side in surfaces]
 

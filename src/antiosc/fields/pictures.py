@@ -147,7 +147,7 @@ def plot_map(
 
 
 def _front_faces(impact_map: Any, axes: Axes3D) -> BoolArray:
-    """Mask (T,) of the faces to draw: back faces of a solid would show through openings."""
+    """Mask (T,) of the faces to draw, without back faces of solids, which openings would show."""
     corners = impact_map.points[impact_map.elements]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     directions = impact_map.directions[impact_map.elements].mean(axis=1)
@@ -163,14 +163,14 @@ def _front_faces(impact_map: Any, axes: Axes3D) -> BoolArray:
 
 
 def _dots(axes: Axes3D, points: Array, colours: Array, outlined: BoolArray) -> None:
-    """Dots at points (n, 3), those of a mask white with dark edges."""
+    """Draw dots at points (n, 3), with dark edges where the mask `outlined` is true."""
     edges = colours.copy()
     colours[outlined, :3], edges[outlined, :3] = 1.0, 0.0
     axes.scatter(*points.T, c=colours, edgecolors=edges, s=30, depthshade=False)
 
 
 def _on_faces(value: Array) -> Array:
-    """Mean (T,) of the known values at corners (T, 3); NaN where fewer than two are known."""
+    """Mean (T,) of the known corner values (T, 3); NaN where fewer than two are known."""
     has_value = ~np.isnan(value)
     count = has_value.sum(axis=1)
     mean = np.where(has_value, value, 0.0).sum(axis=1) / np.maximum(count, 1)
@@ -230,7 +230,7 @@ def deformed(
     body: str,
     field: str | None = None,
 ) -> Deformed:
-    """The surface of a part at one time; arguments as for `plot_deformed`."""
+    """The surface of a part at a time, for pictures; arguments as for `plot_deformed`."""
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     history.of(body)
@@ -257,7 +257,7 @@ def deformed(
 def _arrow(
     point: Sequence[float] | None, direction: Sequence[float] | None
 ) -> tuple[Array, Array] | None:
-    """Point and direction of the arrow that shows the impact, if both are known."""
+    """(point, direction) of the arrow that shows the impact; None if one is unknown."""
     if (point is None) != (direction is None):
         raise InputError("the arrow of the impact needs both point and direction.")
     if point is None or direction is None:

@@ -52,14 +52,14 @@ DERIVATIVES = {"velocity": 1, "acceleration": 2}
 #: gauge often lies between two cells, whose strains differ.
 GAUGE_POINTS = 6
 #: Distance of a gauge from the structure, over its length, that is taken as lying on it.
-OFF_GAUGE = 0.05
+GAUGE_TOLERANCE = 0.05
 #: Samples of a filtered signal in a period of the highest mode, and in the shortest contact; least
 #: and largest number of them. On a bracket the peak acceleration through CFC1000 and CFC600 is
 #: within 6e-5 of that of 12 samples in a period (n = 20, 40 and 160).
-OF_A_MODE, OF_A_CONTACT, SAMPLES = 3, 50, (50, 200_000)
+SAMPLES_OF_A_MODE, SAMPLES_OF_A_CONTACT, SAMPLES = 3, 50, (50, 200_000)
 #: Share of the anti-oscillators from which there is no bar: a peak acceleration of 26 km/s² with 40
 #: of them, and a share of 0.89, was 64 km/s² with 160.
-NOT_CONVERGED = 0.1
+LARGEST_TRUNCATION = 0.1
 #: Least and largest time integration error of a repeated impact.
 LEAST_ERROR, DEFAULT_ERROR = 1e-6, 1e-4
 
@@ -188,7 +188,7 @@ def probe(
     derivative = DERIVATIVES.get(quantity, 0) - is_rate
 
     def signal(run: AnyHistory, at_times: Array) -> Array:
-        """The quantity (n, places, …) of a run at times, or what it is the rate of."""
+        """The quantity (n, places, …) of a run at times, or the motion that it is a rate of."""
         factors = amplitudes(run, at_times, body, derivative)
         return np.stack([np.moveaxis(x @ factors.T, -1, 0) for x in columns], axis=1)
 
@@ -202,7 +202,7 @@ def probe(
 
 
 def _reach(point: object, snap: float | None) -> Reach:
-    """How far the point of a probe may be moved."""
+    """How far the point may be moved onto the structure: `snap`; to a named group without limit."""
     if snap is not None:
         snap = inf if checks.is_rigid(snap) else checks.positive("snap", snap, "m")
     elif isinstance(point, str):
@@ -217,7 +217,7 @@ def probed_point(
     part: str | None = None,
     snap: float | None = None,
 ) -> Array | None:
-    """The point (3,) [m] at which a probe lies; None of matrices, and of points without a mesh.
+    """The point (3,) [m] of a probe; None for matrices, and for points without a mesh.
 
     InputError for a point that is off the structure.
     """
@@ -236,7 +236,7 @@ def probed_point(
 
 
 def _on_outline(structure: Structure, part: str | None, position: Place) -> list[Place]:
-    """The places on the outlines of the beams' sections at which von Mises stress is evaluated."""
+    """Places on the outlines of beam sections for the von Mises stress; for others `position`."""
     materials = source(structure).materials_of(structure, part, position.stiffener)
     sections = [getattr(material, "section", None) for material in materials]
     of_beams = [section for section in sections if isinstance(section, Section)]
@@ -300,7 +300,9 @@ def strain_gauge(
     points = x + np.outer(nodes, d) * length / 2
     shapes = shapes_of(structure, history, body)
     sample_times = times_of(history, times)
-    reach = Reach("a point of the gauge,", OFF_GAUGE * length, "shorten the gauge, or move it")
+    reach = Reach(
+        "a point of the gauge,", GAUGE_TOLERANCE * length, "shorten the gauge, or move it"
+    )
     columns = _columns(structure, history, body, shapes, points, "strain", part, position, reach)
     mean_strain = np.einsum("p,i,pijk,j->k", weights / 2, d, columns, d, optimize=True)
     return np.asarray(amplitudes(history, sample_times, body) @ mean_strain)
@@ -317,7 +319,7 @@ def _columns(
     position: Place,
     reach: Reach,
 ) -> Array:
-    """The quantity (P, …, columns) for every shape at points (P, 3)."""
+    """The quantity (P, …, columns) at points (P, 3) for each shape (column of `shapes`)."""
     module = source(structure)
     recovered = {"von_mises": "stress"}.get(quantity, quantity)
     if quantity in ("displacement", "velocity", "acceleration"):
@@ -325,6 +327,7 @@ def _columns(
     selection = points, part, recovered, position, reach
 
     def at(columns: Array, second_order: bool) -> Array:
+        """Strains, stresses, … of `columns` at the points."""
         return cast(
             Array, module.recovered(structure, columns, *selection, second_order=second_order)
         )
@@ -341,7 +344,10 @@ def _filtered(
     signal: Callable[[AnyHistory, Array], Array],
     derivative: int,
 ) -> Array:
-    """A derivative of `signal(history, t)` (n, …) through a filter, of a run that is longer."""
+    """The time derivative of order `derivative` of `signal(history, t)` (n, …), filtered.
+
+    The run is repeated for longer if the filter needs motion after its end. `name`: of the filter.
+    """
     if not isinstance(history, RunHistory):
         raise InputError(
             "a filter needs the motion before and after the times: probe the history of the scene,"
@@ -364,8 +370,8 @@ def _filtered(
     memory = memory_of(name)
     begin = max(times.min() - memory, 0.0)
     end = min(times.max() + memory, history.time[-1])
-    of_modes = OF_A_MODE * modes_of(history, body).omega.max(initial=0.0) / (2 * np.pi)
-    of_contact = OF_A_CONTACT / history.assembly.contact_time_estimate
+    of_modes = SAMPLES_OF_A_MODE * modes_of(history, body).omega.max(initial=0.0) / (2 * np.pi)
+    of_contact = SAMPLES_OF_A_CONTACT / history.assembly.contact_time_estimate
     rate = min(max(of_modes, of_contact), SAMPLES[1] / (end - begin))
     count = max(ceil(max(rate, 1 / sampling_step(name)) * (end - begin)), SAMPLES[0])
     t, step = np.linspace(begin, end, count, retstep=True)
@@ -397,9 +403,9 @@ class ProbeError(float):
     mesh: float | None
 
     def __new__(cls, truncation: float, force: float | None, mesh: float | None) -> ProbeError:
-        """The sum of the shares."""
+        """A number that is the sum of the shares; inf if a share is unknown or too large."""
         total = inf
-        if force is not None and mesh is not None and truncation < NOT_CONVERGED:
+        if force is not None and mesh is not None and truncation < LARGEST_TRUNCATION:
             total = truncation + mesh + force
         error = super().__new__(cls, total)
         error.truncation, error.force, error.mesh = truncation, force, mesh
@@ -457,11 +463,11 @@ def probe_error(
     tol = min(max(history.error.get("force", DEFAULT_ERROR), LEAST_ERROR), DEFAULT_ERROR)
 
     def values(run: History) -> Array:
-        """Components (n, c) of the quantity, signed; of motions the vectors."""
+        """Signed components (n, c) of the quantity; of motions their vectors."""
         return probe(structure, run, point, quantity, at, **options).reshape(len(at), -1)
 
     def largest(signal: Array) -> float:
-        """Size of the largest vector of a motion, or of the component that is largest."""
+        """Largest length of a motion's vector; of other quantities largest size of a component."""
         sizes = np.linalg.norm(signal, axis=1) if quantity in MOTIONS else np.abs(signal[:, k])
         return float(sizes.max())
 

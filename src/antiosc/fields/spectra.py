@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 #: 60068-2-81), …
 PER_DECADE = 48
 #: … and the lowest frequency [Hz]; lower ones are taken for signals that last longer only.
-LOWEST = 10.0
+LOWEST_FREQUENCY = 10.0
 #: Samples of a period of each oscillator. Extremes are those of parabolas through three samples,
 #: which are then within 0.02 % of those of a sine (0.17 % with 12 samples).
 SAMPLES_OF_A_PERIOD = 20
 #: Unequal steps are replaced by this share of their lower decile.
 DECILE_FRACTION = 0.5
 #: Deviation of a step from the mean one, over it, up to which samples are taken as equally spaced.
-UNEVEN = 1e-6
+STEP_TOLERANCE = 1e-6
 #: Most samples of a signal after interpolation.
 MOST_SAMPLES = 5_000_000
 
@@ -150,11 +150,11 @@ def srs(
 
 
 def _default_frequencies(t: Array, resolved: float) -> Array:
-    """The frequencies [Hz] of the spectrum of a signal that is known up to `resolved`."""
+    """Default frequencies (m,) [Hz] of the spectrum of a signal known up to `resolved` [Hz]."""
     span = float(t[-1] - t[0])
 
     # one period after the signal must not take more samples than there may be
-    low = max(min(LOWEST, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
+    low = max(min(LOWEST_FREQUENCY, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
     top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
     top = max(min(top, resolved), 2 / span, 2 * low)
 
@@ -163,7 +163,7 @@ def _default_frequencies(t: Array, resolved: float) -> Array:
 
 
 def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
-    """Times and values as arrays of one length, without repeated times (jumps)."""
+    """(times, values) as arrays of one length; of equal times (jumps) one is kept."""
     time = checks.column("t", t)
     value = checks.column("the signal", x, time.size)
     if np.any(np.diff(time) < 0):
@@ -175,21 +175,21 @@ def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
 
 
 def _even_step(t: Array) -> tuple[float, bool]:
-    """(step [s] of equally spaced times or an equivalent one, whether they are equally spaced)."""
+    """(step [s] of equally spaced times or of a replacement, whether they are equally spaced)."""
     steps = np.diff(t)
     mean = float(t[-1] - t[0]) / steps.size
-    if np.abs(steps - mean).max() <= UNEVEN * mean:
+    if np.abs(steps - mean).max() <= STEP_TOLERANCE * mean:
         return mean, True
     return DECILE_FRACTION * float(np.quantile(steps, 0.1)), False
 
 
 def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
-    """The signal at equal steps of at most `step`, linear between its samples."""
+    """The values at equal steps of at most `step` [s], by linear interpolation."""
     sample_step, is_even = _even_step(t)
     span = float(t[-1] - t[0])
     if is_even:
         count = _checked_samples(
-            (t.size - 1) * max(1.0, np.ceil(sample_step / step * (1 - UNEVEN)))
+            (t.size - 1) * max(1.0, np.ceil(sample_step / step * (1 - STEP_TOLERANCE)))
         )
     else:
         count = _checked_samples(np.ceil(span / min(step, sample_step)))
@@ -198,6 +198,7 @@ def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
 
 
 def _checked_samples(samples: float) -> float:
+    """`samples`; InputError for more than `MOST_SAMPLES`."""
     if samples > MOST_SAMPLES:
         raise InputError(
             f"the signal would have {samples:.3g} samples at equal steps, more than "
@@ -208,7 +209,7 @@ def _checked_samples(samples: float) -> float:
 
 
 def _extremes(t: Array, a: Array, f: float, Q: float, signal: str) -> tuple[float, float]:
-    """Largest positive and negative response of one oscillator."""
+    """(largest positive, largest negative response) of an oscillator of frequency f [Hz]."""
     times, x = _resampled(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
     h = float(times[-1] - times[0]) / (times.size - 1)
     tail = round(_checked_samples(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
@@ -225,7 +226,7 @@ def _extremes(t: Array, a: Array, f: float, Q: float, signal: str) -> tuple[floa
 
 
 def _oscillator_acceleration(f: float, Q: float, h: float, hold: str, x: Array) -> Array:
-    """Absolute acceleration of an oscillator at steps h [s]; x is constant ("zoh") or linear."""
+    """Absolute acceleration of an oscillator at steps of h [s]; x is constant ("zoh") or linear."""
     from scipy.signal import cont2discrete, lfilter, ss2tf  # which take long to load
 
     w = 2 * np.pi * f
@@ -237,7 +238,7 @@ def _oscillator_acceleration(f: float, Q: float, h: float, hold: str, x: Array) 
 
 
 def _largest(y: Array) -> float:
-    """Maximum (at least 0) of a response, by the parabola through its largest sample."""
+    """Largest value, at least 0, of a response, by the parabola through its largest sample."""
     k = int(np.argmax(y))
     top = float(y[k])
     if 0 < k < y.size - 1:

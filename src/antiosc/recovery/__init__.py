@@ -10,7 +10,7 @@ from antiosc.recovery import node_fields
 
 
 def source(structure: Structure) -> ModuleType:
-    """Module that evaluates fields of the structure: of its mesh, or nodes of given matrices."""
+    """Module for the fields of a structure: `mesh_fields`; of given matrices `node_fields`."""
     if structure.matrices.located:
         return node_fields
     with_parts(structure)

@@ -38,7 +38,7 @@ from antiosc.recovery.place import (
 from antiosc.recovery.tensors import PointsInCells, evaluator
 
 #: Points at which shapes are evaluated at once.
-AT_ONCE = 4096
+POINTS_AT_ONCE = 4096
 
 
 def tensors_of_part(
@@ -48,7 +48,10 @@ def tensors_of_part(
     place: Place,
     materials: Sequence[int],
 ) -> tuple[IntArray, IntArray, Array]:
-    """(nodes (S,), materials (S,), components (S, 6, columns)) on this rank; collective."""
+    """(nodes (S,), materials (S,), components (S, 6, columns)) of tensors of a part on this rank.
+
+    `materials`: numbers of those that count. All ranks must call it.
+    """
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
     evaluate = evaluator(part, quantity, place)
@@ -70,7 +73,7 @@ def tensors_of_part(
     kind = slots % len(part.parts) if solid else np.repeat(material, nodes.shape[1])
     total = np.zeros((len(slots), 6, shapes.shape[1]))
     count = np.zeros(len(slots))
-    step = max(1, AT_ONCE // len(X))
+    step = max(1, POINTS_AT_ONCE // len(X))
 
     def work() -> None:
         for first in range(0, len(selected), step):
@@ -94,16 +97,17 @@ def _at_nodes_of(
     shapes: Array,
     evaluate: Callable[[PointsInCells], Array],
 ) -> Array:
-    """Components (cells · nodes, 6, columns) of tensors at the nodes of cells."""
+    """Components (cells · nodes, 6, columns) of tensors at all nodes of `cells`."""
     X = part.mesh.geometry.reference_nodes
     places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
     tensors = evaluate(PointsInCells(part, shapes, *places))
     return np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1)
 
 
-def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
-    """Estimated error (nodes,) of the von Mises stress [Pa] at each node of this rank; collective.
+def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
+    """Estimated error (nodes,) of the von Mises stress [Pa] at the nodes of this rank.
 
+    `factors` (nodes, columns): of the shapes, at each node's own time. All ranks must call it.
     Zienkiewicz and Zhu: the mean over the cells of one material stands for the smooth stress; in
     sheets, whose axes turn, that of the von Mises stress of the worse face. A node of one cell, or
     at a fold, takes the largest error at the other nodes of its cells.
@@ -136,7 +140,10 @@ def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
 
 
 def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> tuple[Array, Array]:
-    """(stresses, products of normals) at nodes (C, n) of cells: (C, n, 6), of sheets (C, n, 1)."""
+    """(stresses (C, n, 6), empty) at the n nodes of cells of solids.
+
+    Of sheets (von Mises stresses (C, n, 1), products of normals (C, n, 6)).
+    """
     shapes = compat.with_ghosts(part.form.space, shapes)
     is_solid = part.kind.name == "solid"
     places = [Place()] if is_solid else [Place("top"), Place("bottom")]
@@ -147,7 +154,7 @@ def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> 
     stresses = np.zeros((cells_of_rank, len(X), 6 if is_solid else 1))
     normals = np.zeros((cells_of_rank, len(X), 0 if is_solid else 6))
 
-    step = max(1, AT_ONCE // len(X))
+    step = max(1, POINTS_AT_ONCE // len(X))
     for first in range(0, cells_of_rank, step):
         cells = np.arange(first, min(cells_of_rank, first + step))
         at_nodes = []
@@ -166,7 +173,7 @@ def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> 
 
 
 def _products_of_normals(part: MeshedStructure, cells: IntArray, X: Array) -> Array:
-    """Products (C, n, 6) of the components of a sheet's normals, whichever face is the top."""
+    """Products n_i n_j (C, n, 6) of a sheet's normals at nodes of cells, of either sign."""
     _, J = part.mesh.geometry.at(np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
     normal = np.cross(J[:, :, 0], J[:, :, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -176,20 +183,20 @@ def _products_of_normals(part: MeshedStructure, cells: IntArray, X: Array) -> Ar
 
 #: Least eigenvalue of the mean of n nᵀ over the cells around a node whose normals n differ little:
 #: 0.93 of two cells at 30°, 0.5 at a right angle.
-SMOOTH = 0.93
+LEAST_EIGENVALUE = 0.93
 
 
 def _is_fold(products: Array) -> BoolArray:
-    """Whether nodes lie at a fold, by the mean products (S, 6) of normals; (S, 0): at none."""
+    """Mask (S,) of the nodes at folds, from mean products of normals (S, 6); (S, 0): none is."""
     if not products.shape[1]:
         return np.zeros(len(products), dtype=bool)
-    return np.asarray(np.linalg.eigvalsh(tensors_of(products))[:, -1] < SMOOTH)
+    return np.asarray(np.linalg.eigvalsh(tensors_of(products))[:, -1] < LEAST_EIGENVALUE)
 
 
 def _join_ranks(
     part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
 ) -> None:
-    """Combine `total` (by `joined`) and `count` (sum) in place with those of other ranks."""
+    """Combine values of shared nodes over ranks, in place: `count` by sums, `total` by `joined`."""
     comm = part.mesh.comm
     parts = len(part.parts)
     if comm.size == 1:
@@ -211,7 +218,7 @@ def _join_ranks(
 def at_point(
     structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
 ) -> Array:
-    """Displacements (gdim, columns) of shapes (rows, columns) at the point nearest to x (3,)."""
+    """Displacements (gdim, columns) of all shapes at the structure's point nearest to x (3,)."""
     moved = recovered(structure, shapes, x[None], part, "displacement", Place(), reach)[0]
     forms = [member.part.form for member in with_parts(structure).members(part)]
     return np.asarray(moved[: max(len(set(form.components) & set("xyz")) for form in forms)])
@@ -227,13 +234,13 @@ def recovered(
     reach: Reach,
     second_order: bool = False,
 ) -> Array:
-    """A quantity (P, …, columns) of every shape at the points nearest to `points` (P, 3)."""
+    """A quantity (P, …, columns) at the points nearest to `points` (P, 3), for all shapes."""
     _refuse_relaxing(structure, quantity)
     parts = with_parts(structure).fields(shapes, part)
     if place.stiffener is not None:
         parts = _stiffeners(parts, place.stiffener)
     if second_order:
-        parts = _whole(parts)
+        parts = _with_second_order(parts)
     members = [member for member, _ in parts]
     (middle,) = places_at(members, points.mean(axis=0)[None])
     member, shapes_of_part = parts[members.index(middle.member)]
@@ -257,7 +264,7 @@ def recovered(
 
 
 def _refuse_relaxing(structure: Structure, quantity: str) -> None:
-    """InputError for what follows from the stiffness of materials that relax."""
+    """InputError for stresses and section forces if a material relaxes."""
     if quantity in ("stress", "section_forces") and relaxes(structure):
         raise InputError(
             f"the {quantity.replace('_', ' ')} of materials that relax (prony) is not computed:"
@@ -266,13 +273,13 @@ def _refuse_relaxing(structure: Structure, quantity: str) -> None:
 
 
 def relaxes(structure: Structure) -> bool:
-    """Whether a material of the structure has Maxwell branches (prony)."""
+    """Whether a material of the structure has Maxwell branches (`prony`)."""
     terms = structure.matrices.dissipation()
     return any(term.tau is not None and term.owner is not None for term in terms)
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
-    """The beams of stiffener `name` on the sheets of some parts, with the shapes on their dofs."""
+    """(beams, shapes on their dofs) of the stiffener `name` on each sheet of `parts`."""
     beams = [
         (replace(member, part=beams_alone(lines)), lines.rows_of(shapes_of_part))
         for member, shapes_of_part in parts
@@ -290,7 +297,7 @@ def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Memb
 
 
 def _rotated(R: Array, values: Array, quantity: str) -> Array:
-    """Vectors and tensors of a part in the axes of the assembly."""
+    """Vectors or tensors turned by R from the axes of a part to those of the assembly."""
     if (np.eye(3) == R).all() or quantity == "section_forces":
         return values
     if quantity in ("displacement", "rotation"):
@@ -301,7 +308,7 @@ def _rotated(R: Array, values: Array, quantity: str) -> Array:
 def at_nodes(
     structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
-    """(points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns)) on rank 0."""
+    """(points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns)), on rank 0."""
     parts = with_parts(structure).fields(shapes, part)
     points, cells, values = zip(*(_gathered(*part) for part in parts), strict=True)
     starts = np.cumsum([0, *map(len, points[:-1])])
@@ -313,7 +320,7 @@ def at_nodes(
 
 
 def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
-    """[(part, its static displacements under the prestress)] of parts with second-order strains."""
+    """[(part, static displacements under the prestress)] of parts with second-order strains."""
     preload = structure.matrices.preload
     assert preload is not None
 
@@ -327,8 +334,8 @@ def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]
     return displaced
 
 
-def _whole(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
-    """The parts with a zero initial strain, so that their second-order strains are included."""
+def _with_second_order(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
+    """The parts with a zero initial strain: their second-order strains are then included."""
     return [
         (
             replace(m, part=replace(m.part, initial=np.zeros(len(m.part.part_of_cells())))),
@@ -362,7 +369,7 @@ def tensors_at_nodes(
         parts = with_parts(structure).fields(shapes, part)
 
     if second_order:
-        parts = _whole(parts)
+        parts = _with_second_order(parts)
     points, cells, _ = at_nodes(structure, np.zeros((structure.rows, 0)), part)
     found: list[tuple[IntArray, Array, IntArray]] = []  # nodes, columns, origins of them
     origins = list[Origin]()
@@ -395,7 +402,7 @@ def tensors_at_nodes(
 def materials_of(
     structure: Structure, part: str | None, stiffener: str | None = None
 ) -> list[Material]:
-    """The materials of all parts of a structure, of one part, or of the beams of a stiffener."""
+    """Materials of a structure, of one `part`, or of the beams of a `stiffener`."""
     parts = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
     if stiffener is not None:
         parts = _stiffeners(parts, stiffener)
@@ -405,7 +412,7 @@ def materials_of(
 def _requests(
     part: MeshedStructure, places: list[Place], ply: Place | None
 ) -> list[tuple[Place, list[int]]]:
-    """[(place, numbers of the materials there)] at which tensors are evaluated."""
+    """[(place, numbers of the materials)] at which the tensors of a part are evaluated."""
     numbers = list(range(len(part.parts)))
     if ply is not None:
         stacks = [len(layers_of(material)) for material, _ in part.parts]
@@ -443,7 +450,7 @@ def displacements_of_rank(part: MeshedStructure, shapes: Array) -> Array:
 
 
 def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
-    """(points, cells in VTK's node order, shapes) of all ranks on rank 0."""
+    """(points (P, 3), cells in VTK's order, shapes (P, 3, columns)) of a part, on rank 0."""
     mesh = member.part.mesh
     shapes = displacements_of_rank(member.part, shapes)
     R = member.at.rotation
@@ -466,14 +473,18 @@ def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
 
 
 #: Kinds of parts whose stresses have an estimated error.
-ESTIMATED = {"solid", "sheet"}
+ESTIMATED_KINDS = {"solid", "sheet"}
 
 
 def stress_jumps(
     structure: Structure, shapes: Array, factors: Array, part: str | None = None
 ) -> Array | None:
-    """Estimated errors [Pa] of von Mises stress at the points of `at_nodes`, on rank 0, or None."""
-    if not families(structure, part) & ESTIMATED:
+    """Estimated errors (P,) [Pa] of von Mises stress at the points of `at_nodes`, on rank 0.
+
+    None if no part has an estimate. `factors` (P, columns): of the shapes, at each point's own
+    time.
+    """
+    if not families(structure, part) & ESTIMATED_KINDS:
         return None
     parts = with_parts(structure).fields(shapes, part)
     errors = []
@@ -483,9 +494,9 @@ def stress_jumps(
         sizes = comm.allgather(len(member.part.mesh.dolfinx.geometry.x))
         first = start + sum(sizes[: comm.rank])
         errors_of_rank = np.zeros(sizes[comm.rank])
-        if member.part.kind.name in ESTIMATED:
+        if member.part.kind.name in ESTIMATED_KINDS:
             factors_of_rank = factors[first : first + len(errors_of_rank)]
-            errors_of_rank = jumps(member.part, shapes_of_part, factors_of_rank)
+            errors_of_rank = stress_errors_of_part(member.part, shapes_of_part, factors_of_rank)
         errors += comm.gather(errors_of_rank, root=0) or []
         start += sum(sizes)
 
@@ -500,7 +511,7 @@ def families(structure: Structure, part: str | None = None) -> set[str]:
 
 
 def half_thickness(structure: Structure, part: str | None = None) -> float:
-    """Volume over surface [m] of the solids in space: half the mean thickness of their walls."""
+    """Volume over surface [m] of the solids: half the mean thickness of their walls."""
     meshes = [member.part.mesh for member in with_parts(structure).members(part)]
     solids = [mesh for mesh in meshes if mesh.tdim == 3]
     volume, surface = np.sum([(0.0, 0.0), *map(measures, solids)], axis=0)

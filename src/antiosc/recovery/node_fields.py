@@ -21,8 +21,8 @@ NO_ELEMENTS = (
 def at_point(
     structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
 ) -> Array:
-    """Displacements (3, columns) of shapes (rows, columns) at the node nearest to x (3,)."""
-    _one_part(part)
+    """Displacements (3, columns) at the node nearest to x (3,), for all shapes (rows, columns)."""
+    _refuse_part(part)
     nodal = cast(NodalMatrices, structure.matrices)
     points, rows = nodal.nodes()
     nearest = int(np.argmin(((points - x) ** 2).sum(axis=1)))
@@ -33,50 +33,50 @@ def at_point(
 def recovered(
     structure: Structure, shapes: Array, points: Array, part: str | None, quantity: str, *_: object
 ) -> Array:
-    """InputError: matrices have neither materials nor elements."""
+    """Raises InputError: given matrices have neither elements nor materials."""
     raise InputError(NO_ELEMENTS.format(quantity))
 
 
 def tensors_at_nodes(
     structure: Structure, shapes: Array, quantity: str, *_: object, **__: object
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
-    """InputError: matrices have neither materials nor elements."""
+    """Raises InputError: given matrices have neither elements nor materials."""
     raise InputError(NO_ELEMENTS.format(quantity))
 
 
 def materials_of(
     structure: Structure, part: str | None, stiffener: str | None = None
 ) -> list[object]:
-    """None: matrices have no materials."""
+    """[]: given matrices have no materials."""
     return []
 
 
 def families(structure: Structure, part: str | None = None) -> set[str]:
-    """None: matrices have no elements."""
+    """The empty set: given matrices have no elements."""
     return set()
 
 
 def relaxes(structure: Structure) -> bool:
-    """False: matrices have no stress anyway."""
+    """False: given matrices have no materials."""
     return False
 
 
 def at_nodes(
     structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
-    """(points (P, 3), a vertex cell at each, shapes (P, 3, columns))."""
-    _one_part(part)
+    """(nodes (P, 3) with coordinates, a vertex cell at each, shapes (P, 3, columns))."""
+    _refuse_part(part)
     points, rows = cast(NodalMatrices, structure.matrices).nodes()
     vertices = np.arange(len(points))[:, None]
     return points, [("vertex", vertices)], _displacements(rows, shapes)
 
 
-def _one_part(part: str | None) -> None:
+def _refuse_part(part: str | None) -> None:
     """InputError if a part is named: matrices have no parts."""
     if part is not None:
         raise InputError(f"part={part!r} names a part of an assembly; given matrices are one.")
 
 
 def _displacements(rows: IntArray, shapes: Array) -> Array:
-    """Displacements (P, 3, columns) of shapes at nodes; rows (P, 3) are -1 for absent ones."""
+    """Displacements (P, 3, columns) of P nodes; `rows` (P, 3) in shapes, -1: fixed at zero."""
     return np.where(rows[:, :, None] < 0, 0.0, shapes[rows])

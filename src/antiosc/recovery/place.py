@@ -33,7 +33,10 @@ SURFACES = ("top", "bottom", "middle")
 
 @dataclass(frozen=True)
 class Reach:
-    """Largest distance of a given point from the structure, onto which it is projected."""
+    """How far a given point may lie from the structure, onto which it is projected.
+
+    what : name of the point in messages; snap : largest distance [m], None: the default.
+    """
 
     what: str  # the point in words, for messages
     #: largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element
@@ -44,7 +47,7 @@ class Reach:
     def check(
         self, point: Array, nearest: Array, size: float, element: Callable[[], float]
     ) -> None:
-        """InputError for a point whose nearest one is too far [m] from a part of `size` [m]."""
+        """InputError if `nearest` is too far from `point`; `size` [m] of the part."""
         distance = float(np.linalg.norm(point - nearest))
         limit = SNAP_SHARE * size if self.snap is None else self.snap
         if distance > limit and self.snap is None:
@@ -61,13 +64,13 @@ class Reach:
         )
 
     def check_at(self, point: Array, place: fem_place.Place) -> None:
-        """`check` for a point (3,) and its place on a part, in the axes of the structure."""
+        """`check` of a point (3,) against its place on a part, in the axes of the structure."""
         extent = place.member.part.mesh.extent()
         self.check(point, place.placed, extent, lambda: place.cell_size)
 
 
 def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None:
-    """`Reach.check` for a node of `points` (P, 3), whose element reaches to the next node."""
+    """`Reach.check` for the node `nearest` of `points` (P, 3); an element reaches to the next."""
     x = points[nearest]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     reach.check(
@@ -77,7 +80,7 @@ def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None
 
 @dataclass(frozen=True)
 class Place:
-    """A position within the thickness or the section, from the arguments of `probe`."""
+    """A position in the thickness of a sheet or the section of a beam, as in `probe`."""
 
     surface: str = "top"  # "top", "bottom" or "middle" of a sheet or of its `layer`
     #: number of a layer, from the bottom, 0 the first; None: the whole thickness
@@ -91,7 +94,7 @@ class Place:
 
 
 def on_outlines(sections: Sequence[Section], place: Place) -> list[Place]:
-    """The position at each outline point of the sections; none if a section has no outline."""
+    """The positions at all points of the sections' outlines; [] if a section has none."""
     sizes = [len(section.outline) for section in sections]
     if min(sizes):
         return [replace(place, fibre=k) for k in range(max(sizes))]
@@ -103,14 +106,14 @@ AnyStrength: TypeAlias = float | Tensile | Strengths | None
 
 
 class Origin(NamedTuple):
-    """Origin of some tensors: strength of the material, and position in a sheet."""
+    """What some tensors belong to: strength of the material, and place in the sheet."""
 
     strength: AnyStrength
     place: Place
 
 
 class NodeTensors(NamedTuple):
-    """Tensors at nodes, on rank 0; a node may have several."""
+    """Tensors at nodes, on rank 0; a node may have several, as of two materials."""
 
     nodes: IntArray  # (S,) node of each tensor
     columns: Array  # (S, 6, columns) components
@@ -119,13 +122,13 @@ class NodeTensors(NamedTuple):
 
 
 def layers_of(material: object) -> Sequence[Layer]:
-    """The layers of a laminate; () for other materials."""
+    """Layers of a laminate; () for any other material."""
     layers: Sequence[Layer] = getattr(material, "layers", ())
     return layers
 
 
 def strength_of(material: object, place: Place) -> AnyStrength:
-    """Yield strength, strength in tension of what cracks, or a layer's; None: not known."""
+    """Strength of a material at a place: yield strength, `Tensile` or a layer's; None: unknown."""
     layers = layers_of(material)
     if not layers:
         tensile = getattr(material, "tensile", None)
@@ -137,7 +140,7 @@ def strength_of(material: object, place: Place) -> AnyStrength:
 def place(
     surface: object, layer: object, fibre: object, axes: object, stiffener: str | None = None
 ) -> Place:
-    """The position from checked arguments of `probe`; InputError for invalid ones."""
+    """The position that arguments of `probe` mean; InputError for invalid ones."""
     surface = checks.choice("surface", surface, SURFACES)
     if layer is not None:
         layer = checks.whole("layer", layer, least=0)

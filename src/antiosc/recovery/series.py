@@ -18,7 +18,7 @@ def write_vtu(
     cells: Sequence[tuple[str, IntArray]],
     fields: Mapping[str, Array],
 ) -> None:
-    """Write fields (n,) or (n, 3) at points (n, 3) [m] of cells with VTK's order of nodes."""
+    """Write fields (n,) or (n, 3) at `points` (n, 3) [m] to one file; cells are in VTK's order."""
     try:
         import meshio  # takes a while to load
     except ImportError as error:
@@ -37,7 +37,7 @@ def write_vtu_file(
     cells: Sequence[tuple[str, IntArray]],
     fields: Mapping[str, Array],
 ) -> Path:
-    """Write one `.vtu` file completely or not at all; its path, with the suffix."""
+    """`write_vtu`, completely or not at all; returns the path with its ending."""
     target = checks.new_file("path", path)
     if target.suffix.lower() != ".vtu":
         target = target.with_name(f"{target.name}.vtu")
@@ -46,8 +46,8 @@ def write_vtu_file(
     return target
 
 
-def listing(path: str | os.PathLike[str]) -> Path:
-    """Path of a series with `.pvd`; what follows a point belongs to the name, as `run_v=1.5`."""
+def with_pvd(path: str | os.PathLike[str]) -> Path:
+    """The path with the ending `.pvd`; other points belong to the name, as in `run_v=1.5`."""
     path = checks.new_file("path", path)
     target = path if path.suffix.lower() == ".pvd" else path.with_name(f"{path.name}.pvd")
     if not target.stem.isprintable():
@@ -66,7 +66,7 @@ def write_frames(
     times: Array,
     fields: Iterable[Array],
 ) -> None:
-    """Write displacements (points, 3) [m] at times, and finally their list `target` (`listing`)."""
+    """Write displacements (points, 3) [m] at `times`, then `target`, the list of the files."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.unlink(missing_ok=True)
@@ -80,7 +80,7 @@ def write_frames(
 
 
 def _collection(times: Array, names: list[str]) -> str:
-    """Text of the list of frames."""
+    """Text of the `.pvd` file that lists `names` with their times."""
     entries = [
         f'    <DataSet timestep="{time:.9e}" file={quoteattr(name)}/>\n'
         for time, name in zip(times, names, strict=True)

@@ -37,17 +37,20 @@ def turned(tensors: Array, R: Array) -> Array:
 
 
 def in_frame(local: Array, frame: Sequence[Array]) -> Array:
-    """Tensors (P, 3, 3, columns) in the axes of the mesh, from those in the axes `frame` (P, 3)."""
+    """Tensors (P, 3, 3, columns) turned from the axes `frame`, each (P, 3), to the mesh's."""
     return turned(local, np.stack(list(frame), axis=2))
 
 
 def of_components(six: Array) -> Array:
-    """Tensors (P, 3, 3, columns) of the components (P, 6, columns) of `PAIRS`."""
+    """Tensors (P, 3, 3, columns) from their components (P, 6, columns) in the order of `PAIRS`."""
     return np.moveaxis(tensors_of(np.moveaxis(six, 1, -1)), 1, -1)
 
 
 class PointsInCells:
-    """Points X (P, tdim) in cells (P,) of this rank; `shapes` (dofs with ghosts, columns)."""
+    """Points with reference coordinates X (P, tdim) in `cells` (P,) of this rank.
+
+    `shapes` (dofs with ghosts, columns): the motions that are evaluated there.
+    """
 
     def __init__(self, part: MeshedStructure, shapes: Array, cells: IntArray, X: Array) -> None:
         self.part = part
@@ -59,18 +62,18 @@ class PointsInCells:
         _, self.J = part.mesh.geometry.at(self.cells, self.X)
 
     def moved(self, X: Array) -> PointsInCells:
-        """The same cells at other reference points X (P, tdim) or (tdim,)."""
+        """The same cells with other reference points X (P, tdim), or one X (tdim,) for all."""
         X = np.broadcast_to(X, self.X.shape)
         return PointsInCells(self.part, self._shapes, self.cells, X)
 
-    def once(self, X: Array) -> tuple[PointsInCells, IntArray]:
-        """(the reference point X (tdim,) of each cell, the number (P,) of it for each point)."""
+    def one_point_per_cell(self, X: Array) -> tuple[PointsInCells, IntArray]:
+        """(the point X (tdim,) of each cell, number (P,) of each point's cell)."""
         cells, number = np.unique(self.cells, return_inverse=True)
         X = np.broadcast_to(X, (len(cells), len(X)))
         return PointsInCells(self.part, self._shapes, cells, X), number
 
     def dofs(self, names: str | tuple[str, ...]) -> Array:
-        """Dof values (P, functions, len(names), columns) of components; 0 for absent ones."""
+        """Dofs (P, functions, len(names), columns) of components; 0 for those that it lacks."""
         components = self.part.form.components
         count = self._shapes.shape[1]
 
@@ -91,24 +94,28 @@ class PointsInCells:
 
     @cached_property
     def _materials(self) -> tuple[list[Material], IntArray]:
-        """(the materials at the points, the number in these of each point's)."""
+        """(materials at the points, number (P,) of each point's material among them)."""
         numbers, index = np.unique(self.part.part_of_cells()[self.cells], return_inverse=True)
         return [self.part.parts[k][0] for k in numbers] or [self.part.parts[0][0]], index.ravel()
 
     def each(self, value: Callable[[Material], ArrayLike]) -> Array:
-        """`value` of the material at each point: (P, …)."""
+        """`value(material)` (P, …) of the material at each point."""
         materials, index = self._materials
         return np.array([value(material) for material in materials])[index]
 
     def values(self, dofs: Array) -> Array:
-        """Values (P, components, columns) at the points."""
+        """Values (P, components, columns) at the points of the functions with these `dofs`."""
         if not len(self.X):
             return np.zeros((0, *dofs.shape[2:]))
         table = compat.tabulate(self._space, self._first, self.X)
         return np.einsum("pf,pfck->pck", table, dofs, optimize=True)
 
     def slopes(self, dofs: Array, inverse: Array | None = None) -> Array:
-        """Derivatives (P, components, tdim, columns) along reference axes, or by an `inverse`."""
+        """Derivatives (P, components, tdim, columns) by reference coordinates.
+
+        `inverse` (P, tdim, d): inverse Jacobians; then (P, components, d, columns) by d
+        coordinates.
+        """
         tdim = self.part.mesh.tdim if inverse is None else inverse.shape[2]
         if not len(self.X):
             return np.zeros((0, dofs.shape[2], tdim, dofs.shape[3]))
@@ -167,7 +174,7 @@ def solid_rotation(at: PointsInCells, place: Place) -> Array:
 
 
 def _gradient(at: PointsInCells) -> Array:
-    """∂u_i/∂x_j (P, 3, 3, columns)."""
+    """Displacement gradients ∂u_i/∂x_j (P, 3, 3, columns)."""
     gdim = at.part.mesh.gdim
     inverse = np.linalg.inv(at.J[:, :gdim, :])
     slopes = at.slopes(at.dofs("xyz"[:gdim]), inverse)
@@ -177,27 +184,28 @@ def _gradient(at: PointsInCells) -> Array:
 
 
 def _in_material_axes(at: PointsInCells, tensors: Array, place: Place) -> Array:
-    """The tensors, in the axes of an anisotropic material if local ones are requested."""
+    """`tensors`, in the axes of an anisotropic material if `place` is local."""
     if not place.local:
         return tensors
     return turned(tensors, at.each(lambda solid: getattr(solid, "axes", np.eye(3))))
 
 
 def truss_section_forces(at: PointsInCells, place: Place) -> Array:
-    """The axial force N (P, 1, columns), N."""
+    """Axial forces (P, 1, columns), N."""
     return np.asarray((at.each(lambda bar: [bar.E * bar.area]) * _axial(at))[:, None])
 
 
 def _axial(at: PointsInCells) -> Array:
-    """Axial strain (P, columns)."""
+    """Axial strains (P, columns), with second-order strains if there is a static state."""
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
     slope = at.slopes(at.dofs("xyz"))[:, :, 0] / length[:, :, None]
     axial_strain = np.einsum("pck,pc->pk", slope, at.J[:, :, 0] / length)
-    return np.asarray(axial_strain + _lengthening(at, slope))
+    return np.asarray(axial_strain + _second_order_strain(at, slope))
 
 
-def _lengthening(at: PointsInCells, slope: Array) -> Array:
-    """Second-order axial strain (P, columns) minus the initial strain; 0 without a static state."""
+def _second_order_strain(at: PointsInCells, slope: Array) -> Array:
+    """Second-order axial strains (P, columns) by `slope` du/ds (P, 3, columns), minus initial ones;
+    0 without a static state."""
     if at.part.initial is None:
         return np.zeros(slope[:, 0].shape)
     return np.sum(slope**2, axis=1) / 2 - at.part.initial[at.cells][:, None]
@@ -206,7 +214,7 @@ def _lengthening(at: PointsInCells, slope: Array) -> Array:
 def truss_tensors(
     at: PointsInCells, place: Place, sizes_of: Callable[[Material], list[float]]
 ) -> Array:
-    """Tensors (P, 3, 3, columns): axial strain times `sizes_of` a bar, along and across it."""
+    """Tensors (P, 3, 3, columns): axial strain times `sizes_of` a bar (along, across it)."""
     if place.local:
         axial_tensor = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
     else:
@@ -219,7 +227,7 @@ def truss_tensors(
 
 
 class BeamFrame(NamedTuple):
-    """Axes (P, 3) of the beam at points: tangent, height y, and z = t × y."""
+    """Axes (P, 3) of beams at points: tangent t, height y, and z = t × y."""
 
     t: Array
     y: Array
@@ -227,12 +235,12 @@ class BeamFrame(NamedTuple):
 
 
 def section_strains(at: PointsInCells) -> tuple[Array, BeamFrame]:
-    """(ε, γy, γz, twist, κy, κz) (P, 6, columns) of the centroid, and the axes."""
-    frame = _frame(at)
+    """((ε, γy, γz, twist, κy, κz) (P, 6, columns) of the centroid, axes of the beam)."""
+    frame = _beam_axes(at)
     nodes = gauss_points(at.part.form.space.element.basix_element.degree)
     mean = 0.0
     for x, weight in zip(nodes, lagrange_1d(nodes, at.X[:, 0]).T, strict=True):
-        mean = mean + weight[:, None, None] * _strains(at.moved(np.array([x])), frame)
+        mean = mean + weight[:, None, None] * _section_strains_at(at.moved(np.array([x])), frame)
     return np.asarray(mean), frame
 
 
@@ -242,6 +250,7 @@ def beam_section_forces(at: PointsInCells, place: Place) -> Array:
     size = at.part.mesh.extent()
 
     def stiffness(beam: Beam) -> list[float]:
+        """Factors of the six section strains: EA, shear stiffnesses, GJ, EIy, EIz."""
         s = beam.section
         shear = [beam.shear_stiffness(plane, size) for plane in (0, 1)]
         return [beam.E * s.A, *shear, beam.G * s.torsion, beam.E * s.side, beam.E * s.I]
@@ -253,7 +262,7 @@ def beam_section_forces(at: PointsInCells, place: Place) -> Array:
 
 
 def beam_strain(at: PointsInCells, place: Place) -> Array:
-    """Strain tensors (P, 3, 3, columns) of a fibre: along it, and transverse contraction."""
+    """Strain tensors (P, 3, 3, columns) at a fibre: axial strain and transverse contraction."""
     strains, frame = section_strains(at)
     y, z = at.each(lambda beam: _fibre(beam, place)).T[:, :, None]
     fibre_strain = strains[:, 0] - y * strains[:, 5] + z * strains[:, 4]
@@ -267,13 +276,13 @@ def beam_strain(at: PointsInCells, place: Place) -> Array:
 
 
 def beam_stress(at: PointsInCells, place: Place) -> Array:
-    """Stress tensors (P, 3, 3, columns) of a fibre, Pa: only the normal stress of N, My and Mz."""
+    """Stress tensors (P, 3, 3, columns) [Pa] at a fibre: normal stress of N, My, Mz alone."""
     strains = beam_strain(at, Place(fibre=place.fibre, local=True))
     local = np.zeros_like(strains)
     local[:, 0, 0] = at.each(lambda beam: [beam.E]) * strains[:, 0, 0]
     if place.local:
         return local
-    return in_frame(local, _frame(at))
+    return in_frame(local, _beam_axes(at))
 
 
 def _fibre(beam: Beam, place: Place) -> list[float]:
@@ -284,7 +293,8 @@ def _fibre(beam: Beam, place: Place) -> list[float]:
     return list(place.fibre or (0.0, 0.0))
 
 
-def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
+def _section_strains_at(at: PointsInCells, frame: BeamFrame) -> Array:
+    """The six section strains (P, 6, columns) at the points themselves, not by Gauss points."""
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None, None]
     displacements = at.dofs("xyz")
     rotations = at.dofs(("rx", "ry", "rz"))
@@ -294,6 +304,7 @@ def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
     offset = at.each(lambda beam: [beam.offset])
 
     def component(vectors: Array, axis: Array) -> Array:
+        """Components (P, columns) of vectors (P, 3, columns) along an axis (P, 3)."""
         return np.einsum("pck,pc->pk", vectors, axis)
 
     stretch = -offset * component(curvature, frame.z)
@@ -301,7 +312,7 @@ def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
 
     # −(θ × t)·y = −θ·z, −(θ × t)·z = θ·y
     forces = [
-        component(slope, frame.t) + stretch + _lengthening(at, slope),
+        component(slope, frame.t) + stretch + _second_order_strain(at, slope),
         component(slope, frame.y) - component(rotation, frame.z),
         component(slope, frame.z) + component(rotation, frame.y) + sideways,
     ]
@@ -309,7 +320,8 @@ def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
     return np.stack([*forces, *(component(curvature, axis) for axis in frame)], axis=1)
 
 
-def _frame(at: PointsInCells) -> BeamFrame:
+def _beam_axes(at: PointsInCells) -> BeamFrame:
+    """Axes of the beams at the points."""
     t = at.J[:, :, 0] / np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
     if at.part.mesh.gdim == 2:
         z = np.broadcast_to([0.0, 0.0, 1.0], t.shape)
@@ -328,11 +340,11 @@ def _frame(at: PointsInCells) -> BeamFrame:
 
 
 #: Cosine of the angle to the normal from which x is near it.
-ALONG = 0.9
+NEAR_NORMAL = 0.9
 
 
 class SheetFrame(NamedTuple):
-    """Axes (P, 3) at points: 0°, 90° and the normal, which points to the top."""
+    """Axes (P, 3) of a sheet at points: 0°, 90°, and the normal n to the top."""
 
     e1: Array
     e2: Array
@@ -351,7 +363,10 @@ class Strains(NamedTuple):
 
 
 class SheetAxes:
-    """Directions of 0° (by default x along the sheet, or y) and sides of cells; collective."""
+    """Directions of 0° (default: x along the sheet, or y) and top sides of the cells of a part.
+
+    All ranks must construct it.
+    """
 
     def __init__(self, part: MeshedStructure) -> None:
         self.axis, self.side = part.axes_and_sides
@@ -359,10 +374,12 @@ class SheetAxes:
         self.given = oriented[part.part_of_cells()]
 
     def frame(self, at: PointsInCells) -> SheetFrame:
-        """The axes at points."""
+        """Axes of the sheet at points."""
         n = np.cross(at.J[:, :, 0], at.J[:, :, 1])
         n *= (self.side[at.cells] / np.linalg.norm(n, axis=1))[:, None]
-        default_axis = np.where(np.abs(n[:, :1]) < ALONG, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+        default_axis = np.where(
+            np.abs(n[:, :1]) < NEAR_NORMAL, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]
+        )
         a = np.where(self.given[at.cells][:, None], self.axis[at.cells], default_axis)
         e1 = a - np.einsum("pc,pc->p", a, n)[:, None] * n
         e1 /= np.linalg.norm(e1, axis=1)[:, None]
@@ -370,8 +387,8 @@ class SheetAxes:
 
 
 def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
-    """Strains of the middle surface at points, interpolated as in the element's energy."""
-    strains = _raw(at, axes)
+    """Strains of the middle surface at points, interpolated as in the energy of the element."""
+    strains = _strains_at_points(at, axes)
     if at.part.mesh.cell == "triangle":
         return strains
     g = gauss_points(2)
@@ -380,8 +397,8 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
     membrane = np.zeros_like(strains.membrane)
     for i, j in np.ndindex(2, 2):
         weight = (table[0][:, i] * table[1][:, j])[:, None, None]
-        at_gauss, number = at.once(np.array([g[i], g[j]]))
-        corner_strains = _raw(at_gauss, axes)
+        at_gauss, number = at.one_point_per_cell(np.array([g[i], g[j]]))
+        corner_strains = _strains_at_points(at_gauss, axes)
         shear += weight * corner_strains.shear[number]
         membrane += weight * corner_strains.membrane[number]
 
@@ -390,7 +407,7 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
 
 
 def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
-    """(N1, N2, N12, M1, M2, M12, Q1, Q2) (P, 8, columns) per width, N/m and N, in local axes."""
+    """(N1, N2, N12, M1, M2, M12, Q1, Q2) (P, 8, columns) per width in local axes; N/m, N, N/m."""
     membrane, bending, shear = middle_strains(at, axes)
     A, B, D, S = (at.each(attrgetter(f"section.{name}")) for name in "ABDS")
     forces = [A @ membrane + B @ bending, B @ membrane + D @ bending, S @ shear]
@@ -430,6 +447,7 @@ def sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress
 
 
 def _layers(sheet: Sheet) -> list[Layer]:
+    """The layers of a sheet; of a shell the only one."""
     if isinstance(sheet, Laminate):
         return list(sheet.layers)
     if isinstance(sheet, GivenSheet):
@@ -442,7 +460,7 @@ def _layers(sheet: Sheet) -> list[Layer]:
 
 
 def _height(sheet: Sheet, place: Place) -> tuple[int, float]:
-    """(number of the layer, height over the middle surface [m]) of a position."""
+    """(number of the layer, height above the middle surface [m]) of a place."""
     layers = _layers(sheet)
     steps = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
     z = steps - steps[-1] / 2
@@ -466,7 +484,8 @@ def _height(sheet: Sheet, place: Place) -> tuple[int, float]:
     return (0, float(z[0]))
 
 
-def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
+def _strains_at_points(at: PointsInCells, axes: SheetAxes) -> Strains:
+    """Strains at the points themselves, without the interpolation of the element."""
     frame = axes.frame(at)
     e1, e2, n = frame
 
@@ -479,6 +498,7 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
     dr = np.einsum("pcdk,pda->pcak", at.slopes(rotations), gradients, optimize=True)
 
     def dotted(vectors: Array, axis: Array) -> Array:
+        """Scalar products (P, …) of vectors (P, 3, …) with an axis (P, 3)."""
         return np.einsum("pc...,pc->p...", vectors, axis)
 
     du1 = dotted(du, e1)
@@ -499,7 +519,7 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
 
 
 def _shear_rotations(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
-    """(θ×n) along e1 and e2 (P, 2, columns); in triangles interpolated as in the energy."""
+    """θ×n along e1 and e2 (P, 2, columns); in triangles interpolated as in the energy."""
     e1, e2, n = frame
     tangents = np.stack([e1, e2], axis=1)
     if at.part.mesh.cell != "triangle":
@@ -561,7 +581,7 @@ QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
 def evaluator(
     part: MeshedStructure, quantity: str, place: Place
 ) -> Callable[[PointsInCells], Array]:
-    """Function that evaluates one of `QUANTITIES` at points; collective."""
+    """A function that evaluates `quantity` at points in cells; all ranks must call it."""
     function = QUANTITIES[quantity].get(part.kind.name)
     if function is None:
         raise InputError(f"a {part.kind.name} has no {quantity.replace('_', ' ')}.")

@@ -17,7 +17,7 @@ from antiosc.engine.contact.geometry import hertz_stresses, von_mises
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.fields.margin import Nodal, Zones, judged
+from antiosc.fields.margin import NodalExposures, Zones, judged
 from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
@@ -146,7 +146,7 @@ def test_the_stress_at_a_hole_is_three_times_that_far_away_within_its_estimated_
         x = part.mesh.dolfinx.geometry.x
         top = np.argmin(np.linalg.norm(x - (0, 1, 0), axis=1))
         value = float(extreme_principal(six[nodes == top, :, 0])[0])
-        error = mesh_fields.jumps(part, shapes, np.ones((len(x), 1)))[top]
+        error = mesh_fields.stress_errors_of_part(part, shapes, np.ones((len(x), 1)))[top]
         assert abs(value - 3.0) < 3 * error < 1.0
         found.append((value, error))
     (coarse, more), (fine, less) = found
@@ -504,12 +504,12 @@ def test_section_forces_of_triangles_carry_the_energy_of_K(stack):
     assert energy == pytest.approx(float((shapes.T @ csr(part.K) @ shapes)[0, 0]), rel=1e-9)
 
 
-def row_of_nodes(values, error=0.02, size=1e-3) -> Nodal:
+def row_of_nodes(values, error=0.02, size=1e-3) -> NodalExposures:
     """Nodes on the x axis with these exposures, 10 mm apart."""
     x = 0.01 * np.arange(len(values))
     points = np.column_stack([x, 0 * x, 0 * x])
     ones = np.ones(len(values))
-    return Nodal(points, np.array(values), YIELD * ones, 0 * x, error * ones, size * ones)
+    return NodalExposures(points, np.array(values), YIELD * ones, 0 * x, error * ones, size * ones)
 
 
 def test_a_stress_that_the_mesh_does_not_resolve_has_no_bar():
