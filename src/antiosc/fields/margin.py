@@ -105,7 +105,7 @@ class Margin(ReprMixin):
 
     @property
     def is_stress(self) -> bool:
-        """Whether the value is a stress [Pa], and no exposure."""
+        """Whether the value is a stress [Pa]; otherwise it is an exposure."""
         return self.criterion in STRESSES
 
     @property
@@ -130,7 +130,7 @@ class Margin(ReprMixin):
 
     @property
     def least_margin(self) -> float:
-        """`margin` with the lowest strength of the range, of batches and directions."""
+        """The margin for the lowest strength of the material's range (batches, directions)."""
         return (1 + self.margin) * self._strengths[0] / self.strength - 1
 
     @property
@@ -248,10 +248,10 @@ def _range_of(*ends: float) -> str:
 
 
 class Zones(NamedTuple):
-    """Places that a margin does not judge: at contacts, and within `distance` [m] of edges,
-    supports.
+    """Places that a margin does not judge: at contacts, and near edges and supports.
 
-    edges, supports : (n, 3) points [m] on sharp inner edges and on rigidly supported faces.
+    edges, supports : (n, 3) points [m] on sharp inner edges and on rigidly supported faces;
+    distance : from these [m].
     """
 
     contacts: Sequence[ContactZone] = ()

@@ -96,6 +96,7 @@ def at_times(factors: Array, times: Array) -> Search:
     """A function that finds the largest values at `times` (k,), with `factors` (k, B) there."""
 
     def search(columns: Array, scalar: Scalar, _: BoolArray) -> tuple[Array, Array, None]:
+        """As `searched_maxima`, without an error bound."""
         return (*sampled_maxima(columns, factors, times, scalar), None)
 
     return search

@@ -144,10 +144,9 @@ class PeakField(Completed):
     def largest(
         self, count: int = 5, apart: float | None = None
     ) -> list[tuple[float, Array, float]]:
-        """(value, point (3,) [m], time [s]) of the largest values, at least `apart` from each
-        other.
+        """(value, point (3,) [m], time [s]) of the `count` largest values at separate places.
 
-        `apart` [m]: default 5 % of the size of the part.
+        `apart` [m]: least distance between these; default 5 % of the size of the part.
         """
         count = checks.whole("count", count)
         if apart is None:
@@ -401,10 +400,11 @@ class Maxima:
     def add(
         self, nodes: IntArray, found: tuple[Array, Array, float | None], strength: float, ply: int
     ) -> None:
-        """Take over those of the values, times and error `found` at `nodes` (S,) that are larger.
+        """Replace maxima at `nodes` (S,) by larger ones: values (S,) at times (S,), error in
+        `found`.
 
-        `strength`: by which the values are judged, nan: unknown; `ply`: number of their place in
-        the ply.
+        `strength`: by which the values are judged, nan: unknown; `ply`: number of the place in the
+        ply.
         """
         values, times, error = found
         if error is not None:
@@ -488,8 +488,7 @@ def _zones(
     r0: float | None,
     held: Array,
 ) -> Zones:
-    """Places that are not judged: edges on solids alone; contacts on solids and sheets, not on
-    beams.
+    """Places that are not judged: edges of solids alone; contacts not on beams, which are exact.
 
     `held` (n, 3): points [m] of rigid supports.
     """

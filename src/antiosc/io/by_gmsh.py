@@ -180,7 +180,7 @@ def face_names(gmsh: ModuleType, scale: float) -> Names:
 
 
 class Cylinder(NamedTuple):
-    """A cylindrical face that encloses empty space."""
+    """A cylindrical face of a solid with empty space on its inside, as in a hole."""
 
     face: tuple[int, int]
     radius: float
@@ -222,7 +222,7 @@ def _holes(
 
 
 def _hollow_cylinder(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
-    """The cylinder of a face that encloses empty space; None for any other face."""
+    """The cylinder of a face around empty space; None for any other face."""
     if gmsh.model.getType(*face) != "Cylinder":
         return None
     tag = face[1]

@@ -257,7 +257,7 @@ OWN = "antiosc_decks."
 
 
 def registered(group: str) -> tuple[metadata.EntryPoint, ...]:
-    """The unloaded entry points of a group, those of other packages first."""
+    """Entry points of a group, not loaded yet, those of other packages first."""
     return _found(group, tuple(filter(None, sys.path)))
 
 

@@ -155,7 +155,7 @@ def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
 
 
 def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> bool:
-    """Whether only one triangle is listed; InputError if only some entries have a mirror."""
+    """Whether one triangle of a matrix is listed; InputError if only some have a mirror."""
     off_diagonal = row != column
     keys = row[off_diagonal].astype(np.int64) * size + column[off_diagonal]
     mirrored = np.isin(keys, column[off_diagonal].astype(np.int64) * size + row[off_diagonal])

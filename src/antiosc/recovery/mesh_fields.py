@@ -76,6 +76,7 @@ def tensors_of_part(
     step = max(1, POINTS_AT_ONCE // len(X))
 
     def work() -> None:
+        """Add the components of all cells to the sums at their nodes."""
         for first in range(0, len(selected), step):
             components = _at_nodes_of(selected[first : first + step], part, shapes, evaluate)
             slot_rows = slot_of[first : first + step].ravel()

@@ -22,7 +22,7 @@ from antiosc.reduce.error.division import (
     LEAST_LINES,
     POWER,
     growth,
-    largest,
+    longest_line,
     measures,
     ratios,
     source_of,
@@ -175,9 +175,9 @@ def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
     diagonal = np.hypot(1.0, 0.5)
     assert source.extent() == pytest.approx(diagonal)
     first = source.first(1.0, [((0.41, 0.0), 0.01)])
-    assert 0.5 * diagonal / LEAST_LINES < largest(first) <= 1.001 * diagonal / LEAST_LINES
+    assert 0.5 * diagonal / LEAST_LINES < longest_line(first) <= 1.001 * diagonal / LEAST_LINES
     finer = source.finer(first, np.full(first.n_cells, 0.3))
-    assert largest(finer) <= 1.001 * diagonal / LEAST_LINES / 4
+    assert longest_line(finer) <= 1.001 * diagonal / LEAST_LINES / 4
     assert edge_lengths(finer).sum() == pytest.approx(1.5)
 
 

@@ -187,8 +187,7 @@ def _without_numbers(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArra
 
 
 def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
-    """Positive and negative part (k, k) of `flexibility` - `stiffness`: what the mesh lacks, its
-    surplus.
+    """Positive and negative part (k, k) of `flexibility` - `stiffness`: lacking, surplus energies.
 
     `stiffness` (k, k): energies of shapes; `flexibility` (k, k): energies that the loads of these
     shapes cause on the divided mesh. A surplus arises where few integration points make an element
@@ -284,7 +283,7 @@ class MeshSource(ABC):
 
 
 def source_of(source: str | Path | Mesh, order: int = 2) -> MeshSource:
-    """The source for a file or a mesh; `order`: geometric order of the cells of a geometry."""
+    """The source of meshes for a file or a mesh; `order`: of the cells that a geometry gets."""
     if isinstance(source, Mesh):
         if source.tdim == 1:
             return OfLines(source)
@@ -348,7 +347,7 @@ class OfGeometry(MeshSource):
         return distributed(raw, self._path.name, MPI.COMM_WORLD)
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
-        """A mesh with cells of about `size` [m], and some thousand cells at most."""
+        """A mesh with cells of about `size` [m], but at most some thousand cells."""
         coarse = self.coarsest
         self._refine = refine
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
@@ -422,21 +421,21 @@ class OfLines(MeshSource):
         return self._of_size(self.coarsest)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """All cells halved, as often as `ratio` requires, at least once."""
+        """The mesh with all cells halved as often as `ratio` requires, at least once."""
         smallest_ratio = mesh.comm.allreduce(float(np.min(ratio, initial=1.0)), MPI.MIN)
-        self._size = largest(mesh) / 2 ** max(1, round(-np.log2(smallest_ratio)))
+        self._size = longest_line(mesh) / 2 ** max(1, round(-np.log2(smallest_ratio)))
         return self._of_size(mesh)
 
     def _of_size(self, mesh: Mesh) -> Mesh:
         """The mesh with lines of at most the present size: read again, or halved."""
         if self._path is not None:
             return read_mesh(self._path, size=self._size, order=1, comm=self.coarsest.comm)
-        while largest(mesh) > (1 + 1e-9) * self._size:
+        while longest_line(mesh) > (1 + 1e-9) * self._size:
             mesh = finer(mesh)
         return mesh
 
 
-def largest(mesh: Mesh) -> float:
+def longest_line(mesh: Mesh) -> float:
     """Length [m] of the longest line of a mesh."""
     return float(mesh.comm.allreduce(float(np.max(edge_lengths(mesh), initial=0.0)), MPI.MAX))
 

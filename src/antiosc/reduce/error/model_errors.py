@@ -324,10 +324,11 @@ class ModelErrors:
 
     @cached_property
     def _estimator(self) -> Recovery | Division:
+        """The estimator of the structure: by recovered strains, or by a divided mesh."""
         return (Recovery if _are_solids(self._matrices) else Division)(self._matrices)
 
     def added_to(self, model: AntiOscillators, sites: Mapping[str, Functional]) -> AntiOscillators:
-        """The model with its `strain_error`, and with the data of the error budget in `info`."""
+        """The model with its `strain_error`, and data of its sites for the budget in `info`."""
         if self.skipped:
             return replace(model, info=replace(model.info, no_estimate=self.skipped))
         start_time = time.perf_counter()

@@ -208,7 +208,7 @@ LOST_CONSTRAINT = 1e-3
 
 @dataclass(frozen=True)
 class Modes:
-    """The lowest modes, ascending."""
+    """The lowest modes of a search by ascending frequency."""
 
     #: circular frequencies (k,), rad/s: antiresonances of the site if it is constrained
     omega: Array

@@ -361,7 +361,7 @@ def _checked_options(
     expansion: float | None,
     proof: bool | float,
 ) -> ExtractOptions:
-    """The checked options; InputError for invalid numbers, or vectors that memory cannot hold."""
+    """The options after a check; InputError for invalid ones, or too much memory."""
     choice("method", method, get_args(Method))
     of_krylov = {"band": band is not None, "expansion": expansion is not None}
     of_krylov["proof"] = proof is not False
@@ -399,7 +399,7 @@ def _checked_options(
 
 
 def _checked_sites(site: object) -> list[dict[str, Site]]:
-    """The sites by name of each model that the argument `site` of `extract` asks for."""
+    """Sites by name ("" without a name) of each model that the argument `site` asks for."""
     if isinstance(site, Mapping):
         if not site:
             raise InputError("site names no site: give a Site for each name.")

@@ -91,10 +91,10 @@ class _PartMotions(NamedTuple):
 def _second_order(
     structure: Structure, motions: Array, pairs: list[tuple[int, int]]
 ) -> tuple[list[_PartMotions], Array]:
-    """(parts with the motions (dofs, k), second-order loads g_ij (dofs, pairs), zero on fixed
-    dofs).
+    """(parts with their motions (dofs, k), second-order loads g_ij (dofs, pairs)).
 
-    InputError for several ranks, superelements, and families without second-order strain.
+    The loads are zero on fixed dofs. InputError for several ranks, superelements, and families
+    without second-order strain.
     """
     from antiosc.fem.elements.second_order import points_of  # needs dolfinx
 
@@ -127,8 +127,7 @@ def _second_order(
 
 
 def candidates(omega: Array, B: Array, count: int) -> Array:
-    """Orthonormal combinations (J, m) of the free modes that forces at the sites excite, m <=
-    count.
+    """Orthonormal combinations (J, m) of free modes that forces at the sites excite, m <= count.
 
     `omega` (J,), `B` (J, P): frequencies and displacements of the sites in the modes. The
     combinations span the Krylov space of the flexibility from the local dent Λ⁻¹b, which takes many
