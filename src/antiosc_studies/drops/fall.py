@@ -392,12 +392,7 @@ class Fall(Result):
         for k in impact_numbers:
             episodes = self._episodes(k)
             for episode in episodes:
-                count = int(
-                    min(
-                        max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW),
-                        MANY,
-                    )
-                )
+                count = int(min(max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW), MANY))
                 motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
                 parts.append(replace(motion, time=motion.time + episode.start.time))
             zones += [one.zone for one in self._landed[k].contacts]

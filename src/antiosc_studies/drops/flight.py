@@ -249,10 +249,7 @@ class Flight:
         # between two samples the height deviates from a straight line by at most a'' h^2/8
         acceleration = self.gravity + 4 * spin**2 * reach
         # a deviation of TURN^2 times the size is harmless
-        h = max(
-            TURN / spin if spin > 0 else end,
-            TURN * np.sqrt(8 * body.extent / acceleration),
-        )
+        h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / acceleration))
         count = int(np.clip(np.ceil(end / h), 1, MOST_SAMPLES))
         edges = np.linspace(0.0, end, count + 1)
         slack = acceleration * (edges[1] - edges[0]) ** 2 / 8

@@ -405,11 +405,7 @@ def found_in(
 
 
 def _result(
-    model: Model,
-    scanned: Scan,
-    fits: list[ProbableImpact],
-    unknown: Sequence[str],
-    scale: float,
+    model: Model, scanned: Scan, fits: list[ProbableImpact], unknown: Sequence[str], scale: float
 ) -> FoundImpact:
     """The result from the best fits, the most probable first.
 

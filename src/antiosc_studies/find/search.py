@@ -306,13 +306,7 @@ class Search:
         return jacobian, np.transpose(gains)
 
     def _finished(
-        self,
-        blow: Blow,
-        chart: Chart,
-        computed: Signals,
-        residual: Array,
-        J: Array,
-        gains: Array,
+        self, blow: Blow, chart: Chart, computed: Signals, residual: Array, J: Array, gains: Array
     ) -> ProbableImpact:
         """The most probable impact with its uncertainty, from the state at the end of a search."""
         d = len(chart.axes)

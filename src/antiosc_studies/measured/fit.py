@@ -566,10 +566,7 @@ def _initial(data: Measured, weight: Array, free: bool | None, hysteretic: bool)
     zeta = zeta[in_band]
     high_poles = data.w[-1] * np.array([1.2, 1.6, 2.5])
     D = factors(
-        data.w,
-        np.append(omega, high_poles),
-        np.append(zeta, np.full(3, TAIL_DAMPING)),
-        hysteretic,
+        data.w, np.append(omega, high_poles), np.append(zeta, np.full(3, TAIL_DAMPING)), hysteretic
     )
     basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
     basis = basis[:, : -1 if free is False else None]
