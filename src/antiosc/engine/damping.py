@@ -130,7 +130,7 @@ def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) ->
 
 
 def in_coordinates(damping: DampingMatrix, turn: Array) -> DampingMatrix:
-    """Transform damping to the coordinates y of x = turn y, turn (n, m)."""
+    """The damping in new coordinates y (m,); the old ones are turn y, with turn (n, m)."""
     return from_factors(damping.factor @ turn, [(L @ turn, tau) for L, tau in damping.factors])
 
 
@@ -485,7 +485,11 @@ def _real_clusters(poles: Numbers) -> list[list[int]]:
 
 
 def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
-    """Poles and modes of a cluster anew, in the subspace of all its modes, if theirs alone."""
+    """Compute the poles of a cluster, and its modes Z, again in the subspace of all its modes.
+
+    A has the modes as eigenvectors; sign : (n,) of the squares of its states. Poles and modes stay
+    as they are if the subspace does not belong to this cluster alone.
+    """
     low = poles.real.min() * (1 + CLUSTERED / 2)
     high = poles.real.max() * (1 - CLUSTERED / 2)
 
@@ -525,7 +529,12 @@ def _equal_poles(poles: Numbers) -> list[list[int]]:
 def _paired_poles(
     plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
 ) -> list[tuple[float, float, Array, Array]]:
-    """Real poles in pairs (w, d, c_a, c_b): a negative one with the nearest slower positive one."""
+    """Real modes (w, d, c_a, c_b) of pairs of real poles, each a pole and its eigenvector.
+
+    A pole of negative square (`minus`) goes with the nearest slower one of positive square
+    (`plus`); one without a partner, with a pole of zero share. fastest : rate [1/s] of that pole
+    for a rigid motion.
+    """
     pairs: list[tuple[float, float, Array, Array]] = []
     unpaired = sorted(plus, key=lambda pole: pole[0])  # the fastest first
 
@@ -551,7 +560,7 @@ def _paired_poles(
 
 
 def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -> float:
-    """Relative error of the receptance of the modes at a real s; inf if it is not finite."""
+    """Relative error of the modes' receptance at a real s; inf if it is not finite."""
     positive = modes.omega[modes.omega > 0]
     s = float(np.exp(np.mean(np.log(positive)))) if positive.size else 1.0
     frequency = np.array(-1j * s)

@@ -23,11 +23,11 @@ from antiosc.engine.system import ContactState, System
 _ITERATIONS = 400
 
 
-def _settle(system: System) -> tuple[Array, Array]:
+def _resting_state(system: System) -> tuple[Array, Array]:
     """Modal displacements (J,) and contact forces (p,) at rest under the loads at t = 0."""
     laws = system.laws
     p = len(laws)
-    states = _begun(laws, [None] * p)
+    states = _states(laws, [None] * p)
     beta = system.beta[:p]
     load = system.loads[0]
     gap = system.offsets[0, :p]
@@ -100,11 +100,11 @@ def set_initial_forces(
     contacts: list[ContactState | None] = [None] * p if cut is None else list(cut[0])
     system.contact_states = None if cut is None else contacts
     if preload:
-        system.q[:], system.pressed[:] = _settle(system)
+        system.q[:], system.pressed[:] = _resting_state(system)
 
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
     if not preload and (free > 0).any():
-        system.pressed[:] = _closed_contacts(laws, _begun(laws, contacts), free, R, np.zeros(p))[1]
+        system.pressed[:] = _closed_contacts(laws, _states(laws, contacts), free, R, np.zeros(p))[1]
     if cut is not None:
         goes_on = [contact is not None and contact.closed for contact in contacts]
         system.pressed[:] = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
@@ -115,28 +115,28 @@ def set_initial_forces(
     system.depth[:] = np.maximum(system.depth, delta)
 
     if cut is not None:  # it may lie between two nodes
-        rate = _rates(system).tolist()
+        rate = _row_rates(system).tolist()
         for c, contact in enumerate(contacts):
             if contact is not None and contact.closed:
                 state = laws[c].advance(float(delta[c]), rate[c], contact.state)
                 contacts[c] = contact._replace(state=state)
 
     energy = 0.5 * float(system.pressed @ R @ system.pressed)
-    for law, d, state in zip(laws, delta.tolist(), _begun(laws, contacts), strict=True):
+    for law, d, state in zip(laws, delta.tolist(), _states(laws, contacts), strict=True):
         energy += law.energy(d, state) if cut is not None else law.potential(d, state)
     system.contact_energy = energy
 
 
-def _begun(laws: Sequence[ContactLaw], contacts: Sequence[ContactState | None]) -> list[State]:
-    """States of the laws at the start; by default those of a touch without speed."""
+def _states(laws: Sequence[ContactLaw], contacts: Sequence[ContactState | None]) -> list[State]:
+    """State of each law at the start: that of its contact, or of a touch without speed."""
     return [
         law.touch(0.0) if contact is None else contact.state
         for law, contact in zip(laws, contacts, strict=True)
     ]
 
 
-def _rates(system: System) -> Array:
-    """Rates (m,) of the rows at the start, without those of forces."""
+def _row_rates(system: System) -> Array:
+    """Rates (m,) of the rows at the start, without what the forces contribute."""
     rate = system.beta @ system.v
     if system.gamma is None:
         return rate
@@ -147,7 +147,10 @@ def _rates(system: System) -> Array:
 def _closed_contacts(
     laws: Sequence[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
 ) -> tuple[float, Array, Array]:
-    """Potential, forces (p,), derivative (p, p) at unloaded indentations (p,), by sweeps."""
+    """Potential [J] of all contacts, forces (p,) [N], and their derivatives (p, p) [N/m].
+
+    free : (p,) indentations without forces; R : (p, p) residual compliance; guess : (p,) forces.
+    """
     p = len(laws)
     force = guess.copy() if np.any(R) else np.zeros(p)
     for _ in range(1000):

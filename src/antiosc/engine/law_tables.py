@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class CallbackLaw:
-    """Callbacks of the C library for a law in Python, and the error that one raised."""
+    """Callbacks by which the C library calls a law in Python, and the error that one raised."""
 
     def __init__(self, law: ContactLaw) -> None:
         self.law = law
@@ -92,7 +92,10 @@ class CallbackLaw:
         out: Doubles,
         sound: Callable[[float], bool] = isfinite,
     ) -> int:
-        """Store values of the law in `out` and return 0; 1 if the law fails: the run then ends."""
+        """Store values of the law in `out` and return 0; return 1 if the law fails, to end the run.
+
+        where : name of its method; sound : whether a value is valid.
+        """
         try:
             for i, value in enumerate(values()):
                 if not sound(value):

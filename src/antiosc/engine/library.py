@@ -315,7 +315,10 @@ def energies(states: Array, omega: Array) -> Array:
 
 
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
-    """Time integral [N s] and peak [N], (C, 2), of a row of forces (n, m) over C spans of steps."""
+    """Time integral [N s] and peak [N] of a contact over C spans of steps: (C, 2).
+
+    row : its column in the forces (n, m); spans : (C, 2) first step, and one after the last.
+    """
     time, force = _doubles(time, force)
     steps = np.ascontiguousarray(spans, dtype=np.int64)
     peaks_out = np.empty((len(spans), 2))

@@ -19,7 +19,7 @@ from antiosc.engine.system import ContactState, Key, PackedSystem, System
 Array = NDArray[np.float64]
 
 _RECORDS = library.CRecord * 3  # the runs with three steps of which the last two are compared
-_FIRST = 1024  # nodes of the first buffer; a full one becomes four times as large
+_FIRST_NODES = 1024  # nodes of the first buffer; a full one becomes four times as large
 FINE = 200  # touches closer than the expected contact time over this count as one
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
 _NODES_AT_ONCE = 100_000_000
@@ -101,7 +101,7 @@ class Buffers:
         self.nbytes = 0
 
     def keep(self, states: bool) -> None:
-        """Choose whether states are written; arrays without room for them are made anew."""
+        """Choose whether states are written; where arrays lack room for them, new ones follow."""
         r = self.record
         if states == (r.states is not None):
             return
@@ -113,12 +113,12 @@ class Buffers:
             r.max_nodes = 0
 
     def enlarge(self, keep: bool) -> None:
-        """Enlarge the arrays; `keep`: states too. Too many states are thinned out."""
+        """Enlarge the arrays, with `keep` also those of states, which are thinned if too many."""
         r = self.record
         p, m, size = self.shape
         nodes = r.max_nodes
         if r.n_nodes + 2 > nodes or r.n_events + 1 > r.max_events:
-            nodes = max(4 * nodes, _FIRST)
+            nodes = max(4 * nodes, _FIRST_NODES)
         limit = max(STATES // (16 * max(size, 1)), 4)
         if keep and self.arrays and r.n_states >= limit - 2:
             self.thin()
@@ -144,7 +144,7 @@ class Buffers:
             r.states = None
 
     def thin(self) -> None:
-        """Keep every other one of the stored states."""
+        """Drop every second stored state."""
         r = self.record
         states = self.arrays[3]
         half = states[: r.n_states : 2].copy()
@@ -153,7 +153,7 @@ class Buffers:
         r.every = 2 * r.every
 
     def run(self, answer: int, summary: library.CSummary, keep: bool) -> Run:
-        """The run that was written, as a copy; `keep`: with states."""
+        """Copy what was written into a `Run`, with `keep` also the states."""
         r = self.record
         time, force, depth, states, events = self.arrays
         while keep and 16 * r.n_states * self.shape[2] > STATES:
@@ -339,7 +339,7 @@ class Converged:
 
 
 def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
-    """Why the integration stopped at t before the end; "" if it did not."""
+    """Text: why the integration stopped at t [s] before the end; "" if it did not."""
     if answer == library.DONE:
         return ""
 
@@ -361,5 +361,8 @@ def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
 
 
 def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
-    """Relative differences of force (L2 norm, impulse) and peak; time to which within `tol`."""
+    """(relative difference of the forces, of the peaks, time [s] up to which runs agree to `tol`).
+
+    See `library.compare`.
+    """
     return library.compare(coarse.time, coarse.force, fine.time, fine.force, tol)

@@ -27,18 +27,18 @@ Array = NDArray[np.float64]
 CONTACT = cast("np.dtype[np.void]", np.dtype(library.CContact))
 #: ctypes keeps this type as long as it is referred to; to make it anew takes 50 µs.
 _ONE = library.CContact * 1
-_AT_START = np.zeros(1)  # the one time of loads that are constant
+_START_TIME = np.zeros(1)  # the one time of loads that are constant
 SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
 
 
 def stretch_energy(quadratic: Array, cubic: Array, a: Array) -> Array:
-    """Energies (n,) [J] of the forces at amplitudes (n, m)."""
+    """Energies (n,) [J] of second-order forces, by their tensors, at amplitudes a (n, m)."""
     quadratic_force, cubic_force = stretch_forces(quadratic, cubic, a)
     return np.asarray(np.sum((quadratic_force / 3 + cubic_force / 4) * a, axis=1))
 
 
 def stretch_forces(quadratic: Array, cubic: Array, a: Array) -> tuple[Array, Array]:
-    """The quadratic and the cubic forces (n, m) at amplitudes (n, m)."""
+    """Quadratic and cubic second-order forces, (n, m) each, at amplitudes a (n, m)."""
     n, m = a.shape
     products = (a[:, :, None] * a[:, None, :]).reshape(n, m * m)
     stiffness = (products @ cubic.reshape(m * m, m * m).T).reshape(n, m, m)
@@ -90,7 +90,7 @@ class System:
 
     @property
     def numbers(self) -> tuple[Array, ...]:
-        """The arrays of the bodies and the rows, those of equal responses first."""
+        """All arrays of bodies and rows; those that the responses of modes depend on come first."""
         rows = self.omega, self.decay, self.beta, self.R
         return *rows, self.breaks, self.loads, self.offsets, self.q, self.v
 
@@ -125,7 +125,7 @@ class System:
         return self.contacts["preload"]
 
     def _two_columns(self, name: str) -> NDArray[Any]:
-        """View (p, 2) of a field of the contacts and of the one behind it."""
+        """View (p, 2) of the field `name` of the contacts and of the field after it."""
         first = self.contacts[name]
         strides = (*first.strides, first.itemsize)
         return np.lib.stride_tricks.as_strided(first, (first.size, 2), strides)
@@ -251,11 +251,15 @@ def posed(
     laws: Sequence[ContactLaw],
     R: Array,
     offsets: Array | float = 0.0,
-    breaks: Array = _AT_START,
+    breaks: Array = _START_TIME,
     tangents: Sequence[tuple[int, int]] | None = None,
     first: StackedModes | None = None,
 ) -> System:
-    """The system of bodies in m rows, the first p of which are contacts, with nothing expected."""
+    """The system of bodies side by side, in m rows, of which the first p are contacts.
+
+    R : (m, m) residual compliance; offsets, breaks : gaps and times of loads; tangents : first
+    tangential row of each contact, and their number. Expected masses, depths and speeds stay 0.
+    """
     spans = side_by_side([body.omega.size for body in bodies])
     size, m, times = spans[-1].stop, len(R), breaks.size
 

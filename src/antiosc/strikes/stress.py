@@ -34,9 +34,9 @@ H = TypeVar("H")
 #: Most rounds of smaller cells, and most places of a round.
 MOST_ROUNDS, MOST_PLACES = 4, 20
 #: Least and largest ratio of new to old sizes of cells, and the share of the tolerance aimed at.
-FINEST, COARSEST, AIM = 0.2, 0.5, 0.7
+FINEST, COARSEST, AIM_SHARE = 0.2, 0.5, 0.7
 #: Power of the size by which the jumps of the stress fall in quadratic cells.
-POWER = 2.0
+JUMP_POWER = 2.0
 #: Most dofs of a refined mesh over those of the mesh of the force, or this number if it is larger.
 MOST_GROWTH, MOST_DOFS = 3.0, 150_000
 
@@ -46,7 +46,7 @@ Finer = Callable[[Sequence[Refinement]], Structure]
 
 @dataclass(frozen=True)
 class Stressed:
-    """The stress fields of a blow by their quantity, the part and the history that they are of."""
+    """The stress fields of a blow, with the part and the history on the mesh of the last round."""
 
     fields: dict[str, Any]  # quantity -> PeakField
     structure: Structure
@@ -57,7 +57,10 @@ class Stressed:
 
 
 def fields_by_strength(structure: Structure, hit: History, **options: Any) -> dict[str, PeakField]:
-    """Criterion, "von_mises" without strengths -> stress field; `options` as for `peak_field`."""
+    """Stress field for each strength of the materials, by name; "von_mises" if none is known.
+
+    options : as for `peak_field`.
+    """
     if "quantity" in options:
         return {options["quantity"]: peak_field(structure, hit, **options)}
     if hit.assembly.hopeless:
@@ -80,7 +83,8 @@ def closed(
 ) -> Stressed:
     """The stress fields with a bar of at most `tol` by the mesh, or the reason for a larger one.
 
-    `struck` is the same impact, or fall, of a part with smaller cells; `fields` its stress fields.
+    hit, structure : the impact, or fall, on the first mesh; finer : makes the part with smaller
+    cells; struck : repeats the impact on it; fields : computes the stress fields.
     """
     started = time.perf_counter()
     known = Stressed(dict(fields(structure, hit)), structure, hit)
@@ -110,7 +114,7 @@ def closed(
             known = Stressed(dict(fields(part, again)), part, again, rounds + 1)
 
     spent = time.perf_counter() - started
-    return _told(replace(known, seconds=spent, why=why), hit, tol)
+    return _with_sentence(replace(known, seconds=spent, why=why), hit, tol)
 
 
 def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
@@ -137,8 +141,8 @@ def _again(hit: History, model: AntiOscillators) -> History:
 
 
 def bar(field: PeakField) -> tuple[float, float]:
-    """How far the largest stress that counts may lie below and above its value, by the mesh."""
-    values, errors, counts = _counted(field)
+    """Relative errors (below, above) of the largest stress that counts, by the mesh."""
+    values, errors, counts = _values_errors_counts(field)
     largest = float(values[counts].max(initial=0.0))
     if not largest:
         return 0.0, 0.0
@@ -147,7 +151,7 @@ def bar(field: PeakField) -> tuple[float, float]:
     return 1 - max(below, 0.0) / largest, above / largest - 1
 
 
-def _counted(field: PeakField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _values_errors_counts(field: PeakField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(values, their errors by the mesh, which nodes count)."""
     errors = np.zeros_like(field.values) if field.mesh_error is None else field.mesh_error
     counts = np.ones(len(errors), dtype=bool) if field.counts is None else field.counts
@@ -155,27 +159,27 @@ def _counted(field: PeakField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _wanted(fields: dict[str, PeakField], tol: float) -> list[Refinement]:
-    """Where the cells must become smaller, and to which size [m], the widest bounds first."""
+    """Places where the cells must become smaller, with their new sizes [m]."""
     wanted: list[Refinement] = []
     for field in fields.values():
         cells = None if field.worst_point is None else field.worst_point.cells
         if max(bar(field)) > tol or cells is not None:
-            wanted += _places(field, tol)
+            wanted += _refinements(field, tol)
         if cells is not None:
             wanted.append(cells)
     return wanted
 
 
-def _places(field: PeakField, tol: float) -> list[Refinement]:
-    """The places of one field whose upper bounds are above the tolerance, or are not reliable."""
-    values, errors, counts = _counted(field)
+def _refinements(field: PeakField, tol: float) -> list[Refinement]:
+    """Refinements for one field, where an upper bound exceeds the tolerance or is not reliable."""
+    values, errors, counts = _values_errors_counts(field)
     values = np.where(counts, values, 0.0)
     errors = np.where(counts, errors, 0.0)
     upper = values + errors
-    allowed = (1 + AIM * tol) * float(values.max())
+    allowed = (1 + AIM_SHARE * tol) * float(values.max())
     open_to = (errors > UNRESOLVED * values) & (upper > (values - errors).max())
     open_to |= upper > allowed
-    if bar(field)[0] > AIM * tol:
+    if bar(field)[0] > AIM_SHARE * tol:
         open_to[values.argmax()] = True
 
     # as many places along a fillet as it has cells: those between them become smaller too
@@ -183,7 +187,7 @@ def _places(field: PeakField, tol: float) -> list[Refinement]:
     places: list[Refinement] = []
     while open_to.any() and len(places) < MOST_PLACES:
         k = int(np.argmax(np.where(open_to, upper, 0.0)))
-        ratio = ((allowed - values[k]) / errors[k]) ** (1 / POWER)
+        ratio = ((allowed - values[k]) / errors[k]) ** (1 / JUMP_POWER)
         size = float(sizes[k] * np.clip(ratio, FINEST, COARSEST))
         places.append((tuple(field.points[k].tolist()), size))
         distance = np.linalg.norm(field.points - field.points[k], axis=1)
@@ -192,8 +196,8 @@ def _places(field: PeakField, tol: float) -> list[Refinement]:
     return places
 
 
-def _told(stressed: Stressed, hit: Any, tol: float) -> Stressed:
-    """`stressed`, its fields with the sentence on rounds, cells and seconds."""
+def _with_sentence(stressed: Stressed, hit: Any, tol: float) -> Stressed:
+    """`stressed` with a sentence on rounds, cells and seconds in each field; `hit`: first mesh."""
     told = ""
     several = getattr(hit, "named", False)
     change = 0.0 if several else abs(stressed.hit.peak_force / hit.peak_force - 1)
@@ -209,15 +213,15 @@ def _told(stressed: Stressed, hit: Any, tol: float) -> Stressed:
             f" {stressed.seconds:.0f} s: +{percent(high)} −{percent(low)} by the mesh{told}"
         )
         if stressed.why:
-            sentence += f"; {_open(field)}, since {stressed.why}"
+            sentence += f"; {_unknown_text(field)}, since {stressed.why}"
         fields[name] = replace(field, rounds=sentence)
 
     return replace(stressed, fields=fields)
 
 
-def _open(field: PeakField) -> str:
-    """From which stress on nothing is known, and where it may be more."""
-    values, errors, counts = _counted(field)
+def _unknown_text(field: PeakField) -> str:
+    """Text: the stress above which nothing is known, and the place of the largest bound."""
+    values, errors, counts = _values_errors_counts(field)
     least = float((values - errors)[counts].max(initial=0.0))
     upper = np.where(counts, values + errors, 0.0)
     k = int(upper.argmax())

@@ -45,10 +45,10 @@ State = tuple[float, ...]
 #: Share of a force within which rounding may keep its iteration from settling.
 FORCE_ROUNDING = 1e-9
 #: Ratio of two radii that are tried for a patch that carries a force, and how many are larger.
-STEP, MOST_STEPS = 1.05, 150
+RADIUS_RATIO, MOST_STEPS = 1.05, 150
 #: Force that such a patch must carry over that of too small a one, whose law ends in a line: in 60
 #: impacts on a spring, up to 790 times the range, the force grew by up to 21 %.
-BEYOND = 1.25
+FORCE_MARGIN = 1.25
 
 
 class ContactLaw(ABC):
@@ -107,8 +107,9 @@ class ContactLaw(ABC):
         return 0.0
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
-        """Why a peak force above `valid_force` is doubtful, and the remedy; `radius` [m]: radius of
-        the patch.
+        """Sentence: why a peak force [N] above `valid_force` is doubtful, and the remedy.
+
+        radius : of the patch [m]; None: a point.
         """
         if not self.compliance:
             return (
@@ -130,18 +131,21 @@ class ContactLaw(ABC):
         )
 
     def enough_radius(self, peak: float, radius: float | None) -> float | None:
-        """Least radius [m] of a patch with `valid_force` above a peak force, if any has."""
+        """Least radius [m] of a patch whose `valid_force` exceeds a peak force [N]; None: none.
+
+        radius : that of the present patch [m].
+        """
         if radius is None or not self.compliance:
             return None
 
         def carries(power: int) -> bool:
-            law = self.without(self.compliance / STEP**power)
-            return bool(law.valid_force > BEYOND * peak)
+            law = self.without(self.compliance / RADIUS_RATIO**power)
+            return bool(law.valid_force > FORCE_MARGIN * peak)
 
         powers = range(-MOST_STEPS, MOST_STEPS)
         first = bisect_left(powers, x=True, key=carries)
 
-        return None if first == len(powers) else float(STEP ** powers[first] * radius)
+        return None if first == len(powers) else float(RADIUS_RATIO ** powers[first] * radius)
 
     @property
     def theory(self) -> str:

@@ -53,7 +53,7 @@ FLAT = "the pressure of flat faces, which are never quite parallel"
 NO_STRENGTH = "whether one side yields (give the yield strength or a material)"
 LAMINATE = "the indentation from which this laminate is damaged"
 #: That of a surface that may fit into the other one by the error of its curvature on the mesh.
-CURVATURE = (
+UNSURE_CURVATURE = (
     "the curvature of the surface at the site is too uncertain (smaller elements around the site)"
 )
 #: The peak force of Hertz's law grows with each relative radius to this power, at equal work.
@@ -97,7 +97,10 @@ class Choice:
 
 @lru_cache(maxsize=4096)
 def choose(one: Surface, other: Surface, restitution: float | None = None) -> Choice:
-    """The law of the contact of two surfaces, of a known restitution; InputError without one."""
+    """The law of the contact of two surfaces; InputError for surfaces that have none.
+
+    restitution : coefficient of the contact, if it is known.
+    """
     materials = one.matter, other.matter
     elastic = sorted((m for m in materials if not m.rigid), key=lambda m: m.E)
     if not elastic:
@@ -110,11 +113,11 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     modulus = effective_modulus(first.E, first.nu, second.E, second.nu)
     A, B = relative_of_curvatures(one.curvatures, other.curvatures, _angle(one, other))
     uncertain = sum(surface.error for surface in (one, other) if any(surface.curvatures))
-    doubt = _doubt(one, other)
+    doubt = _unknown_property(one, other)
     straight = all(0.0 in surface.curvatures for surface in (one, other))
     if B <= 0 or A < -NO_CURVATURE * B or (A <= NO_CURVATURE * B and not straight):
         if one.kind == other.kind == PLANE:
-            return _flat(one, other, modulus)
+            return _punch_choice(one, other, modulus)
         raise SiteError(_in_a_hollow(one, other))
     if A <= NO_CURVATURE * B:
         raise InputError(
@@ -129,7 +132,7 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     rounder, flatter = sorted((one, other), key=lambda surface: -surface.curvatures[1])
     is_soft = rounder.matter.E <= flatter.matter.E
     if uncertain >= 2 * A:
-        doubt = doubt or CURVATURE
+        doubt = doubt or UNSURE_CURVATURE
     by_curvature = RADIUS_POWER * (uncertain / (2 * A) + uncertain / (2 * B))
     at_point = partial(Choice, by_curvature=by_curvature, curvature=2 * B, soft_ball=is_soft)
     soft = min(materials, key=_strength)
@@ -179,7 +182,10 @@ def _strength(matter: Matter) -> float:
 def _elastic_share(
     soft: Matter, other: Matter, modulus: float
 ) -> tuple[float, tuple[float, float] | None]:
-    """(share of 1/E* of the side that stays elastic, 0 for equal strengths; interval or None."""
+    """(`elastic_share` of the law, its possible interval or None if it is exact).
+
+    soft, other : the side that yields first, the other one; modulus : E* [Pa].
+    """
     largest_share = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
     if largest_share == 0.0 or ratio >= STRONGER:
@@ -196,8 +202,8 @@ def _angle(first: Surface, second: Surface) -> float:
     return degrees(acos(min(cosine, 1.0)))
 
 
-def _doubt(first: Surface, second: Surface) -> str:
-    """The unknown properties on which the error of a law depends, as text; "" without any."""
+def _unknown_property(first: Surface, second: Surface) -> str:
+    """Text: the unknown property on which the error of a law depends; "" if all are known."""
     for surface in (first, second):
         if surface.kind in SHARP:
             radius = 1e3 / surface.curvatures[1]
@@ -213,8 +219,11 @@ def lacks_strength(choice: Choice) -> bool:
     return choice.unknown == NO_STRENGTH
 
 
-def _flat(first: Surface, second: Surface, modulus: float) -> Choice:
-    """Law of two flat faces: rigid punch of the smaller radius, half-space of both materials."""
+def _punch_choice(first: Surface, second: Surface, modulus: float) -> Choice:
+    """Choice for two flat faces: a rigid punch of the smaller radius on a half-space.
+
+    modulus : E* [Pa] of both materials.
+    """
     sizes = [s.radius for s in (first, second) if s.radius is not None]
     if not sizes:
         raise InputError(

@@ -25,7 +25,7 @@ SLENDER = (-1.3498, 0.01943)
 #: Relative change at which the iteration ends: some rounding errors.
 SETTLED = 1e-12
 #: Plastic pressure of a line over that of a ball, less 1.
-LINES = 0.06
+LINE_PRESSURE = 0.06
 
 
 def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None) -> float:
@@ -97,7 +97,7 @@ def equivalent_circle(E_star: float, A: float, B: float) -> Circle:
     stiffness = 2 * pi * E_star / 3 * sqrt(D / A) / K**1.5
     pressure = E_star * sqrt(A / (K * D * m1))  # over the root of the indentation
     radius = 1.5 * stiffness / (pi * pressure)
-    error = 1 - radius * 2 * sqrt(A * B) + LINES * (1 - sqrt(m1))
+    error = 1 - radius * 2 * sqrt(A * B) + LINE_PRESSURE * (1 - sqrt(m1))
     return Circle(0.75 * stiffness / sqrt(radius), radius, error)
 
 

@@ -48,8 +48,8 @@ from antiosc.engine.contact.geometry import (
 )
 
 
-def _within(text: str, fits: Callable[[float], bool]) -> Callable[[str, object], float]:
-    """The check that a number fits a range, of which the text tells; else InputError."""
+def _range_check(text: str, fits: Callable[[float], bool]) -> Callable[[str, object], float]:
+    """A check (name, value) -> number; InputError with the rule `text` unless it fits."""
 
     def check(name: str, value: object) -> float:
         result = checks.number(name, value)
@@ -61,10 +61,10 @@ def _within(text: str, fits: Callable[[float], bool]) -> Callable[[str, object],
 
 
 #: of a force that grows as delta^n
-_exponent = _within("1 <= n <= 10 (1 linear, 1.5 Hertz)", lambda n: 1 <= n <= 10)
-_poisson = _within("0 <= nu < 0.5", lambda nu: 0 <= nu < 0.5)
-_restitution = _within("0 < e <= 1", lambda e: 0 < e <= 1)
-_share = _within("0 <= share <= 1", lambda share: 0 <= share <= 1)
+_exponent = _range_check("1 <= n <= 10 (1 linear, 1.5 Hertz)", lambda n: 1 <= n <= 10)
+_poisson = _range_check("0 <= nu < 0.5", lambda nu: 0 <= nu < 0.5)
+_restitution = _range_check("0 < e <= 1", lambda e: 0 < e <= 1)
+_share = _range_check("0 <= share <= 1", lambda share: 0 <= share <= 1)
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ class Hertz(Compiled):
 
 
 #: Exponent of Hertz's law.
-HERTZIAN = 1.5
+HERTZ_EXPONENT = 1.5
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ class _Damped(Patched):
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
     restitution: float = field(metadata=checked_by(_restitution))
-    exponent: float = field(default=HERTZIAN, metadata=checked_by(_exponent))
+    exponent: float = field(default=HERTZ_EXPONENT, metadata=checked_by(_exponent))
     factor: float = field(init=False, repr=False, compare=False)
 
     kind: ClassVar[int] = library.DAMPED
@@ -230,7 +230,7 @@ class _Damped(Patched):
         checks.store(self, factor=factor, _parameters=[self.stiffness, self.exponent, factor])
 
     def without(self, compliance: float) -> Self:
-        return super().without(compliance) if self.exponent == HERTZIAN else self
+        return super().without(compliance) if self.exponent == HERTZ_EXPONENT else self
 
     @staticmethod
     @abstractmethod
@@ -333,14 +333,14 @@ def yield_factor(nu: float) -> float:
 #: largest that benchmarks/elastoplastic/compare.py prints, rounded up; beyond 300 a guess. Without
 #: hardening they are 0.007 to 0.037 and 0.003 to 0.017; the rest is hardening by E/50.
 MEASURED_AT = (1, 3, 10, 30, 100, 300, 1e4)
-MEASURED = (
+MEASURED_ERRORS = (
     (0.007, 0.008, 0.013, 0.028, 0.075, 0.15, 0.4),
     (0.003, 0.006, 0.012, 0.023, 0.045, 0.066, 0.2),
 )
 #: The same of force by strains that are not small, over indentation/radius: 0.11 at 0.25, 0.03 at
 #: 0.063, below 0.01 at 0.011 (E*/Y = 50, 100, 244 at 100 yield indentations: finite_strain.csv); of
 #: restitution 0.058, 0.023, 0.013.
-STRAINED = 0.45, 0.3
+STRAIN_ERRORS = 0.45, 0.3
 
 
 @dataclass(frozen=True)
@@ -416,9 +416,10 @@ class ElasticPlastic(Hysteretic):
         if depth <= self.yield_indentation:
             return 0.0, 0.0
         x = log(depth / self.yield_indentation)
-        force, restitution = (np.interp(x, np.log(MEASURED_AT), row) for row in MEASURED)
+        force, restitution = (np.interp(x, np.log(MEASURED_AT), row) for row in MEASURED_ERRORS)
         strain = depth / self.radius
-        return float(force) + STRAINED[0] * strain, float(restitution) + STRAINED[1] * strain
+        of_force, of_restitution = STRAIN_ERRORS
+        return float(force) + of_force * strain, float(restitution) + of_restitution * strain
 
     def yield_speed(self, mass: float) -> float:
         """Closing speed [m/s] from which a contact of bodies with a reduced mass [kg] yields."""
@@ -511,7 +512,7 @@ class Tabulated(Hysteretic):
         force: ArrayLike,
         unloading: tuple[ArrayLike, ArrayLike] | None = None,
     ) -> None:
-        x, F = _branch("loading", indentation, force)
+        x, F = _checked_curve("loading", indentation, force)
         if x[0] != 0 or F[0] != 0:
             raise InputError(
                 f"the loading curve must start at (0, 0); it starts at ({x[0]:g} m, {F[0]:g} N)."
@@ -530,8 +531,8 @@ class Tabulated(Hysteretic):
             xu = (xu - xu[0]) / (xu[-1] - xu[0])
             Fu = Fu / Fu[-1]
 
-        first = _knots(x, F)
-        second = _knots(xu, Fu)
+        first = _interpolant(x, F)
+        second = _interpolant(xu, Fu)
         header = [float(self.elastic), remains, float(x.size), float(xu.size), 5.0 + len(first)]
         self._parameters = [*header, *first, *second]
         if unloading is not None:
@@ -570,8 +571,11 @@ class Tabulated(Hysteretic):
                 )
 
 
-def _knots(x: Array, y: Array) -> list[float]:
-    """Knots, four rows of coefficients (padded by a 0), last value and slope of an interpolant."""
+def _interpolant(x: Array, y: Array) -> list[float]:
+    """PCHIP interpolant of y (n,) at x (n,) as the C library reads it.
+
+    One list: knots, four rows of coefficients (each padded by a 0), last value, last slope.
+    """
     from scipy.interpolate import PchipInterpolator  # loaded where it is used
 
     cubic = PchipInterpolator(x, y)
@@ -580,14 +584,14 @@ def _knots(x: Array, y: Array) -> list[float]:
 
 
 def _unloading(unloading: tuple[ArrayLike, ArrayLike], x: Array, F: Array) -> tuple[Array, Array]:
-    """The unloading curve, which must end where the loading curve (x, F) does."""
+    """The checked unloading curve, which must end where the loading curve (x, F) does."""
     if not isinstance(unloading, list | tuple) or len(unloading) != 2:
         raise InputError(
             "unloading must be a pair (indentation, force) of the unloading curve; got"
             f" {checks.shown(unloading)}."
         )
 
-    xu, Fu = _branch("unloading", *unloading)
+    xu, Fu = _checked_curve("unloading", *unloading)
     ends_match = np.allclose((xu[-1], Fu[-1]), (x[-1], F[-1]), rtol=1e-9, atol=0)
     if Fu[0] != 0 or xu[0] < 0 or not ends_match:
         raise InputError(
@@ -599,8 +603,8 @@ def _unloading(unloading: tuple[ArrayLike, ArrayLike], x: Array, F: Array) -> tu
     return xu, Fu
 
 
-def _branch(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    """Both arrays, checked to rise strictly together."""
+def _checked_curve(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """Indentations and forces of a curve as arrays, checked to increase strictly."""
     xs = checks.floats(f"{name} indentation", x, (None,))
     ys = checks.floats(f"{name} force", y, xs.shape)
     if xs.size < 2:

@@ -14,21 +14,24 @@ TABOR = 0.2
 #: range of this ratio in which it holds: a rigid sphere on an elastic half-space (nu = 0.3) has
 #: 3.8, 5.4, 6.7, 7.9 and 11.5 % less force at 0.01, 0.02, 0.04, 0.05 and 0.1, with 1.5 % of it by
 #: the grid (measured).
-STRAINED = 0.38
+STRAIN_CHANGE = 0.38
 LEAST_STRAIN = 0.01
 LARGEST_STRAIN = 0.1
 #: The same for a soft ball: more peak force at equal work, over the root and over the ratio itself,
 #: of which the larger holds. A rubber hemisphere (nu = 0.48) on a rigid mass has 3.3, 9.4, 15, 27,
 #: 41 and 57 % more at 0.01, 0.05, 0.1, 0.2, 0.3 and 0.4, a ball between two flats 1.2 to 31 %
 #: (measured).
-STRAINED_BALL = 0.49, 1.5
-LARGEST_BALL = 0.4
+BALL_STRAIN_CHANGE = 0.49, 1.5
+LARGEST_BALL_STRAIN = 0.4
 #: The peak force grows with the stiffness to this power, at equal work.
 HERTZ_POWER = 0.4
 
 
 def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
-    """Relative error of a peak force [N] by its law and yield strengths; None if unknown."""
+    """Relative error of a peak force [N] by its law and the yield strength; None if unknown.
+
+    contact_time : [s], by which the strength at the strain rate follows.
+    """
     if unknown_error(choice, peak):
         return None
 
@@ -45,7 +48,7 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
 
 
 def error_of_law(choice: Choice, peak: float) -> float:
-    """Relative error of a peak force by its law with exact strengths, and by its curvature."""
+    """Relative error of a peak force [N] by its law, without that of the yield strength."""
     law = choice.law
     factors = by_strain(choice, _strain(choice, peak))
     error = choice.by_curvature
@@ -69,7 +72,10 @@ def unknown_error(choice: Choice, peak: float) -> str:
 
 
 def weakest_and_strongest(choice: Choice, peak: float, contact_time: float) -> list[ElasticPlastic]:
-    """The law with the lowest yield strength, and with the highest at the rate of a contact."""
+    """The law with the lowest and with the highest yield strength that the material may have.
+
+    The highest is that at the strain rate of the contact. Laws that change nothing are left out.
+    """
     law = choice.law
     soft = choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
@@ -85,28 +91,31 @@ def weakest_and_strongest(choice: Choice, peak: float, contact_time: float) -> l
 
 
 def largest_strain(choice: Choice) -> float:
-    """Indentation over the radius up to which the effect of large strains is known."""
-    return LARGEST_BALL if choice.soft_ball else LARGEST_STRAIN
+    """Largest indentation over radius for which the effect of large strains is known."""
+    return LARGEST_BALL_STRAIN if choice.soft_ball else LARGEST_STRAIN
 
 
 def by_strain(choice: Choice, strain: float) -> tuple[float, ...]:
-    """Factors of the stiffness between which large strains leave it; () without effect."""
+    """Least and largest factor on the stiffness by large strains; () if they have no effect.
+
+    strain : indentation over the radius.
+    """
     if strain < LEAST_STRAIN:
         return ()
-    share = STRAINED * sqrt(min(strain, LARGEST_STRAIN))
+    share = STRAIN_CHANGE * sqrt(min(strain, LARGEST_STRAIN))
     if not choice.soft_ball:
         return 1 - share, 1 + share
-    peak = 1 + max(STRAINED_BALL[0] * sqrt(strain), STRAINED_BALL[1] * strain)
+    peak = 1 + max(BALL_STRAIN_CHANGE[0] * sqrt(strain), BALL_STRAIN_CHANGE[1] * strain)
     return 1 - share, peak ** (1 / HERTZ_POWER)
 
 
 def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> float:
-    """Strain rate [1/s] of a contact with a largest indentation [m]."""
+    """Mean strain rate [1/s] of a contact with the largest indentation `depth` [m]."""
     return 2 * TABOR * sqrt(depth / law.radius) / contact_time
 
 
 def _strain(choice: Choice, peak: float) -> float:
-    """Indentation over the relative radius at a peak force [N]; 0 if it yields, of other laws."""
+    """Indentation over relative radius at a peak force [N]; 0 if it yields, and for other laws."""
     law = choice.law
     yields = isinstance(law, ElasticPlastic) and peak > law.yield_force
     if yields or not isinstance(law, ElasticPlastic | Hertz | Gonthier):
@@ -119,7 +128,7 @@ def _force(law: ElasticPlastic, depth: float) -> float:
 
 
 def _depth(law: ElasticPlastic, quantity: str, value: float) -> float:
-    """The indentation [m] at which the force [N] or the work [J] of loading has this value."""
+    """Indentation [m] at which "force" [N] or "work" [J] of loading has this value."""
     from scipy.optimize import brentq
 
     def excess(depth: float) -> float:

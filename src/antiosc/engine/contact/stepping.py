@@ -24,8 +24,10 @@ class Ends(NamedTuple):
 
 
 class Contacts:
-    """The contacts of a run: whether each is closed, the state of its law, and the events, as rows
-    [time, contact, 0 parts or 1 touches, closing speed]; R : compliance without inertia.
+    """The contacts of a run: whether each is closed, the state of its law, and the events.
+
+    R : (m, m) compliance without inertia [m/N]; slowest : (m,) least closing speeds [m/s] for laws.
+    An event is (time [s], contact, 1 if it touches or 0 if it parts, closing speed [m/s]).
     """
 
     def __init__(
@@ -70,10 +72,10 @@ class Contacts:
     def end_of_step(
         self, t: float, h: float, last: Ends, free: Array, speed: Array, A: Array, A_rate: Array
     ) -> Ends:
-        """The end of a step of length h from t, of which `last` is the start.
+        """Forces, indentations and rates at the end of a step of length h [s] from t [s].
 
-        free, speed : indentations and rates there without its forces; A, A_rate : what a force
-        takes from them, and from rates also by the change of the force.
+        last : those at its start; free, speed : (m,) indentations and rates at its end without
+        forces there; A, A_rate : (m, m) what unit forces take from them.
         """
         for c, closed in enumerate(self.closed):
             if not closed and free[c] > self.origin(c):
@@ -94,7 +96,7 @@ class Contacts:
         return end
 
     def forces(self, free: Array, A: Array, rate: Array, A_rate: Array) -> Array:
-        """F (m,) with F = law(free - A F, rate - A_rate F) of the closed contacts, by sweeps."""
+        """Forces (m,) [N] of closed contacts: F = law(free - A F, rate - A_rate F), by sweeps."""
         F = np.zeros(len(free))
         active = np.flatnonzero(self.closed).tolist()
 
@@ -117,7 +119,7 @@ class Contacts:
 
 
 def _crossing(before: float, after: float, origin: float) -> float:
-    """Share of a step after which a straight line between two values reaches `origin`."""
+    """Share of a step, 0 to 1, at which the line from `before` to `after` reaches `origin`."""
     if before == after:
         return 0.0
     return min(max((before - origin) / (before - after), 0.0), 1.0)
