@@ -20,7 +20,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc import plotting
 from antiosc.impact.enclosure import enclosures
-from antiosc.reduce.extraction.extract import PERIODS
+from antiosc.reduce.extraction.extract import PERIODS_IN_CONTACT
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -119,7 +119,7 @@ def widths(name):
     print(f"{name}: {part.dofs} dofs, {first.peak_force:.5g} N, {contact:.3g} s, f1 T {lowest:.2g}")
     rows = []
     for n in NUMBERS:
-        plain, _ = cpu(ao.extract, part, site, n=n, expansion=PERIODS / contact)
+        plain, _ = cpu(ao.extract, part, site, n=n, expansion=PERIODS_IN_CONTACT / contact)
         whole, model = cpu(ao.extract, part, site, n=n, proof=contact)
         hit = ao.simulate(model, *blow, 1.3 * contact)
         if model.recurrence is None:

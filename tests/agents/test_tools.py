@@ -52,7 +52,7 @@ def test_tools_and_resources_are_listed(folder):
         assert pages["glossary"].startswith("# Glossary")
         assert "## Sizes" in pages["limits"]
     else:  # a wheel has no pages
-        assert pages["glossary"] == f"{agents.ELSEWHERE}/glossary.md"
+        assert pages["glossary"] == f"{agents.DOCS_ADDRESS}/glossary.md"
     schema = json.loads(pages["scene"])["properties"]
     assert "Sphere" in schema["impactor"]["properties"]["kind"]["enum"]
     assert {"point", "direction", "radius"} <= set(
