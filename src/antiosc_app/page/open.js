@@ -1,6 +1,6 @@
 // The page of `antiosc open`: clicks and fields change the scene of the server, which runs it.
 
-// Number fields: place in the scene, label, unit, and the part of the form. Several values are one list.
+// Number fields: [key of the scene, label, unit, section of the form, number of values if several].
 const FIELDS = [
   ["geometry.size", "cell size", "mm", "part-more"], ["deck.size", "cell size", "mm", "part-more"],
   ["material.thickness", "thickness", "mm", "part"], ["material.section.d", "diameter", "mm", "part"],
@@ -17,7 +17,7 @@ const FIELDS = [
   ["sites.point", "point", "mm", "site", 3], ["sites.direction", "direction", "", "site-more", 3], ["sites.radius", "patch radius", "mm", "site-more"],
   ["extract.n", "oscillators", "", "site-more"], ["simulate.duration", "duration", "ms", "site-more"], ["extract.damping", "damping", "", "site-more"],
 ];
-// Fields that are shown though the scene says nothing: the run chooses them, or they stay out.
+// Fields that are shown without a value in the scene: the run chooses it, or does without.
 const SHOWN_EMPTY = ["sites.radius", "extract.n", "simulate.duration", "extract.damping", "drop.corner_radius", "drop.damping", "drop.toward",
   "deck.size", "geometry.size", "deck.yield_strength"];
 const SI_FACTORS = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 };
@@ -75,7 +75,7 @@ class Bench {
     else find("bar").removeAttribute("value");
   }
 
-  // A step of the answer to the present scene; null once there is a later one.
+  // Call a step of the answer to the present scene; null if the scene has changed meanwhile.
   async step(name, more = {}) {
     const { turn } = this;
     try {
@@ -92,7 +92,7 @@ class Bench {
     this.warn(["Stopped: a click or a field strikes again."]);
   }
 
-  // Whether what is shown is of an earlier scene.
+  // Mark what is shown as the answer to an earlier scene, or not.
   outdated(are) {
     document.body.classList.toggle("outdated", are);
     find("save").disabled = are;
@@ -103,7 +103,7 @@ class Bench {
     document.documentElement.dataset.failed = text;
   }
 
-  // Cautions, the heaviest first; the rest on demand.
+  // Show the cautions, the heaviest first, and further ones (`more`) folded.
   warn(cautions, more = []) {
     find("wrong").hidden = !cautions.length;
     find("wrong").replaceChildren();
@@ -141,7 +141,7 @@ class Bench {
     this.view.draw();
   }
 
-  // Each triangle of the skin gets points of its own, so that faces end sharply.
+  // Give each triangle of the skin its own points, so that faces have sharp ends.
   divide() {
     const { points, faces, middle, half } = this.skin;
     this.skin.of = faces; // the point of the mesh at each corner
@@ -150,7 +150,7 @@ class Bench {
     this.rest = Float32Array.from(this.skin.points, (x, i) => middle[i % 3] + x * half / 32767);
   }
 
-  // Which points of the skin are held: the corners of triangles of a face, or the nodes of an edge.
+  // For each point of the skin whether it is held: on a triangle of a held face, or a node of an edge.
   held_points() {
     const held = new Uint8Array(this.rest.length / 3), { nodes, of } = this.skin;
     for (const name of this.held) {
@@ -161,13 +161,13 @@ class Bench {
     return held;
   }
 
-  // The points of the triangles of a face; none of a name that is no face.
+  // The points of the triangles of the face `name`; none if there is no such face.
   corners(name) {
     const triangles = this.skin.sets[this.facts.faces.indexOf(name)] || [];
     return Array.from(triangles).flatMap((f) => [3 * f, 3 * f + 1, 3 * f + 2]);
   }
 
-  // A face stands out while the pointer or the focus is on its name, also behind others; "" ends it.
+  // Highlight the face `name`, also behind others, while pointer or focus is on its name; "" ends it.
   preview(name) {
     if (!this.view) return;
     const shown = new Float32Array(this.rest.length / 3).fill(MARK);
@@ -175,7 +175,7 @@ class Bench {
     this.view.draw();
   }
 
-  // The part with its held faces, and the arrow, which is grey until the answer.
+  // Draw the part with its held faces, and the arrow, which is grey until the answer is there.
   draw_setup() {
     if (this.page) this.page.stop();
     this.page = null;
@@ -189,7 +189,7 @@ class Bench {
     this.view.draw();
   }
 
-  // What is seen at a place of the canvas: point, outward normal, name of its face; or null.
+  // {point [m], outward normal, name of the face} at the pixel (x, y) of the canvas; null beside the part.
   seen(x, y) {
     const sight = this.view.sight(x, y), [from, d] = this.page && this.page.into ? this.page.into(sight) : sight;
     const found = crossings(this.rest, this.skin.faces, from, d);
@@ -199,13 +199,13 @@ class Bench {
       name: tag ? this.facts.faces[tag - 1] : this.beside(face) };
   }
 
-  // The name of the smallest edge or set of nodes of a sheet that lies at a triangle; "" if none does.
+  // Name of the smallest edge or set of nodes of a sheet at a triangle; "" if there is none.
   beside(triangle) {
     const near = this.facts.faces.map((name, i) => [this.skin.sets[i].length, name, this.skin.sets[i]]).filter(([, , set]) => Array.from(set).includes(triangle));
     return near.length ? near.reduce((a, b) => (b[0] < a[0] ? b : a))[1] : "";
   }
 
-  // A place on the skin, whose points have coordinates of 16 bits, without digits that these do not know.
+  // A point [m] on the skin, rounded to the resolution of the skin's 16-bit coordinates.
   placed(point) {
     const digit = 10 ** Math.ceil(Math.log10(this.skin.half / 32767));
     return point.map((x) => exact(Math.round(x / digit) * digit));
@@ -255,7 +255,7 @@ class Bench {
     find("python").onfocus = () => find("python").select();
   }
 
-  // A button with the name of a face, which holds it or frees it.
+  // A button that holds a face or frees it.
   face_button(where, name, text = name) {
     const [on, off] = [() => this.preview(name), () => this.preview("")];
     const button = new_element("button", where, text, { type: "button", value: name, title: `hold or free ${name}`, onclick: () => this.edit({ hold: name }),
@@ -264,7 +264,7 @@ class Bench {
     return button;
   }
 
-  // A list of choices.
+  // A select element for a change of the scene.
   list(where, label, options, value, counts, change = (name) => this.edit({ [label]: name }), texts = {}) {
     if (!options.length) return;
     const row = new_element("label", find(where), label), select = new_element("select", row, "", { name: label });
@@ -273,7 +273,7 @@ class Bench {
     this.shown.push(() => { row.hidden = !counts(); if (!row.hidden) select.value = value(); });
   }
 
-  // A list of which another entry opens the file as a new part.
+  // A select element whose change opens the file anew (another piece, another contact).
   anew(name, entries, chosen, as) {
     if (!entries.length) return;
     const row = new_element("label", find("part"), name), select = new_element("select", row, "", { name });
@@ -291,7 +291,7 @@ class Bench {
     };
   }
 
-  // Fields of one value of the scene; an empty one leaves it to the run.
+  // Input fields of one key of the scene; an empty field leaves its value to the run.
   field(place, label, unit, where, count = 1) {
     const row = new_element("label", find(where), label, { className: count > 1 ? "many" : "one" }), size = SI_FACTORS[unit] || 1;
     const inputs = Array.from({ length: count }, (_, i) => new_element("input", row, "", { type: "number", step: "any", name: place,
@@ -323,7 +323,7 @@ class Bench {
     });
   }
 
-  // Whether a field without a value is shown.
+  // Whether the field of a key that the scene lacks is shown.
   opens(place) {
     if (place === "sites.radius") return this.facts.family === "Solid";
     if (place === "deck.yield_range") return Boolean(this.scene.deck.yield_strength);
@@ -342,7 +342,7 @@ class Bench {
     this.name_map();
   }
 
-  // The scene as the server has it.
+  // Take over the scene that the server sent.
   take({ scene, held, falls, undo, turn }) {
     Object.assign(this, { scene, held, falls, turn, can: { undo }, taken: null });
     this.show_form();
@@ -350,7 +350,7 @@ class Bench {
 
   // -- what changes
 
-  // Change the scene, and show its answer; returns why it is refused, "" if it is not.
+  // Change the scene and show its answer; returns the reason of a refusal, or "".
   async edit(changes) {
     try {
       const before = this.scene, held = String(this.held), kind = this.falls;
@@ -365,7 +365,7 @@ class Bench {
     }
   }
 
-  // The answer in steps: the force with its bars, then motion and stress.
+  // Ask for the answer in steps, and show each: force with error bars, then motion and stress.
   async answer() {
     const { turn } = this;
     delete document.documentElement.dataset.failed;
@@ -400,7 +400,7 @@ class Bench {
     this.show_form();
   }
 
-  // The answers, the rows and the cautions; all that a run prints is folded.
+  // Show answers, rows and cautions; the text of `antiosc run` is folded.
   tell({ cards, rows, sentences, cautions = [], more = [], text = "" }) {
     find("cards").replaceChildren();
     for (const [name, told, tone = ""] of cards) {
@@ -422,7 +422,7 @@ class Bench {
 
   // -- a map
 
-  // What the button of the map does: strike its site, or map the face that was clicked, or the part.
+  // Name the map button by what it does: strike the chosen site, or map the clicked face or the part.
   name_map() {
     find("map").textContent = this.page && this.page.sites ? "Strike this site" : `Map ${this.face || "the part"}`;
     find("most-sites").hidden = Boolean(this.falls || this.page && this.page.sites);

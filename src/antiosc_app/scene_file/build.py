@@ -113,6 +113,7 @@ class Evaluation:
         return replaced(value, self._object)
 
     def _object(self, call: Call) -> object:
+        """The result of a call, computed if it is not known."""
         if call.made is None and call not in self._made:
             arguments = {name: self(value) for name, value in call.arguments.items()}
             with progress.doing(call.doing):
@@ -347,6 +348,7 @@ class Builder:
         return converted
 
     def _converted(self, form: Form, value: Any, place: Place) -> object:
+        """The value converted by its form, also within lists and tables."""
         if isinstance(value, str):
             return self._path(value, place) if form.path else value
         if isinstance(value, list):
@@ -401,5 +403,6 @@ class Builder:
         self._wrong(place, f"{sentence}; paths begin at the folder of the scene file.")
 
     def _wrong(self, place: Place, sentence: str) -> NoReturn:
+        """Note a mistake and raise `Mistake`."""
         self.note(place, sentence)
         raise Mistake

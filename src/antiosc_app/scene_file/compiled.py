@@ -14,12 +14,12 @@ from antiosc_app.scene_file.document import Document, Table
 from antiosc_app.scene_file.scene import (
     MESHED,
     CompiledScene,
+    impactor_and_law,
     model,
-    pair,
-    search,
     set_requested,
-    several,
-    single,
+    set_search,
+    set_several_contacts,
+    set_single_impact,
     source,
     structure,
     with_smaller_cells,
@@ -118,12 +118,12 @@ def compiled(document: Document) -> CompiledScene:
     scene.structure = structure(build)
     scene.model = model(build, scene.structure)
     if "find" in build.data:
-        search(build, scene)
+        set_search(build, scene)
     elif set(_OF_SCENE.split()) & set(build.data):
-        several(build, scene)
+        set_several_contacts(build, scene)
     elif {"impactor", "contact", *_OF_IMPACT.split()} & set(build.data):
-        scene.impactor, scene.contact = pair(build)
-        single(build, scene)
+        scene.impactor, scene.contact = impactor_and_law(build)
+        set_single_impact(build, scene)
     set_requested(build, scene)
     if "drop" in build.data:
         scene.fall = build.table("drop", given={"part": scene.structure})

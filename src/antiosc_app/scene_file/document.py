@@ -128,6 +128,7 @@ def checked(source: Path, data: dict[str, Any], text: str) -> Document:
 
 
 def _text(source: Path) -> str:
+    """The text of a scene file; InputError for one that is missing, too large or no UTF-8."""
     refused = f"cannot read the scene file {str(source)!r}"
     try:
         status = source.stat()

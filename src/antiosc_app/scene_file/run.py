@@ -27,7 +27,14 @@ from antiosc.models.body import coarse_cell, info_of
 from antiosc_app.scene_file import schema
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
 from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
-from antiosc_app.scene_file.scene import CompiledScene, Objects, model, pair, source, structure
+from antiosc_app.scene_file.scene import (
+    CompiledScene,
+    Objects,
+    impactor_and_law,
+    model,
+    source,
+    structure,
+)
 from antiosc_app.scene_file.schema import KIND, parameters
 
 if TYPE_CHECKING:
@@ -271,9 +278,11 @@ def _batch(
         origins = {place: ("sweep", *place, i) for place in lists}
         varied_scene = variant(build, values, origins, build.document.problems)
         # objects that the values do not change are shared
-        objects = (compiled.impactor, compiled.contact)
         part = stretches if swept <= {*schema.SWEPT_SECTIONS} else _model(varied_scene)
-        rows.append((part, *(pair(varied_scene) if swept & {"impactor", "contact"} else objects)))
+        pair = (compiled.impactor, compiled.contact)
+        if swept & {"impactor", "contact"}:
+            pair = impactor_and_law(varied_scene)
+        rows.append((part, *pair))
         if times:
             last_scene = zip(("model", "impactor", "contact"), rows[-1], strict=True)
             hit = varied_scene.table("simulate", given=dict(last_scene))
@@ -371,7 +380,7 @@ def _distributions(build: Builder, inputs: Table) -> dict[Place, Call | None]:
         law = calls[place] = build.call(schema.DISTRIBUTIONS.split(), value, at)
         if law is not None:  # a scene with the median has to be sound
             middle = {place: float(law.made.median())}
-            pair(variant(build, middle, {place: at}, build.document.problems))
+            impactor_and_law(variant(build, middle, {place: at}, build.document.problems))
     return calls
 
 
@@ -389,7 +398,7 @@ def _impact_of_values(
     def run(**values: Any) -> tuple[object, ...]:
         drawn = {place: values[name] for name, place in places.items()}
         scene = variant(build, drawn, origins, Problems(problems.name, problems.text))
-        calls = pair(scene)
+        calls = impactor_and_law(scene)
         scene.document.problems.raise_if_any()
         for sentence in scene.warnings:
             warn(sentence)

@@ -210,6 +210,7 @@ def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Cal
 
 
 def _assembly(build: Builder) -> Call | None:
+    """The call of `assemble`; None after a mistake in a part."""
     parts: dict[str, Call | None] = {}
     for name, data in build.part("parts").items():
         place: Place = ("parts", name)
@@ -244,6 +245,7 @@ def model(build: Builder, structure: Call | None) -> Call | None:
 
 
 def _model(build: Builder, structure: Call | None) -> Call | None:
+    """The call of the reduced model without its [surface]; None if no section needs one."""
     name = source(build)
     sites = build.named("sites")
     if name == "model":
@@ -266,7 +268,7 @@ def _model(build: Builder, structure: Call | None) -> Call | None:
 # -- one impact, a blow that is looked for, or several contacts
 
 
-def pair(build: Builder) -> tuple[Call | None, Call | None]:
+def impactor_and_law(build: Builder) -> tuple[Call | None, Call | None]:
     """(call of the impactor, call of the contact law)."""
     return build.table("impactor"), _law(build, build.data.get("contact"), ("contact",))
 
@@ -280,7 +282,8 @@ def _law(build: Builder, table: object, place: Place) -> Call | None:
     return build.call(SECTIONS["contact"], table, place)
 
 
-def single(build: Builder, compiled: CompiledScene) -> None:
+def set_single_impact(build: Builder, compiled: CompiledScene) -> None:
+    """Set the call of `simulate` or `strike` as the history."""
     calls: dict[str, object] = {"impactor": compiled.impactor, "contact": compiled.contact}
     if "impactor" not in build.data:
         build.note((), f"the scene has no [impactor], {SECTIONS['impactor'].about}: give its kind.")
@@ -341,10 +344,11 @@ def _struck_by(
     return run(**{**arguments, "self": changed_scene})
 
 
-def search(build: Builder, compiled: CompiledScene) -> None:
+def set_search(build: Builder, compiled: CompiledScene) -> None:
+    """Set the call of `find_impact`."""
     sensors = list(build.named("sensors").values())
     arguments: dict[str, object] = {"structure": compiled.structure, "sensors": sensors}
-    calls = zip(("impactor", "contact"), pair(build), strict=True)
+    calls = zip(("impactor", "contact"), impactor_and_law(build), strict=True)
     arguments |= {name: call for name, call in calls if name in build.data}
     compiled.found = build.table("find", given=arguments)
 
@@ -353,7 +357,8 @@ def search(build: Builder, compiled: CompiledScene) -> None:
 STRUCTURE = "structure"
 
 
-def several(build: Builder, compiled: CompiledScene) -> None:
+def set_several_contacts(build: Builder, compiled: CompiledScene) -> None:
+    """Set the calls of `Scene` and of its run as the history."""
     structure = {STRUCTURE: compiled.model} if source(build) else {}
     if STRUCTURE in build.part("bodies") and structure:
         build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
