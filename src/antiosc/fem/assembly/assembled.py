@@ -112,7 +112,7 @@ def moving(bodies: Sequence[RigidDofs], motions: Array) -> list[RigidDofs]:
 
 def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
     """The motions of all bodies as columns (size, k) of u."""
-    blocks = scipy.sparse.block_diag([body.motions for body in bodies])
+    blocks = scipy.sparse.block_diag([Sparse(body.motions) for body in bodies])
     rows = np.concatenate([body.rows for body in bodies])
     indices = rows[blocks.row], blocks.col
     return scipy.sparse.csr_matrix((blocks.data, indices), shape=(size, blocks.shape[1]))

@@ -478,8 +478,12 @@ def rotation_rows(
     led = np.array([(1, 2), (0, 2), (0, 1)])[drilling]
     inverse = np.linalg.inv(np.take_along_axis(axes, led[:, None], axis=2))
 
-    rotations = scipy.sparse.block_diag(inverse @ axes, "csr") @ layout.units(dofs.ravel())
-    followed = scipy.sparse.block_diag(inverse @ E, "csr") @ Sparse(motion)
+    turned, across_normals = (
+        scipy.sparse.block_diag([Sparse(block) for block in blocks], "csr")
+        for blocks in (inverse @ axes, inverse @ E)
+    )
+    rotations = turned @ layout.units(dofs.ravel())
+    followed = across_normals @ Sparse(motion)
     matrix = (rotations - followed).tocsr()
     matrix.data[np.abs(matrix.data) < 1e-14 * np.abs(matrix.data).max()] = 0.0
     matrix.eliminate_zeros()
