@@ -119,7 +119,7 @@ def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(order, atta
 OVER_RANKS = """
 from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.tetrahedra import Tetrahedra
-from antiosc.fem.linalg.iterative import coarse_of, without
+from antiosc.fem.linalg.iterative import coarse_of
 from antiosc.fem.linalg.petsc_algebra import multiply, with_entries
 from mpi4py.MPI import MAX
 
