@@ -53,12 +53,12 @@ from antiosc.fem.linalg import algebra, cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.iterative import (
-    MOST_FACTORED,
     Levels,
     Multigrid,
     PetscSolver,
     TwoLevels,
     coarse_of,
+    is_factored,
 )
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
@@ -333,7 +333,7 @@ def _iterative(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -
     """The iterative solver; OutOfMemoryError before its matrices are made."""
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     coarser = levels.coarser()
-    factored = coarser is not None and coarser.getSize()[1] <= MOST_FACTORED
+    factored = coarser is not None and is_factored(coarser)
     if forecast is None and factored and by_cells(A) and A.getComm().getSize() == 1:
         forecast = forecast_of(A, coarser)
 
