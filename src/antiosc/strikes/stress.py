@@ -199,8 +199,8 @@ def _refinements(field: PeakField, tol: float) -> list[Refinement]:
 def _with_sentence(stressed: Stressed, hit: Any, tol: float) -> Stressed:
     """`stressed` with a sentence on rounds, cells and seconds in each field; `hit`: first mesh."""
     told = ""
-    several = getattr(hit, "named", False)
-    change = 0.0 if several else abs(stressed.hit.peak_force / hit.peak_force - 1)
+    force = 0.0 if getattr(hit, "named", False) else hit.peak_force
+    change = abs(stressed.hit.peak_force / force - 1) if force else 0.0
     if change > tol:
         told = f"; the force differs by {percent(change)}"
 

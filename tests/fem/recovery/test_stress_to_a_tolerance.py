@@ -88,3 +88,14 @@ def test_cells_of_a_structure_are_bisected_or_stay_which_is_told(cell, tmp_path)
         return
     assert "cannot say above" in closed.rounds
     assert "refine divides straight triangles and tetrahedra" in closed.rounds
+
+
+def test_bodies_that_do_not_touch_have_no_stress_to_refine():
+    part = ao.Structure(ao.box_mesh((0.1, 0.04, 0.02), 0.02), STEEL, [ao.Support("-x")])
+    model = ao.extract(part, ao.Site((0.08, 0.02, 0.02), (0, 0, -1), radius=0.02), n=3)
+    hit = ao.simulate(model, BALL, ao.Linear(1e6), 1e-5, gap=1.0)
+    assert hit.peak_force == 0
+
+    found = stress.closed(hit, part, 0.2, None, None, stress.fields_by_strength)
+    assert found.rounds == 0
+    assert all(stress.bar(field) == (0.0, 0.0) for field in found.fields.values())
